@@ -18,6 +18,19 @@ def white(rng, size):
     return (rng.normal(size=size) + 1j * rng.normal(size=size)) / np.sqrt(2)
 
 
+def answered(motion, rate, count, *, noise=0.0, seed=0, damping=20.0):
+    """Time [s], F1 [N], V1 and V2 [m/s] that a motion V1 from rest makes, with white noise."""
+    rng, size = np.random.default_rng(seed), 2 * motion.size
+    omega = 2 * np.pi * np.maximum(np.fft.rfftfreq(size, 1 / rate), 1e-9)
+    rig = 1j * omega * MASS + SPRING / (1j * omega) + damping
+    contact = np.fft.rfft(motion, size)
+    force = contact / (1 / rig + 1j * omega / stiffness(omega))
+    wheel = force / rig
+    force[0] = wheel[0] = 0.0
+    signals = [np.fft.irfft(one, size)[:count] for one in (force, contact, wheel)]
+    return np.arange(count) / rate, *(one + noise * one.std() * rng.normal(size=count) for one in signals)
+
+
 def run(seed, *, coherence=0.99, common=0.0, length=60.0, rate=1000.0, added=0.0, band=(3.0, 230.0)):
     """Time [s], F1 [N], V1 and V2 [m/s] of a record cut out of a longer one, with noise in each channel.
 

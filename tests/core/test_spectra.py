@@ -1,4 +1,4 @@
-"""Amplitudes under random excitation: against a rig simulated by its frequency responses."""
+"""Amplitudes under random excitation and in sweeps: against a rig simulated by its frequency responses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.routes import stiffness_by
 from fourpole.core.spectra.average import cross_spectra, independent
-from fourpole.core.spectra.excited import random_amplitudes
+from fourpole.core.spectra.random import random_amplitudes
+from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import RecordingError, TooShortError
 
@@ -141,10 +142,57 @@ def _sines(frequencies, length=60.0):
     return Recording.from_arrays(time, force_in=total.imag, motion_in=total.real, motion_out=(0.3j * total).real)
 
 
-def _sweep(length=60.0):
-    time = np.arange(int(length * 1000)) / 1000.0
-    wave = np.exp(2j * np.pi * (4.0 * time + 108.0 * time**2 / length))
-    return Recording.from_arrays(time, force_in=wave.imag, motion_in=wave.real, motion_out=(0.3j * wave).real)
+def _chirp(length, *, steps=0, logarithmic=False, rate=1000.0):
+    """A motion from 4 to 220 Hz, in steps or without."""
+    time = np.arange(int(length * rate)) / rate
+    part = np.floor(time / length * steps) / steps if steps else time / length
+    frequency = 4.0 * 55.0**part if logarithmic else 4.0 + 216.0 * part
+    return np.sin(2 * np.pi * np.cumsum(frequency) / rate)
+
+
+def swept(length=60.0, *, noise=0.01, seed=20, **how):
+    motion = _chirp(length, **how)
+    time, force, contact, wheel = random_rig.answered(motion, 1000.0, motion.size, noise=noise, seed=seed)
+    return Recording.from_arrays(time, force_in=force, motion_in=contact, motion_out=wheel)
+
+
+SWEEPS = {
+    "linear, fast": {"length": 20.0},
+    "linear": {"length": 60.0},
+    "logarithmic": {"length": 120.0, "logarithmic": True},
+    "stepped": {"length": 120.0, "steps": 60, "logarithmic": True},
+}
+
+
+@pytest.mark.parametrize("noise", [1e-3, 0.05])
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_sweep_has_no_error_of_its_rate_or_its_steps(name, noise):
+    """The errors of independent lines over their uncertainties have a root mean square of 1 and no mean."""
+    found = sweep_amplitudes(swept(noise=noise, **SWEEPS[name]), BAND)
+    off, std = errors_of(found)
+    kept = found.relative.max(axis=1) < 0.1
+    assert kept.sum() > 40
+    pulls = (np.stack([off.real, off.imag], 1) / std)[kept]
+    assert np.sqrt(np.mean(pulls**2)) == pytest.approx(1.0, abs=0.2)
+    assert np.abs(pulls.mean(axis=0)).max() < 4.0 / np.sqrt(kept.sum())
+
+
+def test_random_excitation_taken_as_a_sweep_gives_the_same():
+    recording = recorded(21, coherence=0.999)
+    off, std = errors_of(sweep_amplitudes(recording, BAND))
+    pulls = np.stack([off.real, off.imag], 1) / std
+    assert np.sqrt(np.mean(pulls**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_sweep_without_v2_and_with_a_delay():
+    plain = swept(noise=0.0, logarithmic=True)
+    late = replace(plain.channels["force_in"], delay=1e-3)
+    channels = {**plain.channels, "force_in": late}
+    both = [sweep_amplitudes(one.without("motion_out"), BAND) for one in (plain, replace(plain, channels=channels))]
+    omega = both[0].phasors.omega
+    ratio = both[0].phasors.mobility / both[1].phasors.mobility
+    assert ratio == pytest.approx(np.exp(1j * omega * 1e-3), rel=1e-4)
+    assert np.isnan(both[0].closure).all()
 
 
 def _apart():
@@ -157,7 +205,7 @@ def _apart():
     ("recording", "band", "error", "said"),
     [
         (lambda: _sines(5.03 * 2 ** (np.arange(16) / 3)), BAND, RecordingError, "separate sines"),
-        (_sweep, BAND, RecordingError, "as by a sweep"),
+        (swept, BAND, RecordingError, "state kind = sweep"),
         (lambda: recorded(16, length=8.0), BAND, TooShortError, "record 13.2 s or more"),
         (lambda: recorded(17, length=20.0), (600.0, 800.0), RecordingError, "do not resolve 600 Hz"),
         (_apart, BAND, RecordingError, "resample them to one rate"),
@@ -167,3 +215,23 @@ def _apart():
 def test_what_is_not_random_or_too_short_is_said(recording, band, error, said):
     with pytest.raises(error, match=said):
         random_amplitudes(recording(), band)
+
+
+@pytest.mark.parametrize(
+    ("recording", "error", "said"),
+    [
+        (lambda: swept(length=10.0), TooShortError, "record 16.8 s or more"),
+        (lambda: _with_a_gap(swept()), RecordingError, "a sweep needs all of them"),
+        (_apart, RecordingError, "resample them to one rate"),
+    ],
+)
+def test_what_a_sweep_cannot_be_is_said(recording, error, said):
+    with pytest.raises(error, match=said):
+        sweep_amplitudes(recording(), BAND)
+
+
+def _with_a_gap(recording):
+    samples = recording.channels["force_in"].samples.copy()
+    samples[1000:1010] = np.nan
+    force = replace(recording.channels["force_in"], samples=samples)
+    return replace(recording, channels={**recording.channels, "force_in": force})

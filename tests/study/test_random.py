@@ -68,6 +68,21 @@ def test_each_line_is_a_row_with_its_spectra(study):
     assert study.dynamic["deflection amplitude [m]"].round(9).n_unique() == 2
 
 
+def test_a_sweep_is_a_test_of_the_campaign(folder, tmp_path):
+    rows = (folder / "tests.csv").read_text().splitlines()
+    (tmp_path / "campaign.toml").write_text(STATED.replace("3 %", "0.1 %").replace("1 deg", "0.1 deg"))
+    (tmp_path / "tests.csv").write_text(f"{rows[0]}\nW,W.parquet,sweep,mount,5:200,120e3,100,0,0\n")
+    time = np.arange(60_000) / 1000.0
+    motion = np.sin(2 * np.pi * np.cumsum(4.0 + 3.6 * time) / 1000.0)
+    signals = random_rig.answered(motion, 1000.0, time.size, noise=0.003, damping=0.0)
+    pl.DataFrame(dict(zip(("t", "F1", "V1", "V2"), signals, strict=True))).write_parquet(tmp_path / "W.parquet")
+    table = analyse(tmp_path, monte_carlo=0, route="relative").dynamic.filter(pl.col("verdict") != "rejected")
+    true = random_rig.stiffness(2 * np.pi * table["frequency [Hz]"].to_numpy())
+    pulls = (table["Re K* [N/m]"].to_numpy() - true.real) / table["u(Re K*) [N/m]"].to_numpy()
+    assert table.height > 200
+    assert np.sqrt(np.mean(pulls**2)) < 1.2
+
+
 def test_the_report_and_the_check_take_random_tests(folder, study, tmp_path):
     assert check_campaign(read_campaign(folder)).problems == ()
     study.write(tmp_path)
@@ -79,7 +94,7 @@ def test_the_report_and_the_check_take_random_tests(folder, study, tmp_path):
     [
         ("random", "12", "needs the band of its excitation"),
         ("random", "", "needs the band of its excitation"),
-        ("dynamic", "5:200", "a band is for kind random"),
+        ("dynamic", "5:200", "a band is for kind random or sweep"),
         ("random", "200:5", "not two rising, positive frequencies"),
         ("random", "0.2:5 kHz", ""),
         ("rondom", "5:200", "did you mean 'random'"),

@@ -41,9 +41,9 @@ _MOST_TOML, _MOST_TESTS = 4_000_000, 200_000_000
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
 
-_KINDS = ("static", "dynamic", "calibration", "random")
+_KINDS = ("static", "dynamic", "calibration", "random", "sweep")
 #: Kinds whose excitation has a band of frequencies.
-_OF_BAND = ("random",)
+_OF_BAND = ("random", "sweep")
 
 
 @dataclass(frozen=True)
@@ -419,7 +419,7 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
     needs = {
         "dynamic": ("motion_in",),
         "calibration": ("motion_in",),
-        "random": ("force_in", "motion_in"),
+        **dict.fromkeys(_OF_BAND, ("force_in", "motion_in")),
         "static": ("load", "deflection"),
     }
     for kind, roles in needs.items():

@@ -115,7 +115,7 @@ class Code(Enum):
         "the noise is not independent between the channels, or lines leak",
         (
             "the phases of the cross spectra of F1, V1 and V2 do not close: they miss by {times:.2g} standard "
-            "uncertainties (segments of {segment:.3g} s); uncertainties are enlarged by this factor; "
+            "uncertainties (segments of {length:.3g} s); uncertainties are enlarged by this factor; "
         ),
         "look for noise that the channels share (hum, a common ground, cross-talk), or record longer",
     )

@@ -29,7 +29,9 @@ from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
-from fourpole.core.spectra.excited import Excited, random_amplitudes
+from fourpole.core.spectra.excited import Excited
+from fourpole.core.spectra.random import random_amplitudes
+from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
 from fourpole.io.source import sha256_of
@@ -93,7 +95,12 @@ class Job:
     @property
     def settings(self) -> list[object]:
         """What the demodulation depends on of tests.csv and the route; the rig is no part of it."""
-        return [self.needed, self.test.file, self.test.value("frequency") or self.test.band, self.test.window]
+        return [
+            self.needed,
+            self.test.file,
+            self.test.value("frequency") or [self.test.kind, self.test.band],
+            self.test.window,
+        ]
 
     @property
     def processing(self) -> list[object]:
@@ -251,7 +258,8 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
     recording, rows = _loaded(job, path, part)
     if job.test.band is not None:
         recording, clipped = _unclipped(recording, job.needed)
-        return Demodulated(random_amplitudes(recording, job.test.band), (*rows, *clipped), _mean_force(recording))
+        amplitudes = sweep_amplitudes if job.test.kind == "sweep" else random_amplitudes
+        return Demodulated(amplitudes(recording, job.test.band), (*rows, *clipped), _mean_force(recording))
     near = job.test.value("frequency")
     start = None
     if job.test.window is None:

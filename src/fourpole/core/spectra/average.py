@@ -145,7 +145,7 @@ class _Sums:
         self._last = moved[-1:]
 
     def held(self, segments: int) -> FloatArray:
-        """Number of segments that hold the power. The fourth moment of Gaussian noise is twice the square of its power."""
+        """Number of segments that hold the power. Gaussian noise has a fourth moment of 2 times its power squared."""
         square = self.matrix[self._motion, self._motion].real
         return np.minimum(2.0 * square**2 / np.maximum(self._fourth, 1e-300), float(segments))
 

@@ -29,6 +29,8 @@ class LocalRatios(ByValue):
         The ratios.
     covariance : (L, 2R, 2R) float array [1]
         Covariance of Re and Im, interleaved, of the logarithms of the ratios.
+    noise : (L, R, R) complex array
+        Covariance of the residuals of the ratios, each over the root mean square of its channel Y.
     matrix : (L, C, C) complex array
         Mean products of the spectra in the band.
     averages : (L,) float array [1]
@@ -39,6 +41,7 @@ class LocalRatios(ByValue):
     width: FloatArray
     values: ComplexArray
     covariance: FloatArray
+    noise: ComplexArray
     matrix: ComplexArray
     averages: FloatArray
 
@@ -70,14 +73,14 @@ def local_ratios(lines: ComplexArray, frequency: FloatArray, wanted: tuple[tuple
     """
     edges = _edges(frequency)
     found = [_of_band(lines[:, a:b], frequency[a:b], wanted) for a, b in edges]
-    values, covariance, matrix = (np.stack([one[at] for one in found]) for at in range(3))
     sizes = np.array([b - a for a, b in edges])
     return LocalRatios(
         np.array([0.5 * (frequency[a] + frequency[b - 1]) for a, b in edges]),
         sizes * float(frequency[1] - frequency[0]),
-        values,
-        covariance,
-        matrix,
+        np.stack([values for values, _, _, _ in found]),
+        np.stack([covariance for _, covariance, _, _ in found]),
+        np.stack([noise for _, _, noise, _ in found]),
+        np.stack([matrix for _, _, _, matrix in found]),
         sizes - 2.0 * _POWERS,
     )
 
@@ -94,8 +97,8 @@ def _edges(frequency: FloatArray) -> list[tuple[int, int]]:
 
 def _of_band(
     lines: ComplexArray, frequency: FloatArray, wanted: tuple[tuple[int, int, int], ...]
-) -> tuple[ComplexArray, FloatArray, ComplexArray]:
-    """Ratios, covariance of their logarithms, and mean products of one band."""
+) -> tuple[ComplexArray, FloatArray, ComplexArray, ComplexArray]:
+    """Ratios, covariance of their logarithms, that of their residuals, and mean products of one band."""
     delta = np.linspace(-1.0, 1.0, frequency.size)
     powers = delta ** np.arange(_POWERS)[:, None]
     size = np.sqrt(np.mean(np.abs(lines) ** 2, axis=1))
@@ -117,4 +120,4 @@ def _of_band(
     covariance[1::2, 0::2] = 0.5 * spread.imag
     covariance[0::2, 1::2] = -0.5 * spread.imag
     ratios = np.array([value * size[y] / size[x] for value, (y, x, _) in zip(values, wanted, strict=True)])
-    return ratios, covariance, lines @ lines.conj().T / frequency.size
+    return ratios, covariance, noise, lines @ lines.conj().T / frequency.size

@@ -34,4 +34,4 @@ def check_closure(found: Excited) -> Iterator[Check]:
     if np.isfinite(found.misfit):
         count = int(np.isfinite(found.closure[:, 0]).sum())
         limit = float(stats.chi2.isf(SEARCH_CHANCE, count)) / count
-        yield judged(Code.CLOSURE, found.misfit, max(limit, _MUCH), times=np.sqrt(found.misfit), segment=found.segment)
+        yield judged(Code.CLOSURE, found.misfit, max(limit, _MUCH), times=np.sqrt(found.misfit), length=found.length)

@@ -1,0 +1,128 @@
+"""Random excitation: amplitudes of F1, V1 and V2 at many frequencies from averaged cross spectra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole.core.demodulation.tracks import Track
+from fourpole.core.phasor import CHANNELS
+from fourpole.core.recording import Recording
+from fourpole.core.spectra.average import cross_spectra
+from fourpole.core.spectra.excited import ROUND_OFF, Excited, Found, deflection_in, excited, prepared, to_true
+from fourpole.core.spectra.lines import thinned
+from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios
+from fourpole.errors import RecordingError, TooShortError
+
+#: Number of segments that a first estimate takes, and the fewest that are taken for finer lines.
+_MANY, _FEW = 128, 32
+#: Share of such lines above which the motion has separate sines.
+_FOREIGN = 0.05
+#: Number of segments that hold the power at a frequency, below which the excitation is a sweep.
+_SWEPT = 8.0
+#: Fewest cycles of the lowest frequency in a segment.
+_CYCLES = 4.0
+#: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
+#: falls below this share of what it was.
+_LEAKS, _BETTER = 1.5, 0.8
+
+
+@dataclass(frozen=True)
+class _Averaged:
+    """Amplitudes by segments of one length, and whether the excitation is random.
+
+    `foreign` is the share of the lines whose motion is that of a sine at another frequency [1], `held` the median
+    number of segments that hold the power at a line.
+    """
+
+    found: Excited
+    foreign: float
+    held: float
+
+
+def random_amplitudes(recording: Recording, band: tuple[float, float], segment: float | None = None) -> Excited:
+    r"""Complex amplitudes of F1, V1, V2 at the lines of a band, from averaged cross spectra.
+
+    .. math:: \frac{F_1}{V_1} = \frac{G_{F2}}{G_{12}}, \qquad \frac{V_2}{V_1} = \frac{G_{2F}}{G_{1F}}
+
+    V2 is the instrument for F1/V1, and F1 that for V2/V1: noise that is independent between the channels leaves no
+    bias. With only F1 and V1 the ratio is the geometric mean of H1 and H2.
+
+    Parameters
+    ----------
+    recording : Recording
+        Channels with the same sampling times.
+    band : (float, float) [Hz]
+        Lowest and highest frequency.
+    segment : float [s], optional
+        Length of the segments. By default the record has some 128 segments, and fewer, longer ones while the closure
+        phase shows leakage.
+
+    Raises
+    ------
+    RecordingError
+        If the channels differ in their sampling times, a channel is constant, or no line lies in the band.
+    TooShortError
+        If the record has fewer than eight segments.
+
+    References
+    ----------
+    J. S. Bendat and A. G. Piersol, "Random Data", 4th ed., 2010; A. Wicks and H. Vold, "The Hs frequency response
+    function estimator", Proc. 4th IMAC, 1986.
+    """
+    track, inside = prepared(recording, band)
+    length = track.time.size / track.rate
+    if segment is not None:
+        return _of_segment(recording, track, inside, segment).found
+    if length * inside[0] < 0.5 * _CYCLES * (_FEW + 1.0):
+        raise TooShortError(
+            f"{recording.label} is {length:.4g} s long, which is too short for lines from {band[0]:.4g} Hz on: record "
+            f"{0.5 * _CYCLES * (_FEW + 1.0) / band[0]:.3g} s or more, or start the band higher"
+        )
+    best: _Averaged | None = None
+    for count in (_MANY, _MANY // 2, _FEW):
+        longer = max(2.0 * length / (count + 1.0), _CYCLES / inside[0])
+        finer = _of_segment(recording, track, inside, longer)
+        if best is not None and (finer.foreign > _FOREIGN or not _leakage(finer) < _BETTER * _leakage(best)):
+            break
+        best = finer
+        if not _leakage(best) > _LEAKS:
+            break
+    assert best is not None
+    if best.foreign > _FOREIGN:
+        raise RecordingError(
+            f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
+            f"or put the sines of a multisine at most {0.5 / best.found.length:.2g} Hz apart"
+        )
+    if best.held < _SWEPT:
+        raise RecordingError(
+            f"{recording.label}: each frequency is excited in {best.held:.2g} of the segments of "
+            f"{best.found.length:.3g} s only, as by a sweep: state kind = sweep"
+        )
+    return best.found
+
+
+def _leakage(one: _Averaged) -> float:
+    """Mean square of the closure phases over their variances, which leakage at a few lines raises."""
+    closure, std = one.found.closure.T
+    return float(np.mean((closure / np.maximum(std, ROUND_OFF)) ** 2))
+
+
+def _of_segment(recording: Recording, track: Track, band: tuple[float, float], segment: float) -> _Averaged:
+    """The amplitudes with segments of a length [s]."""
+    segment = round(segment * track.rate) / track.rate
+    recorded = cross_spectra(track, segment, band)
+    turned = to_true(recording, track.names, recorded.frequency)
+    every = replace(recorded, matrix=turned @ recorded.matrix @ turned.conj().transpose(0, 2, 1))
+    spectra = thinned(every, 2.0 * track.time.size / (segment * track.rate) - 1.0)
+    closure = np.full((spectra.frequency.size, 2), np.nan)
+    whole = len(track.names) == len(CHANNELS)
+    if whole:
+        around = ratios(spectra.matrix, spectra.averages, CLOSURE)
+        std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
+        closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
+    moved = deflection_in(every.frequency, every.matrix, float(every.width[0]))
+    found = Found(ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1), closure, moved, segment)
+    made = excited(recording, track.names, spectra, found)
+    return _Averaged(made, float(np.mean(every.foreign)), float(np.median(spectra.held)))

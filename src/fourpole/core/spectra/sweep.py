@@ -1,0 +1,94 @@
+"""A sweep, fast, slow or stepped: amplitudes at many frequencies from the spectra of the whole record."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.phasor import CHANNELS
+from fourpole.core.recording import Recording
+from fourpole.core.spectra.average import CrossSpectra
+from fourpole.core.spectra.excited import Excited, Found, deflection_in, excited, prepared, to_true
+from fourpole.core.spectra.local import BINS, LocalRatios, local_ratios
+from fourpole.core.spectra.ratios import Ratios
+from fourpole.errors import RecordingError, TooShortError
+
+#: Each ratio as its channels Y and X and its instrument: F1/V1 and V2/V1.
+_WHOLE, _WITHOUT_V2 = ((0, 1, 2), (2, 1, 0)), ((0, 1, 1),)
+#: Largest width of the lowest band over its frequency.
+_WIDEST = 0.25
+
+
+def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited:
+    r"""Complex amplitudes of F1, V1, V2 at the lines of a band, from the spectra of a whole record.
+
+    Each ratio is a polynomial of the frequency in a band of bins, beside a polynomial for the transient: see
+    `fourpole.core.spectra.local.local_ratios`. No steady state is needed, so that neither the rate of the sweep nor the
+    settling of the rig makes an error; a fast sweep has fewer, wider bands for its record is shorter. V2 is the
+    instrument for F1/V1, F1 for V2/V1.
+
+    Parameters
+    ----------
+    recording : Recording
+        Channels with the same sampling times, none missing. The sweep may be stepped.
+    band : (float, float) [Hz]
+        Lowest and highest frequency.
+
+    Raises
+    ------
+    RecordingError
+        If the channels differ in their sampling times, a sample is missing, or a channel is constant.
+    TooShortError
+        If the lowest band, of 21 bins, would be wider than a quarter of its frequency.
+    """
+    track, inside = prepared(recording, band)
+    if not track.present.all():
+        raise RecordingError(
+            f"{recording.label}: {np.mean(~track.present):.2%} of the samples are missing, a sweep needs all of them: "
+            "cut with window [s], or fill them in"
+        )
+    frequency = fft.rfftfreq(track.time.size, 1.0 / track.rate)
+    kept = (frequency >= inside[0]) & (frequency <= inside[1])
+    length = track.time.size / track.rate
+    if kept.sum() < BINS or BINS / length > _WIDEST * inside[0]:
+        raise TooShortError(
+            f"{recording.label} is {length:.4g} s long, which is too short for a sweep from {inside[0]:.4g} Hz on: "
+            f"record {max(BINS / (_WIDEST * inside[0]), BINS / (inside[1] - inside[0])):.3g} s or more"
+        )
+    turned = to_true(recording, track.names, frequency[kept])
+    lines = np.einsum("lab,bl->al", turned, fft.rfft(track.signals, axis=1)[:, kept])
+    whole = len(track.names) == len(CHANNELS)
+    local = local_ratios(lines, frequency[kept], _WHOLE if whole else _WITHOUT_V2)
+    density = 2.0 / (track.rate * track.time.size)
+    closure = _closure(local) if whole else np.full((local.frequency.size, 2), np.nan)
+    products = np.einsum("al,bl->lab", lines, lines.conj())
+    spectra = CrossSpectra(
+        local.frequency,
+        density * local.matrix,
+        local.averages,
+        local.width,
+        np.full(local.frequency.size, np.nan),
+        np.zeros(local.frequency.size, dtype=bool),
+    )
+    found = Found(
+        Ratios(local.values, local.covariance),
+        closure,
+        deflection_in(frequency[kept], density * products, 1.0 / length),
+        length,
+    )
+    return excited(recording, track.names, spectra, found)
+
+
+def _closure(local: LocalRatios) -> FloatArray:
+    r"""Closure phase (L, 2) and its standard uncertainty [rad].
+
+    The residuals are :math:`e_1 = N_F - (F_1/V_1) N_1` and :math:`e_2 = N_2 - (V_2/V_1) N_1`. If the noises N are
+    independent, :math:`E[e_1 e_2^*]` has the phase of :math:`(F_1/V_1)(V_2/V_1)^*`. What it has across that, over
+    :math:`|F_1||V_2|`, is the closure phase of the averaged spectra; the variance of n averages is the determinant of
+    the covariance of both residuals over 2n.
+    """
+    along = np.exp(-1j * (np.angle(local.values[:, 0]) - np.angle(local.values[:, 1])))
+    across = (local.noise[:, 0, 1] * along).imag
+    determinant = np.maximum(np.linalg.det(local.noise[:, :2, :2]).real, 0.0)
+    return np.stack([across, np.sqrt(determinant / (2.0 * local.averages))], axis=1)
