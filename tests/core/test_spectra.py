@@ -124,6 +124,8 @@ def test_without_v2_the_ratio_is_the_mean_of_h1_and_h2():
     found = random_amplitudes(recorded(12).without("motion_out"), BAND)
     assert found.phasors.mobility == pytest.approx(found.estimates[:, 2], rel=1e-9)
     assert np.isnan(found.closure).all()
+    bias = -np.log(found.coherence[:, 0]) / np.sqrt(12)
+    assert (found.relative[:, 0] > 0.7 * bias).all()
     assert list(check_closure(found)) == []
 
 

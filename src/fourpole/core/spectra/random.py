@@ -12,7 +12,7 @@ from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import cross_spectra
 from fourpole.core.spectra.excited import ROUND_OFF, Excited, Found, deflection_in, excited, prepared, to_true
 from fourpole.core.spectra.lines import thinned
-from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios
+from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bias
 from fourpole.errors import RecordingError, TooShortError
 
 #: Number of segments that a first estimate takes, and the fewest that are taken for finer lines.
@@ -123,6 +123,7 @@ def _of_segment(recording: Recording, track: Track, band: tuple[float, float], s
         std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
         closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
     moved = deflection_in(every.frequency, every.matrix, float(every.width[0]))
-    found = Found(ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1), closure, moved, segment)
+    held = ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1)
+    found = Found(held if whole else with_bias(held, spectra.coherence(0, 1), 1.0), closure, moved, segment)
     made = excited(recording, track.names, spectra, found)
     return _Averaged(made, float(np.mean(every.foreign)), float(np.median(spectra.held)))

@@ -89,6 +89,26 @@ def _summed(matrix: ComplexArray, first: Terms, second: Terms, *, conjugate: boo
     return total
 
 
+def with_bias(found: Ratios, coherence: FloatArray, share: float) -> Ratios:
+    r"""The ratios with the bias that noise may leave where no channel is an instrument.
+
+    H1 and H2 differ by the coherence, :math:`\ln(H_2/H_1) = -\ln\gamma^2`. The truth lies anywhere between them, whose
+    standard uncertainty is :math:`-\ln\gamma^2/\sqrt{12}` from the middle and twice as much from an end.
+
+    Parameters
+    ----------
+    found : Ratios
+        One ratio at each line.
+    coherence : (L,) float array [1]
+        Coherence of its channels.
+    share : float [1]
+        1 for a ratio in the middle of H1 and H2, 2 for one of them.
+    """
+    covariance = found.covariance.copy()
+    covariance[:, 0, 0] += (share * np.log(np.maximum(coherence, 1e-300))) ** 2 / 12.0
+    return Ratios(found.values, covariance)
+
+
 #: F1/V1 with the instrument V2, and V2/V1 with the instrument F1.
 OF_V2: tuple[Terms, ...] = (((_F, _TWO, 1), (_ONE, _TWO, -1)), ((_TWO, _F, 1), (_ONE, _F, -1)))
 #: F1/V1 as the geometric mean of H1 and H2: its phase is that of G_F1; `modulus` gives its size.

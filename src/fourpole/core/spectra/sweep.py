@@ -11,7 +11,7 @@ from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import CrossSpectra
 from fourpole.core.spectra.excited import Excited, Found, deflection_in, excited, prepared, to_true
 from fourpole.core.spectra.local import BINS, LocalRatios, local_ratios
-from fourpole.core.spectra.ratios import Ratios
+from fourpole.core.spectra.ratios import Ratios, with_bias
 from fourpole.errors import RecordingError, TooShortError
 
 #: Each ratio as its channels Y and X and its instrument: F1/V1 and V2/V1.
@@ -71,8 +71,9 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
         np.full(local.frequency.size, np.nan),
         np.zeros(local.frequency.size, dtype=bool),
     )
+    held = Ratios(local.values, local.covariance)
     found = Found(
-        Ratios(local.values, local.covariance),
+        held if whole else with_bias(held, spectra.coherence(0, 1), 2.0),
         closure,
         deflection_in(frequency[kept], density * products, 1.0 / length),
         length,
