@@ -43,6 +43,7 @@ html_show_sourcelink = html_copy_source = html_show_sphinx = False
 html_domain_indices = False
 # Summaries are fetched page by page, which a browser does not allow for files.
 html_show_search_summary = False
+html_search_scorer = str(HERE / "build" / "scorer.js")
 html_theme_options = {
     "logo": {"text": "Fourpole"},
     "navbar_end": ["theme-switcher"],

@@ -98,6 +98,12 @@ def test_the_search_finds_a_word_without_a_network(visit):
     assert page.outside == []
 
 
+def test_the_search_ranks_pages_before_python_names(visit):
+    page = visit("search.html?q=cite")
+    page.wait_for_selector("#search-results li a")
+    assert page.locator("#search-results li a").first.inner_text() == "Citing"
+
+
 def test_code_can_be_copied_without_its_prompts(visit):
     page = visit("python.html")
     button = page.locator("button.copybtn").first
