@@ -5,14 +5,12 @@ Each test begins with equations of motion, or with a definition, and not with th
 
 from functools import cache
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fourpole import ChannelUncertainty, Phasors, Rig, identify, maxwell_arm, twoport
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.rig import PARAMETERS
 from fourpole.core.routes import mobility_route, paper_d, relative_route, transmissibility_route
 from fourpole.core.stats import share_within
 from fourpole.core.tyre import mobility, zener_mobility, zener_stiffness, zener_transmissibility
@@ -351,8 +349,3 @@ def test_the_probability_behind_the_guard_band():
         assert np.isclose(share_within(value, std, low, high), exact, rtol=1e-12)
     edge = float(sp.integrate(density, (z, -sp.oo, sp.Rational(int(COVERAGE_FACTOR)))))
     assert f"{100 * edge:.1f}" == "97.7"
-
-
-def test_every_part_of_a_rig_is_on_the_page_of_symbols():
-    text = (Path(__file__).resolve().parents[2] / "docs" / "symbols.md").read_text(encoding="utf-8")
-    assert [name for name in PARAMETERS if f"`{name}`" not in text] == []

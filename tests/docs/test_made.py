@@ -45,7 +45,7 @@ def differs(kept, made, tolerance):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_figure_is_what_its_script_makes(figures, name):
     kept = (figures.MADE / f"{name}.svg").read_text(encoding="utf-8")
-    assert not differs(kept, figures.svg(name).decode(), lambda _: UNSEEN), "run: python docs/build/figures.py " + name
+    assert not differs(kept, figures.svg(name).decode(), lambda _: UNSEEN), f"run: make figures ({name})"
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_table_is_what_its_script_makes(figures, name):
     def last_digit(number):
         return 1.01 * 10.0 ** -len(number.partition(".")[2])
 
-    assert not differs(page.read_text(encoding="utf-8"), text, last_digit), "run: python docs/build/figures.py " + name
+    assert not differs(page.read_text(encoding="utf-8"), text, last_digit), f"run: make figures ({name})"
 
 
 def test_a_changed_figure_and_a_changed_table_are_seen(figures):
