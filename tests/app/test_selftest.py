@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from fourpole.report.selftest.compared import number
 
 
@@ -15,6 +17,17 @@ def test_the_command_prints_a_table_and_writes_what_is_wanted(run, tmp_path):
     done = run("selftest", "--out", tmp_path / "test.pdf")
     assert done.exit_code == 2
     assert "ends in .html" in done.output
+
+
+@pytest.mark.parametrize(("content", "said"), [(None, "cannot be read"), ("{", "is damaged")])
+def test_an_installation_without_its_data_is_said(run, monkeypatch, tmp_path, content, said):
+    if content is not None:
+        (tmp_path / "vectors.json").write_text(content)
+    monkeypatch.setattr("fourpole.report.selftest.vectors.reference", lambda: tmp_path)
+    done = run("selftest")
+    assert done.exit_code == 2
+    assert f"{said}" in done.output
+    assert "install Fourpole again" in " ".join(done.output.split())
 
 
 def test_the_command_fails_where_a_value_does(run, monkeypatch):

@@ -76,7 +76,7 @@ def test_lists_are_compared_by_their_largest_part_and_turned_parts_by_their_sum(
     assert [one.column for one in differences(lists, other, KEY)] == ["V1"]
     head = "shared Re K* [N/m]"
     parts, turned, less = (
-        pl.DataFrame({"test": ["D1"], head: [cells]}) for cells in ([3.0, 4.0], [-5.0, 0.0], [5.1, 0])
+        pl.DataFrame({"test": ["D1"], head: [cells]}) for cells in ([3.0, 4.0], [-5.0, 0.0], [5.1, 0.0])
     )
     assert differences(parts, turned, KEY) == []
     assert len(differences(parts, less, KEY)) == 1

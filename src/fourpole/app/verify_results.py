@@ -114,7 +114,7 @@ def _sentence(each: Difference) -> str:
 def _unknown(found: VerifiedResults) -> str:
     """What could not be checked, in words."""
     parts = [found.not_run] if found.not_run and not found.quick else []
-    files = (*(found.inputs if found.campaign is not None and not parts else ()), *found.results, *found.models)
+    files = [one for one in found.unknown if one not in found.inputs or (found.campaign is not None and not parts)]
     for state, text in (
         (State.MISSING, "not there"),
         (State.ELSEWHERE, "on a server"),

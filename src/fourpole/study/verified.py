@@ -115,8 +115,14 @@ class VerifiedResults:
     @property
     def complete(self) -> bool:
         """Whether all that was wanted could be checked."""
-        known = all(one.state in (State.SAME, State.ANEW) for one in (*self.inputs, *self.results, *self.models))
-        return known and (self.quick or not self.not_run)
+        return not self.unknown and (self.quick or not self.not_run)
+
+    @property
+    def unknown(self) -> tuple[File, ...]:
+        """The files that could not be checked; a table without a hash is checked by the second run."""
+        again = {one.name for one in self.repeated}
+        files = (*self.inputs, *(one for one in self.results if one.name not in again), *self.models)
+        return tuple(one for one in files if one.state in (State.MISSING, State.ELSEWHERE, State.UNKNOWN))
 
     @property
     def other_version(self) -> bool:
@@ -271,7 +277,7 @@ def _model(folder: Path, name: str, stated: Mapping[str, str]) -> File:
         return File(name, State.CHANGED, str(error))
     if origin.sha256 != table:
         return File(name, State.ADDED, "is of another dynamic.csv")
-    return File(name, State.SAME if same else State.ANEW)
+    return File(name, State.SAME if same or not stated else State.ANEW)
 
 
 def _why_not(campaign: Path | None, inputs: tuple[File, ...], *, quick: bool) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 from fourpole.errors import FourpoleError
 from fourpole.report.selftest.compared import Compared, failed, number, word
-from fourpole.report.selftest.vectors import reference
+from fourpole.report.selftest.vectors import read_reference, reference
 from fourpole.study.study import Study, analyse
 
 _EXPECTED = "expected.csv"
@@ -25,8 +25,11 @@ def campaign_names() -> list[str]:
 def compared_campaign(name: str) -> Iterator[Compared]:
     """Each expected result of a reference campaign beside the one that an analysis finds; nothing is written."""
     check = f"campaign {name}"
+    rows = list(csv.DictReader(read_reference("campaigns", name, _EXPECTED).splitlines()))
+    if not rows:
+        yield failed(check, _EXPECTED, "the table", "has no rows: install Fourpole again")
+        return
     with resources.as_file(reference().joinpath("campaigns", name)) as folder:
-        rows = list(csv.DictReader((folder / _EXPECTED).read_text(encoding="utf-8").splitlines()))
         try:
             study = _analysed(folder, rows[0]["route"])
         except (FourpoleError, ArithmeticError, LookupError, TypeError, ValueError, AttributeError) as error:

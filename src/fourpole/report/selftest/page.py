@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable
 
 from markupsafe import Markup
 
@@ -37,8 +38,8 @@ def render_selftest(test: SelfTest, laboratory: str = "", operator: str = "") ->
         operator=operator,
         when=test.when.strftime("%Y-%m-%d %H:%M:%S UTC"),
         bad=sum(not one.good for one in test.values),
-        rows=[_cells(one, short=True) for one in test.values],
-        heads=HEADS,
+        groups=_grouped(test.values),
+        failing=_grouped([one for one in test.values if not one.good]),
         share=shown_share,
         verdict=verdict_of,
         style=Markup(packaged("page.css") + packaged("selftest.css", "fourpole.report.selftest")),
@@ -65,6 +66,15 @@ def _cells(one: Compared, *, short: bool = False) -> tuple[str, ...]:
     numbers = ("" if number is None else f"{number:.2g}" for number in (one.difference, one.tolerance))
     expected = _shortened(one.expected) if short and one.tolerance is not None else one.expected
     return (one.check, one.function, one.value, one.unit, expected, one.found, *numbers, verdict_of(one.good))
+
+
+def _grouped(values: Iterable[Compared]) -> dict[str, list[tuple[str, ...]]]:
+    """The cells of some values without their check, by their check."""
+    groups: dict[str, list[tuple[str, ...]]] = {}
+    for one in values:
+        check, *cells = _cells(one, short=True)
+        groups.setdefault(check, []).append(tuple(cells))
+    return groups
 
 
 def _shortened(number: str) -> str:

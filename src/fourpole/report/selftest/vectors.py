@@ -8,7 +8,8 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import Any
 
-from fourpole.errors import FourpoleError
+from fourpole.errors import FileError, FourpoleError
+from fourpole.io.source import reason
 from fourpole.report.selftest.compared import Compared, failed, number
 from fourpole.report.selftest.materials import MATERIALS
 from fourpole.report.selftest.mechanics import MECHANICS
@@ -21,10 +22,22 @@ def reference() -> Traversable:
     return resources.files("fourpole.report.selftest").joinpath("reference")
 
 
+def read_reference(*name: str) -> str:
+    """The text of a file of the reference data; FileError if the installation has lost it."""
+    try:
+        return reference().joinpath(*name).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise FileError(
+            f"{'/'.join(name)} of the reference data cannot be read ({reason(error)}): install Fourpole again"
+        ) from None
+
+
 def cases() -> list[dict[str, Any]]:
     """All cases of vectors.json: check, function, inputs, and values with 50 digits and their tolerances."""
-    found: dict[str, Any] = json.loads(reference().joinpath("vectors.json").read_text(encoding="utf-8"))
-    return list(found["cases"])
+    try:
+        return list(json.loads(read_reference("vectors.json"))["cases"])
+    except (ValueError, KeyError, TypeError):
+        raise FileError("vectors.json of the reference data is damaged: install Fourpole again") from None
 
 
 def compared_cases(known: list[dict[str, Any]]) -> Iterator[Compared]:
