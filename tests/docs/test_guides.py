@@ -1,9 +1,11 @@
 """Guides begin with their result: what stands there is what their examples print further down."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "docs" / "how-sure-are-you.md"
@@ -33,6 +35,15 @@ def test_the_table_of_uncertainties_is_what_the_examples_print(path):
     assert len(stated) >= 3
     for numbers, row in zip(found.values(), stated, strict=False):
         assert row == pytest.approx(numbers, rel=0, abs=0.05 if row[0] > 1 else 0.0005)
+
+
+def test_getting_started_names_what_is_installed():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    page = (ROOT / "docs" / "start.md").read_text(encoding="utf-8")
+    stated = re.search(r"are installed with it: ([\w\s,]+)\.", page)[1]
+    assert set(re.split(r",\s|\sand\s", stated)) == {Requirement(text).name for text in project["dependencies"]}
+    extras = {name for row in re.findall(r"^\| (`.+`) \|", page, re.M) for name in re.findall(r"`(\w+)`", row)}
+    assert extras == set(project["optional-dependencies"]) - {"bench", "dev", "docs", "test"}
 
 
 def test_examples_stand_in_fences():
