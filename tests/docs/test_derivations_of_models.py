@@ -46,6 +46,14 @@ def test_one_arm_has_a_constant_c():
     assert sp.simplify(-1 / (w * sp.im(1 / arm)) - k * tau) == 0
 
 
+def test_the_energy_of_one_arm_has_a_maximum_though_its_c_is_constant():
+    arm = sp.expand(k * j * w * tau / (1 + j * w * tau), complex=True)
+    slope = sp.factor(sp.diff(sp.simplify(arm.as_real_imag()[1]), w))  # tau = C/K2
+    assert sp.solve(slope, w) == [1 / tau]
+    assert sp.simplify(slope.subs(w, 1 / (2 * tau))).is_positive
+    assert sp.simplify(-slope.subs(w, 2 / tau)).is_positive
+
+
 @pytest.mark.parametrize("damped", [False, True])
 def test_the_steps_of_the_proof_hold_for_rational_tyres_and_any_k1(damped):
     """Zeros are real and simple, residues are positive and sum to 1/h, for exact numbers; C from them falls."""
