@@ -12,6 +12,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import lmfit
 import numpy as np
 import polars as pl
+import pyFRF
 import skrf
 from promises import report
 from scipy.optimize import curve_fit, least_squares
@@ -19,7 +20,9 @@ from side_by_side import Row, agree, compare, kept, show
 
 import fourpole
 from fourpole import twoport
+from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import Phasors
+from fourpole.core.spectra.average import cross_spectra
 from fourpole.core.tyre import transmissibility, zener_mobility, zener_stiffness
 from fourpole.io.columns import read_columns
 
@@ -34,6 +37,7 @@ PROMISED = {
     ("cascade, product of parts", "scikit-rf **"): 1.0,
     ("cascade, from values", "scikit-rf Network, **, .a"): 1.5,
     ("de-embed m and K3", "scikit-rf .inv, **, .a"): 20.0,
+    ("H1 and coherence, 58 segments", "pyFRF"): 2.0,
     ("identify 1000 tests", "scipy least_squares, loop"): 25.0,
     ("read 1 000 000 rows x 4", "polars read_csv"): 0.3,
     ("read 1 000 000 rows x 4", "numpy loadtxt"): 1.0,
@@ -54,6 +58,8 @@ NOTES = {
     "de-embed": """mass and preload spring taken off that chain, both at hand as four-poles and as Networks; ends with
         the tyre's four-pole. Difference: of K* from the truth, Fourpole's and the peer's; round-off (2e-16), ten
         operations, the tyre's small share of the chain (2e5).""",
+    "H1 and coherence": """2 channels x 120 000 samples, 58 Hann windows of 4096 that overlap by half. The peer's H1 is a receptance. Difference: of H1 and of the
+        coherence, relative, from the third bin on; the peer takes the mean of each segment off before the window.""",
     "identify": """1000 tests. The loop solves R, I for K2, C (start at 0.7 of the truth) and stops there; Fourpole also
         gives K*, TR and all covariances, from noise, rig and K1. Difference: of K2 and C, relative; round-off, the
         condition of K2 (1e4), and room for the peer's last step.""",
@@ -161,6 +167,32 @@ def four_poles() -> list[Row]:
     ]
 
 
+def random_excitation() -> list[Row]:
+    rng = np.random.default_rng(SEED)
+    rate, count, size = 2000, 120_000, 4096
+    force = rng.standard_normal(count)
+    motion = np.convolve(force, np.exp(-np.arange(50) / 5.0), "same") + 0.1 * rng.standard_normal(count)
+    recording = fourpole.Recording.from_arrays(np.arange(count) / rate, force_in=force, motion_in=motion)
+    (track,) = tracks_of(recording, ["force_in", "motion_in"])
+
+    def ours():
+        spectra = cross_spectra(track, size / rate, (3.0 * rate / size, 0.49 * rate))
+        return spectra.matrix[:, 1, 0] / spectra.matrix[:, 0, 0].real, spectra.coherence(0, 1)
+
+    def by_pyfrf():
+        peer = pyFRF.FRF(
+            rate, exc=force, resp=motion, exc_type="f", resp_type="v", window="hann",
+            fft_len=size, nperseg=size, noverlap=size // 2,
+        )  # fmt: skip
+        return peer.get_H1().ravel(), peer.get_coherence().ravel()
+
+    (mine, alike), (receptance, other) = ours(), by_pyfrf()
+    kept = slice(3, 3 + mine.size)
+    theirs = receptance[kept] * 2j * np.pi * np.arange(kept.start, kept.stop) * rate / size
+    same = agree(max(float(np.max(np.abs(a / b - 1))) for a, b in ((mine, theirs), (alike, other[kept]))), 1e-5)
+    return compare("H1 and coherence, 58 segments", ours, {"pyFRF": (by_pyfrf, same)}, rounds=15)
+
+
 def identification() -> list[Row]:
     rng = np.random.default_rng(SEED)
     count = 1000
@@ -233,10 +265,10 @@ def reading(folder: Path) -> list[Row]:
 
 
 def main() -> None:
-    rows = [*demodulation(), *four_poles(), *identification()]
+    rows = [*demodulation(), *four_poles(), *random_excitation(), *identification()]
     with tempfile.TemporaryDirectory() as folder:
         rows += reading(Path(folder))
-    show(rows, NOTES, ["numpy", "scipy", "polars", "lmfit", "scikit-rf"])
+    show(rows, NOTES, ["numpy", "scipy", "polars", "lmfit", "pyFRF", "scikit-rf"])
     report(kept(rows, PROMISED))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy import fft
@@ -13,14 +14,10 @@ from fourpole.errors import RecordingError, TooShortError
 
 #: Fewest segments: the covariance of a ratio needs a matrix of more averages than channels.
 _FEWEST = 8
-#: Samples that are transformed at a time.
-_AT_A_TIME = 2_000_000
-#: Correlation of the motion in neighbouring segments above which it is one sine; that of noise is 1/6.
-_STEADY = 0.7
+#: Samples that are transformed at a time: they stay in the cache of the processor.
+_AT_A_TIME = 100_000
 #: Relative round-off of a frequency.
 _ROUND_OFF = 1e-9
-#: Distance in bins from which on a sine belongs to another bin.
-_AWAY = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +34,12 @@ class CrossSpectra(ByValue):
         Number of independent averages with the same variance.
     width : (L,) float array [Hz]
         Width of the band that a line stands for.
-    held : (L,) float array [1]
-        Number of segments that hold the power of the motion: all of them under steady excitation, a few in a sweep.
-    foreign : (L,) bool array
-        Whether the motion at the line is that of a sine at another frequency, as between the sines of a multisine.
     """
 
     frequency: FloatArray
     matrix: ComplexArray
     averages: FloatArray
     width: FloatArray
-    held: FloatArray
-    foreign: BoolArray
 
     def coherence(self, a: int, b: int) -> FloatArray:
         """Coherence (L,) of two channels [1]."""
@@ -73,8 +64,7 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     Returns
     -------
     CrossSpectra
-        A line for each bin. Neighbours are not independent: see `fourpole.core.spectra.lines.thinned`. If the phase of
-        the motion advances alike from segment to segment, the motion is one sine, whose frequency the advance gives.
+        A line for each bin. Neighbours are not independent: see `fourpole.core.spectra.lines.thinned`.
 
     Raises
     ------
@@ -89,71 +79,51 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     Electroacoust. 15, 1967; J. S. Bendat and A. G. Piersol, "Random Data", 4th ed., 2010, ch. 11.
     """
     size = round(segment * track.rate)
-    starts = _starts(track.present, size)
+    starts = starts_of(track.present, size)
     if starts.size < _FEWEST:
         raise TooShortError(
             f"the recording has {starts.size} segments of {segment:.3g} s without a missing sample, at least {_FEWEST} "
             "are needed: record longer"
         )
-    frequency = np.arange(size // 2 + 1) * track.rate / size
-    low, high = band[0] * (1 - _ROUND_OFF), band[1] * (1 + _ROUND_OFF)
-    inside = (frequency >= low) & (frequency <= high) & (frequency > 0)
+    found, inside = bins_of(size, track.rate, band)
+    window, channels = hann(size), len(track.names)
+    matrix: ComplexArray = np.zeros((channels, channels, found.size), dtype=complex)
+    for some in _batches(starts, max(1, _AT_A_TIME // (size * channels))):
+        lines = lines_of(track.signals, some, window, inside)
+        for a in range(channels):
+            for b in range(a):
+                product = (lines[a] * lines[b].conj()).sum(axis=0)
+                matrix[a, b] += product
+                matrix[b, a] += product.conj()
+            parts = np.ascontiguousarray(lines[a]).view(float)
+            matrix[a, a] += np.einsum("kl,kl->l", parts, parts).reshape(-1, 2).sum(axis=1)
+    scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
+    averages = np.full(found.size, independent(starts.size, 1))
+    return CrossSpectra(found, scale * matrix.transpose(2, 0, 1), averages, np.full(found.size, track.rate / size))
+
+
+def bins_of(size: int, rate: float, band: tuple[float, float]) -> tuple[FloatArray, slice]:
+    """Frequencies [Hz] and places of the bins of segments of a size in a band; RecordingError if there are none."""
+    frequency = np.arange(1, size // 2 + 1) * rate / size
+    inside = (frequency >= band[0] * (1 - _ROUND_OFF)) & (frequency <= band[1] * (1 + _ROUND_OFF))
     if not inside.any():
         raise RecordingError(
             f"no line of a spectrum lies between {band[0]:.4g} and {band[1]:.4g} Hz: sample faster, or record longer"
         )
     first, last = np.flatnonzero(inside)[[0, -1]].tolist()
-    sums = _Sums(track.names.index("motion_in"), len(track.names), last + 1 - first)
-    window = hann(size)
-    for some in _batches(starts, max(1, _AT_A_TIME // (size * len(track.names)))):
-        pieces = np.stack([track.signals[:, start : start + size] for start in some.tolist()], axis=1)
-        pieces -= pieces.mean(axis=2, keepdims=True)
-        pieces *= window
-        sums.add(fft.rfft(pieces, axis=2)[:, :, first : last + 1])
-    scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
-    found, step = frequency[inside], track.rate / size
-    return CrossSpectra(
-        found,
-        scale * sums.matrix.transpose(2, 0, 1),
-        np.full(found.size, independent(starts.size, 1)),
-        np.full(found.size, step),
-        sums.held(starts.size),
-        sums.foreign(found, max(1, size // 2) / track.rate, step),
-    )
+    return frequency[first : last + 1], slice(first + 1, last + 2)
 
 
-class _Sums:
-    """Sums over segments of the products of their lines, and of what tells a sine or a sweep of the motion."""
-
-    def __init__(self, motion: int, channels: int, lines: int) -> None:
-        self.matrix: ComplexArray = np.zeros((channels, channels, lines), dtype=complex)
-        self._motion, self._last = motion, np.zeros((0, lines), dtype=complex)
-        self._advance, self._fourth = np.zeros(lines, dtype=complex), np.zeros(lines)
-
-    def add(self, lines: ComplexArray) -> None:
-        """Add the lines (channels, segments, lines) of some segments that follow those before."""
-        for a in range(lines.shape[0]):
-            for b in range(a + 1):
-                product = np.einsum("kl,kl->l", lines[a], lines[b].conj())
-                self.matrix[a, b] += product
-                if a != b:
-                    self.matrix[b, a] += product.conj()
-        moved = np.concatenate([self._last, lines[self._motion]])
-        self._advance += np.einsum("kl,kl->l", moved[1:], moved[:-1].conj())
-        power = lines[self._motion].real ** 2 + lines[self._motion].imag ** 2
-        self._fourth += np.einsum("kl,kl->l", power, power)
-        self._last = moved[-1:]
-
-    def held(self, segments: int) -> FloatArray:
-        """Number of segments that hold the power. Gaussian noise has a fourth moment of 2 times its power squared."""
-        square = self.matrix[self._motion, self._motion].real
-        return np.minimum(2.0 * square**2 / np.maximum(self._fourth, 1e-300), float(segments))
-
-    def foreign(self, frequency: FloatArray, hop: float, step: float) -> BoolArray:
-        """Lines whose motion is a sine at another frequency; segments are `hop` [s] apart, bins `step` [Hz]."""
-        sine = np.abs(self._advance) > _STEADY * self.matrix[self._motion, self._motion].real
-        off = np.angle(self._advance * np.exp(-2j * np.pi * frequency * hop)) / (2 * np.pi * hop)
-        return np.asarray(sine & (np.abs(off) > _AWAY * step))
+def lines_of(signals: FloatArray, starts: np.ndarray, window: FloatArray, inside: slice) -> ComplexArray:
+    """Some bins of the Fourier transforms (C, K, L) of the segments of signals (C, T) from some samples on."""
+    segments = np.lib.stride_tricks.sliding_window_view(signals, window.size, axis=1)
+    hop = np.diff(starts)
+    even = hop.size > 0 and bool((hop == hop[0]).all())
+    held = segments[:, starts[0] : starts[-1] + 1 : hop[0]] if even else segments[:, starts]
+    lines = fft.rfft(held * window, axis=2, overwrite_x=True)
+    if inside.start < 2:  # the mean of a segment is in the first two lines of a Hann window
+        lines[:, :, :2] -= held.mean(axis=2)[:, :, None] * window.size * np.array([0.5, -0.25])
+    return lines[:, :, inside]
 
 
 def hann(size: int) -> FloatArray:
@@ -161,11 +131,13 @@ def hann(size: int) -> FloatArray:
     return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size))
 
 
-def _starts(present: BoolArray, size: int) -> np.ndarray:
+def starts_of(present: BoolArray, size: int) -> np.ndarray:
     """First samples of the segments of a size that overlap by half and miss no sample."""
     starts = np.arange(0, present.size - size + 1, max(1, size // 2)) if 2 <= size <= present.size else np.zeros(0, int)
+    if starts.size == 0 or present.all():
+        return starts
     missing = np.concatenate([[0], np.cumsum(~present)])
-    return starts[missing[starts + size] == missing[starts]] if starts.size else starts
+    return starts[missing[starts + size] == missing[starts]]
 
 
 def _batches(starts: np.ndarray, count: int) -> list[np.ndarray]:
@@ -204,6 +176,7 @@ def _correlated(bins: int, segments: float) -> float:
     return same + 2.0 * (1.0 - 1.0 / segments) * half
 
 
+@cache
 def _overlap(bins: int, shift: float) -> float:
     """Squared correlation of the spectra of two Hann windows, the second later by a share of its length."""
     t = (np.arange(512) + 0.5) / 512

@@ -42,8 +42,6 @@ def thinned(spectra: CrossSpectra, segments: float) -> CrossSpectra:
         matrix,
         np.array([averages[count] for count in kept.tolist()]),
         kept * spectra.width[starts],
-        np.array([spectra.held[a : a + n].mean() for a, n in zip(starts.tolist(), kept.tolist(), strict=True)]),
-        spectra.foreign[starts],
     )
 
 

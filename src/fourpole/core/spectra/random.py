@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import cross_spectra
 from fourpole.core.spectra.excited import ROUND_OFF, Excited, Found, deflection_in, excited, prepared, to_true
 from fourpole.core.spectra.lines import thinned
+from fourpole.core.spectra.motion import Motion, motion_of
 from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bias
 from fourpole.errors import RecordingError, TooShortError
 
@@ -26,19 +27,6 @@ _CYCLES = 4.0
 #: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
 #: falls below this share of what it was.
 _LEAKS, _BETTER = 1.5, 0.8
-
-
-@dataclass(frozen=True)
-class _Averaged:
-    """Amplitudes by segments of one length, and whether the excitation is random.
-
-    `foreign` is the share of the lines whose motion is that of a sine at another frequency [1], `held` the median
-    number of segments that hold the power at a line.
-    """
-
-    found: Excited
-    foreign: float
-    held: float
 
 
 def random_amplitudes(recording: Recording, band: tuple[float, float], segment: float | None = None) -> Excited:
@@ -74,42 +62,51 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     track, inside = prepared(recording, band)
     length = track.time.size / track.rate
     if segment is not None:
-        return _of_segment(recording, track, inside, segment).found
+        return _of_segment(recording, track, inside, segment)
     if length * inside[0] < 0.5 * _CYCLES * (_FEW + 1.0):
         raise TooShortError(
             f"{recording.label} is {length:.4g} s long, which is too short for lines from {band[0]:.4g} Hz on: record "
             f"{0.5 * _CYCLES * (_FEW + 1.0) / band[0]:.3g} s or more, or start the band higher"
         )
-    best: _Averaged | None = None
+    best: Excited | None = None
     for count in (_MANY, _MANY // 2, _FEW):
-        longer = max(2.0 * length / (count + 1.0), _CYCLES / inside[0])
-        finer = _of_segment(recording, track, inside, longer)
-        if best is not None and (finer.foreign > _FOREIGN or not _leakage(finer) < _BETTER * _leakage(best)):
+        segment = max(2.0 * length / (count + 1.0), _CYCLES / inside[0])
+        motion = motion_of(track, segment, inside)
+        if best is None:
+            _check_random(recording, motion, segment)
+        elif motion.foreign > _FOREIGN:
+            break
+        finer = _of_segment(recording, track, inside, segment)
+        if best is not None and not _leakage(finer) < _BETTER * _leakage(best):
             break
         best = finer
         if not _leakage(best) > _LEAKS:
             break
     assert best is not None
-    if best.foreign > _FOREIGN:
+    return best
+
+
+def _check_random(recording: Recording, motion: Motion, segment: float) -> None:
+    """RecordingError if the motion is separate sines or a sweep."""
+    if motion.foreign > _FOREIGN:
         raise RecordingError(
             f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
-            f"or put the sines of a multisine at most {0.5 / best.found.length:.2g} Hz apart"
+            f"or put the sines of a multisine at most {0.5 / segment:.2g} Hz apart"
         )
-    if best.held < _SWEPT:
+    if motion.held < _SWEPT:
         raise RecordingError(
-            f"{recording.label}: each frequency is excited in {best.held:.2g} of the segments of "
-            f"{best.found.length:.3g} s only, as by a sweep: state kind = sweep"
+            f"{recording.label}: each frequency is excited in {motion.held:.2g} of the segments of {segment:.3g} s "
+            "only, as by a sweep: state kind = sweep"
         )
-    return best.found
 
 
-def _leakage(one: _Averaged) -> float:
+def _leakage(found: Excited) -> float:
     """Mean square of the closure phases over their variances, which leakage at a few lines raises."""
-    closure, std = one.found.closure.T
+    closure, std = found.closure.T
     return float(np.mean((closure / np.maximum(std, ROUND_OFF)) ** 2))
 
 
-def _of_segment(recording: Recording, track: Track, band: tuple[float, float], segment: float) -> _Averaged:
+def _of_segment(recording: Recording, track: Track, band: tuple[float, float], segment: float) -> Excited:
     """The amplitudes with segments of a length [s]."""
     segment = round(segment * track.rate) / track.rate
     recorded = cross_spectra(track, segment, band)
@@ -125,5 +122,4 @@ def _of_segment(recording: Recording, track: Track, band: tuple[float, float], s
     moved = deflection_in(every.frequency, every.matrix, float(every.width[0]))
     held = ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1)
     found = Found(held if whole else with_bias(held, spectra.coherence(0, 1), 1.0), closure, moved, segment)
-    made = excited(recording, track.names, spectra, found)
-    return _Averaged(made, float(np.mean(every.foreign)), float(np.median(spectra.held)))
+    return excited(recording, track.names, spectra, found)

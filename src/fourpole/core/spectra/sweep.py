@@ -68,8 +68,6 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
         density * local.matrix,
         local.averages,
         local.width,
-        np.full(local.frequency.size, np.nan),
-        np.zeros(local.frequency.size, dtype=bool),
     )
     held = Ratios(local.values, local.covariance)
     found = Found(
