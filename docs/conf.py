@@ -51,6 +51,7 @@ html_theme_options = {
     "footer_end": [],
     "secondary_sidebar_items": ["page-toc"],
     "show_prev_next": False,
+    "back_to_top_button": False,
     "show_toc_level": 2,
 }
 # Prompts are not copied, nor are the answers to them.
