@@ -25,7 +25,7 @@ from tests.plot.rig_found import MISFIT, VALUES, budget_table, residual_table, r
 from fourpole.core.condition import PRESSURE, axis_of
 from fourpole.report.cards import ALPHABET, embedded, make_cards, packed
 from fourpole.report.digits import number, spread, with_std
-from fourpole.report.page import ReportFigure, render_report, write_report
+from fourpole.report.page import ReportFigure, _versions, render_report, write_report
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import rigs_in_words
 from fourpole.study.results import Results
@@ -854,3 +854,9 @@ def test_a_point_of_a_figure_leads_to_the_card_of_its_test(visit):
     page.locator(".drawing a").click()
     page.locator("#dynamic-2 .card").wait_for()
     assert page.locator("details#dynamic-2[open]").count() == 1
+
+
+def test_the_run_names_the_commit_where_it_is_known():
+    record = {"versions": {"fourpole": "0.2.0"}, "origin": {"commit": "1a2b3c4d" * 5, "changed": True}}
+    assert _versions(record)["commit of fourpole"] == "1a2b3c4d1a2b, files changed since"
+    assert _versions({"versions": {"fourpole": "0.2.0"}, "origin": {"commit": None}}) == {"fourpole": "0.2.0"}

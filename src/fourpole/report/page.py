@@ -153,7 +153,7 @@ def _page(results: Results, findings: Sequence[Sentence], figures: Mapping[str, 
         figures=_numbered(list(shown.values())),
         remarks=remarks,
         settings={str(name): str(value) for name, value in section(record, "settings").items()},
-        versions={str(name): str(value) for name, value in section(record, "versions").items()},
+        versions=_versions(record),
         hashes={str(name): str(value) for name, value in section(record, "sha256").items()},
         data=Markup(embedded({card.key: card.body for card in cards})),
         footing=Markup(
@@ -236,3 +236,13 @@ def _compact(svg: str) -> str:
 
 def _short_path(path: str) -> str:
     return re.sub(r"\s+", " ", re.sub(r"(\.\d\d)\d+(?![\de])", r"\1", path)).strip()
+
+
+def _versions(record: Mapping[str, Any]) -> dict[str, str]:
+    """Versions by program, and the commit of Fourpole where it is known."""
+    found = {str(name): str(value) for name, value in section(record, "versions").items()}
+    made = section(record, "origin")
+    if made.get("commit"):
+        changed = ", files changed since" if made.get("changed") else ""
+        found["commit of fourpole"] = f"{str(made['commit'])[:12]}{changed}"
+    return found
