@@ -58,6 +58,7 @@ OF_CAMPAIGNS = [
         "gains[:, 0] / gains[:, 1]",
         "gains[:, 1] / gains[:, 0]",
     ),
+    ("paper-route", "core.identify:variance_by_source", "slice(i, i + 1)", "slice(i, i + 2)"),
     ("bad-tests", "core.recordingchecks:check_lift_off", "0.9, 1.0", "0.9, 2.0"),
 ]
 

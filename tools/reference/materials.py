@@ -290,6 +290,11 @@ def values() -> Iterator[dict[str, Any]]:
 
     yield case("modulus and loss angle", "core.polar.polar", units, given, polar)
     speeds = {"Re V1": 0.05, "Im V1": 0.02, "Re V2": -0.01, "Im V2": 0.04, "frequency": 14.0}
+    forced = {"Re F1": 310.0, "Im F1": -55.0, "Re K*": 194e3, "Im K*": 38.8e3}
+    yield case(
+        "deflection", "core.deflection.deflection_amplitude of force", {"x": "m"}, forced,
+        lambda v: {"x": abs(mpc(v["Re F1"], v["Im F1"]) / mpc(v["Re K*"], v["Im K*"]))},
+    )  # fmt: skip
     yield case(
         "deflection", "core.deflection.deflection_amplitude blocked", {"x": "m"}, speeds,
         lambda v: {"x": abs(mpc(v["Re V1"], v["Im V1"]) / (J * turning(v)))},

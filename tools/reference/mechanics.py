@@ -362,9 +362,11 @@ def uncertainties() -> Iterator[dict[str, Any]]:
     stated = {"u m": 2e-6, "u K3": 0.01, "u c3": 0.001, "u K1": 0.02, "u added mass": 1e-6, "u frequency": 1e-8}
     stated |= {"u input mass": 3e-7}
     stated |= {"u F1": 1e-6, "u V1": 1e-9, "u V2": 1e-9, "gain F1": 2e-8, "phase V1": 3e-8, "delay V2": 2e-10}
+    stated |= {"response gain V2": 1.5e-8, "response phase V2": 2.5e-8, "common noise of V1, V2": 4e-10}
     units = {
         "u(Re K*)": "N/m", "u(Im K*)": "N/m", "corr(Re,Im K*)": "1", "u(K2)": "N/m", "u(C)": "N s/m", "u(TR)": "1",
         "u(loss factor)": "1", "corr(K2,C)": "1", "common u(Re K*)": "N/m", "common u(Im K*)": "N/m",
+        "own u(Re K*)": "N/m", "own u(Im K*)": "N/m",
     }  # fmt: skip
     for route in ("mobility", "relative", "transmissibility"):
         made = case(
@@ -373,7 +375,8 @@ def uncertainties() -> Iterator[dict[str, Any]]:
         )  # fmt: skip
         for row in made["values"]:  # K2 and C have a second-order part of the square of these uncertainties, below 1e-9
             if row["value"] in ("u(K2)", "u(C)", "corr(K2,C)"):
-                row["tolerance"] = mp.nstr(mpf(row["tolerance"]) + mpf("1e-9") * abs(mpf(row["expected"])), 2)
+                size = 1 if row["unit"] == "1" else abs(mpf(row["expected"]))
+                row["tolerance"] = mp.nstr(mpf(row["tolerance"]) + mpf("1e-9") * size, 2)
         yield made
 
 
@@ -403,6 +406,9 @@ def _uncertain(v: Numbers, route: str) -> dict[str, mpf]:
     add({"Re V1": -v["Im V1"] * v["phase V1"], "Im V1": v["Re V1"] * v["phase V1"]})
     late = -turning(v) * v["delay V2"]
     add({"Re V2": -v["Im V2"] * late, "Im V2": v["Re V2"] * late})
+    add({f"{part} V2": v[f"{part} V2"] * v["response gain V2"] for part in ("Re", "Im")})
+    turned = v["response phase V2"]
+    add({"Re V2": -v["Im V2"] * turned, "Im V2": v["Re V2"] * turned})
     common = {f"common u({name})": mp.sqrt(mp.fsum(column[at] ** 2 for column in columns))
               for at, name in enumerate(outputs[:2])}  # fmt: skip
     for name in ("K1", "frequency"):
@@ -410,6 +416,8 @@ def _uncertain(v: Numbers, route: str) -> dict[str, mpf]:
     for name in ("F1", "V1", "V2"):
         for part in ("Re", "Im"):
             add({f"{part} {name}": v[f"u {name}"]})
+    for part in ("Re", "Im"):
+        add({f"{part} V1": v["common noise of V1, V2"], f"{part} V2": v["common noise of V1, V2"]})
 
     def product(one: str, other: str) -> mpf:
         at, to = outputs.index(one), outputs.index(other)
@@ -418,6 +426,7 @@ def _uncertain(v: Numbers, route: str) -> dict[str, mpf]:
     u = {name: mp.sqrt(product(name, name)) for name in outputs}
     return {
         **common,
+        **{f"own u({name})": mp.sqrt(u[name] ** 2 - common[f"common u({name})"] ** 2) for name in outputs[:2]},
         **{f"u({name})": value for name, value in u.items()},
         "corr(Re,Im K*)": product("Re K*", "Im K*") / (u["Re K*"] * u["Im K*"]),
         "corr(K2,C)": product("K2", "C") / (u["K2"] * u["C"]),

@@ -158,11 +158,13 @@ def _arm_slopes(v: Inputs) -> Found:
 
 def _phasors(v: Inputs) -> Phasors:
     """The amplitudes of a case, with the noise that it states."""
-    noise = np.repeat([v.get(f"u {name}", 0.0) for name in _CHANNELS], 2)
+    noise = np.diag(np.repeat([v.get(f"u {name}", 0.0) for name in _CHANNELS], 2) ** 2)
+    both = np.outer([0, 0, 1, 0, 1, 0], [0, 0, 1, 0, 1, 0]) + np.outer([0, 0, 0, 1, 0, 1], [0, 0, 0, 1, 0, 1])
+    noise = noise + v.get("common noise of V1, V2", 0.0) ** 2 * both
     return Phasors(
         np.array([v["frequency"]]),
         np.array([[whole(v, name) for name in _CHANNELS]]),
-        np.diag(noise**2)[None],
+        noise[None],
         np.array([v.get("u frequency", 0.0)]),
         np.array([np.inf]),
     )
@@ -187,6 +189,7 @@ def _identified(route: str, *, blocked: bool = False) -> Callable[[Inputs], Foun
 def _uncertain(route: str) -> Callable[[Inputs], Found]:
     def run(v: Inputs) -> Found:
         gains, phases = np.array([v["gain F1"], 0.0, 0.0]), np.array([0.0, v["phase V1"], 0.0])
+        response = np.array([[0.0, 0.0, complex(v["response gain V2"], v["response phase V2"])]])
         one = identify(
             _phasors(v),
             rig_of(v),
@@ -195,12 +198,14 @@ def _uncertain(route: str) -> Callable[[Inputs], Found]:
             route=route,
             added_mass=v["added mass"],
             added_mass_std=v["u added mass"],
-            channels=ChannelUncertainty(gains, phases, np.array([0.0, 0.0, v["delay V2"]])),
+            channels=ChannelUncertainty(gains, phases, np.array([0.0, 0.0, v["delay V2"]]), response),
         )
         of_stiffness, of_arm = one.stiffness_covariance[0], one.arm_covariance[0]
         u_re, u_im = np.sqrt(np.diag(of_stiffness))
         u_k2, u_c = np.sqrt(np.diag(of_arm))
         return {
+            "own u(Re K*)": np.sqrt(one.condition_covariance[0, 0, 0]),
+            "own u(Im K*)": np.sqrt(one.condition_covariance[0, 1, 1]),
             **{
                 f"common u({name})": np.linalg.norm(row)
                 for name, row in zip(("Re K*", "Im K*"), one.stiffness_shared[0], strict=True)
@@ -294,6 +299,9 @@ MECHANICS: dict[str, Callable[[Inputs], Found]] = {
         identify_mobility([v["frequency"]], [whole(v, "V1/F1")], v["K1"], rig_of(v))
     ),
     "core.polar.polar": _polar,
+    "core.deflection.deflection_amplitude of force": lambda v: {
+        "x": float(deflection_amplitude(whole(v, "F1"), 0.1, np.nan, 60.0, stiffness=whole(v, "K*")))
+    },
     "core.deflection.deflection_amplitude blocked": lambda v: {
         "x": float(deflection_amplitude(1.0, whole(v, "V1"), whole(v, "V2"), omega(v), blocked=True))
     },

@@ -57,5 +57,5 @@ def _compared(one: Mapping[str, Any]) -> Iterator[Compared]:
         yield failed(one["check"], function, one["values"][0]["value"], f"{type(error).__name__}: {error}")
         return
     for row in one["values"]:
-        value = float(found[row["value"]])
+        value = float(found.get(row["value"], float("nan")))
         yield number(one["check"], function, row["value"], row["unit"], row["expected"], value, float(row["tolerance"]))
