@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.io.formats import hdf5
-from fourpole.io.formats.matlab_nodes import LONGEST_TEXT, MOST_TEXTS, Node
+from fourpole.io.formats.variables import LONGEST_TEXT, MOST_TEXTS, Node
 
 _INTEGERS = tuple(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))
 _CLASSES = (None, "double", "single", "logical", *_INTEGERS)
@@ -33,7 +33,7 @@ def variables_73(h5py: Any, root: Any, name: str) -> list[Node]:
 
 
 def _node_73(h5py: Any, root: Any, leaf: hdf5.Leaf, name: str, *, in_cell: bool = False) -> Node:
-    node = Node(leaf.name, leaf=leaf)
+    node = Node(leaf.name, samples=leaf)
     dataset = leaf.dataset
     if dataset is None or hdf5.is_elsewhere(h5py, dataset):
         return node

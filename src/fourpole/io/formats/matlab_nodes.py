@@ -1,52 +1,13 @@
-"""Variables of a MATLAB file as nodes, and those of versions 5 to 7 from what scipy has loaded."""
+"""Variables of a MATLAB file of versions 5 to 7 as nodes, from what scipy has loaded."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fourpole.core.arrays import ByValue
-from fourpole.io.formats import hdf5
-
-LONGEST_TEXT = 1000
-MOST_TEXTS = 4096
-
-
-@dataclass(eq=False)
-class Node(ByValue):
-    """A variable, a field of a struct or a cell."""
-
-    name: str
-    kind: str = "other"
-    """numbers, text, cells, struct or other."""
-    dims: tuple[int, ...] = ()
-    value: float | str | None = None
-    """The value of a single number or a short text."""
-    below: list[Node] = field(default_factory=list)
-    samples: NDArray[Any] | None = None
-    """The numbers; None in version 7.3."""
-    leaf: hdf5.Leaf | None = None
-    """The dataset of version 7.3."""
-
-    @property
-    def texts(self) -> list[str] | None:
-        """The texts of a cell array; None if it has any cell that is no text."""
-        found = [one.value for one in self.below if isinstance(one.value, str)]
-        return found if self.kind == "cells" and found and len(found) == len(self.below) else None
-
-    @property
-    def is_table(self) -> bool:
-        """Whether it is a matrix of numbers with several rows and columns."""
-        return self.kind == "numbers" and len(self.dims) == 2 and min(self.dims) > 1
-
-    @property
-    def is_vector(self) -> bool:
-        """Whether it is a single row or column of several numbers."""
-        return self.kind == "numbers" and len(self.dims) == 2 and min(self.dims) == 1 and max(self.dims) > 1
+from fourpole.io.formats.variables import LONGEST_TEXT, MOST_TEXTS, Node
 
 
 def variables_5(content: Mapping[str, Any]) -> list[Node]:
