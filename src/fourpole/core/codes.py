@@ -371,6 +371,16 @@ class Code(Enum):
         "the curve of {name} mixes deflection amplitudes of {low:.3g} to {high:.3g} mm: ",
         "compare K* of rubber at equal amplitudes only, or make the amplitude an axis of [conditions]",
     )
+    EXCITATIONS = (
+        "excitations",
+        "the mean square of the differences of K* between two excitations over their variances",
+        "K* depends on the excitation",
+        (
+            "K* of {name} by a {other} is {mean:.2g} dB above that by a {one} (mean of {count} frequencies; a linear "
+            "specimen has the same; ISO 10846 allows {linear:g} dB): "
+        ),
+        "compare K* at equal excitation only, or make the excitation an axis of [conditions]",
+    )
     COPY = (
         "copy",
         "whether two tests have the same recording",

@@ -15,12 +15,11 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, judged, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.curves import Curves, Samples, curves_of
-from fourpole.core.deflection import deflection_amplitude
-from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
-from fourpole.core.rig import Rig
-from fourpole.core.routes import stiffness_by
+from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.scales import check_scale, k1_exchanged
+from fourpole.study.excitations import excitations
 from fourpole.study.outcome import Point
+from fourpole.study.own import Own, named, own_of
 
 #: A channel is noisier than usual above both: noise over the median noise of all tests, and noise over the amplitude.
 _NOISIER, _MATTERS = 10.0, 0.003
@@ -61,7 +60,7 @@ class Compared:
     @property
     def notes(self) -> list[str]:
         """One sentence on the curve that mixes the largest range of amplitudes, where the specimen is not linear."""
-        mixed = [check for _, check in self.conditions if check.statistic > check.limit]
+        mixed = [check for _, check in self.conditions if check.code is Code.AMPLITUDES and check.remark]
         if self.linear or not mixed:
             return []
         worst = max(mixed, key=lambda check: check.statistic)
@@ -90,7 +89,10 @@ def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Po
     checks: dict[int, list[Check]] = {i: [] for i in range(len(tests))}
     for i, check in rows:
         checks[i].append(check)
-    ranges = amplitudes(campaign, [tests[i] for i in members], own)
+    ranges = [
+        *amplitudes(campaign, [tests[i] for i in members], own),
+        *excitations(campaign, [tests[i] for i in members], own),
+    ]
     return Compared(checks, strange, ranges, linear=len(linear) == len(members))
 
 
@@ -280,55 +282,6 @@ def _gain(campaign: Campaign) -> float:
     return 2.0 * max(float(np.linalg.norm(stds)), 1e-3)
 
 
-@dataclass(frozen=True)
-class Own:
-    """K* and deflection of a test by itself, without the other tests.
-
-    Attributes
-    ----------
-    stiffness : complex [N/m]
-        K*: from F1, V1 and V2, or from F1, V1 and the rig where V2 is not known.
-    noise : float [1]
-        Standard uncertainty of ln K* from the noise.
-    deflection : float [m]
-        Amplitude of the specimen's deflection.
-    frequency : float [Hz]
-        Frequency of the test.
-    lever : complex [1]
-        1/(1 - V2/V1), by which an error of the ratio of the gains of V1 and V2 acts on ln K*; 0 without V2.
-    """
-
-    stiffness: complex
-    noise: float
-    deflection: float
-    frequency: float
-    lever: complex
-
-
-def own_of(phasors: Phasors | None, rig: Rig | None, added: float) -> Own:
-    """K* and deflection of a test by itself; `added` is its added mass [kg]."""
-    assert phasors is not None
-    omega = float(phasors.omega)
-    f1, v1, v2 = (complex(one) for one in phasors.amplitudes)
-    force = f1 - (0.0 if rig is None else 1j * omega * rig.input_mass * v1)
-    blocked = rig is not None and rig.blocked
-    std = phasors.std.reshape(3, 2).max(axis=1)
-    with np.errstate(all="ignore"):
-        if blocked or not np.isfinite(v2):
-            impedance = np.inf if rig is None or blocked else complex(rig.impedance(omega, added))
-            stiffness = complex(
-                stiffness_by("mobility", [np.asarray(one) for one in (force, v1, v2)], impedance, omega)
-            )
-            lever = 0j
-            noise = np.hypot(std[0] / abs(f1), std[1] / abs(v1))
-        else:
-            stiffness = complex(stiffness_by("relative", [np.asarray(one) for one in (force, v1, v2)], 0.0, omega))
-            lever = complex(np.divide(v1, v1 - v2))
-            noise = np.hypot(std[0] / abs(f1), np.hypot(std[1], std[2]) / abs(v1 - v2))
-        moved = deflection_amplitude(force, v1, v2, omega, stiffness=stiffness, blocked=blocked)
-    return Own(stiffness, float(noise), float(moved), float(phasors.frequency), lever)
-
-
 def curve_checks(curves: Curves, tests: Sequence[Test]) -> list[tuple[int, Check]]:
     """Checks of each test against the curve of its condition; of two exchanged tests both are warned."""
     family, limit = curves.samples.family, curves.limit
@@ -362,15 +315,3 @@ def _family_of(curves: Curves, test: int) -> int | None:
     others = [int(one) for one in np.unique(curves.samples.family) if one != own]
     best = min(others, key=lambda one: curves.distance(test, one), default=None)
     return best if best is not None and curves.distance(test, best) <= curves.limit else None
-
-
-def named(test: Test, beside: Test | None = None, further: Sequence[str] = ()) -> str:
-    """The condition of a test in words, as far as it differs from that of another test."""
-    parts = [] if beside is not None and test.tyre == beside.tyre else [test.tyre]
-    for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE):
-        value = test.value(one.key)
-        if value is not None and (beside is None or value != beside.value(one.key)):
-            parts.append(f"{value / one.scale:.4g} {one.shown}")
-    values = [(name, test.extra.get(name) or test.value(name)) for name in further]
-    parts += [f"{name} {value}" for name, value in values if value is not None]
-    return ", ".join(parts) or test.name
