@@ -6,8 +6,10 @@ Each test begins with equations of motion, or with a definition, and not with th
 from functools import cache
 from itertools import product
 
+import mpmath
 import numpy as np
 import pytest
+import sympy as sp
 
 from fourpole import ChannelUncertainty, Phasors, Rig, identify, maxwell_arm, twoport
 from fourpole.core.confidence import COVERAGE_FACTOR
@@ -15,7 +17,6 @@ from fourpole.core.routes import mobility_route, paper_d, relative_route, transm
 from fourpole.core.stats import share_within
 from fourpole.core.tyre import mobility, zener_mobility, zener_stiffness, zener_transmissibility
 
-sp, mpmath = pytest.importorskip("sympy"), pytest.importorskip("mpmath")
 j, mp, mpc, mpf = sp.I, mpmath.mp, mpmath.mpc, mpmath.mpf
 
 pytestmark = pytest.mark.thorough

@@ -3,8 +3,10 @@
 The theorem of docs/paper-could-not-see.md is here: C of the paper's arm does not rise with frequency.
 """
 
+import mpmath
 import numpy as np
 import pytest
+import sympy as sp
 
 from fourpole import LoadCurve, maxwell_arm
 from fourpole.models.data import StiffnessData
@@ -14,7 +16,6 @@ from fourpole.models.maxwell import GeneralisedMaxwell
 from fourpole.models.prony import Prony
 from fourpole.models.ramp import Ramp
 
-sp, mpmath = pytest.importorskip("sympy"), pytest.importorskip("mpmath")
 j, mp, mpf = sp.I, mpmath.mp, mpmath.mpf
 
 pytestmark = pytest.mark.thorough

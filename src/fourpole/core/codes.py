@@ -376,7 +376,7 @@ class Code(Enum):
         "the mean square of the differences of K* between two excitations over their variances",
         "K* depends on the excitation",
         (
-            "K* of {name} by a {other} is {mean:.2g} dB above that by a {one} (mean of {count} frequencies; a linear "
+            "K* of {name} by {other} is {mean:.2g} dB above that by {one} (mean of {count} frequencies; a linear "
             "specimen has the same; ISO 10846 allows {linear:g} dB): "
         ),
         "compare K* at equal excitation only, or make the excitation an axis of [conditions]",

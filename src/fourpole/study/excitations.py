@@ -21,6 +21,8 @@ _LEVEL = 1.25
 _NEAR, _FEWEST = 0.06, 3
 #: Change of the stiffness between levels up to which ISO 10846-1 and 10846-2 take a specimen as linear [dB].
 LINEAR = 1.5
+#: Each kind with a band in words.
+_WORDS = {"random": "random excitation", "sweep": "a sweep"}
 _DECIBEL = 20.0 / np.log(10.0)
 
 
@@ -50,13 +52,13 @@ def _kinds(tests: Sequence[Test], own: Sequence[Own], group: Sequence[int]) -> d
     found: dict[str, list[int]] = {}
     for i in sorted(group, key=lambda i: own[i].deflection):
         if tests[i].band is None:
-            found.setdefault("sine", []).append(i)
+            found.setdefault("sines", []).append(i)
             continue
-        levels = [key for key in found if key.startswith(tests[i].kind)]
+        levels = [key for key in found if key.startswith(_WORDS[tests[i].kind])]
         if levels and own[i].deflection < _LEVEL * own[found[levels[-1]][0]].deflection:
             found[levels[-1]].append(i)
         else:
-            found[f"{tests[i].kind} of {1e3 * own[i].deflection:.3g} mm"] = [i]
+            found[f"{_WORDS[tests[i].kind]} of {1e3 * own[i].deflection:.3g} mm"] = [i]
     return found
 
 
@@ -66,16 +68,17 @@ def _compared(name: str, keys: tuple[str, str], pair: Sequence[Sequence[Own]]) -
     off, variance = _differences(sparse, dense)
     if off.size < _FEWEST:
         return None
-    statistic = float(np.mean(np.abs(off) ** 2 / variance))
+    statistic = float(np.mean(np.abs(off) ** 2 / (2.0 * variance)))
     limit = float(stats.chi2.isf(SEARCH_CHANCE, 2 * off.size)) / (2 * off.size)
     if statistic <= limit:
         return Check(Code.EXCITATIONS, statistic, limit, "ok")
     sign = 1.0 if sparse is pair[1] else -1.0
     weights = 1.0 / variance
     mean = sign * _DECIBEL * float(np.sum(weights * off.real) / np.sum(weights))
+    one, other = keys if mean > 0 else keys[::-1]
     verdict = "warning" if abs(mean) > LINEAR else "ok"
     return reported(
-        Code.EXCITATIONS, verdict, statistic, limit, name=name, one=keys[0], other=keys[1], mean=mean, count=off.size,
+        Code.EXCITATIONS, verdict, statistic, limit, name=name, one=one, other=other, mean=abs(mean), count=off.size,
         linear=LINEAR,
     )  # fmt: skip
 
