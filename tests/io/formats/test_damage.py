@@ -16,7 +16,7 @@ from fourpole.errors import FileError, TableError
 from fourpole.io import child as children
 from fourpole.io.child import read_apart
 from fourpole.io.convert import Choice, convert
-from fourpole.io.formats import famos, hdf5, matlab, mdf, npz, parquet, tdms, uff, wav
+from fourpole.io.formats import arrow, famos, hdf5, matlab, mdf, npz, parquet, tdms, uff, wav
 from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, Format, Request, SignalInfo
@@ -34,6 +34,7 @@ FORMATS: dict[str, Format] = {
     "mf4": mdf.FORMAT,
     "pq": parquet.FORMAT,
     "npz": npz.FORMAT,
+    "arrow": arrow.FORMAT,
     "raw": famos.FORMAT,
 }
 LIBRARIES = {"tdms": "nptdms", "uff": "pyuff", "h5": "h5py", "mf4": "asammdf"}
@@ -98,6 +99,7 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "h5": write_h5,
     "mf4": write_mf4,
     "raw": write_famos,
+    "arrow": lambda path: pl.DataFrame({"t": np.arange(300), "F1": VALUES}).write_ipc(path),
     "npz": lambda path: np.savez_compressed(path, F1=VALUES, M=np.column_stack([VALUES, VALUES]), dt=0.01),
     "pq": lambda path: pl.DataFrame({"t": np.arange(300), "F1": VALUES}).write_parquet(path, row_group_size=100),
 }

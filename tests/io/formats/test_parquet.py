@@ -13,7 +13,7 @@ import polars as pl
 import pytest
 
 from fourpole.errors import FileError, TableError
-from fourpole.io.formats import parquet as room
+from fourpole.io.formats import columnar, parquet
 from fourpole.io.formats.parquet import FORMAT
 from fourpole.io.signals import Request, Signal
 
@@ -87,8 +87,8 @@ def test_timestamps_are_seconds_from_the_first(tmp_path: Path, unit: str) -> Non
 
 
 def test_units_and_rate_in_metadata(tmp_path: Path) -> None:
-    assert room._units({"pandas": json.dumps({"attributes": {"unit": {"F1": "N"}}})}) == {"F1": "N"}
-    assert room._rate({"fs": "2e3"}) == 2000.0
+    assert columnar.stated_units({"pandas": json.dumps({"attributes": {"unit": {"F1": "N"}}})}) == {"F1": "N"}
+    assert columnar._rate({"fs": "2e3"}) == 2000.0
     frame = pl.DataFrame({"F1": FORCE, "V1": FORCE, "X [mm]": FORCE})
     path = written(tmp_path / "a.parquet", frame, units=json.dumps({"F1": "N", "V1": "m/s"}), rate="2000")
     assert [one.unit for one in read(path, "F1", "V1", "X")] == ["N", "m/s", "mm"]
@@ -101,13 +101,13 @@ def test_units_and_rate_in_metadata(tmp_path: Path) -> None:
 
 
 def test_units_of_arrow_fields() -> None:
-    assert room._field_units(SCHEMA) == {"F1": "kN", "V1": "m/s"}
+    assert parquet._field_units(SCHEMA) == {"F1": "kN", "V1": "m/s"}
     rng = np.random.default_rng(1)
     for _ in range(300):
         made = bytearray(SCHEMA.encode())
         for at in rng.integers(0, len(made), 3):
             made[at] = rng.choice(list(b"A/8Zz"))
-        assert isinstance(room._field_units(made.decode()), dict)
+        assert isinstance(parquet._field_units(made.decode()), dict)
 
 
 def test_what_lies_is_refused(tmp_path: Path, outcome: Outcome) -> None:

@@ -1,0 +1,60 @@
+"""Arrow IPC files, also called Feather: each column of numbers is a channel, with units and times as `columnar` says.
+
+References
+----------
+Apache Arrow, "Columnar Format", "Serialization and Interprocess Communication".
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import struct
+from typing import BinaryIO
+
+from fourpole.errors import TableError
+from fourpole.io.formats.columnar import Columns, arrow_schema, caught, stated_units
+from fourpole.io.formats.tracks import OpenFile, track_format
+
+_KIND = "an Arrow file"
+_FILE, _STREAM, _OLD = b"ARROW1", b"\xff\xff\xff\xff", b"FEA1"
+#: Longest description of the columns [byte].
+_LONGEST_SCHEMA = 10_000_000
+
+
+def _schema(file: BinaryIO, at: int) -> bytes:
+    """The message that describes the columns."""
+    file.seek(at)
+    head = file.read(8)
+    length = struct.unpack("<I", head[4:])[0] if len(head) == 8 else 0
+    return head + file.read(length) if length <= _LONGEST_SCHEMA else b""
+
+
+def _columns(opened: OpenFile) -> Columns:
+    """The columns of an open file."""
+    import polars as pl
+
+    start = opened.file.read(6)
+    if start[:4] == _OLD:
+        raise TableError(f"{opened.name}: is Feather version 1, which is no longer in use; save it as version 2")
+    is_file = start == _FILE
+    if is_file:
+        opened.file.seek(-len(_FILE), os.SEEK_END)
+        if opened.file.read() != _FILE:
+            raise TableError(f"{opened.name}: is cut short: it does not end as {_KIND} does; copy or export it again")
+    units, notes = arrow_schema(_schema(opened.file, 8 if is_file else 0))
+    if is_file:  # escaped: characters such as * and [ in the file's name mean themselves
+        scan = pl.scan_ipc(glob.escape(str(opened.path)), hive_partitioning=False)
+    else:
+        scan = caught(pl.read_ipc_stream, opened.path).lazy()
+    return Columns(scan, opened, "Arrow" if is_file else "Arrow stream", notes, stated_units(notes) | units)
+
+
+def _recognises(head: bytes) -> bool:
+    if not head.startswith(_STREAM) or len(head) < 12:
+        return head.startswith((_FILE, _OLD))
+    length, root = struct.unpack("<II", head[4:12])
+    return 0 < length <= _LONGEST_SCHEMA and 4 <= root <= 64
+
+
+FORMAT = track_format("Arrow", (".arrow", ".feather", ".ipc", ".arrows"), _recognises, _KIND, _columns, by_library=True)
