@@ -39,6 +39,7 @@ smartquotes = False  # K'' is no quotation
 html_title = f"Fourpole {VERSION}"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_context = {"default_mode": "auto"}
 html_show_sourcelink = html_copy_source = html_show_sphinx = False
 html_domain_indices = False
 # Summaries are fetched page by page, which a browser does not allow for files.

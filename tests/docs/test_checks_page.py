@@ -19,7 +19,7 @@ def remedy(code):
 def described():
     """docs/checks.md, from the codes: `python tests/docs/test_checks_page.py > docs/checks.md`."""
     lines = [
-        "# Checks and remedies",
+        "# Checks and remedies: what to do with a rejected test",
         "",
         "What each check of `checks.csv` looks at, what it means when it speaks, and what to do.",
         "",

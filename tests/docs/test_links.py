@@ -63,6 +63,11 @@ def test_links_are_found_and_held(tmp_path):
     assert [broken(page, target) is None for target in links(page)] == [True, False, False]
 
 
+def test_no_line_of_text_is_taken_for_a_comment():
+    """A line that begins with a per cent sign is left out of the site."""
+    assert [path.name for path in PAGES if re.search(r"^\s*%", path.read_text(encoding="utf-8"), re.MULTILINE)] == []
+
+
 def test_every_page_of_docs_opens_with_a_heading_and_a_sentence():
     """A page says first what it is for; included pages say it in their own file."""
     silent = []

@@ -3,6 +3,7 @@
 import os
 import re
 from pathlib import Path
+from urllib.parse import quote_plus
 
 import pytest
 from tests.report.browser import launched
@@ -98,10 +99,27 @@ def test_the_search_finds_a_word_without_a_network(visit):
     assert page.outside == []
 
 
-def test_the_search_ranks_pages_before_python_names(visit):
-    page = visit("search.html?q=cite")
-    page.wait_for_selector("#search-results li a")
-    assert page.locator("#search-results li a").first.inner_text() == "Citing"
+QUESTIONS = {
+    "why two masses": "theory/three-phasors.html",
+    "sign of V2": "symbols.html",
+    "what does u cover": "theory/uncertainty.html",
+    "model discrepancy": "theory/models.html#model-discrepancy",
+    "when not to use Fourpole": "start.html#when-not-to-use-fourpole",
+    "how to cite": "citing.html",
+    "which file format": "formats/README.html",
+    "rejected test": "checks.html",
+    "eq. (12)": "theory/equations-1982.html",
+    "maxwell_arm": "api/made/fourpole.core.routes.html#fourpole.core.routes.maxwell_arm",
+}
+
+
+def test_the_search_ranks_the_page_that_answers_first(visit):
+    first = {}
+    for question in QUESTIONS:
+        page = visit(f"search.html?q={quote_plus(question)}")
+        page.wait_for_selector("#search-results li a")
+        first[question] = page.locator("#search-results li a").first.get_attribute("href")
+    assert first == QUESTIONS
 
 
 def test_code_can_be_copied_without_its_prompts(visit):
