@@ -110,17 +110,7 @@ class Grid:
         `height` [in] is that of the whole figure; without it, or one of the style, it follows from the panels, which
         are never lower than `least` [in]. `left` and `right` [in] are the room beside a panel.
         """
-        for at, ax in enumerate(self.panels):
-            row, column = divmod(at, self.columns)
-            below = at + self.columns < len(self.panels)
-            if share_x and below:
-                ax.tick_params(labelbottom=False)
-            else:
-                ax.set_xlabel(x_label)
-            if share_y and column:
-                ax.tick_params(labelleft=False)
-            else:
-                ax.set_ylabel(y_labels[row % len(y_labels)])
+        self._label(x_label, y_labels, share_x, share_y)
         size, rows = self.style.size, self.rows
         unit = size.font
         between = unit * ((0.36 if headings == "all" else 0.14) + (0.0 if share_x else 0.42))
@@ -152,10 +142,38 @@ class Grid:
         if scale is not None:
             _draw_scale(self.figure, scale, self.style, (notes_height + 0.26 * unit) / height)
         if note_lines:
-            self.figure.text(0.1 * unit / size.width, 0.05 * unit / height, "\n".join(note_lines), va="bottom",
-                             ha="left", fontsize=self.style.font(7.0), linespacing=1.25,
-                             color=self.style.look.muted)  # fmt: skip
+            _draw_notes(self.figure, note_lines, self.style)
         return self.figure
+
+    def _label(self, x_label: str, y_labels: Sequence[str], share_x: bool, share_y: bool) -> None:
+        """Labels of the axes; where axes are shared, of the outer ones only."""
+        for at, ax in enumerate(self.panels):
+            row, column = divmod(at, self.columns)
+            below = at + self.columns < len(self.panels)
+            if share_x and below:
+                ax.tick_params(labelbottom=False)
+            else:
+                ax.set_xlabel(x_label)
+            if share_y and column:
+                ax.tick_params(labelleft=False)
+            else:
+                ax.set_ylabel(y_labels[row % len(y_labels)])
+
+
+def _draw_notes(figure: Figure, lines: Sequence[str], style: Style) -> None:
+    """The notes at the foot of a figure that has its size."""
+    width, height = figure.get_size_inches()
+    x, y = 0.1 * style.size.font / width, 0.05 * style.size.font / height
+    figure.text(
+        x,
+        y,
+        "\n".join(lines),
+        va="bottom",
+        ha="left",
+        fontsize=style.font(7.0),
+        linespacing=1.25,
+        color=style.look.muted,
+    )
 
 
 def _wrapped(lines: Sequence[str], letters: int) -> list[str]:

@@ -174,16 +174,7 @@ def verify_results(
         If the folder has no study.json that can be read.
     """
     folder = Path(folder)
-    if not (folder / NAME).is_file():
-        raise CampaignError(f"{folder}: the results are not complete, {NAME} is not there: run fourpole analyse again")
-    try:
-        record = read_record(folder)
-    except (FileError, TableError, ValueError) as error:
-        raise CampaignError(f"{folder / NAME}: cannot be read ({error}): run fourpole analyse again") from None
-    if not (folder / "dynamic.csv").is_file() and not _hashes(record, "results"):
-        raise CampaignError(
-            f"{folder}: the results are not complete, dynamic.csv is not there: run fourpole analyse again"
-        )
+    record = _record_of(folder)
     place = _campaign_of(folder, campaign)
     inputs = _inputs(place, record)
     made = section(record, "origin")
@@ -205,6 +196,20 @@ def verify_results(
     except FourpoleError as error:
         return VerifiedResults(**{**vars(found), "not_run": f"the second run ended with an error: {error}"})
     return VerifiedResults(**{**vars(found), "repeated": repeated})
+
+
+def _record_of(folder: Path) -> Mapping[str, Any]:
+    """study.json of results; CampaignError if it is not there or cannot be read, or if no table can be checked."""
+    again = "run fourpole analyse again"
+    if not (folder / NAME).is_file():
+        raise CampaignError(f"{folder}: the results are not complete, {NAME} is not there: {again}")
+    try:
+        record = read_record(folder)
+    except (FileError, TableError, ValueError) as error:
+        raise CampaignError(f"{folder / NAME}: cannot be read ({error}): {again}") from None
+    if not (folder / "dynamic.csv").is_file() and not _hashes(record, "results"):
+        raise CampaignError(f"{folder}: the results are not complete, dynamic.csv is not there: {again}")
+    return record
 
 
 def _campaign_of(folder: Path, campaign: str | Path | None) -> Path | None:
