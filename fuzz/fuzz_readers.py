@@ -30,7 +30,7 @@ from types import FrameType
 import numpy as np
 
 from fourpole.errors import FourpoleError
-from fourpole.io.formats import famos, lvm, text, tydex, wav
+from fourpole.io.formats import famos, lvm, rpc, text, tydex, wav
 from fourpole.io.signals import FileInfo, Format, Request, Signal
 
 MAX_BYTES = 20_000_000
@@ -150,6 +150,13 @@ FAMOS = b"|CF,2,1,1;" + b"".join(b"|%s,1,%d,%s;" % (key.encode(), len(said), sai
 WAV = b"RIFF\x34\0\0\0WAVEfmt \x10\0\0\0\1\0\1\0\xe8\3\0\0\xd0\7\0\0\2\0\x10\0data\x10\0\0\0" + bytes(range(16))
 
 
+RPC_KEYS = {"FORMAT": "BINARY", "NUM_HEADER_BLOCKS": "4", "NUM_PARAMS": "12", "DELTA_T": "1E-3", "CHANNELS": "2"}
+RPC_KEYS |= {"PTS_PER_FRAME": "4", "PTS_PER_GROUP": "8", "FRAMES": "3", "DESC.CHAN_1": "F1", "DESC.CHAN_2": "Zeit"}
+RPC_KEYS |= {"SCALE.CHAN_1": "0.01", "SCALE.CHAN_2": "1"}
+RPC = b"".join(struct.pack("32s96s", *map(str.encode, one)) for one in RPC_KEYS.items()).ljust(2048, b"\0") + bytes(
+    range(64)
+)
+
 READERS: dict[str, tuple[Format, list[bytes]]] = {
     "tydex": (
         tydex.FORMAT,
@@ -161,6 +168,7 @@ READERS: dict[str, tuple[Format, list[bytes]]] = {
     ),
     "text": (text.FORMAT, TEXTS),
     "famos": (famos.FORMAT, [FAMOS]),
+    "rpc": (rpc.FORMAT, [RPC]),
     "wav": (wav.FORMAT, [WAV]),
 }
 

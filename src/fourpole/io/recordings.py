@@ -12,7 +12,10 @@ from fourpole.io.signals import HEAD_BYTES, FileInfo, Format
 from fourpole.io.source import name_of, open_regular
 
 #: Modules of `fourpole.io.formats` in the order in which they are tried; text is last, for it accepts any text.
-_MODULES = ("mdf", "tdms", "hdf5", "matlab", "npz", "parquet", "arrow", "famos", "uff", "wav", "tydex", "lvm", "text")
+_MODULES = (
+    *("mdf", "tdms", "hdf5", "matlab", "npz", "parquet", "arrow", "famos"),
+    *("rpc", "uff", "wav", "tydex", "lvm", "text"),
+)
 
 
 def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> Format:

@@ -1,0 +1,225 @@
+"""RPC III, the time histories of servohydraulic rigs: 16 bit integers with a scale, or floats, of each channel.
+
+A file begins with records of 128 bytes: a key of 32 bytes and a value of 96, both text. The samples follow in groups:
+in each group `PTS_PER_GROUP` samples of the first channel, then those of the next one. A group has whole frames, and
+the last one is filled up. The value of a sample is the integer times `SCALE.CHAN_n`; floats are values as they are.
+
+References
+----------
+Open readers: rpc-reader 0.9 (groups, frames, floats); openfedem, FiRPC3File.C (groups, filling, scale). The first one
+multiplies integers by INT_FULL_SCALE/32768 as well.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fourpole.errors import TableError
+from fourpole.io.formats.guard import afford, find, tidy
+from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
+from fourpole.io.names import numbered
+from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.units import shown
+
+_KIND = "an RPC III file"
+_RECORD, _KEY, _PAGE = 128, 32, 512
+_MOST_PAGES, _MOST_CHANNELS = 4096, 4096
+_TYPES = {"SHORT_INTEGER": "i2", "FLOATING_POINT": "f4", "DOUBLE_PRECISION": "f8"}
+_ORDERS = {"BINARY": "<", "BINARY_IEEE_LITTLE_END": "<", "BINARY_IEEE_BIG_END": ">"}
+#: Full scale of an integer of 16 bit.
+_FULL_SCALE = 32768
+#: Keys that say how the samples are stored.
+_STRUCTURE = (
+    *("FORMAT", "NUM_HEADER_BLOCKS", "NUM_PARAMS", "FILE_TYPE", "CHANNELS", "DELTA_T"),
+    *("PTS_PER_FRAME", "PTS_PER_GROUP", "FRAMES", "PARTITIONS"),
+)
+#: Bytes that are decoded at a time.
+_BLOCK = 1 << 20
+
+
+def _recognises(head: bytes) -> bool:
+    return head.startswith(b"FORMAT") and head[_RECORD:].startswith(b"NUM_HEADER_BLOCKS")
+
+
+def _text(raw: bytes) -> str:
+    return raw.split(b"\0")[0].decode("cp1252", errors="replace").strip()
+
+
+def _keys(file: BinaryIO, name: str) -> dict[str, str]:
+    """The values of the header by their keys."""
+    first = file.read(2 * _RECORD)
+    pages = _text(first[_RECORD + _KEY :])
+    if not pages.isdecimal() or not 0 < int(pages) <= _MOST_PAGES:
+        raise TableError(f"{name}: declares a header of {shown(pages, 20)} blocks; it is damaged: export it again")
+    held = first + file.read(int(pages) * _PAGE - len(first))
+    if len(held) < int(pages) * _PAGE:
+        raise TableError(f"{name}: is cut short: it ends before its samples begin; copy or export it again")
+    records = (held[at : at + _RECORD] for at in range(0, len(held), _RECORD))
+    found = {_text(one[:_KEY]).upper(): _text(one[_KEY:]) for one in records}
+    return {key: value for key, value in found.items() if key}
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """How the samples are stored."""
+
+    begin: int
+    """First byte of the samples."""
+    kind: np.dtype[np.generic]
+    channels: int
+    group: int
+    """Samples of a channel in a group."""
+    count: int
+    """Samples of a channel."""
+    last: int
+    """Samples of a channel that the last group has room for."""
+    step: float
+    """Time between two samples [s]."""
+
+
+def _whole(keys: dict[str, str], key: str, most: int, name: str) -> int:
+    value = keys.get(key, "")
+    if not (value.isdecimal() and len(value) < 16 and 0 < int(value) <= most):
+        said = f"{key} is {shown(value, 40)}" if key in keys else f"has no {key}"
+        raise TableError(f"{name}: its header {said}; it is damaged: export it again")
+    return int(value)
+
+
+def _number(text: str | None) -> float | None:
+    """The finite number in a value; None if there is none."""
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _shape(keys: dict[str, str], size: int, name: str) -> _Shape:
+    """How the samples are stored; TableError if they cannot be read, or the file is smaller than the header says."""
+    order, kind = _ORDERS.get(keys["FORMAT"]), keys.get("DATA_TYPE", "SHORT_INTEGER")
+    if order is None or kind not in _TYPES:
+        what = f"format {shown(keys['FORMAT'], 40)}, data type {shown(kind, 40)}"
+        raise TableError(f"{name}: its samples are of {what}; export it as BINARY with SHORT_INTEGER or FLOATING_POINT")
+    if keys.get("FILE_TYPE", "TIME_HISTORY") != "TIME_HISTORY":
+        what = f"is of the file type {shown(keys['FILE_TYPE'], 40)}"
+        raise TableError(f"{name}: {what}; only a TIME_HISTORY is a recording")
+    if keys.get("PARTITIONS", "1") not in ("0", "1", ""):
+        raise TableError(f"{name}: has {shown(keys['PARTITIONS'], 20)} partitions; export its channels in one")
+    channels = _whole(keys, "CHANNELS", _MOST_CHANNELS, name)
+    frame = _whole(keys, "PTS_PER_FRAME", size, name)
+    frames = _whole(keys, "FRAMES", size, name)
+    group = _whole(keys, "PTS_PER_GROUP", size, name)
+    step = _number(keys.get("DELTA_T"))
+    if group % frame or not step or not 1e-12 < step < 1e12:
+        what = f"PTS_PER_GROUP {group}, PTS_PER_FRAME {frame}, DELTA_T {shown(keys.get('DELTA_T', ''), 40)}"
+        raise TableError(f"{name}: its header states {what}, which no recording has; it is damaged: export it again")
+    begin, stored = _PAGE * int(keys["NUM_HEADER_BLOCKS"]), frame * frames
+    type_ = np.dtype(order + _TYPES[kind])
+    there, sample = size - begin, channels * type_.itemsize
+    filled = math.ceil(stored / group) * group
+    if there < sample * filled and there != sample * stored:
+        raise TableError(
+            f"{name}: is cut short: declares {sample * filled} bytes of samples, has {there}; copy or export it again"
+        )
+    last = group if there >= sample * filled else stored - (filled - group)
+    samples = keys.get("SAMPLES", "")
+    count = min(stored, int(samples)) if samples.isdecimal() and len(samples) < 16 else stored
+    return _Shape(begin, type_, channels, group, count, last, step)
+
+
+class _Content:
+    """The channels of an open file."""
+
+    def __init__(self, opened: OpenFile) -> None:
+        self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
+        self._keys = _keys(opened.file, opened.name)
+        self._shape = _shape(self._keys, os.fstat(opened.file.fileno()).st_size, opened.name)
+        count = range(1, self._shape.channels + 1)
+        self._names = numbered([self._keys.get(f"DESC.CHAN_{at}") or str(at) for at in count])
+        units = [self._keys.get(f"UNITS.CHAN_{at}", "") for at in count]
+        self._units = [one if one.upper() not in ("", "NONE") else None for one in units]
+        self._scales = [self._scale(at) for at in count]
+
+    def _scale(self, channel: int) -> float:
+        """Value of one count; 1 for floats."""
+        if self._shape.kind.kind == "f":
+            return 1.0
+        scale = _number(self._keys.get(f"SCALE.CHAN_{channel}"))
+        if scale is None:
+            raise TableError(f"{self._name}: states no SCALE.CHAN_{channel}; it is damaged: export it again")
+        return scale
+
+    def info(self) -> FileInfo:
+        """The description of the file and its channels."""
+        integer = self._shape.kind.kind == "i"
+        signals = (
+            SignalInfo.timed(
+                name, unit, "", self._shape.count, rate=1.0 / self._shape.step,
+                note=f"16 bit integer times {scale:.8g}" if integer else "",
+            )
+            for name, unit, scale in zip(self._names, self._units, self._scales, strict=True)
+        )  # fmt: skip
+        stated = ((key, value) for key, value in self._keys.items() if "CHAN_" not in key and key not in _STRUCTURE)
+        notes = [f"{tidy(key, 40)}: {tidy(value)}" for key, value in stated if value][:20]
+        full = _number(self._keys.get("INT_FULL_SCALE"))
+        if integer and full and full != _FULL_SCALE:
+            share = f"{100 * (full / _FULL_SCALE - 1):+.3g} %"
+            notes.append(f"a program that scales by INT_FULL_SCALE/{_FULL_SCALE} gives values that differ by {share}")
+        return FileInfo("RPC III", tuple(signals), tuple(notes))
+
+    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+        """The channels of a request, see `tracks.Content`."""
+        which = find([("", one) for one in self._names], request)
+        if whole:
+            afford(8 * self._shape.count * len(which), self._max_bytes, self._name)
+        rate = 1.0 / self._shape.step
+        return [Track(self._names[at], self._units[at], self._shape.count, self._part(at), rate) for at in which]
+
+    def _part(self, channel: int) -> Part:
+        """The function that reads a part of one channel."""
+        group, width = self._shape.group, self._shape.channels * self._shape.kind.itemsize
+        step = max(_BLOCK // (group * width), 1)
+
+        def part(first: int, last: int) -> NDArray[np.float64]:
+            values = np.empty(last - first)
+            at = first
+            while at < last:
+                begin = at // group
+                end = min(begin + step, math.ceil(last / group))
+                held = self._groups(begin, end, channel)
+                taken = held[at - begin * group : last - begin * group]
+                values[at - first : at - first + len(taken)] = taken
+                at += len(taken)
+            return values * self._scales[channel]
+
+        return part
+
+    def _groups(self, begin: int, end: int, channel: int) -> NDArray[np.float64]:
+        """The samples of a channel in successive groups, without scale."""
+        shape, size = self._shape, self._shape.kind.itemsize
+        final = math.ceil(shape.count / shape.group) - 1
+        alone = end - begin == 1
+        room = shape.last if alone and begin == final else shape.group
+        at = shape.begin + begin * shape.group * shape.channels * size
+        if alone:
+            return self._numbers(at + channel * room * size, room)
+        if end - 1 == final and shape.last < shape.group:
+            return np.concatenate([self._groups(begin, end - 1, channel), self._groups(end - 1, end, channel)])
+        held = self._numbers(at, (end - begin) * shape.group * shape.channels)
+        return held.reshape(-1, shape.channels, shape.group)[:, channel].ravel()
+
+    def _numbers(self, at: int, count: int) -> NDArray[np.float64]:
+        self._file.seek(at)
+        content = self._file.read(count * self._shape.kind.itemsize)
+        if len(content) != count * self._shape.kind.itemsize:
+            raise TableError(f"{self._name}: is cut short within its samples; copy or export it again")
+        return np.frombuffer(content, dtype=self._shape.kind).astype(np.float64)
+
+
+FORMAT = track_format("RPC III", (".rpc", ".rsp", ".tim", ".drv"), _recognises, _KIND, _Content)
