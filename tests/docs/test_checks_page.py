@@ -21,7 +21,7 @@ def described():
     lines = [
         "# Checks and remedies: what to do with a rejected test",
         "",
-        "What each check of `checks.csv` looks at, what it means when it speaks, and what to do.",
+        "What each check of `checks.csv` looks at, what its warning or rejection means, and what to do.",
         "",
         "## When a test is rejected",
         "",
