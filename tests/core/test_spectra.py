@@ -138,9 +138,10 @@ def test_a_line_without_excitation_is_rejected():
 
 
 def _sines(frequencies, length=60.0):
+    """Sines with 1 % of noise."""
     time, rng = np.arange(int(length * 1000)) / 1000.0, np.random.default_rng(14)
     waves = [np.exp(1j * (2 * np.pi * f * time + rng.uniform(0, 6.28))) for f in frequencies]
-    total = np.sum(waves, axis=0)
+    total = np.sum(waves, axis=0) + 0.01 * random_rig.white(rng, time.size)
     return Recording.from_arrays(time, force_in=total.imag, motion_in=total.real, motion_out=(0.3j * total).real)
 
 
@@ -207,6 +208,7 @@ def _apart():
     ("recording", "band", "error", "said"),
     [
         (lambda: _sines(5.03 * 2 ** (np.arange(16) / 3)), BAND, RecordingError, "separate sines"),
+        (lambda: _sines([20.1]), BAND, RecordingError, "separate sines"),
         (swept, BAND, RecordingError, "state kind = sweep"),
         (lambda: recorded(16, length=8.0), BAND, TooShortError, "record 13.2 s or more"),
         (lambda: recorded(17, length=20.0), (600.0, 800.0), RecordingError, "do not resolve 600 Hz"),

@@ -108,3 +108,16 @@ def test_a_slip_in_the_row_is_named(tmp_path, kind, frequency, said):
     assert bool(test.problem) is bool(said)
     if not said:
         assert test.band == (200.0, 5000.0)
+
+
+def test_a_clipped_force_rejects_all_lines(folder, tmp_path):
+    table = pl.read_parquet(folder / "R0.parquet")
+    limit = 1.5 * table["F1"].std()
+    table.with_columns(pl.col("F1").clip(-limit, limit)).write_parquet(tmp_path / "R0.parquet")
+    rows = (folder / "tests.csv").read_text().splitlines()
+    (tmp_path / "campaign.toml").write_text(STATED)
+    (tmp_path / "tests.csv").write_text("\n".join(rows[:2]) + "\n")
+    found = analyse(tmp_path, monte_carlo=0)
+    assert found.dynamic.height > 100
+    assert set(found.dynamic["verdict"]) == {"rejected"}
+    assert found.dynamic["remarks"].str.contains("clipped").all()

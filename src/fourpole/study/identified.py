@@ -31,7 +31,7 @@ from fourpole.study.outcome import BEGAN, Point, point_keys
 from fourpole.study.rig_estimate import RigEstimate, RunOrder, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
 from fourpole.study.sharing import at_mean_temperature, families, temperature_note, temperatures_apart
-from fourpole.study.static import StaticStiffness
+from fourpole.study.static import StaticStiffness, k1_apart
 
 #: Message that a route lacks the rig.
 NO_RIG = (
@@ -78,6 +78,8 @@ class Setup(ByValue):
         Where the times are from.
     apart : (N,) float array [1]
         Standard uncertainty of log K* for the temperature of the test apart from the mean of its condition.
+    lines : (N,) float array [1]
+        Number of lines of the recording that are used.
     """
 
     rig_name: str
@@ -94,10 +96,11 @@ class Setup(ByValue):
     static_time: FloatArray
     order: RunOrder
     apart: FloatArray
+    lines: FloatArray
 
     def part(self, rows: BoolArray) -> Setup:
         """The inputs for some of the tests."""
-        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time", "apart")
+        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time", "apart", "lines")
         specimen = tuple(name for name, kept in zip(self.specimen, rows, strict=True) if kept)
         taken = {name: getattr(self, name)[rows] for name in names}
         return replace(self, channels=self.channels.part(rows), specimen=specimen, **taken)
@@ -297,6 +300,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
     added = np.array([test.value("added_mass") or 0.0 for test in tests])
     added_std = [test.value("u(added_mass)") for test in tests]
     order, time = _run(tests)
+    _, at, lines = np.unique([test.name for test in tests], return_inverse=True, return_counts=True)
     family = families(campaign, tests)
     return Setup(
         rig_name=rig_name,
@@ -313,6 +317,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         static_time=np.array([k1.time if order is RunOrder.TIME else np.nan for k1 in stiffness]),
         order=order,
         apart=temperatures_apart(tests, family, campaign.stated.conditions),
+        lines=lines[at].astype(float),
     )
 
 
@@ -344,7 +349,7 @@ def _identified(
         found, result = _results(setup, phasors, joint)
         estimate = rig_estimate(setup.rig_name, keys, joint, found)
         estimate = replace(estimate, order=setup.order, mass_gain=_mass_gain(joint, setup, phasors, found, result))
-        variance = _k1_apart(joint_variance_by_source(joint, found, setup.k1_std), parts)
+        variance = k1_apart(joint_variance_by_source(joint, found, setup.k1_std), parts)
         return Group(keys, setup, phasors, route, result, variance, joint=joint, estimate=estimate)
     arguments: dict[str, Any] = {
         "k1_std": setup.k1_std,
@@ -356,7 +361,7 @@ def _identified(
     result = identify(phasors, setup.rig, setup.k1, **arguments)
     result = at_mean_temperature(result, setup.apart)
     variance = variance_by_source(phasors, setup.rig, setup.k1, **arguments)
-    return Group(keys, setup, phasors, route, result, _k1_apart(variance, parts))
+    return Group(keys, setup, phasors, route, result, k1_apart(variance, parts))
 
 
 def _solved(setup: Setup, phasors: Phasors) -> Joint:
@@ -374,6 +379,7 @@ def _solved(setup: Setup, phasors: Phasors) -> Joint:
         specimen=setup.specimen,
         time=setup.time,
         apart=setup.apart,
+        lines=setup.lines,
     )
 
 
@@ -422,18 +428,6 @@ def _mass_gain(
     without = relative_uncertainties(alone_result, exact, np.ones(fewer.k1.size, dtype=bool))
     exact = identification(joint, phasors, setup.k1, 0.0, found)
     return mass_gain(without, relative_uncertainties(result, exact, bare))
-
-
-def _k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source, float]]) -> dict[Source, FloatArray]:
-    """The variances with that of K1 divided into the parts of K1's own uncertainty."""
-    whole = variance.pop(Source(Kind.K1))
-    sources = dict.fromkeys(source for part in parts for source in part)
-    squares = {source: np.array([part.get(source, 0.0) ** 2 for part in parts]) for source in sources}
-    total = np.sum(list(squares.values()), axis=0) if squares else np.zeros(len(parts))
-    for source, square in squares.items():
-        share = np.divide(square, total, out=np.zeros_like(square), where=total > 0)
-        variance[source] = whole * share[:, None]
-    return variance
 
 
 def _intervals(group: Group, draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:

@@ -145,11 +145,15 @@ def reduced_of(job: Job, done: Demodulated) -> Reduced:
 
 
 def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
-    """The points of a recording: one for each frequency, with its checks; those of the recording stand at the first."""
+    """The points of a recording: one for each frequency, with its checks.
+
+    The checks of the whole recording stand at the first point, and at each point if they are not ok.
+    """
     if not isinstance(done.found, Excited):
         return (point_of(job, done),)
     found, rig, added = done.found, job.rig.rig() if job.rig is not None else None, job.test.value("added_mass") or 0.0
     whole = (*done.checks, *_checks_of_force(job.test, found.force_peak, done.mean_force), *check_closure(found))
+    bad = tuple(row for row in whole if row.verdict != "ok")
     points = []
     for at in range(found.averages.size):
         phasors = found.phasors.part(at)
@@ -157,7 +161,7 @@ def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
         if rig is not None and not rig.blocked:
             rows += [checks.check_resonance(float(phasors.frequency), rig, added)]
             rows += [checks.check_consistency(phasors, rig, added)]
-        points.append(Point(phasors, (*(whole if at == 0 else ()), *rows), found.corrections[at], line=found.line(at)))
+        points.append(Point(phasors, (*(bad if at else whole), *rows), found.corrections[at], line=found.line(at)))
     return tuple(points)
 
 

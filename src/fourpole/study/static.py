@@ -10,6 +10,7 @@ import numpy as np
 
 from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign, Test, condition_of
+from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.condition import Condition, Sameness
@@ -339,3 +340,15 @@ def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) ->
     found = f"; static tests of it are at {at}" if at else ""
     state = ", ".join(["this pressure", *(axis.name for axis in rule.further)])
     return f"no static test of tyre {test.tyre!r} at {state}{found}", "add one, or state K1 [N/m] in tests.csv"
+
+
+def k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source, float]]) -> dict[Source, FloatArray]:
+    """The variances with that of K1 divided into the parts of K1's own uncertainty."""
+    whole = variance.pop(Source(Kind.K1))
+    sources = dict.fromkeys(source for part in parts for source in part)
+    squares = {source: np.array([part.get(source, 0.0) ** 2 for part in parts]) for source in sources}
+    total = np.sum(list(squares.values()), axis=0) if squares else np.zeros(len(parts))
+    for source, square in squares.items():
+        share = np.divide(square, total, out=np.zeros_like(square), where=total > 0)
+        variance[source] = whole * share[:, None]
+    return variance

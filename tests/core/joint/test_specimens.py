@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from tests.core.joint.conftest import USUAL
 
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import identification
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind
 
 THREE = (0.0, 0.0, 0.0)
@@ -102,3 +106,44 @@ def test_one_test_in_fifteen_whose_gain_is_far_off_is_found(make, channel):
     ratio = found.stiffness_covariance[others, 0, 0] / clean.stiffness_covariance[others, 0, 0]
     assert np.all(ratio < 1.6)
     assert np.abs(bad.errors_of(joint)[0][others]).max() < 4
+
+
+def _recordings(seed, *, count=8, lines=30, scatter=0.01):
+    """Recordings with and without 10 kg, with many lines each; K' and K'' of all lines of one are off together."""
+    rng = np.random.default_rng(seed)
+    frequency = np.tile(np.geomspace(8.0, 60.0, lines), count)
+    added = np.repeat(np.where(np.arange(count) % 2, 10.0, 0.0), lines)
+    omega = 2 * np.pi * frequency
+    off = np.repeat(scatter * (rng.normal(size=count) + 1j * rng.normal(size=count)), lines)
+    stiffness = (120e3 + 1j * omega * 800 * 90e3 / (90e3 + 1j * omega * 800)) * np.exp(off)
+    impedance = Rig(moving_mass=15.0, preload_stiffness=12440.0).impedance(omega, added)
+    ratio = stiffness / (stiffness + 1j * omega * impedance)
+    noise = 1e-3 * (rng.normal(size=(omega.size, 6)) @ np.kron(np.eye(3), [[1], [1j]]))
+    clean = 0.06 * np.stack([impedance * ratio, np.ones(omega.size), ratio], axis=1)
+    variance = np.repeat(1e-3 * np.abs(clean), 2, axis=1) ** 2
+    nothing = np.zeros(omega.size)
+    gains = np.array([1.02, 0.98, 1.01])
+    return added, Phasors(
+        frequency, gains * clean * (1 + noise), variance[:, :, None] * np.eye(6), nothing, nothing + np.inf
+    )
+
+
+def test_the_scatter_of_recordings_with_many_lines_is_that_of_few_values():
+    """The lines of a recording do not average a scatter that they share: the gain keeps its uncertainty."""
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.01, "preload_stiffness": 10.0})
+    channels = ChannelUncertainty(np.full(3, 0.03), np.full(3, 0.02))
+    pulls = []
+    for seed in range(12):
+        added, phasors = _recordings(seed)
+        given = {"added_mass": added, "added_mass_std": 1e-4 * added, "channels": channels}
+        for lines in (1, 30):
+            joint = solve_joint(phasors, rig, 120e3, **given, lines=lines)
+            names = [(one.source.kind, one.source.of) for one in joint.stated.parameters]
+            turn = np.zeros(len(names))
+            turn[[names.index((Kind.GAIN, "F1")), names.index((Kind.GAIN, "V1"))]] = 1.0, -1.0
+            turn *= joint.problem.shared.std
+            found = turn @ joint.solution.z - np.log(1.02 / 0.98)
+            pulls.append(found / np.sqrt(turn @ joint.solution.covariance @ turn))
+    alone, together = np.sqrt(np.mean(np.reshape(pulls, (-1, 2)) ** 2, axis=0))
+    limit = 1.0 + 4.0 / np.sqrt(2 * 12)  # four standard deviations of the root mean square of 12 numbers
+    assert together < limit < alone

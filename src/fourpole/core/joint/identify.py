@@ -29,6 +29,7 @@ def identify_joint(
     specimen: Sequence[str] | None = None,
     time: ArrayLike | None = None,
     apart: ArrayLike = 0.0,
+    lines: ArrayLike = 1.0,
 ) -> Identification:
     r"""Find K* of every condition, the rig's values and the channels' gains from all tests of a rig together.
 
@@ -59,6 +60,8 @@ def identify_joint(
         Time of each test, in any unit, along which a specimen may drift; by default the order of the tests.
     apart : (N,) float array [1]
         Standard deviation of log K* of each test about that of its condition, as from another temperature.
+    lines : (N,) float array [1]
+        Number of lines of the recording that a test is one of: their K* scatters together.
 
     Returns
     -------
@@ -101,5 +104,6 @@ def identify_joint(
         specimen=specimen,
         time=time,
         apart=apart,
+        lines=lines,
     )
     return identification(joint, phasors, k1, k1_std)

@@ -103,6 +103,7 @@ def solve_joint(
     specimen: Sequence[str] | None = None,
     time: ArrayLike | None = None,
     apart: ArrayLike = 0.0,
+    lines: ArrayLike = 1.0,
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
     if rig.blocked:
@@ -132,6 +133,7 @@ def solve_joint(
         tuple(error.source for error in errors),
         tuple(names.tolist()),
         apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,
+        lines=np.broadcast_to(np.asarray(lines, dtype=float), count)[order] if np.any(np.asarray(lines) != 1) else None,
     )
     problem, solution, outlier, misfit = _reconciled(problem, channels)
     back = np.argsort(order)

@@ -49,6 +49,8 @@ class Problem(ByValue):
         Standard deviation of Re and Im of log K* of a test about those of its condition, besides the noise.
     apart : (N,) float array [1], optional
         The same for each test, because its temperature is not the mean of its condition; by default 0.
+    lines : (N,) float array [1], optional
+        Number of lines of the recording that a test is one of; by default 1.
     """
 
     observed: Observed
@@ -58,12 +60,19 @@ class Problem(ByValue):
     names: tuple[str, ...] = ("",)
     scatter: float = 0.0
     apart: FloatArray | None = None
+    lines: FloatArray | None = None
     _kept: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @property
     def spread(self) -> FloatArray:
-        """Standard deviation (N,) of log K* of each test about that of its condition, besides the noise [1]."""
-        return np.hypot(self.scatter, np.zeros(self.conditions.label.size) if self.apart is None else self.apart)
+        """Standard deviation (N,) of log K* of each test about that of its condition, besides the noise [1].
+
+        The K* of all n lines of a recording may scatter together. They know as much of a shared value as independent
+        lines whose scatter is larger by the root of n.
+        """
+        one = np.ones(self.conditions.label.size)
+        together = one if self.lines is None else np.sqrt(self.lines)
+        return np.hypot(self.scatter * together, 0.0 if self.apart is None else self.apart)
 
     @property
     def without_spread(self) -> Problem:

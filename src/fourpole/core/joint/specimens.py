@@ -102,7 +102,8 @@ def _add_drifts(state: State) -> bool:
     dof = 2.0 * float((problem.conditions.sizes - 1).sum()) - lost
     tyre = float(residuals(problem, state.solution).tyre.sum())
     # If a scatter was found from the same departures, it contains the drift: chi-square per dof may be far below 1.
-    least = 1e-9 if problem.scatter else 1.0
+    # It is below 1 with many lines in a recording too, which scatter together and need no drift.
+    least = 1e-9 if problem.scatter and problem.lines is None else 1.0
     rest = max((tyre - fall) / max(dof, 1.0), least)
     if dof <= 0 or stats.f.sf(fall / lost / rest, lost, dof) > CHANCE:
         return False

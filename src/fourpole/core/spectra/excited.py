@@ -211,11 +211,16 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
     )
 
 
-def deflection_in(frequency: FloatArray, matrix: ComplexArray, width: float) -> float:
-    """Amplitude of the deflection in a band [m], 0 to peak of a sine of the same power, from densities at even bins."""
+def power_of_deflection(matrix: ComplexArray) -> FloatArray:
+    """Spectral density (L,) of V1 - V2, or of V1 where V2 is not recorded."""
     power = matrix[:, 1, 1].real.copy()
     if matrix.shape[1] == len(CHANNELS):
         power += matrix[:, 2, 2].real - 2.0 * matrix[:, 1, 2].real
+    return power
+
+
+def deflection_in(frequency: FloatArray, power: FloatArray, width: float) -> float:
+    """Amplitude of the deflection in a band [m], 0 to peak of a sine of the same power, from densities of V1 - V2."""
     return float(np.sqrt(2.0 * np.sum(power / (2 * np.pi * frequency) ** 2) * width))
 
 

@@ -25,12 +25,15 @@ class Motion:
     ----------
     foreign : float [1]
         Share of the bins at which the motion is that of a sine at another frequency, as between separate sines.
+    single : float [1]
+        Share of the power of V1 that these bins have; half of it or more if the motion is one sine.
     held : float [1]
         Number of segments that hold the power at a bin, in the median: all of them if the excitation is steady, a few
         in a sweep.
     """
 
     foreign: float
+    single: float
     held: float
 
 
@@ -62,4 +65,5 @@ def motion_of(track: Track, segment: float, band: tuple[float, float]) -> Motion
     hop = max(1, size // 2) / track.rate
     off = np.angle(advance * np.exp(-2j * np.pi * frequency * hop)) / (2 * np.pi * hop)
     foreign = (np.abs(advance) > _STEADY * total) & (np.abs(off) > _AWAY * track.rate / size)
-    return Motion(float(foreign.mean()), float(min(np.median(held), starts.size)))
+    single = float(total[foreign].sum() / max(total.sum(), 1e-300))
+    return Motion(float(foreign.mean()), single, float(min(np.median(held), starts.size)))

@@ -10,7 +10,16 @@ from fourpole.core.demodulation.tracks import Track
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import cross_spectra
-from fourpole.core.spectra.excited import ROUND_OFF, Excited, Found, deflection_in, excited, prepared, to_true
+from fourpole.core.spectra.excited import (
+    ROUND_OFF,
+    Excited,
+    Found,
+    deflection_in,
+    excited,
+    power_of_deflection,
+    prepared,
+    to_true,
+)
 from fourpole.core.spectra.lines import thinned
 from fourpole.core.spectra.motion import Motion, motion_of
 from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bias
@@ -20,6 +29,8 @@ from fourpole.errors import RecordingError, TooShortError
 _MANY, _FEW = 128, 32
 #: Share of such lines above which the motion has separate sines.
 _FOREIGN = 0.05
+#: Share of the power in such lines above which the motion is one sine, or a few.
+_SINGLE = 0.25
 #: Number of segments that hold the power at a frequency, below which the excitation is a sweep.
 _SWEPT = 8.0
 #: Fewest cycles of the lowest frequency in a segment.
@@ -88,7 +99,7 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
 
 def _check_random(recording: Recording, motion: Motion, segment: float) -> None:
     """RecordingError if the motion is separate sines or a sweep."""
-    if motion.foreign > _FOREIGN:
+    if motion.foreign > _FOREIGN or motion.single > _SINGLE:
         raise RecordingError(
             f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
             f"or put the sines of a multisine at most {0.5 / segment:.2g} Hz apart"
@@ -119,7 +130,7 @@ def _of_segment(recording: Recording, track: Track, band: tuple[float, float], s
         around = ratios(spectra.matrix, spectra.averages, CLOSURE)
         std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
         closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
-    moved = deflection_in(every.frequency, every.matrix, float(every.width[0]))
+    moved = deflection_in(every.frequency, power_of_deflection(every.matrix), float(every.width[0]))
     held = ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1)
     found = Found(held if whole else with_bias(held, spectra.coherence(0, 1), 1.0), closure, moved, segment)
     return excited(recording, track.names, spectra, found)

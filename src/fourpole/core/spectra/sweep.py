@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import CrossSpectra
@@ -62,21 +62,20 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
     local = local_ratios(lines, frequency[kept], _WHOLE if whole else _WITHOUT_V2)
     density = 2.0 / (track.rate * track.time.size)
     closure = _closure(local) if whole else np.full((local.frequency.size, 2), np.nan)
-    products = np.einsum("al,bl->lab", lines, lines.conj())
-    spectra = CrossSpectra(
-        local.frequency,
-        density * local.matrix,
-        local.averages,
-        local.width,
-    )
+    spectra = CrossSpectra(local.frequency, density * local.matrix, local.averages, local.width)
     held = Ratios(local.values, local.covariance)
     found = Found(
         held if whole else with_bias(held, spectra.coherence(0, 1), 2.0),
         closure,
-        deflection_in(frequency[kept], density * products, 1.0 / length),
+        deflection_in(frequency[kept], density * _power_of_deflection(lines), 1.0 / length),
         length,
     )
     return excited(recording, track.names, spectra, found)
+
+
+def _power_of_deflection(lines: ComplexArray) -> FloatArray:
+    """Squared modulus (L,) of V1 - V2, or of V1 where V2 is not recorded."""
+    return np.abs(lines[1] - lines[2] if len(lines) == len(CHANNELS) else lines[1]) ** 2
 
 
 def _closure(local: LocalRatios) -> FloatArray:
