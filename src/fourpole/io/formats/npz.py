@@ -37,7 +37,7 @@ _BLOCK = 1 << 26
 _NUMBERED = (".{}", ".{}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Stored:
     """Where the numbers of an array, or of a field of its records, are."""
 
