@@ -12,7 +12,7 @@ from fourpole.core.joint.solve import Solution
 from fourpole.core.loadcurve import Tangent
 from fourpole.core.rig import PARAMETERS
 from fourpole.models.ramp import Loop, Ramp
-from fourpole.quantities import QUANTITIES
+from fourpole.quantities import COHERENCES, ESTIMATES, QUANTITIES
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "symbols.md").read_text(encoding="utf-8")
 ROWS = [[cell.strip() for cell in line.strip("|").split("|")] for line in PAGE.splitlines() if line.startswith("| ")]
@@ -22,6 +22,7 @@ CODE = re.compile(r"`([^`]+)`")
 
 def test_every_column_is_one_of_the_result_tables():
     heads = {head for one in QUANTITIES for head in one.heads}
+    heads |= {one.head for one in COHERENCES} | {part for one in ESTIMATES for part in one.parts}
     named = [code for code in CODE.findall(PAGE) if re.search(r" \[.+\]$", code)]
     assert len(named) > 20
     assert [code for code in named if code not in heads and code != "added_mass [kg]"] == []  # that is of tests.csv

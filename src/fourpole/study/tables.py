@@ -171,7 +171,7 @@ CORRECTIONS = TableSpec(
     made.correction_rows, key=(*KEY, q.CHANNEL.head, q.CORRECTION.head), read=False,
 )  # fmt: skip
 LINES = TableSpec(
-    "lines", "a line of a test under random excitation: what its averaged spectra show",
+    "lines", "a line of a test under random excitation or a sweep: what its spectra show",
     _columns(
         q.TEST, q.FREQUENCY, q.WIDTH, q.AVERAGES, *q.COHERENCES, *q.CLOSURE_PHASE.heads,
         *(part for one in q.ESTIMATES for part in one.parts),
