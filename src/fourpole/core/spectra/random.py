@@ -22,7 +22,7 @@ from fourpole.core.spectra.excited import (
 )
 from fourpole.core.spectra.lines import thinned
 from fourpole.core.spectra.motion import Motion, motion_of
-from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bias
+from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bend, with_bias
 from fourpole.errors import RecordingError, TooShortError
 
 #: Number of segments that a first estimate takes, and the fewest that are taken for finer lines.
@@ -132,5 +132,6 @@ def _of_segment(recording: Recording, track: Track, band: tuple[float, float], s
         closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
     moved = deflection_in(every.frequency, power_of_deflection(every.matrix), float(every.width[0]))
     held = ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1)
+    held = with_bend(held, spectra.matrix[:, 1, [2, 0] if whole else [1]])
     found = Found(held if whole else with_bias(held, spectra.coherence(0, 1), 1.0), closure, moved, segment)
     return excited(recording, track.names, spectra, found)

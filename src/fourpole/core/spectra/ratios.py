@@ -12,6 +12,8 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 #: A ratio of cross spectra: the logarithm is a sum of those of G_ab, each with a power.
 Terms = Sequence[tuple[int, int, float]]
 
+#: Fewest lines of which one has two neighbours.
+_NEIGHBOURS = 3
 #: Places of F1, V1 and V2 in a matrix of all three.
 _F, _ONE, _TWO = 0, 1, 2
 
@@ -106,6 +108,38 @@ def with_bias(found: Ratios, coherence: FloatArray, share: float) -> Ratios:
     """
     covariance = found.covariance.copy()
     covariance[:, 0, 0] += (share * np.log(np.maximum(coherence, 1e-300))) ** 2 / 12.0
+    return Ratios(found.values, covariance)
+
+
+def with_bend(found: Ratios, weight: ComplexArray) -> Ratios:
+    r"""The ratios with the error that their change over the width of a line makes, as at a sharp resonance.
+
+    A line is a mean over frequency with the weight S. Its departure from the ratio g in the middle is
+
+    .. math::
+        \tfrac12 g''\sigma^2 + g'\frac{S'}{S}\sigma^2 \approx
+        \frac{g_+ - 2g + g_-}{24} + \frac{(g_+ - g_-)\ln(S_+/S_-)}{48}
+
+    where + and - are the neighbouring lines. The variance over frequency is a twelfth of the squared distance of the
+    lines, in a band as for Hann windows two bins apart. Without a change of g, noise enlarges the uncertainty by 1 %.
+
+    Parameters
+    ----------
+    found : Ratios
+        Ratios (L, R) at lines in the order of their frequency.
+    weight : (L, R) complex array
+        The cross spectrum by which each ratio is weighted, its denominator.
+    """
+    if len(weight) < _NEIGHBOURS:
+        return found
+    below, here, above = found.values[:-2], found.values[1:-1], found.values[2:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bend = ((above - 2.0 * here + below) / 24.0 + (above - below) * np.log(weight[2:] / weight[:-2]) / 48.0) / here
+    bend = np.nan_to_num(np.concatenate([bend[:1], bend, bend[-1:]]), posinf=0.0, neginf=0.0)
+    covariance = found.covariance.copy()
+    for at in range(bend.shape[1]):
+        covariance[:, 2 * at, 2 * at] += bend[:, at].real ** 2
+        covariance[:, 2 * at + 1, 2 * at + 1] += bend[:, at].imag ** 2
     return Ratios(found.values, covariance)
 
 
