@@ -1,130 +1,25 @@
-"""Whole campaigns: recordings of networks with noise of a stated size, and results with the tolerance that it allows.
-
-Each recording is a sum of tones whose amplitudes come from `physics`, with an offset, and Gaussian noise of a standard
-deviation that is stated here. A tolerance is five standard uncertainties by the Cramér-Rao bound of that noise.
-"""
+"""Whole campaigns: the paper's route, a bench, static tests, tests that must be rejected; and a list of all."""
 
 from __future__ import annotations
 
 import csv
-import random
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 from mpmath import matrix, mp, mpc, mpf
 
+from reference.campaign import (
+    WITHIN,
+    Campaign,
+    noise_of,
+    parts_of,
+    recorded,
+    spread,
+    table_text,
+    u_head,
+)
 from reference.mechanics import arm_of
-from reference.physics import J, Numbers, amplitudes, rig_impedance, stiffness_of, turning
-
-RATE, SAMPLES = 300, 300
-#: Noise over amplitude, and standard uncertainties within which a result must lie.
-NOISE, WITHIN = mpf("1e-4"), 5
-#: Noise as it may be estimated, over what it is: two standard uncertainties for 16 degrees of freedom.
-ESTIMATED = mpf("1.36")
-_STEP = mpf(10) ** -15
-HEADS = ("table", "row", "column", "expected", "tolerance", "rests on", "route")
-
-
-@dataclass
-class Campaign:
-    """A campaign on its way: statement, rows of tests.csv, recordings and expected results."""
-
-    name: str
-    route: str
-    statement: str
-    columns: str
-    seed: int
-    tests: list[str] = field(default_factory=list)
-    files: dict[str, str] = field(default_factory=dict)
-    rows: list[tuple[str, ...]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.random = random.Random(self.seed)
-
-    def expect(self, table: str, row: str, column: str, value: Any, tolerance: Any, why: str) -> None:
-        """Note an expected number."""
-        texts = (mp.nstr(mpf(value), 17), mp.nstr(mpf(tolerance), 3))
-        self.rows.append((table, row, column, *texts, why, self.route))
-
-    def expect_word(self, table: str, row: str, column: str, word: str, why: str) -> None:
-        """Note an expected text."""
-        self.rows.append((table, row, column, word, "", why, self.route))
-
-    def tones(self, test: str, columns: Mapping[str, mpc], frequency: float, offsets: Mapping[str, float]) -> None:
-        """A recording of one tone per column, with noise of `NOISE` of its amplitude."""
-        series = []
-        for name, amplitude in columns.items():
-            std = float(NOISE * abs(amplitude))
-            samples = [
-                float((amplitude * mp.expj(2 * mp.pi * mpf(frequency) * at / RATE)).real)
-                + offsets.get(name, 0.0)
-                + self.random.gauss(0.0, std)
-                for at in range(SAMPLES)
-            ]
-            series.append([f"{one:.7g}" for one in samples])
-        self.files[f"recordings/{test}.csv"] = _text(list(columns), zip(*series, strict=True))
-
-    def write(self, folder: Path) -> None:
-        """Write the folder of the campaign."""
-        (folder / self.name / "recordings").mkdir(parents=True, exist_ok=True)
-        expected = _text(HEADS, self.rows)
-        files = {
-            "campaign.toml": self.statement,
-            "tests.csv": "\n".join([self.columns, *self.tests]) + "\n",
-            "expected.csv": expected,
-            **self.files,
-        }
-        for name, text in files.items():
-            (folder / self.name / name).write_text(text, encoding="utf-8")
-
-
-def _text(heads: Sequence[str], rows: Any) -> str:
-    return "\n".join(",".join(f'"{cell}"' if "," in cell else cell for cell in row) for row in (heads, *rows)) + "\n"
-
-
-def u_of_part(amplitude: mpc) -> mpf:
-    """Cramér-Rao bound of the real or the imaginary part of an amplitude in white noise."""
-    return NOISE * abs(amplitude) * mp.sqrt(mpf(2) / SAMPLES)
-
-
-def u_of_frequency(channels: int) -> mpf:
-    """Cramér-Rao bound of a frequency [Hz] that several channels share, each with the noise `NOISE`."""
-    duration = mpf(SAMPLES) / RATE
-    return mp.sqrt(24 / (channels * SAMPLES)) * NOISE / duration / (2 * mp.pi)
-
-
-def spread(
-    results: Callable[[Numbers], Mapping[str, mpf]], v: Numbers, along: Sequence[Mapping[str, mpf]]
-) -> dict[str, mpf]:
-    """Standard uncertainty of each result from independent errors, each given as a change of the inputs."""
-    squares: dict[str, mpf] = {}
-    for error in along:
-        up, down = (results({**v, **{k: v[k] + sign * _STEP * by for k, by in error.items()}}) for sign in (1, -1))
-        for name in up:
-            squares[name] = squares.get(name, mpf(0)) + ((up[name] - down[name]) / (2 * _STEP)) ** 2
-    return {name: mp.sqrt(square) for name, square in squares.items()}
-
-
-def recorded(v: Numbers, *, cam: float = 1e-3, blocked: bool = False) -> dict[str, mpc]:
-    """F1, V1 and V2 of a tyre on its rig with a cam of this amplitude [m]."""
-    f1, v1, v2 = amplitudes(v, blocked=blocked)
-    scale = J * turning(v) * mpf(cam) / v1 * mp.expj(mpf("0.3"))
-    return {"F1": f1 * scale, "V1": v1 * scale, "V2": v2 * scale}
-
-
-def parts_of(values: Mapping[str, mpc]) -> dict[str, mpf]:
-    """Real and imaginary parts of amplitudes as inputs of `spread`."""
-    return {f"{part} {name}": getattr(one, where) for name, one in values.items()
-            for part, where in (("Re", "real"), ("Im", "imag"))}  # fmt: skip
-
-
-def noise_of(values: Mapping[str, mpc]) -> list[dict[str, mpf]]:
-    """The errors of amplitudes from noise, and that of the frequency."""
-    errors = [{f"{part} {name}": u_of_part(one)} for name, one in values.items() for part in ("Re", "Im")]
-    return [*errors, {"frequency": u_of_frequency(len(values))}]
-
+from reference.physics import J, Numbers, rig_impedance, turning
+from reference.weighed_mass import joint
 
 # The paper's route
 
@@ -161,55 +56,87 @@ def paper() -> Campaign:
         v = {"K1": k1, "K2": mpf(120e3), "C": mpf(700), "m": mpf(15), "K3": mpf(12440), "c3": mpf(20)}
         v["frequency"] = mpf(frequency)
         found = recorded(v)
-        made.tones(test, {name: found[name] for name in ("F1", "V1")}, frequency, {"F1": 1200.0})
-        made.tests.append(f"{test},recordings/{test}.csv,dynamic,reference,1.7,1200")
         used = {name: found[name] for name in ("F1", "V1")}
-        inputs = {**v, **parts_of(used)}
+        made.tones(test, used, frequency, {"F1": 1200.0})
+        made.tests.append(f"{test},recordings/{test}.csv,dynamic,reference,1.7,1200")
+        _expect_by_paper(made, test, {**v, **parts_of(used)}, used, u_k1)
+    return made
 
-        def results(w: Numbers) -> dict[str, mpf]:
-            f1, v1 = mpc(w["Re F1"], w["Im F1"]), mpc(w["Re V1"], w["Im V1"])
-            stiffness = f1 / ((v1 - f1 / rig_impedance(w)) / (J * turning(w)))
-            arm = arm_of({**w, "Re K*": stiffness.real, "Im K*": stiffness.imag})
-            ratio = stiffness / (stiffness + J * turning(w) * rig_impedance(w))
-            return {
-                "Re K* [N/m]": stiffness.real, "Im K* [N/m]": stiffness.imag, "K2 [N/m]": arm["K2"],
-                "C [N s/m]": arm["C"], "TR predicted [1]": abs(ratio),
-                "loss factor [1]": stiffness.imag / stiffness.real,
-                "R [m/(N s)]": (v1 / f1).real, "I [m/(N s)]": (v1 / f1).imag,
-            }  # fmt: skip
 
-        expected = results(inputs)
-        noise = spread(results, inputs, [*noise_of(used), {"K1": u_k1}])
-        stated = [{"m": mpf("0.01")}, {"K3": mpf(20)}, {"c3": mpf("0.5")}]
-        sources = ["moving_mass", "preload_stiffness", "preload_damping", "gain F1", "phase F1", "gain V1", "phase V1"]
-        for name, gain, phase in (("F1", "0.001", "0.05"), ("V1", "0.0008", "0.04")):
-            one, angle = used[name], mpf(phase) * mp.pi / 180
-            stated.append({f"Re {name}": one.real * mpf(gain), f"Im {name}": one.imag * mpf(gain)})
-            stated.append({f"Re {name}": -one.imag * angle, f"Im {name}": one.real * angle})
-        whole = spread(results, inputs, stated)
-        for column, value in expected.items():
-            made.expect("dynamic", f"test={test}", column, value, WITHIN * noise[column], "network; noise and K1")
-            # K2 and C have a part of second order, which is about the square of their relative uncertainty
-            second = (whole[column] / value) ** 2 if column[0] in "KC" else mpf(0)
-            share = mpf("0.01") + 3 * second + (noise[column] / whole[column]) ** 2
-            made.expect(
-                "dynamic", f"test={test}", _u_head(column), whole[column], share * whole[column],
-                "numeric derivatives times stated uncertainties",
-            )  # fmt: skip
+def _by_paper(w: Numbers) -> dict[str, mpf]:
+    """Results of the paper's route, by their columns, from F1, V1, K1 and the rig."""
+    f1, v1 = mpc(w["Re F1"], w["Im F1"]), mpc(w["Re V1"], w["Im V1"])
+    stiffness = f1 / ((v1 - f1 / rig_impedance(w)) / (J * turning(w)))
+    arm = arm_of({**w, "Re K*": stiffness.real, "Im K*": stiffness.imag})
+    ratio = stiffness / (stiffness + J * turning(w) * rig_impedance(w))
+    return {
+        "Re K* [N/m]": stiffness.real, "Im K* [N/m]": stiffness.imag, "K2 [N/m]": arm["K2"],
+        "C [N s/m]": arm["C"], "TR predicted [1]": abs(ratio),
+        "loss factor [1]": stiffness.imag / stiffness.real,
+        "R [m/(N s)]": (v1 / f1).real, "I [m/(N s)]": (v1 / f1).imag,
+    }  # fmt: skip
+
+
+def _stated_errors(used: Mapping[str, mpc]) -> dict[str, dict[str, mpf]]:
+    """By its source, the change of the inputs by each stated standard uncertainty of rig, gains and phases."""
+    stated = {
+        "moving_mass": {"m": mpf("0.01")},
+        "preload_stiffness": {"K3": mpf(20)},
+        "preload_damping": {"c3": mpf("0.5")},
+    }
+    for name, gain, phase in (("F1", "0.001", "0.05"), ("V1", "0.0008", "0.04")):
+        one, angle = used[name], mpf(phase) * mp.pi / 180
+        stated[f"gain {name}"] = {f"Re {name}": one.real * mpf(gain), f"Im {name}": one.imag * mpf(gain)}
+        stated[f"phase {name}"] = {f"Re {name}": -one.imag * angle, f"Im {name}": one.real * angle}
+    return stated
+
+
+def _second_order(column: str, u: mpf, value: mpf) -> mpf:
+    """The part of second order in u of K2 and C, over u: about the square of their relative uncertainty."""
+    return (u / value) ** 2 if column[0] in "KC" else mpf(0)
+
+
+def _expect_by_paper(made: Campaign, test: str, inputs: Numbers, used: Mapping[str, mpc], u_k1: mpf) -> None:
+    """Results of a test by the paper's route, their uncertainties, and for one test the sources of these."""
+    expected = _by_paper(inputs)
+    noise = spread(_by_paper, inputs, [*noise_of(used), {"K1": u_k1}])
+    stated = _stated_errors(used)
+    whole = spread(_by_paper, inputs, list(stated.values()))
+    for column, value in expected.items():
+        made.expect("dynamic", f"test={test}", column, value, WITHIN * noise[column], "network; noise and K1")
+        second = _second_order(column, whole[column], value)
+        share = mpf("0.01") + 3 * second + (noise[column] / whole[column]) ** 2
+        made.expect(
+            "dynamic", f"test={test}", u_head(column), whole[column], share * whole[column],
+            "numeric derivatives times stated uncertainties",
+        )  # fmt: skip
+    if test == "D3":
         # a derivative is taken where noise has moved the values, by a few times its share of them
         largest = max(noise[column] / abs(value) for column, value in expected.items())
-        for source, error in zip(sources, stated, strict=True) if test == "D3" else ():
-            for column, u in spread(results, inputs, [error]).items():
-                if u < whole[column] / 20:  # what hardly counts is a difference of larger parts
-                    continue
-                name = column.partition(" [")[0].replace("TR predicted", "TR")
-                if name not in ("R", "I"):
-                    second = (whole[column] / expected[column]) ** 2 if column[0] in "KC" else mpf(0)
-                    row = f"test={test}; quantity={name}; source={source}"
-                    room = (4 * WITHIN * largest + 3 * second) * u
-                    made.expect("budget", row, "u", u, room, "numeric derivative times stated uncertainty")
-        made.expect_word("dynamic", f"test={test}", "verdict", "ok", "nothing is wrong with it")
-    return made
+        for source, error in stated.items():
+            parts = spread(_by_paper, inputs, [error])
+            _expect_in_budget(made, f"test={test}", source, parts, whole, expected, 4 * WITHIN * largest)
+    made.expect_word("dynamic", f"test={test}", "verdict", "ok", "nothing is wrong with it")
+
+
+def _expect_in_budget(
+    made: Campaign,
+    test: str,
+    source: str,
+    parts: Mapping[str, mpf],
+    whole: Mapping[str, mpf],
+    expected: Mapping[str, mpf],
+    moved: mpf,
+) -> None:
+    """The parts of a source that count in the uncertainties of a test; noise moves them by the share `moved`."""
+    for column, u in parts.items():
+        name = column.partition(" [")[0].replace("TR predicted", "TR")
+        # what hardly counts is a difference of larger parts
+        if u < whole[column] / 20 or name in ("R", "I"):
+            continue
+        room = (moved + 3 * _second_order(column, whole[column], expected[column])) * u
+        row = f"{test}; quantity={name}; source={source}"
+        made.expect("budget", row, "u", u, room, "numeric derivative times stated uncertainty")
 
 
 def _static(made: Campaign, test: str, terms: Sequence[mpf], gap: mpf, noise: mpf, points: int = 60) -> mpf:
@@ -228,239 +155,12 @@ def _static(made: Campaign, test: str, terms: Sequence[mpf], gap: mpf, noise: mp
         (f"{float(1000 * x):.7g}", f"{float(load(x, side)) + made.random.gauss(0.0, float(noise)):.7g}")
         for x, side in [*path, *path, *path, path[0]]
     ]
-    made.files[f"recordings/{test}.csv"] = _text(("x", "F"), cells)
+    made.files[f"recordings/{test}.csv"] = table_text(("x", "F"), cells)
     place = mp.findroot(lambda x: sum(a * x ** (i + 1) for i, a in enumerate(terms)) - 1200, stroke / 4)
     rows = matrix([[1, x, x**2, x**3, side, side * x, side * x**2] for x, side in path])
     information = mp.inverse(rows.T * rows) * noise**2
     by = matrix([0, 1, 2 * place, 3 * place**2, 0, 0, 0])
     return mp.sqrt((by.T * information * by)[0])
-
-
-# Two masses, of which one is weighed: errors of the rig and the sensors are found
-
-_JOINT = """title = "Reference: one weighed mass, and a rig that is misstated"
-
-[rig]
-moving_mass       = { value = 15.0, unit = "kg", std = 0.3 }
-preload_stiffness = { value = 12.44, unit = "kN/m", std = 0.25 }
-preload_damping   = { value = 20, unit = "N s/m", std = 4 }
-
-[channels]
-sample_rate = "300 Hz"
-force_in   = { column = "F1", unit = "N", std_gain = "1 %", std_phase = "0.5 deg" }
-motion_in  = { column = "V1", unit = "m/s", std_gain = "1 %", std_phase = "0.5 deg" }
-motion_out = { column = "V2", unit = "m/s", std_gain = "1 %", std_phase = "0.5 deg" }
-
-[tyres.reference]
-"""
-#: What the rig and the sensors truly are: value, stated value, stated uncertainty.
-_TRUE = {
-    "m": ("15.32", "15", "0.3"),
-    "K3": ("12240", "12440", "250"),
-    "c3": ("23", "20", "4"),
-    "gain F1": ("1.009", "1", "0.01"),
-    "gain V1": ("0.994", "1", "0.01"),
-    "gain V2": ("1.006", "1", "0.01"),
-    "phase F1": ("0.006", "0", "0.0087266462599716"),
-    "phase V1": ("-0.004", "0", "0.0087266462599716"),
-    "phase V2": ("0.005", "0", "0.0087266462599716"),
-}
-_IN_TABLE = {"m": "moving_mass", "K3": "preload_stiffness", "c3": "preload_damping"}
-_MASSES, _U_MASS = (0.0, 6.0), mpf("0.0012")
-
-
-def joint() -> Campaign:
-    """Four frequencies with and without a weighed mass; rig and sensors are off by about their stated uncertainty."""
-    columns = "test,file,kind,tyre,pressure [bar],preload [N],added_mass [kg],u(added_mass) [kg],K1 [N/m],u(K1) [N/m]"
-    made = Campaign("weighed-mass", "joint", _JOINT, columns, 17)
-    true = {name: mpf(value) for name, (value, _, _) in _TRUE.items()}
-    tyre = {"K1": mpf(165e3), "K2": mpf(110e3), "C": mpf(800)}
-    frequencies = (9.0, 12.5, 17.0, 23.0)
-    tests = []
-    for frequency in frequencies:
-        for mass in _MASSES:
-            name = f"D{len(tests) + 1}"
-            v = {**tyre, **true, "frequency": mpf(frequency), "added mass": mpf(mass)}
-            seen = _seen(v, recorded(v))
-            made.tones(name, seen, frequency, {"F1": 1200.0})
-            stated = f"{mass:g},{mp.nstr(_U_MASS, 3)}" if mass else ","
-            made.tests.append(f"{name},recordings/{name}.csv,dynamic,reference,1.7,1200,{stated},165000,0")
-            tests.append((name, frequency, mass, v))
-    _expect_joint(made, tests, true)
-    return made
-
-
-def _seen(v: Numbers, true: Mapping[str, mpc]) -> dict[str, mpc]:
-    """What sensors with errors of gain and phase record."""
-    return {name: one * v[f"gain {name}"] * mp.expj(v[f"phase {name}"]) for name, one in true.items()}
-
-
-def _expect_joint(made: Campaign, tests: Sequence[Any], true: Numbers) -> None:
-    """Expected values, with tolerances from the Fisher information of all tests and all stated uncertainties."""
-    frequencies = list(dict.fromkeys(frequency for _, frequency, _, _ in tests))
-    shared = [*_TRUE, "added mass"]
-    count = len(shared) + 2 * len(frequencies) + 2 * len(tests)
-    stated, information = matrix(count, count), matrix(count, count)
-    for at, name in enumerate(_TRUE):
-        stated[at, at] += 1 / mpf(_TRUE[name][2]) ** 2
-    stated[len(_TRUE), len(_TRUE)] += 1 / _U_MASS**2
-    for number, (_, frequency, mass, v) in enumerate(tests):
-        first = len(shared) + 2 * frequencies.index(frequency)
-        own = len(shared) + 2 * len(frequencies) + 2 * number
-        places = [*range(len(shared)), first, first + 1, own, own + 1]
-        slopes = _slopes(v, shared, mass)
-        for one, row in zip(places, slopes, strict=True):
-            for other, column in zip(places, slopes, strict=True):
-                information[one, other] += mp.fsum(a * b for a, b in zip(row, column, strict=True))
-    covariance, wide = (mp.inverse(stated + information / scale**2) for scale in (1, ESTIMATED))
-    for at, name in enumerate(_TRUE):
-        head = _IN_TABLE.get(name, name)
-        made.expect("rig", f"value={head}", "found", true[name], WITHIN * mp.sqrt(covariance[at, at]),
-                    "what the rig truly is; Fisher information")  # fmt: skip
-    _expect_ratios(made, true, covariance)
-    for name, frequency, _, v in tests:
-        places = [*range(len(shared)), *(len(shared) + 2 * frequencies.index(frequency) + i for i in (0, 1))]
-        _expect_test(made, name, {**v, **_known(v)}, [*shared, "Re K*", "Im K*"], (covariance, wide), places)
-
-
-def _known(v: Numbers) -> dict[str, mpf]:
-    stiffness = stiffness_of(v, turning(v))
-    return {"Re K*": stiffness.real, "Im K*": stiffness.imag}
-
-
-def _expect_test(
-    made: Campaign,
-    name: str,
-    v: Numbers,
-    unknown: Sequence[str],
-    covariances: tuple[matrix, matrix],
-    places: Sequence[int],
-) -> None:
-    """Results of a test, and their uncertainties from the covariance of what the tests share.
-
-    The second covariance is that of a noise which is estimated too large.
-    """
-
-    def results(w: Numbers) -> dict[str, mpf]:
-        stiffness = mpc(w["Re K*"], w["Im K*"])
-        arm = arm_of(w)
-        ratio = stiffness / (stiffness + J * turning(w) * rig_impedance(w))
-        return {
-            "Re K* [N/m]": stiffness.real, "Im K* [N/m]": stiffness.imag, "K2 [N/m]": arm["K2"], "C [N s/m]": arm["C"],
-            "loss factor [1]": stiffness.imag / stiffness.real, "TR predicted [1]": abs(ratio),
-        }  # fmt: skip
-
-    value = results(v)
-    columns = []
-    for key in unknown:
-        if key == "added mass" and not v[key]:  # the mass is not on the rig in this test
-            columns.append(dict.fromkeys(value, mpf(0)))
-            continue
-        step = mpf(10) ** -20 * (abs(v[key]) or mpf(1))
-        moved = results({**v, key: v[key] + step})
-        columns.append({head: (moved[head] - value[head]) / step for head in value})
-    for head, one in value.items():
-        u, more = (
-            mp.sqrt(
-                mp.fsum(
-                    first[head] * second[head] * covariance[i, k]
-                    for first, i in zip(columns, places, strict=True)
-                    for second, k in zip(columns, places, strict=True)
-                )
-            )
-            for covariance in covariances
-        )
-        made.expect("dynamic", f"test={name}", head, one, WITHIN * u, "network; Fisher information")
-        room = more - u + u / 1000
-        made.expect("dynamic", f"test={name}", _u_head(head), u, room, "Fisher information; noise is estimated")
-    _expect_ratio_of_test(made, name, v, covariances)
-    made.expect_word("dynamic", f"test={name}", "route", "joint", "the route that is asked for")
-
-
-def _expect_ratio_of_test(made: Campaign, name: str, v: Numbers, covariances: tuple[matrix, matrix]) -> None:
-    """R, I and TR of a test as they truly are: noise and the ratios of the gains may change them; u of R and I."""
-    covariance = covariances[0]
-    f1, v1, v2 = amplitudes(v)
-    for head, along, across in (("R", (v1 / f1).real, (v1 / f1).imag), ("I", (v1 / f1).imag, (v1 / f1).real)):
-        u, more = (
-            mp.sqrt(
-                (along**2 * _of_ratio(one, "gain")) + across**2 * _of_ratio(one, "phase")
-                + (scale * NOISE * abs(v1 / f1)) ** 2 * 4 / SAMPLES
-            )
-            for one, scale in zip(covariances, (1, ESTIMATED), strict=True)
-        )  # fmt: skip
-        made.expect("dynamic", f"test={name}", f"u({head}) [m/(N s)]", u, more - u + u / 50,
-                    "noise and ratios of gains; their correlation is left out")  # fmt: skip
-    noise = NOISE * mp.sqrt(mpf(4) / SAMPLES)
-    for heads, one, (over, under) in (
-        (("R [m/(N s)]", "I [m/(N s)]"), v1 / f1, ("V1", "F1")),
-        (("TR measured [1]",), v2 / v1, ("V2", "V1")),
-    ):
-        error = mpf(0)
-        for kind in ("gain", "phase"):
-            at, to = (list(_TRUE).index(f"{kind} {which}") for which in (over, under))
-            error += abs(covariance[at, at] + covariance[to, to] - 2 * covariance[at, to])
-        room = WITHIN * abs(one) * (mp.sqrt(error) + noise)
-        for head, value in zip(heads, (abs(one),) if len(heads) == 1 else (one.real, one.imag), strict=True):
-            made.expect("dynamic", f"test={name}", head, value, room, "network; noise and ratios of gains")
-
-
-def _of_ratio(covariance: matrix, kind: str) -> mpf:
-    """Relative variance of the ratio of the gains of F1 and V1, or variance of the difference of their phases."""
-    names = [f"{kind} F1", f"{kind} V1"]
-    at, to = (list(_TRUE).index(name) for name in names)
-    one, other = (1 / mpf(_TRUE[name][0]) if kind == "gain" else mpf(1) for name in names)
-    return one**2 * covariance[at, at] + other**2 * covariance[to, to] - 2 * one * other * covariance[at, to]
-
-
-def _u_head(head: str) -> str:
-    """Head of the uncertainty of a column."""
-    name, _, unit = head.replace("TR predicted", "TR").partition(" [")
-    return f"u({name}) [{unit}"
-
-
-def _expect_ratios(made: Campaign, true: Numbers, covariance: matrix) -> None:
-    """Ratios of gains and differences of phases, which the weighed mass calibrates."""
-    places = list(_TRUE)
-    for one, other in (("F1", "V1"), ("V2", "V1")):
-        for kind, row in (("gain", f"gain {one}/{other}"), ("phase", f"phase {one}-{other}")):
-            at, to = places.index(f"{kind} {one}"), places.index(f"{kind} {other}")
-            first, second = true[f"{kind} {one}"], true[f"{kind} {other}"]
-            sizes = (1 / second, -first / second**2) if kind == "gain" else (mpf(1), mpf(-1))
-            square = mp.fsum(
-                a * b * covariance[i, k]
-                for a, i in zip(sizes, (at, to), strict=True)
-                for b, k in zip(sizes, (at, to), strict=True)
-            )
-            value = first / second if kind == "gain" else first - second
-            made.expect("rig", f"value={row}", "found", value, WITHIN * mp.sqrt(square),
-                        "what the sensors truly do; Fisher information")  # fmt: skip
-
-
-def _slopes(v: Numbers, shared: Sequence[str], mass: float) -> list[list[mpf]]:
-    """Derivatives of the six parts that a test records, over their noise, by each unknown."""
-    omega = turning(v)
-    stiffness = stiffness_of(v, omega)
-    plain = {name: one for name, one in v.items() if name not in ("K1", "K2", "C")}
-    start = {**plain, "Re K*": stiffness.real, "Im K*": stiffness.imag, "Re x": mpf("0.001"), "Im x": mpf(0)}
-
-    def parts(w: Numbers) -> list[mpf]:
-        f1, v1, v2 = amplitudes(w)
-        scale = J * omega * mpc(w["Re x"], w["Im x"]) / v1
-        seen = _seen(w, {"F1": f1 * scale, "V1": v1 * scale, "V2": v2 * scale})
-        return [part for one in seen.values() for part in (one.real, one.imag)]
-
-    seen = parts(start)
-    noise = [u_of_part(mpc(*seen[at : at + 2])) for at in (0, 2, 4) for _ in (0, 1)]
-    found = []
-    for name in (*shared, "Re K*", "Im K*", "Re x", "Im x"):
-        if name == "added mass" and not mass:
-            found.append([mpf(0)] * 6)
-            continue
-        step = mpf(10) ** -20 * (abs(start[name]) or mpf(1))
-        moved = parts({**start, name: start[name] + step})
-        found.append([(a - b) / step / n for a, b, n in zip(moved, seen, noise, strict=True)])
-    return found
 
 
 # A bench without motion behind the specimen
@@ -632,7 +332,7 @@ def _spoilt(text: str, test: str) -> str:
             row[1] = f"{max(min(float(row[1]), 0.2), -0.2):.7g}"
         elif test == "no-motion":
             row[1] = "0.0123"
-    return _text(rows[0], rows[1:])
+    return table_text(rows[0], rows[1:])
 
 
 ALL: tuple[Callable[[], Campaign], ...] = (paper, joint, blocked, static, rejected)
