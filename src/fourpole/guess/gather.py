@@ -33,7 +33,7 @@ _MOST_BYTES = 4_000_000_000
 #: Names of files of a campaign folder that are no recordings.
 _OURS = frozenset({"campaign.toml", "tests.csv", "truth.csv"})
 _NEVER = re.compile(
-    r"\.(toml|py|m|r|pdf|png|jpe?g|svg|gif|html?|docx?|xlsx?|pptx?|zip|gz|7z|exe|tdms_index|parquet|db|ini)$", re.I
+    r"\.(toml|py|m|r|pdf|png|jpe?g|svg|gif|html?|docx?|pptx?|zip|gz|7z|exe|tdms_index|parquet|db|ini)$", re.I
 )
 _NOTES = re.compile(r"\.(txt|md|json|ya?ml|rst|nfo|info|log)$|^(readme|notes?|notizen|liesmich|info)\b", re.I)
 
