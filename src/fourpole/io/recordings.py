@@ -14,7 +14,7 @@ from fourpole.io.source import name_of, open_regular
 #: Modules of `fourpole.io.formats` in the order in which they are tried; text is last, for it accepts any text.
 _MODULES = (
     *("mdf", "tdms", "hdf5", "matlab", "npz", "parquet", "arrow", "famos"),
-    *("rpc", "uff", "wav", "tydex", "lvm", "workbook", "text"),
+    *("rpc", "uff", "wav", "tydex", "lvm", "workbook", "json_columns", "text"),
 )
 
 
