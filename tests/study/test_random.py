@@ -121,3 +121,15 @@ def test_a_clipped_force_rejects_all_lines(folder, tmp_path):
     assert found.dynamic.height > 100
     assert set(found.dynamic["verdict"]) == {"rejected"}
     assert found.dynamic["remarks"].str.contains("clipped").all()
+
+
+@pytest.mark.parametrize(("k1", "wrong"), [(120e3, False), (40e3, True)])
+def test_k1_is_doubted_where_most_lines_doubt_it(folder, tmp_path, k1, wrong):
+    """With noise, some lines have a small loss factor beside a large K'; a K1 of another specimen is above most."""
+    signals = random_rig.run(40, coherence=0.8)
+    pl.DataFrame(dict(zip(("t", "F1", "V1", "V2"), signals, strict=True))).write_parquet(tmp_path / "R0.parquet")
+    row = (folder / "tests.csv").read_text().splitlines()[:2]
+    (tmp_path / "campaign.toml").write_text(STATED)
+    (tmp_path / "tests.csv").write_text("\n".join(row).replace("120e3", str(k1)) + "\n")
+    checks = analyse(tmp_path, monte_carlo=0).checks.filter(pl.col("code") == "K1 against K'")
+    assert ("warning" in checks["verdict"]) is wrong

@@ -112,9 +112,15 @@ def scales(
         if 2 * sum(check.code is Code.V1_SCALE for _, check in rows) > len(rows):
             break
     # Many tests have one K1. If K' is below K1 in a few of them only, these tests have a fault of their own.
+    # The same holds if K' is far above K1 at a few lines: K' rises by the loss at lower frequencies, too.
     of_k1 = Counter(k1[i] for i, _ in rows)
-    large = Counter(k1[i] for i, check in rows if check.code is Code.K1_LARGE)
-    return [(i, check) for i, check in rows if check.code is not Code.K1_LARGE or 2 * large[k1[i]] > of_k1[k1[i]]]
+    doubted = Counter((k1[i], check.code) for i, check in rows if check.verdict == "warning")
+
+    def is_of_few(i: int, check: Check) -> bool:
+        alone = check.code is Code.K1_LARGE or (check.code is Code.K1_RATIO and points[i].line is not None)
+        return check.verdict == "warning" and alone and 2 * doubted[k1[i], check.code] <= of_k1[k1[i]]
+
+    return [(i, check) for i, check in rows if not is_of_few(i, check)]
 
 
 def exchanged_k1(

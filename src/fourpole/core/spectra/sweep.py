@@ -16,6 +16,8 @@ from fourpole.errors import RecordingError, TooShortError
 
 #: Each ratio as its channels Y and X and its instrument: F1/V1 and V2/V1.
 _WHOLE, _WITHOUT_V2 = ((0, 1, 2), (2, 1, 0)), ((0, 1, 1),)
+#: Bins that are corrected at a time: their matrices need memory.
+_AT_A_TIME = 100_000
 #: Largest width of the lowest band over its frequency.
 _WIDEST = 0.25
 
@@ -56,8 +58,10 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
             f"{recording.label} is {length:.4g} s long, which is too short for a sweep from {inside[0]:.4g} Hz on: "
             f"record {max(BINS / (_WIDEST * inside[0]), BINS / (inside[1] - inside[0])):.3g} s or more"
         )
-    turned = to_true(recording, track.names, frequency[kept])
-    lines = np.einsum("lab,bl->al", turned, fft.rfft(track.signals, axis=1)[:, kept])
+    lines = fft.rfft(track.signals, axis=1)[:, kept]
+    for at in range(0, lines.shape[1], _AT_A_TIME):
+        some = slice(at, at + _AT_A_TIME)
+        lines[:, some] = np.einsum("lab,bl->al", to_true(recording, track.names, frequency[kept][some]), lines[:, some])
     whole = len(track.names) == len(CHANNELS)
     local = local_ratios(lines, frequency[kept], _WHOLE if whole else _WITHOUT_V2)
     density = 2.0 / (track.rate * track.time.size)
