@@ -100,6 +100,7 @@ def test_the_search_finds_a_word_without_a_network(visit):
 
 
 QUESTIONS = {
+    "two masses": "theory/three-phasors.html",
     "why two masses": "theory/three-phasors.html",
     "sign of V2": "symbols.html",
     "what does u cover": "theory/uncertainty.html",
