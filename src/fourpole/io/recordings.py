@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from fourpole.errors import TableError
+from fourpole.io.known import named_by_ending, named_by_start
 from fourpole.io.names import in_group, matching
 from fourpole.io.signals import HEAD_BYTES, FileInfo, Format
 from fourpole.io.source import name_of, open_regular
@@ -19,14 +20,18 @@ _MODULES = (
 
 
 def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> Format:
-    """The format of a file by its content; TableError if no format recognises it."""
+    """The format of a file by its content; TableError, which names what it is, if no format recognises it."""
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
         head = file.read(HEAD_BYTES)
     for module in _MODULES:
         found: Format = import_module(f"fourpole.io.formats.{module}").FORMAT
+        says = named_by_start(head) if found.name == "text" else None
+        if says is not None:
+            raise TableError(f"{name_of(path, label)}: {says}")
         if found.recognises(head):
             return found
-    raise TableError(f"{name_of(path, label)}: is binary, not text; export it as CSV, in UTF-8 (no reader knows it)")
+    says = named_by_ending(Path(path).suffix) or "is binary, not text; export it as CSV, in UTF-8 (no reader knows it)"
+    raise TableError(f"{name_of(path, label)}: {says}")
 
 
 def survey(path: str | Path, *, max_bytes: int = 4_000_000_000, label: str | None = None) -> FileInfo:

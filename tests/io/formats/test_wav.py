@@ -99,3 +99,12 @@ def test_memory_is_asked_for_before_it_is_used(tmp_path: Path, table: np.ndarray
     written(tmp_path / "a.wav", np.repeat(table, 10, axis=0))
     with pytest.raises(FileError, match=r"needs .* more than the .* allowed"):
         FORMAT.read(asked(tmp_path / "a.wav", "1", "2", "3", most=200_000))
+
+
+def test_a_compression_is_called_by_its_name(tmp_path: Path, table: np.ndarray) -> None:
+    whole = bytearray(written(tmp_path / "a.wav", table))
+    at = whole.index(b"fmt ") + 8
+    whole[at : at + 2] = b"\x07\0"
+    (tmp_path / "b.wav").write_bytes(whole)
+    with pytest.raises(TableError, match=r"compressed \(µ-law\); save it as PCM or float"):
+        FORMAT.survey(tmp_path / "b.wav", "b.wav", LIMIT)

@@ -17,6 +17,7 @@ from fourpole.io.signals import FileInfo, Request, SignalInfo
 
 _KIND = "a WAV file"
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
+_COMPRESSED = {2: "ADPCM", 6: "A-law", 7: "µ-law", 17: "IMA ADPCM", 49: "GSM", 80: "MPEG", 85: "MP3"}
 _STREAMED = 0xFFFFFFFF
 #: Bytes that are decoded at a time.
 _BLOCK = 1 << 20
@@ -79,7 +80,8 @@ def _checked(form: tuple[int, int, int, int] | None, size: int, there: int, orde
         raise TableError(f"{name}: does not say how its samples are written (no 'fmt ' chunk); export it again")
     header = _Header(*form, size, order)
     if header.tag not in (_PCM, _FLOAT):
-        raise TableError(f"{name}: its samples are compressed (WAV format {header.tag}); save it as PCM or float")
+        kind = _COMPRESSED.get(header.tag, f"WAV format {header.tag}")
+        raise TableError(f"{name}: its samples are compressed ({kind}); save it as PCM or float")
     widths = (4, 8) if header.tag == _FLOAT else range(1, 9)
     if not (header.channels and header.rate and header.bits and header.width in widths):
         many = f"{header.channels} channels of {header.bits} bit at {header.rate} Hz"
