@@ -133,6 +133,7 @@ def test_what_is_declared_and_not_there_is_not_made(tmp_path: Path) -> None:
 def test_a_part_that_unpacks_to_more_than_the_memory(
     tmp_path: Path, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    children.child().close(for_good=False)  # another worker, in which no other test has loaded a library
     monkeypatch.setattr(children, "SPARE", 50_000_000)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         bomb = file.create_dataset("bomb", shape=(1024,), dtype="f8", chunks=(1024,), compression="gzip")
