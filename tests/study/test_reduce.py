@@ -78,7 +78,10 @@ def test_a_recording_with_two_points_has_two_rows(noisy, monkeypatch):
 
 
 def test_points_of_one_recording_are_what_tests_of_their_own_are_on_the_joint_route(tmp_path, monkeypatch):
-    """The frequencies of a recording are conditions of their own, whatever frequency its row states."""
+    """The frequencies of a recording are conditions of their own, whatever frequency its row states.
+
+    Their K* may scatter together, which weighs the tests a little differently.
+    """
     whole = simulate_campaign(
         tmp_path, tyres=[RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 14.0, 18.0],
         added_masses=[0.0, 10.0], sensors=(0.03, 0.02), seed=5,
@@ -100,9 +103,12 @@ def test_points_of_one_recording_are_what_tests_of_their_own_are_on_the_joint_ro
         (test, point) for test in kept for point in (1, 2, 3)
     ]
     order = ["added mass [kg]", "frequency [Hz]"]
-    for column in ("Re K* [N/m]", "u(Re K*) [N/m]", "C [N s/m]", "TR predicted [1]"):
-        expected = separate.dynamic.sort(order)[column].to_numpy()
-        np.testing.assert_allclose(found.dynamic.sort(order)[column].to_numpy(), expected, rtol=1e-6)
+    both = [table.dynamic.sort(order) for table in (found, separate)]
+    for name, unit, u in (("Re K*", "N/m", "Re K*"), ("C", "N s/m", "C"), ("TR predicted", "1", "TR")):
+        joined, apart = (table[f"{name} [{unit}]"].to_numpy() for table in both)
+        std = [table[f"u({u}) [{unit}]"].to_numpy() for table in both]
+        assert (np.abs(joined - apart) < std[1]).all(), name
+        assert ((std[0] / std[1] > 0.8) & (std[0] / std[1] < np.sqrt(3.0))).all(), name
     assert found.residuals["point"].to_list() == [1, 2, 3] * 2
     assert found.rigs[0].conditions == 3
     assert read_results(found.write(tmp_path / "results")).rigs == found.rigs

@@ -377,7 +377,7 @@ class Code(Enum):
         "K* depends on the excitation",
         (
             "K* of {name} by {other} is {mean:.2g} dB above that by {one} (mean of {count} frequencies; a linear "
-            "specimen has the same; ISO 10846 allows {linear:g} dB): "
+            "specimen has the same; ISO 10846-2 allows {linear:g} dB): "
         ),
         "compare K* at equal excitation only, or make the excitation an axis of [conditions]",
     )

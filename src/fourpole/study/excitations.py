@@ -19,7 +19,7 @@ from fourpole.study.own import Own, named
 _LEVEL = 1.25
 #: Lines within this share of a frequency are compared with it, and the fewest frequencies of a comparison.
 _NEAR, _FEWEST = 0.06, 3
-#: Change of the stiffness between levels up to which ISO 10846-1 and 10846-2 take a specimen as linear [dB].
+#: Change of the stiffness between levels up to which ISO 10846-2, 7.7, takes a specimen as linear [dB].
 LINEAR = 1.5
 #: Each kind with a band in words.
 _WORDS = {"random": "random excitation", "sweep": "a sweep"}
