@@ -15,7 +15,7 @@ from fourpole.errors import RecordingError, TooShortError
 #: Fewest segments: the covariance of a ratio needs a matrix of more averages than channels.
 _FEWEST = 8
 #: Samples that are transformed at a time: they stay in the cache of the processor.
-_AT_A_TIME = 100_000
+_AT_A_TIME = 140_000
 #: Relative round-off of a frequency.
 _ROUND_OFF = 1e-9
 
@@ -88,6 +88,7 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     found, inside = bins_of(size, track.rate, band)
     window, channels = hann(size), len(track.names)
     matrix: ComplexArray = np.zeros((channels, channels, found.size), dtype=complex)
+    squares = np.zeros((channels, 2 * found.size))
     for some in _batches(starts, max(1, _AT_A_TIME // (size * channels))):
         lines = lines_of(track.signals, some, window, inside)
         for a in range(channels):
@@ -96,7 +97,9 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
                 matrix[a, b] += product
                 matrix[b, a] += product.conj()
             parts = np.ascontiguousarray(lines[a]).view(float)
-            matrix[a, a] += np.einsum("kl,kl->l", parts, parts).reshape(-1, 2).sum(axis=1)
+            squares[a] += np.einsum("kl,kl->l", parts, parts)
+    for a in range(channels):
+        matrix[a, a] = squares[a, 0::2] + squares[a, 1::2]
     scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
     averages = np.full(found.size, independent(starts.size, 1))
     return CrossSpectra(found, scale * matrix.transpose(2, 0, 1), averages, np.full(found.size, track.rate / size))
