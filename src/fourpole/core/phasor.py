@@ -22,6 +22,15 @@ _MOST_SHOWN = 12
 SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 
 
+def circular_covariance(gamma: ComplexArray) -> FloatArray:
+    """Covariance (2N, 2N) of interleaved Re and Im of circular noise, from its complex covariance (N, N)."""
+    result = np.empty((2 * len(gamma), 2 * len(gamma)))
+    result[0::2, 0::2] = result[1::2, 1::2] = 0.5 * gamma.real
+    result[1::2, 0::2] = 0.5 * gamma.imag
+    result[0::2, 1::2] = -0.5 * gamma.imag
+    return result
+
+
 @dataclass(frozen=True, eq=False)
 class Phasors(ByRows):
     r"""Complex amplitudes of F1, V1, V2 at one frequency per test; x(t) = Re(X e^{jwt}), 0-to-peak.

@@ -217,6 +217,12 @@ class Recording:
         first, last = self.span
         return last - first
 
+    @property
+    def force_peak(self) -> float:
+        """Largest departure of F1 from its mean [N]; 0 where no force is recorded."""
+        force = self.channels.get("force_in")
+        return 0.0 if force is None else float(np.nanmax(np.abs(force.samples - np.nanmean(force.samples))))
+
     def _repr_html_(self) -> str:
         """Channels with their ranges and outlines, for a notebook."""
         rows, outlines = [], []

@@ -230,16 +230,10 @@ def _is_plain(job: Job, recording: Recording) -> bool:
         return False
     if not all(_is_sine(track, frequency) for track in tracks):
         return False
-    if preload is not None and not job.test.fixed and _force_peak(recording) > _PLAIN_FORCE * preload:
+    if preload is not None and not job.test.fixed and recording.force_peak > _PLAIN_FORCE * preload:
         return False
     rig = job.rig.rig() if job.rig is not None else None
     return rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict == "ok"
-
-
-def _force_peak(recording: Recording) -> float:
-    """Largest departure of the force from its mean [N]; 0 where no force is recorded."""
-    force = recording.channels.get("force_in")
-    return 0.0 if force is None else float(np.nanmax(np.abs(force.samples - np.nanmean(force.samples))))
 
 
 def _is_sine(track: Track, frequency: float) -> bool:

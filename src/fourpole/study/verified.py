@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -194,8 +194,8 @@ def verify_results(
     try:
         repeated = _run_again(folder, place, record, workers, further, progress)
     except FourpoleError as error:
-        return VerifiedResults(**{**vars(found), "not_run": f"the second run ended with an error: {error}"})
-    return VerifiedResults(**{**vars(found), "repeated": repeated})
+        return replace(found, not_run=f"the second run ended with an error: {error}")
+    return replace(found, repeated=repeated)
 
 
 def _record_of(folder: Path) -> Mapping[str, Any]:

@@ -23,7 +23,7 @@ from fourpole.core.demodulation.spectrum import (
 )
 from fourpole.core.demodulation.spoilt import without_spoilt
 from fourpole.core.demodulation.tracks import Track, following, named, tracks_of
-from fourpole.core.phasor import CHANNELS, Phasors
+from fourpole.core.phasor import CHANNELS, Phasors, circular_covariance
 from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.errors import RecordingError, TooShortError
 
@@ -387,7 +387,7 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
         phasors=Phasors(
             frequency=np.asarray(omega / (2 * np.pi)),
             amplitudes=amplitudes,
-            covariance=_real_covariance(whole),
+            covariance=circular_covariance(whole),
             frequency_std=np.asarray(omega_std / (2 * np.pi)),
             dof=np.asarray(noise.dof),
         ),
@@ -425,15 +425,6 @@ def _to_velocity(channel: Channel, omega: float, harmonics: int) -> ComplexArray
     for link in links_of(channel):
         factors = factors / link.at(each / (2 * np.pi))
     return np.asarray(factors)
-
-
-def _real_covariance(gamma: ComplexArray) -> FloatArray:
-    """Covariance (6, 6) of interleaved Re and Im of circular noise, from its complex covariance (3, 3)."""
-    result = np.empty((6, 6))
-    result[0::2, 0::2] = result[1::2, 1::2] = 0.5 * gamma.real
-    result[1::2, 0::2] = 0.5 * gamma.imag
-    result[0::2, 1::2] = -0.5 * gamma.imag
-    return result
 
 
 def _peak_of(amplitudes: ComplexArray) -> float:

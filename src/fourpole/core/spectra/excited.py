@@ -22,7 +22,7 @@ _RESOLVED = 0.45
 #: alone is less certain than its noise says.
 _MEDIAN, _ODD = 0.4549, 2.0
 #: Standard uncertainty of a phase that round-off leaves [rad].
-ROUND_OFF = 1e-12
+_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +146,10 @@ def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tu
         raise RecordingError(
             f"{recording.label}: {tracks[0].rate:.6g} samples per second do not resolve {band[0]:.4g} Hz"
         )
-    return in_order(tracks[0]), (band[0], min(band[1], top))
+    return _in_order(tracks[0]), (band[0], min(band[1], top))
 
 
-def in_order(track: Track) -> Track:
+def _in_order(track: Track) -> Track:
     """The track with its channels in the order F1, V1, V2."""
     order = sorted(range(len(track.names)), key=lambda at: CHANNELS.index(track.names[at]))
     return replace(track, names=tuple(track.names[at] for at in order), signals=track.signals[order])
@@ -171,10 +171,15 @@ def to_true(recording: Recording, names: Sequence[str], frequency: FloatArray) -
     return turned
 
 
+def pulls_of(closure: FloatArray) -> FloatArray:
+    """Closure phases (L,) over their standard uncertainties, from both (L, 2)."""
+    return np.asarray(closure[:, 0] / np.maximum(closure[:, 1], _ROUND_OFF))
+
+
 def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, found: Found) -> Excited:
     """Amplitudes from ratios and their closure, with what the spectra of force and velocities show beside."""
     shape, whole = spectra.frequency.shape, len(names) == len(CHANNELS)
-    pulls = found.closure[:, 0] / np.maximum(found.closure[:, 1], ROUND_OFF)
+    pulls = pulls_of(found.closure)
     misfit = float(np.median(pulls**2) / _MEDIAN)
     larger = np.fmax(1.0, np.fmax(misfit, (pulls / _ODD) ** 2))
     covariance = found.ratios.covariance * larger[:, None, None]
@@ -188,7 +193,6 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
     coherence = np.full((*shape, 3), np.nan)
     for at, (a, b) in enumerate(((0, 1), (1, 2), (2, 0)) if whole else ((0, 1),)):
         coherence[:, at] = spectra.coherence(a, b)
-    force = recording.channels["force_in"].samples
     return Excited(
         Phasors(
             frequency=spectra.frequency,
@@ -206,7 +210,7 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
         spectra.width,
         found.length,
         found.deflection,
-        float(np.nanmax(np.abs(force - np.nanmean(force)))),
+        recording.force_peak,
         tuple(tuple(corrections_of(recording, names, 2 * np.pi * one)) for one in spectra.frequency.tolist()),
     )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.phasor import circular_covariance
 
 #: Powers of the frequency by which a ratio, and the transient, change over a band.
 _POWERS = 3
@@ -14,7 +15,6 @@ _POWERS = 3
 BINS = 21
 #: Width of a band over its frequency, where that is more bins.
 _WIDTH = 0.01
-_F, _ONE, _TWO = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +114,6 @@ def _of_band(
         left.append(scaled[y] - solution @ regressors)
     shape = np.stack(weights)
     noise = np.stack(left) @ np.stack(left).conj().T / (frequency.size - 2 * _POWERS)
-    spread = (shape @ shape.conj().T) * noise
-    covariance = np.empty((2 * len(wanted), 2 * len(wanted)))
-    covariance[0::2, 0::2] = covariance[1::2, 1::2] = 0.5 * spread.real
-    covariance[1::2, 0::2] = 0.5 * spread.imag
-    covariance[0::2, 1::2] = -0.5 * spread.imag
+    covariance = circular_covariance((shape @ shape.conj().T) * noise)
     ratios = np.array([value * size[y] / size[x] for value, (y, x, _) in zip(values, wanted, strict=True)])
     return ratios, covariance, noise, lines @ lines.conj().T / frequency.size

@@ -11,13 +11,13 @@ from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import cross_spectra
 from fourpole.core.spectra.excited import (
-    ROUND_OFF,
     Excited,
     Found,
     deflection_in,
     excited,
     power_of_deflection,
     prepared,
+    pulls_of,
     to_true,
 )
 from fourpole.core.spectra.lines import thinned
@@ -113,8 +113,7 @@ def _check_random(recording: Recording, motion: Motion, segment: float) -> None:
 
 def _leakage(found: Excited) -> float:
     """Mean square of the closure phases over their variances, which leakage at a few lines raises."""
-    closure, std = found.closure.T
-    return float(np.mean((closure / np.maximum(std, ROUND_OFF)) ** 2))
+    return float(np.mean(pulls_of(found.closure) ** 2))
 
 
 def _of_segment(recording: Recording, track: Track, band: tuple[float, float], segment: float) -> Excited:

@@ -145,12 +145,7 @@ def with_bend(found: Ratios, weight: ComplexArray) -> Ratios:
 
 #: F1/V1 with the instrument V2, and V2/V1 with the instrument F1.
 OF_V2: tuple[Terms, ...] = (((_F, _TWO, 1), (_ONE, _TWO, -1)), ((_TWO, _F, 1), (_ONE, _F, -1)))
-#: F1/V1 as the geometric mean of H1 and H2: its phase is that of G_F1; `modulus` gives its size.
+#: F1/V1 as the geometric mean of H1 and H2: its phase is that of G_F1.
 OF_V1: tuple[Terms, ...] = (((_F, _ONE, 0.5), (_ONE, _F, -0.5), (_F, _F, 0.5), (_ONE, _ONE, -0.5)),)
 #: The closure phase: the product of the cross spectra around F1, V1, V2, which is real if noises are independent.
 CLOSURE: tuple[Terms, ...] = (((_F, _ONE, 1), (_ONE, _TWO, 1), (_TWO, _F, 1)),)
-
-
-def by_drive(drive: int, channels: Sequence[int]) -> tuple[Terms, ...]:
-    """Each channel over V1, with a recorded drive as the instrument."""
-    return tuple(((channel, drive, 1), (_ONE, drive, -1)) for channel in channels)

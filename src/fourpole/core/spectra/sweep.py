@@ -92,5 +92,5 @@ def _closure(local: LocalRatios) -> FloatArray:
     """
     along = np.exp(-1j * (np.angle(local.values[:, 0]) - np.angle(local.values[:, 1])))
     across = (local.noise[:, 0, 1] * along).imag
-    determinant = np.maximum(np.linalg.det(local.noise[:, :2, :2]).real, 0.0)
+    determinant = np.maximum(np.linalg.det(local.noise).real, 0.0)
     return np.stack([across, np.sqrt(determinant / (2.0 * local.averages))], axis=1)
