@@ -31,6 +31,14 @@ from fourpole.report.words.sentence import Sentence
 from fourpole.report.words.shared_values import GROUPS
 from fourpole.study.results import Results, section, texts
 
+#: The templates of the parts of the page, by name; `page_parts` has what they show.
+PARTS = {
+    name: packaged(f"parts/{name}.html")
+    for name in (
+        "macros", "front", "tested", "findings", "rig", "rig-as-found", "limits", "results", "remarks", "models",
+        "figures", "cards", "run",
+    )
+}  # fmt: skip
 #: Keys of the figures on the first page.
 FRONT = ("first-stiffness", "first-tr")
 #: Up to this number the tests of a finding or a remark are listed by name.
@@ -110,25 +118,37 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
 
 def _page(results: Results, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
     """The page, in the units that are wanted now."""
+    shown = page_parts(results, findings, figures)
+    front, script = shown["front"], packaged("page.js")
+    footing = " · ".join(
+        part for part in (front.laboratory, front.number, str(results.record.get("title") or "")) if part
+    )
+    return rendered(
+        {"page": packaged("template.html"), **PARTS},
+        **shown,
+        footing=Markup(_css_text(footing)),
+        style=Markup(packaged("page.css")),
+        script=Markup(script),
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+    )
+
+
+def page_parts(results: Results, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> dict[str, Any]:
+    """What the templates of `PARTS` show, in the units that are wanted now."""
     cards, static_keys, dynamic_keys = make_cards(results)
     static = result_rows(results.static, STATIC, static_keys)
     dynamic = result_rows(results.dynamic, DYNAMIC, dynamic_keys)
     where = {card.test: card.key for card in cards}
     record = results.record
-    title = str(record.get("title") or "") or "Campaign without a title"
-    script = packaged("page.js")
-    front = front_page(results, findings)
     topics, remarks = _topics(findings, where), _remarks([*dynamic.rows, *static.rows], checks_by_test(results.checks))
-    models, rigs_found = models_section(results), [_rig_as_found(found, where) for found in rigs_in_words(results)]
     shown = {key: figure for key, figure in figures.items() if key not in FRONT}
-    return rendered(
-        {"page": packaged("template.html"), "front": packaged("front.html")},
-        title=title,
-        front=front,
-        front_figures=[figures[key] for key in FRONT if key in figures],
-        folded=folded(results, topics=len(topics), findings=len(findings), remarks=len(remarks), figures=len(shown)),
-        cards=cards,
-        tables=[
+    return {
+        "title": str(record.get("title") or "") or "Campaign without a title",
+        "front": front_page(results, findings),
+        "front_figures": [figures[key] for key in FRONT if key in figures],
+        "folded": folded(results, topics=len(topics), findings=len(findings), remarks=len(remarks), figures=len(shown)),
+        "cards": cards,
+        "tables": [
             {"key": key, "name": name, "table": table}
             for key, name, table in (
                 ("dynamic", "Dynamic tests", dynamic),
@@ -136,35 +156,27 @@ def _page(results: Results, findings: Sequence[Sentence], figures: Mapping[str, 
             )
             if table.rows
         ],
-        tyres=tested(results),
-        tyre_index={tyre: at for at, tyre in enumerate(dict.fromkeys(card.tyre for card in cards))},
-        verdicts=VERDICTS,
-        topics=topics,
-        rigs=rig_rows(record),
-        channels=channel_rows(record),
-        sample_rate=section(record, "stated").get("sample_rate [Hz]"),
-        rigs_found=rigs_found,
-        limits=limits(results),
-        models=models,
-        lacks_models=results.models is None and results.dynamic.height > 0,
-        faults=list(results.faults),
-        assumptions=texts(record.get("assumptions")),
-        notes=texts(record.get("notes")),
-        figures=_numbered(list(shown.values())),
-        remarks=remarks,
-        settings={str(name): str(value) for name, value in section(record, "settings").items()},
-        versions=_versions(record),
-        hashes={str(name): str(value) for name, value in section(record, "sha256").items()},
-        data=Markup(embedded({card.key: card.body for card in cards})),
-        footing=Markup(
-            _css_text(
-                " · ".join(part for part in (front.laboratory, front.number, str(record.get("title") or "")) if part)
-            )
-        ),
-        style=Markup(packaged("page.css")),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-    )
+        "tyres": tested(results),
+        "tyre_index": {tyre: at for at, tyre in enumerate(dict.fromkeys(card.tyre for card in cards))},
+        "verdicts": VERDICTS,
+        "topics": topics,
+        "rigs": rig_rows(record),
+        "channels": channel_rows(record),
+        "sample_rate": section(record, "stated").get("sample_rate [Hz]"),
+        "rigs_found": [_rig_as_found(found, where) for found in rigs_in_words(results)],
+        "limits": limits(results),
+        "models": models_section(results),
+        "lacks_models": results.models is None and results.dynamic.height > 0,
+        "faults": list(results.faults),
+        "assumptions": texts(record.get("assumptions")),
+        "notes": texts(record.get("notes")),
+        "figures": _numbered(list(shown.values())),
+        "remarks": remarks,
+        "settings": {str(name): str(value) for name, value in section(record, "settings").items()},
+        "versions": _versions(record),
+        "hashes": {str(name): str(value) for name, value in section(record, "sha256").items()},
+        "data": Markup(embedded({card.key: card.body for card in cards})),
+    }
 
 
 def _css_text(text: str) -> str:
