@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import resources
 from typing import Any
 
@@ -19,15 +19,22 @@ def packaged(name: str, package: str = "fourpole.report") -> str:
     return resources.files(package).joinpath(name).read_text(encoding="utf-8")
 
 
-def rendered(templates: Mapping[str, str], **shown: Any) -> str:
+def on_page(card: str, test: str) -> str:  # noqa: ARG001 - pages that lead elsewhere need the name
+    """Address of the card of a test on the page itself."""
+    return f"#{card}"
+
+
+def rendered(templates: Mapping[str, str], *, place: Callable[[str, str], str] = on_page, **shown: Any) -> str:
     """The template named "page", filled in; texts are escaped, and characters that a page must not contain replaced.
 
     Each template may import "head", the head of a page with the policy that lets it load nothing from elsewhere.
+    `place` gives the address to which the name of a test leads, from the key of its card and its name.
     """
     loader = DictLoader({"head": packaged("head.html"), **templates})
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.globals["place"] = place
     return _UNFIT.sub("\ufffd", environment.get_template("page").render(**shown))
 
 

@@ -1,220 +1,11 @@
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
-  const rows = [...document.querySelectorAll(".results tbody tr")];
   const cards = new Map([...document.querySelectorAll(".cards details")].map((card) => [card.id, card]));
 
-  // ---- sorting: the first click rises, the next falls; blanks stay last
-  const collator = new Intl.Collator(undefined, { numeric: true });
-  const key = (cell, numeric) => {
-    if (!numeric) return cell.textContent.trim() || null;
-    return cell.dataset.v === undefined ? null : Number(cell.dataset.v);
-  };
-  const sort = (table, head) => {
-    const numeric = head.dataset.n !== undefined;
-    const falling = head.getAttribute("aria-sort") === "ascending";
-    for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
-    head.setAttribute("aria-sort", falling ? "descending" : "ascending");
-    const body = table.tBodies[0];
-    const keyed = [...body.rows].map((row) => [key(row.cells[head.cellIndex], numeric), row]);
-    keyed.sort(([a], [b]) => {
-      if (a === null || b === null) return (a === null) - (b === null);
-      const order = numeric ? a - b : collator.compare(a, b);
-      return falling ? -order : order;
-    });
-    body.append(...keyed.map(([, row]) => row));
-  };
-  for (const table of document.querySelectorAll(".results")) {
-    for (const head of table.tHead.rows[0].cells) {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.append(head.firstElementChild);
-      head.prepend(button);
-      button.addEventListener("click", () => sort(table, head));
-    }
-    table.addEventListener("pointerover", (event) => { // all digits of a number, where one asks for them
-      const cell = event.target.closest("td.n");
-      if (cell && !cell.title) cell.title = `${cell.dataset.v} ${table.tHead.rows[0].cells[cell.cellIndex].dataset.n}`;
-    });
-  }
-
-  // ---- filtering: tables and cards together
-  const find = byId("find"), tyre = byId("tyre"), verdict = byId("verdict"), form = byId("filter");
-  let haystacks = null;
-  const filter = () => {
-    haystacks ??= rows.map((row) => [row.textContent, ...[...row.querySelectorAll("[title]")].map((cell) => cell.title)]
-      .join(" ").toLowerCase());
-    const words = find.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const shown = new Set();
-    rows.forEach((row, at) => {
-      const fits = (!tyre.value || row.dataset.tyre === tyre.value)
-        && (!verdict.value || row.dataset.verdict === verdict.value)
-        && words.every((word) => haystacks[at].includes(word));
-      row.hidden = !fits;
-      if (fits) shown.add(row.dataset.card);
-    });
-    for (const [id, card] of cards) card.hidden = !shown.has(id);
-    byId("shown").textContent = `${shown.size} of ${cards.size} tests`;
-  };
-  form.addEventListener("submit", (event) => event.preventDefault());
-  form.addEventListener("input", filter);
-  form.addEventListener("reset", () => setTimeout(filter));
-  form.hidden = rows.length === 0;
-  if (rows.length) filter();
-  byId("card-note").textContent = rows.length
+  addEventListener("filtered", ({ detail }) => { for (const [id, card] of cards) card.hidden = !detail.has(id); });
+  byId("card-note").textContent = cards.size
     ? "Open a card for its signals, loop and numbers. The filter above applies here too; open cards are printed." : "There are none.";
-
-  // ---- drawing
-  const ns = "http://www.w3.org/2000/svg";
-  const element = (name, attributes = {}, text = "") => {
-    const made = document.createElementNS(ns, name);
-    for (const [attribute, value] of Object.entries(attributes)) made.setAttribute(attribute, value);
-    if (text) made.textContent = text;
-    return made;
-  };
-  const html = (name, className = "", text = "") => {
-    const made = document.createElement(name);
-    if (className) made.className = className;
-    if (text) made.textContent = text;
-    return made;
-  };
-  const alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
-  const code = new Map([...alphabet].map((character, at) => [character, at]));
-  const unpack = ([low, step, text]) => {
-    const values = new Float64Array(text.length / 2);
-    for (let i = 0; i < values.length; i++) {
-      const level = 64 * code.get(text[2 * i]) + code.get(text[2 * i + 1]);
-      values[i] = level === 4095 ? NaN : low + step * level;
-    }
-    return values;
-  };
-  const prefixes = [[1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
-  const scaled = (unit, size) => prefixes.find(([factor]) => size >= factor) || [1, ""];
-  const extremes = (...lists) => {
-    let low = Infinity, high = -Infinity;
-    for (const list of lists) for (const value of list) {
-      if (value < low) low = value;
-      if (value > high) high = value;
-    }
-    return low <= high ? [low, high] : [0, 1];
-  };
-  const ticks = (low, high, least) => {
-    const power = 10 ** Math.floor(Math.log10(high - low)), first = (step) => Math.ceil(low / step - 1e-9);
-    const count = (step) => Math.floor(high / step + 1e-9) - first(step) + 1;
-    const step = [1, 0.5, 0.2, 0.1, 0.05].map((m) => m * power).find((m) => count(m) >= least);
-    const found = Array.from({ length: count(step) }, (_, at) => (first(step) + at) * step);
-    return [found, Math.max(0, -Math.floor(Math.log10(step) + 1e-9))];
-  };
-  const said = (value, decimals) => {
-    const text = value.toFixed(decimals).replace("-", "−");
-    return /[1-9]/.test(text) ? text : text.replace("−", "");
-  };
-
-  // An axis: SI values, a unit to be prefixed, a name.
-  const axis = (name, unit, values, { from = null, pad = 0.05 } = {}) => {
-    let [low, high] = from || extremes(...values);
-    if (low === high) [low, high] = low ? [low - Math.abs(low), high + Math.abs(high)] : [-1, 1];
-    const gap = pad * (high - low);
-    const [factor, prefix] = scaled(unit, Math.max(Math.abs(low), Math.abs(high)));
-    return { label: `${name} [${prefix}${unit}]`, factor, low: (low - gap) / factor, high: (high + gap) / factor };
-  };
-  const plot = (title, x, y, series, { width, height }) => {
-    const left = 46, right = width - 8, top = 18, bottom = height - 30;
-    const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title });
-    const px = (value) => left + (value / x.factor - x.low) / (x.high - x.low) * (right - left);
-    const py = (value) => bottom - (value / y.factor - y.low) / (y.high - y.low) * (bottom - top);
-    const [xs, xDecimals] = ticks(x.low, x.high, 4), [ys, yDecimals] = ticks(y.low, y.high, height > 200 ? 4 : 3);
-    let grid = "";
-    for (const at of xs) {
-      const where = px(at * x.factor).toFixed(1);
-      grid += `M${where} ${top}V${bottom}`;
-      svg.append(element("text", { class: "tick", x: where, y: bottom + 12, "text-anchor": "middle" }, said(at, xDecimals)));
-    }
-    for (const at of ys) {
-      const where = py(at * y.factor);
-      grid += `M${left} ${where.toFixed(1)}H${right}`;
-      svg.append(element("text", { class: "tick", x: left - 4, y: (where + 3.5).toFixed(1), "text-anchor": "end" }, said(at, yDecimals)));
-    }
-    svg.prepend(element("path", { class: "grid", d: grid }));
-    for (const { kind, xs: across, ys: up } of series) {
-      let path = "", pen = false;
-      for (let i = 0; i < across.length; i++) {
-        const point = `${px(across[i]).toFixed(1)} ${py(up[i]).toFixed(1)}`;
-        if (point.includes("NaN")) pen = false;
-        else if (kind === "dot" || kind === "at") path += `M${point}h0`;
-        else { path += (pen ? "L" : "M") + point; pen = true; }
-      }
-      svg.append(element("path", { class: kind, d: kind === "area" && path ? `${path}Z` : path }));
-    }
-    svg.append(
-      element("rect", { class: "frame", x: left, y: top, width: right - left, height: bottom - top }),
-      element("text", { x: left, y: 12 }, title),
-      element("text", { class: "tick", x: right, y: height - 5, "text-anchor": "end" }, x.label),
-      element("text", { class: "tick", x: right, y: 12, "text-anchor": "end" }, y.label),
-    );
-    return svg;
-  };
-
-  const drawSignals = (body, width) => {
-    const box = html("div", "signals");
-    const time = unpack(body.t), blocks = unpack(body.rt);
-    for (const signal of body.signals) {
-      const measured = unpack(signal.s), fit = unpack(signal.f), residual = unpack(signal.r);
-      box.append(plot(
-        `${signal.name}: signal (dots) and fit`, axis("time", "s", [time], { pad: 0.01 }), axis(signal.name, signal.unit, [measured, fit]),
-        [{ kind: "line", xs: time, ys: fit }, { kind: "dot", xs: time, ys: measured }],
-        { width, height: 150 },
-      ));
-      if (residual.length < 2) { box.append(html("div")); continue; }
-      const [low, high] = extremes(fit), [least, largest] = extremes(residual);
-      const share = 200 * Math.max(-least, largest) / (high - low);
-      const even = [], odd = [];
-      for (let i = 0; i < residual.length; i += 2) { even.push(i); odd.unshift(i + 1); }
-      const around = [...even, ...odd];
-      box.append(plot(
-        `residual, at most ${share.toPrecision(2)} %`, axis("time", "s", [blocks], { pad: 0.01 }), axis(signal.name, signal.unit, [residual]),
-        [{ kind: "area", xs: around.map((i) => blocks[i]), ys: around.map((i) => residual[i]) }],
-        { width, height: 150 },
-      ));
-    }
-    return box;
-  };
-  const drawLoop = (body, width) => {
-    const { d, f, lag, w, p, across } = body.loop;
-    const turns = Array.from({ length: 121 }, (_, i) => i * Math.PI / 60);
-    const xs = turns.map((turn) => d * Math.cos(turn)), ys = turns.map((turn) => f * Math.cos(turn + lag));
-    const series = [{ kind: "line", xs, ys }], seen = [ys];
-    const signal = body.signals && body.signals.find((one) => one.name === "F1");
-    if (signal && p !== undefined) {
-      const measured = unpack(signal.s), time = unpack(body.t);
-      series.push({ kind: "dot", xs: [...time].map((t) => d * Math.cos(w * t + p)), ys: measured });
-      seen.push(measured);
-    }
-    const title = across ? "F1 against the deflection across the tyre" : "F1 against the deflection at the contact";
-    return plot(title, axis("deflection", "m", [xs]), axis("F1", "N", seen), series, { width, height: 0.85 * width });
-  };
-  const drawCurve = (curve, width) => {
-    const x = unpack(curve.x), y = unpack(curve.y);
-    const series = [{ kind: "thin", xs: x, ys: y }];
-    const [low, high] = extremes(x);
-    if (curve.mx) series.push({ kind: "line", xs: unpack(curve.mx), ys: unpack(curve.my) });
-    for (const [at, load, slope] of curve.tangents || []) {
-      const half = 0.12 * (high - low);
-      series.push({ kind: "tangent", xs: [at - half, at + half], ys: [load - slope * half, load + slope * half] });
-      series.push({ kind: "at", xs: [at], ys: [load] });
-    }
-    const title = "load loop, its mean, tangents K1";
-    return plot(title, axis("deflection", "m", [x]), axis("load", "N", [y]), series, { width, height: Math.min(360, 0.75 * width) });
-  };
-  const drawFacts = (facts, wide) => {
-    const list = html("dl", wide ? "wide" : "");
-    for (const [name, value] of facts) {
-      const pair = wide ? html("div") : list;
-      pair.append(html("dt", "", name), html("dd", "", value));
-      if (wide) list.append(pair);
-    }
-    return list;
-  };
 
   const folded = [...document.querySelectorAll(".part, .files, .model details")]; // all of it is printed
   let shut = [];
@@ -227,21 +18,7 @@
     if (card.dataset.made) return;
     card.dataset.made = "yes";
     data ??= JSON.parse(byId("card-data").textContent);
-    const body = data[card.id], inside = html("div", "card");
-    const room = Math.max(280, card.clientWidth - 20), three = room > 760, width = three ? room / 3 - 16 : room; // as in the style
-
-    for (const remark of body.remarks) inside.append(html("p", "whole", remark));
-    if (body.curve) inside.append(drawCurve(body.curve, three ? 2 * width : width));
-    if (body.signals) inside.append(drawSignals(body, width));
-    if (body.loop) {
-      const side = html("div", "side");
-      side.append(drawLoop(body, width));
-      if (body.loop.p !== undefined) side.append(html("p", "note", "Line: the fundamental. Dots: samples of F1 at the fundamental of the deflection."));
-      inside.append(side);
-    }
-    if (!body.curve && !body.signals) inside.append(html("p", "whole note", "No recording of it could be used, or no preview is kept."));
-    inside.append(drawFacts(body.facts, !body.curve));
-    card.append(inside);
+    card.append(draw.card(data[card.id], card.clientWidth));
   };
   for (const card of cards.values()) card.addEventListener("toggle", () => { if (card.open) build(card); });
   const follow = () => {
@@ -249,7 +26,8 @@
     const part = place && (place.closest(".part") ?? place.querySelector(":scope > .part"));
     if (part) part.open = true;
     if (!card) { if (part) place.scrollIntoView({ block: "start" }); return; }
-    if (card.hidden) { form.reset(); filter(); }
+    if (card.hidden) byId("filter").reset();
+    card.hidden = false;
     card.open = true;
     build(card);
     card.scrollIntoView({ block: "start" });

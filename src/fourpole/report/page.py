@@ -39,6 +39,8 @@ PARTS = {
         "figures", "cards", "run",
     )
 }  # fmt: skip
+#: The scripts of the page, in their order: tables, curves, and what is the page's own.
+SCRIPTS = ("tables.js", "draw.js", "page.js")
 #: Keys of the figures on the first page.
 FRONT = ("first-stiffness", "first-tr")
 #: Up to this number the tests of a finding or a remark are listed by name.
@@ -119,7 +121,7 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
 def _page(results: Results, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
     """The page, in the units that are wanted now."""
     shown = page_parts(results, findings, figures)
-    front, script = shown["front"], packaged("page.js")
+    front, script = shown["front"], "".join(map(packaged, SCRIPTS))
     footing = " · ".join(
         part for part in (front.laboratory, front.number, str(results.record.get("title") or "")) if part
     )
