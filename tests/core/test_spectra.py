@@ -14,8 +14,10 @@ from fourpole.core.chain import LowPass
 from fourpole.core.codes import Code
 from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS
+from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.spectra.average import cross_spectra, independent
+from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.ratios import Ratios, with_bend
 from fourpole.core.spectra.sweep import sweep_amplitudes
@@ -197,6 +199,84 @@ def test_a_sweep_without_v2_and_with_a_delay():
     ratio = both[0].phasors.mobility / both[1].phasors.mobility
     assert ratio == pytest.approx(np.exp(1j * omega * 1e-3), rel=1e-4)
     assert np.isnan(both[0].closure).all()
+
+
+def repeated(period, length=60.0, *, noise=0.01, seed=30, lead=10.0, rate=1000.0):
+    """A motion of noise that repeats, cut after the rig has settled."""
+    rng, size = np.random.default_rng(seed), round(period * rate)
+    frequency = np.fft.rfftfreq(size, 1 / rate)
+    once = np.fft.irfft(random_rig.white(rng, frequency.size) * ((frequency > 3.0) & (frequency < 230.0)), size)
+    motion = np.resize(once, int((length + lead) * rate))
+    time, *signals = random_rig.answered(motion, rate, motion.size, noise=noise, seed=seed)
+    force, contact, wheel = (one[int(lead * rate) :] for one in signals)
+    return Recording.from_arrays(time[: force.size], force_in=force, motion_in=contact, motion_out=wheel)
+
+
+@pytest.mark.parametrize("method", [random_amplitudes, sweep_amplitudes])
+@pytest.mark.parametrize("period", [0.5, 2.0, 8.0])
+def test_a_motion_that_repeats_is_known_at_the_multiples_of_its_frequency(method, period):
+    """Between them is noise alone: segments that are no multiple of the period gave errors of twice the uncertainty."""
+    found = method(repeated(period), BAND)
+    off, std = errors_of(found)
+    kept = found.relative.max(axis=1) < 0.1
+    pulls = (np.stack([off.real, off.imag], 1) / std)[kept]
+    assert kept.sum() > 60
+    assert np.sqrt(np.mean(pulls**2)) == pytest.approx(1.0, abs=0.2)
+    if period < 5.0:
+        sines = found.width == 1 / period
+        multiples = found.phasors.frequency[sines] * period
+        assert multiples == pytest.approx(np.round(multiples), abs=1e-3)
+
+
+def test_a_sine_that_wanders_is_no_random_excitation():
+    time = np.arange(60_000) / 1000.0
+    wander = 0.5 * np.sin(2 * np.pi * 0.31 * time) + 0.4 * np.sin(2 * np.pi * 0.47 * time)
+    _, *signals = random_rig.answered(np.sin(2 * np.pi * np.cumsum(20.0 + wander) / 1000.0), 1000.0, 60_000, noise=1e-3)
+    recording = Recording.from_arrays(time, **dict(zip(CHANNELS, signals, strict=True)))
+    with pytest.raises(RecordingError, match="separate sines"):
+        random_amplitudes(recording, BAND)
+
+
+@pytest.mark.parametrize(("common", "told"), [(0.0, False), (0.1, True)])
+def test_a_small_correlation_of_noises_shows_over_all_lines(common, told):
+    (check,) = check_shared_noise(random_amplitudes(recorded(31, coherence=0.7, common=common), BAND))
+    assert (check.verdict == "warning") is told
+
+
+RIG = Rig(moving_mass=random_rig.MASS, preload_stiffness=random_rig.SPRING)
+EXACT = Sensors((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+
+
+@pytest.mark.parametrize(("late", "told"), [(0, False), (1, True)])
+def test_an_undeclared_delay_shows_over_all_lines(late, told):
+    """One sample is 1 ms. At low frequencies no line alone shows it."""
+    plain = recorded(32)
+    wheel = plain.channels["motion_out"]
+    wheel = replace(wheel, samples=np.roll(wheel.samples, late))
+    found = random_amplitudes(replace(plain, channels={**plain.channels, "motion_out": wheel}), BAND)
+    (check,) = check_pooled(found, RIG, 0.0, EXACT)
+    assert (check.verdict == "warning") is told
+    assert ("a delay of V2 after F1 of 1 ms" in check.remark) is told
+
+
+def test_a_delay_within_its_stated_uncertainty_is_none():
+    plain = recorded(32)
+    wheel = plain.channels["motion_out"]
+    wheel = replace(wheel, samples=np.roll(wheel.samples, 1))
+    found = random_amplitudes(replace(plain, channels={**plain.channels, "motion_out": wheel}), BAND)
+    (check,) = check_pooled(found, RIG, 0.0, replace(EXACT, delay=(0.0, 1e-3)))
+    assert check.verdict == "ok"
+
+
+@pytest.mark.parametrize("name", ["linear", "logarithmic"])
+def test_a_sweep_without_noise_is_as_certain_as_its_polynomials(name):
+    """The error of what the polynomials leave out is below its estimate, which is no round-off."""
+    found = sweep_amplitudes(swept(noise=0.0, **SWEEPS[name]), BAND)
+    off, std = errors_of(found)
+    kept = found.relative.max(axis=1) < 0.1
+    pulls = (np.stack([off.real, off.imag], 1) / std)[kept]
+    assert kept.sum() > 200
+    assert np.abs(pulls).max() < 3.0
 
 
 def _apart():

@@ -109,6 +109,13 @@ class Code(Enum):
         "F1/V1 or V2/V1 at {hertz:.4g} Hz is known to {percent:.2g} % only; ",
         "record longer, or excite more at this frequency",
     )
+    BESIDE = (
+        "beside a line",
+        "",
+        "the power at a frequency is that of another frequency",
+        "at {hertz:.4g} Hz the spectrum has no power but that of another frequency beside it; ",
+        "excite all frequencies of the band, or test the frequency of the sine as a dynamic test",
+    )
     CLOSURE = (
         "closure phase",
         "the mean square of the closure phase of F1, V1 and V2 over its variance",
@@ -118,6 +125,23 @@ class Code(Enum):
             "uncertainties (segments of {length:.3g} s); uncertainties are enlarged by this factor; "
         ),
         "look for noise that the channels share (hum, a common ground, cross-talk), or record longer",
+    )
+    SHARED = (
+        "shared noise",
+        "the chi-square of the closure phases that a correlation of the noises of two channels explains",
+        "the noises of two channels are correlated",
+        (
+            "the closure phases of all lines show that noises are correlated, most likely those of {pair} by "
+            "{size:.2f} (u = {std:.2f}): cross spectra have an error of some {percent:.2g} %; "
+        ),
+        "look for hum, a common ground or cross-talk, or record the drive as [channels] drive",
+    )
+    POOLED = (
+        "F1 against V2, all lines",
+        "the chi-square of F1 over what V2 and the rig need, over its degrees of freedom",
+        "F1 and V2 contradict each other over the band",
+        "over all lines F1 departs by {percent:.2g} % from what V2 and the rig need{looks}: ",
+        "look for an undeclared delay or filter, a wrong gain of F1 or V2, or parts of the rig that are not stated",
     )
     RESIDUAL = (
         "residual",

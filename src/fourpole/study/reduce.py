@@ -30,6 +30,7 @@ from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.excited import Excited
+from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
@@ -153,16 +154,27 @@ def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
         return (point_of(job, done),)
     found, rig, added = done.found, job.rig.rig() if job.rig is not None else None, job.test.value("added_mass") or 0.0
     whole = (*done.checks, *_checks_of_force(job.test, found.force_peak, done.mean_force), *check_closure(found))
+    whole = (*whole, *check_shared_noise(found))
+    if rig is not None:
+        whole = (*whole, *check_pooled(found, rig, added, _sensors(job.channels)))
     bad = tuple(row for row in whole if row.verdict != "ok")
     points = []
     for at in range(found.averages.size):
         phasors = found.phasors.part(at)
         rows = [check_line(found, at)]
-        if rig is not None and not rig.blocked:
+        if rows[0].verdict != "rejected" and rig is not None and not rig.blocked:
             rows += [checks.check_resonance(float(phasors.frequency), rig, added)]
             rows += [checks.check_consistency(phasors, rig, added)]
         points.append(Point(phasors, (*(bad if at else whole), *rows), found.corrections[at], line=found.line(at)))
     return tuple(points)
+
+
+def _sensors(channels: ChannelsFile) -> Sensors:
+    """Standard uncertainties of the channels F1 and V2, as stated."""
+    both = [channels.named(role) for role in ("force_in", "motion_out")]
+    stated = [one for one in both if one is not None]
+    gains, phases, delays = ([getattr(one, name) for one in stated] for name in ("gain_std", "phase_std", "std_delay"))
+    return Sensors(*(tuple([*values, 0.0, 0.0][:2]) for values in (gains, phases, delays)))
 
 
 def point_of(job: Job, done: Demodulated) -> Point:

@@ -34,12 +34,18 @@ class CrossSpectra(ByValue):
         Number of independent averages with the same variance.
     width : (L,) float array [Hz]
         Width of the band that a line stands for.
+    foreign : (L,) bool array or bool
+        Lines whose power is that of another frequency, as beside a sine.
+    broad : (L,) bool array or bool
+        Lines that are a mean over frequency; others are sines.
     """
 
     frequency: FloatArray
     matrix: ComplexArray
     averages: FloatArray
     width: FloatArray
+    foreign: BoolArray | bool = False
+    broad: BoolArray | bool = True
 
     def coherence(self, a: int, b: int) -> FloatArray:
         """Coherence (L,) of two channels [1]."""
@@ -171,6 +177,20 @@ def independent(segments: float, bins: int) -> float:
         (1.0 if m == 0 else 2.0 * (1.0 - m / bins)) * _correlated(int(m), segments) for m in apart.tolist() if m < 4
     )
     return float(segments * bins / variance)
+
+
+def of_sine(segments: float) -> float:
+    r"""Number of independent averages of a sine in noise, in segments that it passes with the same phase.
+
+    The noise of overlapping segments correlates by 1/6, and enters the mean product with the sine by its first power:
+    :math:`n = K / (1 + 2\,(1 - 1/K)/6)`.
+
+    Examples
+    --------
+    >>> round(of_sine(29.0), 1)
+    20.9
+    """
+    return segments / (1.0 + (1.0 - 1.0 / segments) / 3.0) - 1.0
 
 
 def _correlated(bins: int, segments: float) -> float:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, without_crosstalk
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
@@ -39,12 +39,15 @@ class Found(ByValue):
         Amplitude of the deflection in the band.
     length : float [s]
         Length of the segments, or of the record.
+    shared : (3, 4) float array [1] or None
+        Correlations of the noises: see `Excited`; None if they are not found.
     """
 
     ratios: Ratios
     closure: FloatArray
     deflection: float
     length: float
+    shared: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,11 @@ class Excited(ByValue):
         Largest departure of F1 from its mean.
     corrections : tuple of tuple of Correction
         Effects of the measurement chain that were removed, for each line.
+    foreign : (L,) bool array or bool
+        Lines whose power is that of another frequency, as beside a sine.
+    shared : (3, 4) float array [1]
+        Correlation of the noises of F1 and V1, V1 and V2, V2 and F1: modulus, standard uncertainty, the chi-square
+        that it explains, and the relative error of the cross spectrum; zeros where it is not found.
     """
 
     phasors: Phasors
@@ -120,6 +128,8 @@ class Excited(ByValue):
     deflection: float
     force_peak: float
     corrections: tuple[tuple[Correction, ...], ...] = ()
+    foreign: BoolArray | bool = False
+    shared: FloatArray = field(default_factory=lambda: np.zeros((3, 4)))
 
     def line(self, at: int) -> Line:
         """What the spectra show of one line."""
@@ -212,6 +222,8 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
         found.deflection,
         recording.force_peak,
         tuple(tuple(corrections_of(recording, names, 2 * np.pi * one)) for one in spectra.frequency.tolist()),
+        spectra.foreign,
+        np.zeros((3, 4)) if found.shared is None else found.shared,
     )
 
 

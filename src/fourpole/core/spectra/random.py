@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from fourpole.core.demodulation.tracks import Track
-from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
-from fourpole.core.spectra.average import cross_spectra
-from fourpole.core.spectra.excited import (
-    Excited,
-    Found,
-    deflection_in,
-    excited,
-    power_of_deflection,
-    prepared,
-    pulls_of,
-    to_true,
-)
-from fourpole.core.spectra.lines import thinned
-from fourpole.core.spectra.motion import Motion, motion_of
-from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bend, with_bias
+from fourpole.core.spectra.averaged import periodic_amplitudes, segment_amplitudes
+from fourpole.core.spectra.excited import Excited, prepared, pulls_of
+from fourpole.core.spectra.motion import Motion, fine_spectrum, motion_of, period_of
+from fourpole.core.spectra.sweep import fits_whole, sweep_amplitudes
 from fourpole.errors import RecordingError, TooShortError
 
 #: Number of segments that a first estimate takes, and the fewest that are taken for finer lines.
@@ -73,21 +59,27 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     track, inside = prepared(recording, band)
     length = track.time.size / track.rate
     if segment is not None:
-        return _of_segment(recording, track, inside, segment)
+        return segment_amplitudes(recording, track, inside, segment)
     if length * inside[0] < 0.5 * _CYCLES * (_FEW + 1.0):
         raise TooShortError(
             f"{recording.label} is {length:.4g} s long, which is too short for lines from {band[0]:.4g} Hz on: record "
             f"{0.5 * _CYCLES * (_FEW + 1.0) / band[0]:.3g} s or more, or start the band higher"
         )
+    fine = fine_spectrum(track)
+    segment = max(2.0 * length / (_MANY + 1.0), _CYCLES / inside[0])
+    if (period := period_of(track, inside)) is not None:
+        held = periodic_amplitudes(recording, track, inside, period, segment)
+        if held is not None:
+            return held
+    _check_random(recording, motion_of(track, segment, inside, fine), segment)
+    if period is not None and fits_whole(track, inside):
+        return sweep_amplitudes(recording, band)
     best: Excited | None = None
     for count in (_MANY, _MANY // 2, _FEW):
         segment = max(2.0 * length / (count + 1.0), _CYCLES / inside[0])
-        motion = motion_of(track, segment, inside)
-        if best is None:
-            _check_random(recording, motion, segment)
-        elif motion.foreign > _FOREIGN:
+        if best is not None and motion_of(track, segment, inside, fine).foreign > _FOREIGN:
             break
-        finer = _of_segment(recording, track, inside, segment)
+        finer = segment_amplitudes(recording, track, inside, segment, fine)
         if best is not None and not _leakage(finer) < _BETTER * _leakage(best):
             break
         best = finer
@@ -99,38 +91,18 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
 
 def _check_random(recording: Recording, motion: Motion, segment: float) -> None:
     """RecordingError if the motion is separate sines or a sweep."""
-    if motion.foreign > _FOREIGN or motion.single > _SINGLE:
-        raise RecordingError(
-            f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
-            f"or put the sines of a multisine at most {0.5 / segment:.2g} Hz apart"
-        )
     if motion.held < _SWEPT:
         raise RecordingError(
             f"{recording.label}: each frequency is excited in {motion.held:.2g} of the segments of {segment:.3g} s "
             "only, as by a sweep: state kind = sweep"
+        )
+    if motion.foreign > _FOREIGN or motion.single > _SINGLE:
+        raise RecordingError(
+            f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
+            f"or put the sines of a multisine at most {0.5 / segment:.2g} Hz apart"
         )
 
 
 def _leakage(found: Excited) -> float:
     """Mean square of the closure phases over their variances, which leakage at a few lines raises."""
     return float(np.mean(pulls_of(found.closure) ** 2))
-
-
-def _of_segment(recording: Recording, track: Track, band: tuple[float, float], segment: float) -> Excited:
-    """The amplitudes with segments of a length [s]."""
-    segment = round(segment * track.rate) / track.rate
-    recorded = cross_spectra(track, segment, band)
-    turned = to_true(recording, track.names, recorded.frequency)
-    every = replace(recorded, matrix=turned @ recorded.matrix @ turned.conj().transpose(0, 2, 1))
-    spectra = thinned(every, 2.0 * track.time.size / (segment * track.rate) - 1.0)
-    closure = np.full((spectra.frequency.size, 2), np.nan)
-    whole = len(track.names) == len(CHANNELS)
-    if whole:
-        around = ratios(spectra.matrix, spectra.averages, CLOSURE)
-        std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
-        closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
-    moved = deflection_in(every.frequency, power_of_deflection(every.matrix), float(every.width[0]))
-    held = ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1)
-    held = with_bend(held, spectra.matrix[:, 1, [2, 0] if whole else [1]])
-    found = Found(held if whole else with_bias(held, spectra.coherence(0, 1), 1.0), closure, moved, segment)
-    return excited(recording, track.names, spectra, found)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 
 #: A ratio of cross spectra: the logarithm is a sum of those of G_ab, each with a power.
 Terms = Sequence[tuple[int, int, float]]
@@ -111,7 +111,7 @@ def with_bias(found: Ratios, coherence: FloatArray, share: float) -> Ratios:
     return Ratios(found.values, covariance)
 
 
-def with_bend(found: Ratios, weight: ComplexArray) -> Ratios:
+def with_bend(found: Ratios, weight: ComplexArray, broad: BoolArray | bool = True) -> Ratios:
     r"""The ratios with the error that their change over the width of a line makes, as at a sharp resonance.
 
     A line is a mean over frequency with the weight S. Its departure from the ratio g in the middle is
@@ -129,6 +129,8 @@ def with_bend(found: Ratios, weight: ComplexArray) -> Ratios:
         Ratios (L, R) at lines in the order of their frequency.
     weight : (L, R) complex array
         The cross spectrum by which each ratio is weighted, its denominator.
+    broad : (L,) bool array or bool
+        False for a line that is a sine, and no mean over frequency.
     """
     if len(weight) < _NEIGHBOURS:
         return found
@@ -136,6 +138,7 @@ def with_bend(found: Ratios, weight: ComplexArray) -> Ratios:
     with np.errstate(divide="ignore", invalid="ignore"):
         bend = ((above - 2.0 * here + below) / 24.0 + (above - below) * np.log(weight[2:] / weight[:-2]) / 48.0) / here
     bend = np.nan_to_num(np.concatenate([bend[:1], bend, bend[-1:]]), posinf=0.0, neginf=0.0)
+    bend = np.where(np.broadcast_to(broad, len(bend))[:, None], bend, 0.0)
     covariance = found.covariance.copy()
     for at in range(bend.shape[1]):
         covariance[:, 2 * at, 2 * at] += bend[:, at].real ** 2

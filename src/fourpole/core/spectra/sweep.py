@@ -6,11 +6,14 @@ import numpy as np
 from scipy import fft
 
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.demodulation.tracks import Track
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import CrossSpectra
+from fourpole.core.spectra.averaged import periodic_amplitudes
 from fourpole.core.spectra.excited import Excited, Found, deflection_in, excited, prepared, to_true
 from fourpole.core.spectra.local import BINS, LocalRatios, local_ratios
+from fourpole.core.spectra.motion import period_of
 from fourpole.core.spectra.ratios import Ratios, with_bias
 from fourpole.errors import RecordingError, TooShortError
 
@@ -53,6 +56,10 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
     frequency = fft.rfftfreq(track.time.size, 1.0 / track.rate)
     kept = (frequency >= inside[0]) & (frequency <= inside[1])
     length = track.time.size / track.rate
+    if (period := period_of(track, inside)) is not None:
+        repeated = periodic_amplitudes(recording, track, inside, period, 0.0)
+        if repeated is not None:
+            return repeated
     if kept.sum() < BINS or BINS / length > _WIDEST * inside[0]:
         raise TooShortError(
             f"{recording.label} is {length:.4g} s long, which is too short for a sweep from {inside[0]:.4g} Hz on: "
@@ -75,6 +82,12 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
         length,
     )
     return excited(recording, track.names, spectra, found)
+
+
+def fits_whole(track: Track, band: tuple[float, float]) -> bool:
+    """Whether the spectra of the whole record resolve the band, and no sample is missing."""
+    length = track.time.size / track.rate
+    return bool(track.present.all()) and BINS / length <= min(_WIDEST * band[0], band[1] - band[0])
 
 
 def _power_of_deflection(lines: ComplexArray) -> FloatArray:
