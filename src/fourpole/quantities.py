@@ -355,7 +355,7 @@ WIDTH = Quantity("width", "width", "width", "Hz", "width of the band that a line
 AVERAGES = Quantity("averages", "n", "averages", "1", "number of independent averages")
 COHERENCES = tuple(
     Quantity(f"coherence_{a}_{b}".lower(), f"γ²({a}, {b})", f"coherence {a}-{b}", "1", f"coherence of {a} and {b}")
-    for a, b in (("F1", "V1"), ("V1", "V2"), ("V2", "F1"))
+    for a, b in (("F1", "V1"), ("V1", "V2"), ("V2", "F1"), ("drive", "F1"), ("drive", "V1"), ("drive", "V2"))
 )
 CLOSURE_PHASE = Quantity(
     "closure_phase", "closure", "closure phase", "rad", "phase of G(F1,V1)·G(V1,V2)·G(V2,F1); 0 without common noise",

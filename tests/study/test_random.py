@@ -133,3 +133,22 @@ def test_k1_is_doubted_where_most_lines_doubt_it(folder, tmp_path, k1, wrong):
     (tmp_path / "tests.csv").write_text("\n".join(row).replace("120e3", str(k1)) + "\n")
     checks = analyse(tmp_path, monte_carlo=0).checks.filter(pl.col("code") == "K1 against K'")
     assert ("warning" in checks["verdict"]) is wrong
+
+
+@pytest.mark.parametrize(("column", "left"), [("command", ""), ("flat", "constant"), ("gone", "gone")])
+def test_a_drive_is_used_where_it_can_be(folder, tmp_path, column, left):
+    rng = np.random.default_rng(41)
+    table = pl.read_parquet(folder / "R0.parquet")
+    command = table["V1"].to_numpy() + 0.01 * table["V1"].std() * rng.normal(size=table.height)
+    table.with_columns(command=command, flat=pl.lit(1.0)).write_parquet(tmp_path / "R0.parquet")
+    rows = (folder / "tests.csv").read_text().splitlines()[:2]
+    (tmp_path / "tests.csv").write_text("\n".join(rows) + "\n")
+    stated = STATED.replace("[channels]", f'[channels]\ndrive = "{column}"')
+    (tmp_path / "campaign.toml").write_text(stated)
+    found = analyse(tmp_path, monte_carlo=0)
+    assert found.counts["rejected"] == 0
+    seen = found.lines["coherence drive-V1 [1]"].is_finite()
+    assert seen.all() if not left else not seen.any()
+    said = " ".join(found.dynamic["remarks"].to_list())
+    assert ("drive was left out" in said) is bool(left)
+    assert left in said

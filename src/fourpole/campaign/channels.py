@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from fourpole import units
 from fourpole.campaign import defaults
 from fourpole.core.chain import Geophone, HighPass, Link, LowPass
-from fourpole.core.recording import CrossTalk
+from fourpole.core.recording import DRIVE, CrossTalk
 from fourpole.errors import TableError, UnitError
 
 #: Highest order of a filter.
@@ -233,6 +233,14 @@ class Conversion:
     crosstalk: tuple[CrossTalk, ...] = ()
 
 
+_AS_IT_IS = Conversion(DRIVE, 1.0, 0.0, 0.0, None)
+
+
+def _column(raw: Any) -> Any:
+    """A table with a column, from the name of the column alone or the table."""
+    return {"column": raw} if isinstance(raw, str) else raw
+
+
 def _crosstalk(source: str, text: str, kind: str) -> CrossTalk:
     """Crosstalk from the channel `source` into a channel of a kind."""
     coefficient, of = units.crosstalk(text, kind)
@@ -261,6 +269,16 @@ class ReferenceFile(File):
     def is_angle(self) -> bool:
         """Whether the column records an angle rather than pulses."""
         return units.channel_scale(self.unit, ("voltage", "angle"))[0] == "angle" and self.unit not in ("1", "-")
+
+
+class DriveFile(File):
+    """The signal that drives the excitation: any unit, or none."""
+
+    column: str = Field(min_length=1)
+    unit: str | None = None
+
+    #: A drive has no unit that must agree with that of the file.
+    plain_unit: ClassVar[None] = None
 
 
 class TimeFile(File):
@@ -298,6 +316,7 @@ class ChannelsFile(File):
     load: ChannelFile | None = None
     deflection: ChannelFile | None = None
     reference: ReferenceFile | None = None
+    drive: Annotated[DriveFile | None, BeforeValidator(_column)] = None
 
     @model_validator(mode="after")
     def _readable(self) -> ChannelsFile:
@@ -329,6 +348,14 @@ class ChannelsFile(File):
                     why = "itself" if source == role else f"{source}, which is not stated"
                     raise ValueError(f"{role}: crosstalk is of another channel of the dynamic tests, not of {why}")
 
+    def conversion_of(self, role: str, written: str | None) -> Conversion:
+        """Conversion of the numbers of a role; those of the drive stay as they are."""
+        return _AS_IT_IS if role == DRIVE else self.conversion(role, written)
+
+    def line(self, role: str) -> ChannelFile | DriveFile | None:
+        """The channel of a role, or the drive; None if it is not stated."""
+        return self.drive if role == DRIVE else self.named(role)
+
     def named(self, role: str) -> ChannelFile | None:
         """The channel of a role; None if it is not stated."""
         channel: ChannelFile | None = getattr(self, role)
@@ -357,4 +384,4 @@ class ChannelsFile(File):
 
 
 #: The classes of which [channels] is made.
-CLASSES: tuple[type, ...] = (ChannelsFile, ChannelFile, ReferenceFile, TimeFile, HighPass, LowPass, Geophone)
+CLASSES: tuple[type, ...] = (ChannelsFile, ChannelFile, ReferenceFile, DriveFile, TimeFile, HighPass, LowPass, Geophone)

@@ -268,6 +268,7 @@ class CampaignFile(File):
             },
             "sample_rate [Hz]": self.channels.rate,
             **({"reference": self.channels.reference.model_dump()} if self.channels.reference is not None else {}),
+            **({"drive": self.channels.drive.model_dump()} if self.channels.drive is not None else {}),
             "specimens": {
                 name: specimen.model_dump(mode="json", exclude_none=True)
                 for name, specimen in self.all_specimens.items()

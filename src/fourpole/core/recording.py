@@ -17,9 +17,11 @@ from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 from fourpole.face import public
 
-_UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
-#: Number of differentiations that turn a motion into a velocity; 0 for a force.
-DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1}
+_UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "drive": "1"}
+#: Number of differentiations that turn a motion into a velocity; 0 for a force and for the signal of the drive.
+DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1, "drive": 0}
+#: Role of the signal that drives the excitation, in any unit.
+DRIVE = "drive"
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,8 @@ class Channel(ByValue):
     ----------
     samples : (N,) float array [N], [m], [m/s] or [m/s²]
         Samples; not-a-number for a missing one.
-    quantity : {"force", "displacement", "velocity", "acceleration"}
-        Measured quantity.
+    quantity : {"force", "displacement", "velocity", "acceleration", "drive"}
+        Measured quantity; "drive" is the signal that drives the excitation, in any unit.
     delay : float [s]
         Delay of the samples: ``recorded(t) = true(t - delay)``.
     limits : (float, float), optional

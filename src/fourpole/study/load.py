@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fourpole.campaign.channels import ChannelFile, ChannelsFile, ReferenceFile
+from fourpole.campaign.channels import ChannelFile, ChannelsFile, DriveFile, ReferenceFile
 from fourpole.campaign.folder import Test
 from fourpole.campaign.place import inside
 from fourpole.core.arrays import FloatArray
@@ -59,7 +59,7 @@ def load_recording(
     found, remarks, reference = _gathered(path, test, channels, roles, channels.reference, part=part)
     for role, channel in found.items():
         stated = channels.named(role)
-        if stated is not None and stated.response is not None:
+        if isinstance(stated, ChannelFile) and stated.response is not None:
             response = read_response(inside(folder, stated.response), stated.response)
             found[role] = replace(channel, chain=(*channel.chain, response))
     return Recording(found["motion_in"].rate or 1.0, found, test.file, reference), remarks
@@ -117,10 +117,13 @@ def _gathered(
 
     If not `timed`, channels with equal numbers of samples count as sampled at the same times.
     """
-    stated = {role: channel for role in roles if (channel := channels.named(role)) is not None}
+    stated = {role: channel for role in roles if (channel := channels.line(role)) is not None}
     near = test.value("frequency") if test.band is None else test.band[1]
     timing = Timing(test.window, near, test.file)
-    columns: list[ChannelFile | ReferenceFile] = [*stated.values(), *([turning] if turning is not None else [])]
+    columns: list[ChannelFile | DriveFile | ReferenceFile] = [
+        *stated.values(),
+        *([turning] if turning is not None else []),
+    ]
     source = source_of(path, test, channels, columns, timed=timed)
     run = stream(source if part is None else replace(source, rows=_ROWS_OF_PART))
     turn = ReferenceBuilder(turning, timing) if turning is not None else None
@@ -140,7 +143,7 @@ def _gathered(
 def _fed(
     run: Stream,
     channels: ChannelsFile,
-    stated: Mapping[str, ChannelFile],
+    stated: Mapping[str, ChannelFile | DriveFile],
     turn: ReferenceBuilder | None,
     timing: Timing,
     part: float | None,
@@ -155,7 +158,7 @@ def _fed(
             if run.count and timing.near is None and "motion_in" in stated:
                 timing = replace(timing, near=_about(signals["motion_in"], channels, timing))
             for role, channel in stated.items():
-                made = channels.conversion(role, signals[role].unit)
+                made = channels.conversion_of(role, signals[role].unit)
                 lines[role] = ChannelBuilder(channel.column, made, channel.plain_unit, timing, run.count)
         for role, line in lines.items():
             line.feed(signals[role])
@@ -185,7 +188,7 @@ def source_of(
     path: Path,
     test: Test,
     channels: ChannelsFile,
-    columns: Sequence[ChannelFile | ReferenceFile],
+    columns: Sequence[ChannelFile | DriveFile | ReferenceFile],
     *,
     timed: bool = True,
 ) -> StreamSource:

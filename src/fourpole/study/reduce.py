@@ -28,7 +28,7 @@ from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS
-from fourpole.core.recording import Recording
+from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.spectra.excited import Excited
 from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
@@ -50,7 +50,7 @@ ROUTE_NEEDS = {
 }
 
 #: The parts of [channels] that the demodulation depends on.
-_OF_DEMODULATION = ("time", "sample_rate", "reference", *CHANNELS)
+_OF_DEMODULATION = ("time", "sample_rate", "reference", "drive", *CHANNELS)
 
 #: The first part of a recording passes without demodulation if three values are below these limits: the residual over
 #: the amplitude of each channel, the relative error of the stated frequency, and the force over the preload. The limits
@@ -268,8 +268,8 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
     recording, rows = _loaded(job, path, part)
     if job.test.band is not None:
         recording, clipped = _unclipped(recording, job.needed)
-        amplitudes = sweep_amplitudes if job.test.kind == "sweep" else random_amplitudes
-        return Demodulated(amplitudes(recording, job.test.band), (*rows, *clipped), _mean_force(recording))
+        lines, left = _amplitudes(job.test, recording)
+        return Demodulated(lines, (*rows, *clipped, *left), _mean_force(recording))
     near = job.test.value("frequency")
     start = None
     if job.test.window is None:
@@ -288,6 +288,18 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
     return Demodulated(found, (*rows, *wandering), _mean_force(recording))
 
 
+def _amplitudes(test: Test, recording: Recording) -> tuple[Excited, list[Check]]:
+    """Amplitudes at many frequencies; a drive that cannot be used is left out."""
+    assert test.band is not None
+    amplitudes = sweep_amplitudes if test.kind == "sweep" else random_amplitudes
+    try:
+        return amplitudes(recording, test.band), []
+    except RecordingError as error:
+        if DRIVE not in recording.channels:
+            raise
+        return amplitudes(recording.without(DRIVE), test.band), [_left_out(DRIVE, str(error))]
+
+
 def _mean_force(recording: Recording) -> float:
     """Mean of F1 [N]; 0 where no force is recorded."""
     force = recording.channels.get("force_in")
@@ -296,7 +308,8 @@ def _mean_force(recording: Recording) -> float:
 
 def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
     """The recording with all stated channels, or with the needed channels only, and its checks."""
-    roles = [role for role in CHANNELS if job.channels.named(role) is not None]
+    driven = (DRIVE,) if job.test.band is not None else ()
+    roles = [role for role in (*driven, *CHANNELS) if job.channels.line(role) is not None]
     lacking = [role for role in job.needed if role not in roles]
     if lacking:
         route = next(route for route, needed in ROUTE_NEEDS.items() if needed == job.needed)
@@ -308,7 +321,12 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
     except TableError as error:
         if not spare:
             raise
-        recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
+        kept = [role for role in roles if role != spare[0]]
+        try:
+            recording, remarks = load_recording(job.folder, path, job.test, job.channels, kept, part=part)
+        except TableError as further:
+            recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
+            rows += [_left_out(role, str(further)) for role in spare[1:]]
         rows.append(_left_out(spare[0], str(error)))
     return recording, rows + [reported(Code.TIME_BASE, "warning", why=remark) for remark in remarks]
 
@@ -344,13 +362,15 @@ def _followed(recording: Recording, near: float | None, start: float | None = No
 
 def _left_out(role: str, why: str) -> Check:
     """The warning that a channel was left out."""
-    return reported(Code.LEFT_OUT, "warning", channel=SYMBOLS[role], why=why)
+    return reported(Code.LEFT_OUT, "warning", channel=SYMBOLS.get(role, role), why=why)
 
 
 def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
     """The recording without clipped channels that the route does not need, and the checks of clipped channels."""
     rows = []
     for role, channel in list(recording.channels.items()):
+        if role == DRIVE:  # an instrument need not be linear
+            continue
         row = checks.check_clipping(SYMBOLS[role], channel)
         if row.verdict == "ok":
             continue

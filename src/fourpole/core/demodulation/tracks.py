@@ -216,4 +216,4 @@ def _present(raw: FloatArray, names: Sequence[str]) -> BoolArray:
 
 def named(role: str) -> str:
     """Symbol and role of a channel, as in 'F1 (force_in)'."""
-    return f"{SYMBOLS[role]} ({role})"
+    return f"{SYMBOLS[role]} ({role})" if role in SYMBOLS else role

@@ -6,16 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from fourpole.core.arrays import ComplexArray
 from fourpole.core.demodulation.tracks import Track
-from fourpole.core.phasor import CHANNELS
-from fourpole.core.recording import Recording
+from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.spectra.average import CrossSpectra, cross_spectra
 from fourpole.core.spectra.excited import Excited, Found, deflection_in, excited, power_of_deflection, to_true
 from fourpole.core.spectra.lines import at_periods, thinned
 from fourpole.core.spectra.motion import Fine, fine_spectrum
-from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bend, with_bias
+from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bend, with_bias, with_instrument
 from fourpole.core.spectra.shared import correlations_of
 
+#: Places of F1, V1 and V2 in a matrix of all channels.
+_F, _ONE, _TWO = 0, 1, 2
 #: Fewest segments of a periodic motion, and further lengths of a segment that are tried for whole samples.
 _FEWEST, _TRIED = 9.0, 8
 #: Round-off of a number of segments.
@@ -64,17 +66,32 @@ def _turned(recording: Recording, track: Track, recorded: CrossSpectra) -> Cross
 def _found(recording: Recording, track: Track, every: CrossSpectra, spectra: CrossSpectra, segment: float) -> Excited:
     """The amplitudes from the spectra of all bins and those of independent lines."""
     closure = np.full((spectra.frequency.size, 2), np.nan)
-    whole = len(track.names) == len(CHANNELS)
+    whole, driven = "motion_out" in track.names, DRIVE in track.names
     if whole:
         around = ratios(spectra.matrix, spectra.averages, CLOSURE)
         std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
         closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
-    moved = deflection_in(every.frequency, power_of_deflection(every.matrix), float(every.width[0]))
-    held = ratios(spectra.matrix, spectra.averages, OF_V2 if whole else OF_V1)
-    held = with_bend(held, spectra.matrix[:, 1, [2, 0] if whole else [1]], spectra.broad)
+    moved = deflection_in(
+        every.frequency, power_of_deflection(_motions(every.matrix, whole=whole)), float(every.width[0])
+    )
+    terms, instruments = (OF_V2, [_TWO, _F]) if whole else (OF_V1, [_ONE])
+    if driven:
+        place = track.names.index(DRIVE)
+        terms, instruments = with_instrument(place)[: 1 + whole], [place] * (1 + whole)
+    held = with_bend(
+        ratios(spectra.matrix, spectra.averages, terms), spectra.matrix[:, _ONE, instruments], spectra.broad
+    )
+    if not whole and not driven:
+        held = with_bias(held, spectra.coherence(_F, _ONE), 1.0)
     shared = correlations_of(spectra.matrix, closure) if whole else None
-    found = Found(held if whole else with_bias(held, spectra.coherence(0, 1), 1.0), closure, moved, segment, shared)
+    found = Found(held, closure, moved, segment, shared)
     return excited(recording, track.names, spectra, found)
+
+
+def _motions(matrix: ComplexArray, *, whole: bool) -> ComplexArray:
+    """The part of the matrices that F1, V1 and, if it is recorded, V2 have."""
+    count = 2 + whole
+    return matrix[:, :count, :count]
 
 
 def _periods(track: Track, period: float, segment: float) -> int:

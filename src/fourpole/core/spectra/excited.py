@@ -11,11 +11,14 @@ from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, without_crosstalk
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
-from fourpole.core.recording import DERIVATIVES, Recording
+from fourpole.core.recording import DERIVATIVES, DRIVE, Recording
 from fourpole.core.spectra.average import CrossSpectra
 from fourpole.core.spectra.ratios import Ratios
 from fourpole.errors import RecordingError
 
+#: Channels of the spectra in their order, and the pairs whose coherence is shown.
+_ORDER = (*CHANNELS, DRIVE)
+_COHERENT = (*zip(CHANNELS, (*CHANNELS[1:], CHANNELS[0]), strict=True), *((DRIVE, one) for one in CHANNELS))
 #: Share of the sampling rate up to which lines are resolved.
 _RESOLVED = 0.45
 #: Median of the square of a standard normal number, and the closure phase in its uncertainties from which on a line
@@ -60,8 +63,9 @@ class Line:
         Width of the band that it stands for.
     averages : float [1]
         Number of independent averages.
-    coherence : tuple of three floats [1]
-        Coherence of F1 and V1, V1 and V2, V2 and F1; not-a-number without V2.
+    coherence : tuple of six floats [1]
+        Coherence of F1 and V1, V1 and V2, V2 and F1, and of the drive with F1, V1 and V2; not-a-number where a
+        channel is not recorded.
     closure, closure_std : float [rad]
         Closure phase and its standard uncertainty; not-a-number without V2.
     estimates : tuple of three complex numbers [m/(N s)]
@@ -85,8 +89,9 @@ class Excited(ByValue):
     phasors : Phasors
         Amplitudes (L,) of F1, V1, V2 of a sine whose deflection has the power of the whole band; the phase of V1 is
         zero. Only their ratios are measured: these have the uncertainty of the noise.
-    coherence : (L, 3) float array [1]
-        Coherence of F1 and V1, V1 and V2, V2 and F1; not-a-number without V2.
+    coherence : (L, 6) float array [1]
+        Coherence of F1 and V1, V1 and V2, V2 and F1, and of the drive with F1, V1 and V2; not-a-number where a
+        channel is not recorded.
     closure : (L, 2) float array [rad]
         Closure phase and its standard uncertainty; not-a-number without V2.
     estimates : (L, 3) complex array [m/(N s)]
@@ -114,6 +119,8 @@ class Excited(ByValue):
     shared : (3, 4) float array [1]
         Correlation of the noises of F1 and V1, V1 and V2, V2 and F1: modulus, standard uncertainty, the chi-square
         that it explains, and the relative error of the cross spectrum; zeros where it is not found.
+    driven : bool
+        Whether a recorded drive is the instrument of all ratios. The closure phase then enlarges no uncertainty.
     """
 
     phasors: Phasors
@@ -130,6 +137,7 @@ class Excited(ByValue):
     corrections: tuple[tuple[Correction, ...], ...] = ()
     foreign: BoolArray | bool = False
     shared: FloatArray = field(default_factory=lambda: np.zeros((3, 4)))
+    driven: bool = False
 
     def line(self, at: int) -> Line:
         """What the spectra show of one line."""
@@ -142,7 +150,7 @@ class Excited(ByValue):
 
 def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tuple[float, float]]:
     """The channels with common sampling times, and the part of the band that they resolve [Hz]."""
-    names = [name for name in CHANNELS if name in recording.channels]
+    names = [name for name in _ORDER if name in recording.channels]
     if "force_in" not in names:
         raise RecordingError(f"{recording.label}: many frequencies at once need F1 (force_in)")
     tracks = tracks_of(recording, names)
@@ -160,8 +168,8 @@ def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tu
 
 
 def _in_order(track: Track) -> Track:
-    """The track with its channels in the order F1, V1, V2."""
-    order = sorted(range(len(track.names)), key=lambda at: CHANNELS.index(track.names[at]))
+    """The track with its channels in the order F1, V1, V2, drive."""
+    order = sorted(range(len(track.names)), key=lambda at: _ORDER.index(track.names[at]))
     return replace(track, names=tuple(track.names[at] for at in order), signals=track.signals[order])
 
 
@@ -188,11 +196,12 @@ def pulls_of(closure: FloatArray) -> FloatArray:
 
 def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, found: Found) -> Excited:
     """Amplitudes from ratios and their closure, with what the spectra of force and velocities show beside."""
-    shape, whole = spectra.frequency.shape, len(names) == len(CHANNELS)
-    pulls = pulls_of(found.closure)
+    shape, whole = spectra.frequency.shape, "motion_out" in names
+    pulls, driven = pulls_of(found.closure), DRIVE in names
     misfit = float(np.median(pulls**2) / _MEDIAN)
-    larger = np.fmax(1.0, np.fmax(misfit, (pulls / _ODD) ** 2))
+    larger = np.ones(shape) if driven else np.fmax(1.0, np.fmax(misfit, (pulls / _ODD) ** 2))
     covariance = found.ratios.covariance * larger[:, None, None]
+    measured = [name for name in names if name != DRIVE]
     apart = np.abs(1.0 - found.ratios.values[:, 1]) if whole else 1.0
     amplitudes = np.full((*shape, 3), complex(np.nan, np.nan))
     amplitudes[:, 1] = 2 * np.pi * spectra.frequency * found.deflection / apart
@@ -200,9 +209,10 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
         amplitudes[:, place] = found.ratios.values[:, at] * amplitudes[:, 1]
     relative, size = np.full((*shape, 2), np.nan), np.einsum("lii->li", covariance)
     relative[:, : size.shape[1] // 2] = np.sqrt(0.5 * (size[:, 0::2] + size[:, 1::2]))
-    coherence = np.full((*shape, 3), np.nan)
-    for at, (a, b) in enumerate(((0, 1), (1, 2), (2, 0)) if whole else ((0, 1),)):
-        coherence[:, at] = spectra.coherence(a, b)
+    coherence = np.full((*shape, len(_COHERENT)), np.nan)
+    for at, (a, b) in enumerate(_COHERENT):
+        if a in names and b in names:
+            coherence[:, at] = spectra.coherence(names.index(a), names.index(b))
     return Excited(
         Phasors(
             frequency=spectra.frequency,
@@ -221,9 +231,10 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
         found.length,
         found.deflection,
         recording.force_peak,
-        tuple(tuple(corrections_of(recording, names, 2 * np.pi * one)) for one in spectra.frequency.tolist()),
+        tuple(tuple(corrections_of(recording, measured, 2 * np.pi * one)) for one in spectra.frequency.tolist()),
         spectra.foreign,
         np.zeros((3, 4)) if found.shared is None else found.shared,
+        driven,
     )
 
 

@@ -34,7 +34,7 @@ def check_shared_noise(found: Excited) -> list[Check]:
 
     An error of the cross spectra below 0.3 % is no warning. Leakage is of this size, and is in the uncertainty.
     """
-    if not np.isfinite(found.closure).all():
+    if found.driven or not np.isfinite(found.closure).all():
         return []
     limit = float(stats.chi2.isf(SEARCH_CHANCE / len(_NAMES), 2))
     at = int(np.argmax(found.shared[:, 2]))

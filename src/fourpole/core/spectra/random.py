@@ -32,7 +32,8 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     .. math:: \frac{F_1}{V_1} = \frac{G_{F2}}{G_{12}}, \qquad \frac{V_2}{V_1} = \frac{G_{2F}}{G_{1F}}
 
     V2 is the instrument for F1/V1, and F1 that for V2/V1: noise that is independent between the channels leaves no
-    bias. With only F1 and V1 the ratio is the geometric mean of H1 and H2.
+    bias. A recorded drive d is the instrument for both, :math:`G_{Fd}/G_{1d}` and :math:`G_{2d}/G_{1d}`: noise that F1,
+    V1 and V2 share leaves no bias then. With only F1 and V1 the ratio is the geometric mean of H1 and H2.
 
     Parameters
     ----------
@@ -41,8 +42,8 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     band : (float, float) [Hz]
         Lowest and highest frequency.
     segment : float [s], optional
-        Length of the segments. By default the record has some 128 segments, and fewer, longer ones while the closure
-        phase shows leakage.
+        Length of the segments. By default the record has some 128 segments, and without a drive fewer, longer ones
+        while the closure phase shows leakage.
 
     Raises
     ------
@@ -83,7 +84,7 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
         if best is not None and not _leakage(finer) < _BETTER * _leakage(best):
             break
         best = finer
-        if not _leakage(best) > _LEAKS:
+        if best.driven or not _leakage(best) > _LEAKS:
             break
     assert best is not None
     return best

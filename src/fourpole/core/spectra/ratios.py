@@ -146,6 +146,11 @@ def with_bend(found: Ratios, weight: ComplexArray, broad: BoolArray | bool = Tru
     return Ratios(found.values, covariance)
 
 
+def with_instrument(place: int) -> tuple[Terms, ...]:
+    """F1/V1 and V2/V1 with one instrument, at a place in the matrix."""
+    return ((_F, place, 1), (_ONE, place, -1)), ((_TWO, place, 1), (_ONE, place, -1))
+
+
 #: F1/V1 with the instrument V2, and V2/V1 with the instrument F1.
 OF_V2: tuple[Terms, ...] = (((_F, _TWO, 1), (_ONE, _TWO, -1)), ((_TWO, _F, 1), (_ONE, _F, -1)))
 #: F1/V1 as the geometric mean of H1 and H2: its phase is that of G_F1.

@@ -7,8 +7,7 @@ from scipy import fft
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
-from fourpole.core.phasor import CHANNELS
-from fourpole.core.recording import Recording
+from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.spectra.average import CrossSpectra
 from fourpole.core.spectra.averaged import periodic_amplitudes
 from fourpole.core.spectra.excited import Excited, Found, deflection_in, excited, prepared, to_true
@@ -31,7 +30,7 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
     Each ratio is a polynomial of the frequency in a band of bins, beside a polynomial for the transient: see
     `fourpole.core.spectra.local.local_ratios`. No steady state is needed, so that neither the rate of the sweep nor the
     settling of the rig makes an error; a fast sweep has fewer, wider bands for its record is shorter. V2 is the
-    instrument for F1/V1, F1 for V2/V1.
+    instrument for F1/V1, F1 for V2/V1; a recorded drive is the instrument for both.
 
     Parameters
     ----------
@@ -69,16 +68,20 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
     for at in range(0, lines.shape[1], _AT_A_TIME):
         some = slice(at, at + _AT_A_TIME)
         lines[:, some] = np.einsum("lab,bl->al", to_true(recording, track.names, frequency[kept][some]), lines[:, some])
-    whole = len(track.names) == len(CHANNELS)
-    local = local_ratios(lines, frequency[kept], _WHOLE if whole else _WITHOUT_V2)
+    whole, driven = "motion_out" in track.names, DRIVE in track.names
+    wanted: tuple[tuple[int, int, int], ...] = _WHOLE if whole else _WITHOUT_V2
+    if driven:
+        place = track.names.index(DRIVE)
+        wanted = ((0, 1, place), (2, 1, place))[: 1 + whole]
+    local = local_ratios(lines, frequency[kept], wanted)
     density = 2.0 / (track.rate * track.time.size)
     closure = _closure(local) if whole else np.full((local.frequency.size, 2), np.nan)
     spectra = CrossSpectra(local.frequency, density * local.matrix, local.averages, local.width)
     held = Ratios(local.values, local.covariance)
     found = Found(
-        held if whole else with_bias(held, spectra.coherence(0, 1), 2.0),
+        held if whole or driven else with_bias(held, spectra.coherence(0, 1), 2.0),
         closure,
-        deflection_in(frequency[kept], density * _power_of_deflection(lines), 1.0 / length),
+        deflection_in(frequency[kept], density * _power_of_deflection(lines, whole=whole), 1.0 / length),
         length,
     )
     return excited(recording, track.names, spectra, found)
@@ -90,9 +93,9 @@ def fits_whole(track: Track, band: tuple[float, float]) -> bool:
     return bool(track.present.all()) and BINS / length <= min(_WIDEST * band[0], band[1] - band[0])
 
 
-def _power_of_deflection(lines: ComplexArray) -> FloatArray:
+def _power_of_deflection(lines: ComplexArray, *, whole: bool) -> FloatArray:
     """Squared modulus (L,) of V1 - V2, or of V1 where V2 is not recorded."""
-    return np.abs(lines[1] - lines[2] if len(lines) == len(CHANNELS) else lines[1]) ** 2
+    return np.abs(lines[1] - lines[2] if whole else lines[1]) ** 2
 
 
 def _closure(local: LocalRatios) -> FloatArray:

@@ -33,7 +33,7 @@ def check_closure(found: Excited) -> Iterator[Check]:
     The limit has the chance of a false alarm that all searches have, and is at least four: uncertainties are enlarged
     by what is below it.
     """
-    if np.isfinite(found.misfit):
+    if np.isfinite(found.misfit) and not found.driven:
         count = int(np.isfinite(found.closure[:, 0]).sum())
         limit = float(stats.chi2.isf(SEARCH_CHANCE, count)) / count
         yield judged(Code.CLOSURE, found.misfit, max(limit, _MUCH), times=np.sqrt(found.misfit), length=found.length)
