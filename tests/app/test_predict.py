@@ -83,7 +83,7 @@ def test_what_is_predicted_is_identified(run, tmp_path):
     predicted = table_of(run("predict", *TYRE, *RIG, "--frequency", "10:24:2 Hz").stdout)
     frequency, r, i, tr = predicted[:, [0, 4, 5, 6]].T
     lines = [f"{f!r},{a!r},{b!r}" for f, a, b in zip(frequency.tolist(), r.tolist(), i.tolist(), strict=True)]
-    (tmp_path / "bench.csv").write_text("\n".join(["f,R,I", *lines]) + "\n")
+    (tmp_path / "bench.csv").write_text("\n".join(["f [Hz],R [m/(N s)],I [m/(N s)]", *lines]) + "\n")
     ran = run("identify", tmp_path / "bench.csv", "--k1", "180 kN/m", *RIG)
     found = list(csv.DictReader(io.StringIO(ran.stdout)))
     for column, true in (("K2 [N/m]", 120e3), ("C [N s/m]", 700.0), ("TR [1]", tr)):

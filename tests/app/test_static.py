@@ -65,7 +65,7 @@ def test_json_is_si(run, curve):
         ("Fz [lbf],z [in]", (1 / 0.0254, 1 / 4.4482216152605), (1, 0)),
         ("Weg [µm],Kraft [daN]", (1e6, 0.1), (0, 1)),
         ("Deflection (mm),Load (N)", (1e3, 1.0), (0, 1)),
-        ("x,F", (1.0, 1.0), (0, 1)),
+        ("変位 [mm],荷重 [kN]", (1e3, 1e-3), (0, 1)),
     ],
 )
 def test_columns_are_understood_by_name_and_unit(run, curve, header, scales, order):
@@ -77,10 +77,13 @@ def test_unusual_columns_are_named_by_options(run, curve):
     path = curve("s_wheel [mm],channel 7 [N]")
     lacking = run("static", path, "--load", "1000 N")
     assert (lacking.exit_code, lacking.stdout) == (2, "")
-    assert "--load-column" in lacking.stderr
-    more = ["--load-column", "channel 7", "--deflection-column", "s_wheel", "--json"]
-    ran = run("static", path, "--load", "1000 N", *more)
-    assert json.loads(ran.stdout)["K1 [N/m]"] == pytest.approx(tangent(1000.0), rel=1e-6)
+    assert '--column "deflection=NAME [mm]"' in lacking.stderr
+    for more in (
+        ["--load-column", "channel 7", "--deflection-column", "s_wheel"],
+        ["--column", "load=2", "--column", "deflection=s_wheel [mm]"],
+    ):
+        ran = run("static", path, "--load", "1000 N", *more, "--json")
+        assert json.loads(ran.stdout)["K1 [N/m]"] == pytest.approx(tangent(1000.0), rel=1e-6)
 
 
 def test_a_wrong_column_is_named_with_those_there_are(run, curve):

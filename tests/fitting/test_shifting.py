@@ -8,14 +8,13 @@ import polars as pl
 import pytest
 from tests.models.isotherms import C1, C2, fractional_zener, isotherm, log_a
 
-from fourpole.errors import ModelError, TableError
+from fourpole.errors import ModelError
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.fitting.query import Query, ask
 from fourpole.fitting.shifting import (
     _isotherm,
-    as_stiffness,
     law_document,
     law_file,
     laws_beside,
@@ -26,6 +25,7 @@ from fourpole.fitting.shifting import (
     shift_tyres,
 )
 from fourpole.io.source import sha256_of
+from fourpole.io.tables.kstar import TableOptions
 
 T = (0.0, 10.0, 20.0, 35.0, 50.0)
 HERTZ = "frequency [Hz]"
@@ -86,10 +86,9 @@ def test_several_tables_are_the_same_as_one(made, tmp_path):
 
 def test_moduli_in_any_unit_are_read_and_become_a_stiffness(tmp_path):
     path = table(tmp_path / "g.csv", scale=1e6, heads=("G' [MPa]", "G'' [MPa]"))
-    plain, shaped = read_isotherms([path]), read_isotherms([path], shape=0.05)
+    plain, shaped = read_isotherms([path]), read_isotherms([path], options=TableOptions(factor=0.05))
     first, second = (one.conditions[0].own.stiffness for one in (plain, shaped))
     assert second == pytest.approx(0.05 * first)
-    assert as_stiffness(pl.DataFrame({"temperature [K]": [293.15]}))["temperature [degC]"][0] == pytest.approx(20.0)
 
 
 def test_a_table_without_a_temperature_is_refused(tmp_path):
@@ -202,10 +201,12 @@ def test_errors_that_the_recordings_share_stay_in_the_master_curve(tmp_path):
     assert np.all(master["u(Re K*) [N/m]"].to_numpy() > 0.99 * gain * master["Re K* [N/m]"].to_numpy())
 
 
-def test_a_cell_that_is_no_number_is_named():
-    frame = pl.DataFrame({HERTZ: ["1", "2"], "E' [MPa]": ["1.0", "1,2e5"], "E'' [MPa]": ["0.1", "0.2"]})
-    with pytest.raises(TableError, match="row 3"):
-        as_stiffness(frame)
+def test_a_cell_that_is_no_number_is_named(tmp_path):
+    cells = {HERTZ: ["1", "2", "3"], "E' [MPa]": ["1.0", "oops", "2"], "E'' [MPa]": ["0.1", "0.2", "0.3"]}
+    pl.DataFrame(cells | {"T [K]": [293.15] * 3}).write_csv(tmp_path / "e.csv")
+    measured = read_isotherms([tmp_path / "e.csv"])
+    assert measured.conditions[0].state["temperature [degC]"] == pytest.approx(20.0)
+    assert "row 3, column 'E'': 'oops' is no number: the row cannot be used" in measured.notes
 
 
 def test_very_low_frequencies_stay_apart(tmp_path):

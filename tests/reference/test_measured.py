@@ -10,8 +10,9 @@ from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.reduced import identify_mobility
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
+from fourpole.io.tables.curve import read_curve
+from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.io.text import read_table
-from fourpole.io.understand import read_curve, read_reduced
 from fourpole.models.choice import choose
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import model_named
@@ -34,7 +35,7 @@ def truck_slope(x):
 @pytest.fixture(scope="module")
 def polymer(shared):
     """A polymer specimen in shear on a bench without motion behind it, by table and as identified."""
-    table = read_reduced(shared / "data" / "polymer-shear-dma-20C.txt")
+    table = read_k_star(shared / "data" / "polymer-shear-dma-20C.txt", TableOptions(ratio=True))
     return table, identify_mobility(table.frequency, table.mobility, 8.68e5)
 
 

@@ -22,6 +22,7 @@ from fourpole.app.options import (
     RigOptions,
     RunOptions,
     ShapeOptions,
+    TableChoice,
     Wanted,
     amount,
 )
@@ -238,35 +239,39 @@ def convert(
 
 @_command
 def identify(
-    table: Annotated[Path, typer.Argument(metavar="TABLE", help="Text table with a row per frequency.")],
-    k1: StaticStiffness,
+    table: Annotated[Path, typer.Argument(metavar="TABLE", help="Table of any format, with a row per frequency.")],
+    k1: Annotated[
+        float | None, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m"; K2 and C need it.', "positive")
+    ] = None,
     *,
     above: RigOptions,
-    no_rig: Annotated[
-        bool, typer.Option("--no-rig", help="The specimen's far side does not move: there is no rig to de-embed.")
-    ] = False,
+    choice: TableChoice,
     file: OutFile = None,
     as_json: JsonFlag = False,
 ) -> int:
-    """K*, K2, C and TR from a table of amplitudes: the paper's FORTRAN program.
+    """K*, K2, C and TR from a table of amplitudes or of K*, or from a frequency response in UFF.
 
-    The table has a frequency and one of (R, I), (F1, V1, phase), (F1, x1, phase) or (Re K*, Im K*). Amplitudes are
-    0 to peak; the phase is that of the force ahead of the motion. Columns are separated by commas or white space;
-    units stand in brackets or in a second row.
+    The table has a frequency and one of (R, I), (F1, V1 or x1, phase), (K', K''), (K', tan delta), (K', C), (|K*|, loss
+    angle or tan delta), or the same of a modulus. Amplitudes are 0 to peak; the phase is that of the force ahead.
     """
     from fourpole.app.reduced import run_identify
 
-    return run_identify(table, k1, above.rig, file, no_rig=no_rig, as_json=as_json)
+    return run_identify(table, k1, above.rig, choice, file, as_json=as_json)
 
 
 @_command
 def static(
-    table: Annotated[Path, typer.Argument(metavar="FILE", help="Text table of load and deflection.")],
+    table: Annotated[Path, typer.Argument(metavar="FILE", help="Table of load and deflection, of any format.")],
     load: Annotated[float, amount("--load", "force", 'Load at which K1 is wanted, as "1000 N".')],
     load_column: Annotated[str | None, typer.Option(help="Name of the load's column, if it is not recognised.")] = None,
     deflection_column: Annotated[
         str | None, typer.Option(help="Name of the deflection's column, if it is not recognised.")
     ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ROLE=NAME", help='Which column is what, as "load=ch7 [kN]" or "deflection=2 [mm]".'),
+    ] = None,
+    group: Annotated[str, typer.Option(help="The sheet or group of the file, if several hold a curve.")] = "",
     as_json: JsonFlag = False,
 ) -> None:
     """Static stiffness K1 at a load from a load-deflection curve, with secant, loss and non-linearity.
@@ -275,7 +280,9 @@ def static(
     """
     from fourpole.app.reduced import run_static
 
-    run_static(table, load, load_column, deflection_column, as_json=as_json)
+    named = {"load": load_column, "deflection": deflection_column}
+    columns = [*(column or ()), *(f"{role}={name}" for role, name in named.items() if name is not None)]
+    run_static(table, load, columns, group, as_json=as_json)
 
 
 @_command

@@ -51,7 +51,9 @@ def _read(path: Path, data: DataOptions, assumed: float | None = None, model: st
     if std is not None and not 0 < std < 1:
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
     moved = by_amplitude(model)
-    found = read_measured(path, over=data.over or (), std=std, k1=_static(data), by_amplitude=moved)
+    found = read_measured(
+        path, over=data.over or (), std=std, k1=_static(data), by_amplitude=moved, options=data.table()
+    )
     return found.only(data.tyre, None if data.band is None else _band(data.band))
 
 

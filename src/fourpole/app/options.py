@@ -20,6 +20,7 @@ from fourpole.errors import RigError, UnitError
 
 if TYPE_CHECKING:
     from fourpole.core.rig import Rig
+    from fourpole.io.tables.kstar import TableOptions
     from fourpole.models.shape import Shape
     from fourpole.quantities import ShownUnits
 
@@ -175,7 +176,43 @@ class InfoOptions:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Selection:
+class TableChoice:
+    """What a table of K* does not say, as text: its columns and units, its sheet, and the shape of the specimen."""
+
+    column: list[str] | None = _given(
+        'Which column is what, as "storage=G\' [kPa]" or "phase=3 [deg]"; may be repeated.', metavar="ROLE=NAME"
+    )
+    group: str = _given("The sheet or group of the file, if several hold such a table.", default="")
+    averages: float | None = _given("Number of independent averages, for the uncertainty by the coherence.")
+    shape_factor: str | None = _given('K* per modulus, for a table of G* or E*, as "0.05 m".')
+    mode: str | None = _given("With --height and --area: shear (K = G A/h) or compression (K = E A/h).")
+    height: str | None = _given('Height of the specimen, as "10 mm".')
+    area: str | None = _given('Loaded area of the specimen, as "5 cm^2".')
+    bonded: str | None = _given("disc: a disc bonded to rigid plates, in compression.")
+
+    no_rig: bool = _given("The specimen's far side does not move: V1/F1 is its own.", "--no-rig", default=False)
+
+    def table(self, *, rig: bool = False) -> TableOptions:
+        """The options of a table; V1/F1 may be taken if the rig is stated (`rig`), or if there is none."""
+        from fourpole.io.tables.kstar import TableOptions
+        from fourpole.models.shape import shape_of
+
+        stated = {name: text for name in ("mode", "height", "area", "bonded") if (text := getattr(self, name))}
+        if stated and self.mode is None:
+            raise UnitError("--mode compression or --mode shear says what the height and the area are of: state it")
+        if stated and self.shape_factor is not None:
+            raise UnitError("--shape-factor and --mode both say how K* follows from a modulus: keep one")
+        if self.averages is not None and not self.averages >= 1:
+            raise UnitError("--averages: there is at least one average")
+        factor = None
+        if self.shape_factor is not None:
+            factor = option(self.shape_factor, "length", "--shape-factor", "positive")
+        columns, shape = tuple(self.column or ()), shape_of(stated)
+        return TableOptions(columns, self.group, factor, shape, ratio=rig or self.no_rig, averages=self.averages)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Selection(TableChoice):
     """The tests of a results folder or table to use, as text."""
 
     tyre: str | None = _given("Only this tyre.")
@@ -205,7 +242,7 @@ class FitOptions(DataOptions):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class ShiftOptions:
+class ShiftOptions(TableChoice):
     """The isotherms to shift, how they are shifted, and what to write."""
 
     reference: float | None = _amount(
@@ -219,9 +256,6 @@ class ShiftOptions:
     tyre: str | None = _given("Only this specimen.")
     std: float | None = _amount(
         "--std", "ratio", 'Relative uncertainty of K*, in place of the table\'s, as "1 %".', "positive"
-    )
-    shape_factor: float | None = _amount(
-        "--shape-factor", "displacement", 'K* per modulus, for tables of E* or G*, as "0.05 m".', "positive"
     )
     folder: Path | None = _given("Folder for the master curve, its law, tables and figure.", "--out")
     figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,39 +13,47 @@ import polars.selectors as cs
 from fourpole import quantities as q
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.app.deliver import deliver
-from fourpole.app.options import answered_in
+from fourpole.app.options import TableChoice, answered_in
 from fourpole.app.shown import PLUS_MINUS, with_u
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_resonance
-from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict
+from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict, stiffness_std
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError
-from fourpole.io.understand import ReducedTable, read_curve, read_reduced
+from fourpole.io.tables.curve import read_curve
+from fourpole.io.tables.kstar import KStarTable, read_k_star
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number
 from fourpole.study.static import branch_check
 
 
-def run_identify(path: Path, k1: float, rig: Rig | None, file: Path | None, *, no_rig: bool, as_json: bool) -> int:
+def run_identify(
+    path: Path,
+    k1: float | None,
+    rig: Rig | None,
+    choice: TableChoice,
+    file: Path | None,
+    *,
+    as_json: bool,
+) -> int:
     """Identify a reduced table; the exit code is `SOME_REJECTED` if rows were rejected."""
-    if no_rig and rig is not None:
+    if choice.no_rig and rig is not None:
         raise RigError("--no-rig and the rig's values contradict each other: keep one of them")
-    table = read_reduced(path)
+    table = read_k_star(path, choice.table(rig=rig is not None))
     _read_as(table.understood, table.warnings)
     if table.mobility is not None:
-        if rig is None and not no_rig:
-            raise RigError(
-                "state the rig, --mass and --preload-stiffness, or --no-rig where the far side does not move"
-            )
-        found = identify_mobility(table.frequency, table.mobility, k1, rig)
+        found = identify_mobility(table.frequency, table.mobility, np.nan if k1 is None else k1, rig)
     else:
-        found = identify_stiffness(table.frequency, np.asarray(table.stiffness), k1, rig)
-    faults = [_fault(table, found, row, rig) for row in range(found.frequency.size)]
-    frame = _frame(found, faults)
+        found = identify_stiffness(table.frequency, np.asarray(table.stiffness), np.nan if k1 is None else k1, rig)
+    faults = [_fault(table, found, row, rig, armed=k1 is not None) for row in range(found.frequency.size)]
+    frame = _frame(found, faults).hstack(_beside(table, found, rig))
     deliver(frame, file, answered_in(ShownUnits(), k1), as_json=as_json)
     rejected = sum(bool(fault) for fault in faults)
-    say(f"{len(faults)} rows: {len(faults) - rejected} with K2 and C, {rejected} rejected, each with its reason")
+    what = "K2 and C" if k1 is not None else "K*"
+    say(f"{len(faults)} rows: {len(faults) - rejected} with {what}, {rejected} rejected, each with its reason")
+    if k1 is None:
+        say("K2 and C need the static stiffness: state --k1")
     return SOME_REJECTED if rejected else OK
 
 
@@ -57,8 +65,22 @@ def _read_as(understood: Iterable[str], remarks: Iterable[str]) -> None:
         warn(line)
 
 
-def _fault(table: ReducedTable, found: ReducedResult, row: int, rig: Rig | None) -> str:
-    """Why a row has no K2 and C; empty if it has both."""
+def _beside(table: KStarTable, found: ReducedResult, rig: Rig | None) -> pl.DataFrame:
+    """Uncertainty of K* by the coherence, and the conditions that the table has."""
+    columns: dict[str, Any] = {}
+    if table.std is not None:
+        std = table.std * np.abs(found.stiffness)
+        if table.mobility is not None:
+            std = stiffness_std(found, table.std, rig)
+        columns = dict.fromkeys((q.STORAGE.u_head, q.LOSS.u_head), std)
+    heads = [one.head for one in (q.TYRE, q.TEMPERATURE, q.PRESSURE, q.PRELOAD, q.DEFLECTION_AMPLITUDE)]
+    heads += [] if columns else [q.STORAGE.u_head, q.LOSS.u_head]
+    columns |= {head: table.further[head] for head in heads if head in table.further.columns}
+    return pl.DataFrame(columns).with_columns(pl.when(cs.float().is_finite()).then(cs.float()))
+
+
+def _fault(table: KStarTable, found: ReducedResult, row: int, rig: Rig | None, *, armed: bool) -> str:
+    """Why a row has no K*, or no K2 and C where they are wanted (`armed`); empty if it has them."""
     frequency = float(found.frequency[row])
     if not frequency > 0:
         return f"row {table.lines[row]}: the frequency is {frequency:g} Hz, it must be positive"
@@ -68,7 +90,9 @@ def _fault(table: ReducedTable, found: ReducedResult, row: int, rig: Rig | None)
         near = check_resonance(frequency, rig, 0.0)
         if near.verdict == "rejected":
             return near.remark
-    return found.reasons[row]
+    if armed or not np.isfinite(found.stiffness[row]):
+        return found.reasons[row]
+    return ""
 
 
 def _frame(found: ReducedResult, faults: list[str]) -> pl.DataFrame:
@@ -98,11 +122,9 @@ def _columns(found: ReducedResult) -> dict[str, Any]:
     }
 
 
-def run_static(
-    path: Path, load: float, load_column: str | None, deflection_column: str | None, *, as_json: bool
-) -> None:
+def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, as_json: bool) -> None:
     """Evaluate one load-deflection curve at one load."""
-    table = read_curve(path, load_column=load_column, deflection_column=deflection_column)
+    table = read_curve(path, columns=columns, group=group)
     try:
         curve = LoadCurve(table.deflection, table.load)
         tangent, secant = curve.tangent(load), curve.secant(load)

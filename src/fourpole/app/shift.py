@@ -41,7 +41,7 @@ def run_shift(tables: Sequence[Path], options: ShiftOptions, *, as_json: bool) -
     """Shift the isotherms of each specimen onto a master curve; print and write it."""
     if options.std is not None and not 0 < options.std < 1:
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
-    measured = read_isotherms(tables, apart=_kelvin(options.apart), std=options.std, shape=options.shape_factor)
+    measured = read_isotherms(tables, apart=_kelvin(options.apart), std=options.std, options=options.table())
     measured = measured.only(options.tyre)
     for note in measured.notes:
         if "uncertainty" not in note:

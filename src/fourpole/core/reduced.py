@@ -148,6 +148,75 @@ def predict(frequency: ArrayLike, k1: float, k2: float, c: float, rig: Rig) -> R
     return identify_stiffness(frequency, zener_stiffness(k1, k2, c, omega), k1, rig)
 
 
+def stiffness_std(found: ReducedResult, relative: ArrayLike, rig: Rig | None = None) -> FloatArray:
+    r"""Standard uncertainty of Re K* and of Im K* [N/m] from that of a mobility V1/F1, the same in all directions.
+
+    .. math:: u(K^*) = \frac{|K^*|^2}{\omega} \frac{|Y_1|^2}{|Y|} u_r(Y)
+
+    Parameters
+    ----------
+    found : ReducedResult
+        What `identify_mobility` found.
+    relative : (N,) float array [1]
+        Relative standard uncertainty of the mobility Y, the same in all directions.
+    rig : Rig, optional
+        The rig that was removed; exact here. Y_1 is the mobility without its input mass.
+
+    Examples
+    --------
+    >>> found = identify_mobility([10.0], [1e-3j], 180e3)
+    >>> float((stiffness_std(found, [0.01]) / abs(found.stiffness)).round(6)[0])
+    0.01
+    """
+    _, omega = _turning(found.frequency)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        contact = 1.0 / (1.0 / found.mobility - _input_impedance(omega, rig))
+        gain = np.abs(found.stiffness) ** 2 / omega * np.abs(contact) ** 2 / np.abs(found.mobility)
+    return np.asarray(gain * np.asarray(relative, dtype=float))
+
+
+def coherence_std(coherence: ArrayLike, averages: float) -> FloatArray:
+    r"""Relative standard uncertainty of a frequency response that H1 gives, of its modulus and, in rad, of its phase.
+
+    .. math:: u = \sqrt{(1 - \gamma^2) / (2 n \gamma^2)}
+
+    Parameters
+    ----------
+    coherence : (...,) float array [1]
+        Coherence γ² of input and output, 0 to 1.
+    averages : float [1]
+        Number n of independent averages, at least 1.
+
+    Returns
+    -------
+    (...,) float array [1]
+        Infinite where the coherence is 0.
+
+    Raises
+    ------
+    ValueError
+        If there is less than one average.
+
+    Notes
+    -----
+    This is the random error. It holds no errors of gains, and no bias of noise at the input.
+
+    References
+    ----------
+    J. S. Bendat, A. G. Piersol, "Random Data", 4th edition, 2010, table 9.6.
+
+    Examples
+    --------
+    >>> coherence_std([0.99, 0.5], 50).round(4)
+    array([0.0101, 0.1   ])
+    """
+    coherence = np.asarray(coherence, dtype=float)
+    if not averages >= 1:
+        raise ValueError("the coherence has at least one average")
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.sqrt((1.0 - coherence) / (2.0 * averages * coherence)))
+
+
 def _input_impedance(omega: FloatArray, rig: Rig | None) -> ComplexArray:
     """Impedance of the mass between force cell and contact [N s/m]."""
     return 1j * omega * (rig.input_mass if rig is not None else 0.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,9 @@ from fourpole.fitting.measuredtable import (
     RE,
     STD,
     in_si,
+    k_star_frame,
     numbers_of,
+    repeats,
     stated_covariance,
     table_frame,
     usable,
@@ -40,6 +42,7 @@ from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart,
 from fourpole.io.folders import results_in
 from fourpole.io.source import read_bytes
 from fourpole.io.staging import recover
+from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.data import StiffnessData
 from fourpole.models.ramp import Loop
 from fourpole.models.recorded import Recorded, bends
@@ -196,7 +199,7 @@ def read_measured(
     std: float | None = None,
     k1: tuple[float, float] | None = None,
     axes: Sequence[Axis] = AXES,
-    prepared: Callable[[pl.DataFrame], pl.DataFrame] | None = None,
+    options: TableOptions | None = None,
     by_amplitude: bool = False,
 ) -> MeasuredSet:
     """Read K* of all conditions from results.
@@ -204,8 +207,7 @@ def read_measured(
     Parameters
     ----------
     path : path
-        A results folder, the folder of a campaign with results, or a table with frequency [Hz], Re K* [N/m] and
-        Im K* [N/m].
+        A results folder, the folder of a campaign with results, or a table of K* of any format; see `read_k_star`.
     over : sequence of str
         Columns of further axes, with their unit.
     std : float, optional [1]
@@ -214,8 +216,8 @@ def read_measured(
         Static stiffness and its standard uncertainty, in place of those in the table.
     axes : sequence of Axis
         The axes that every table has, with their tolerances.
-    prepared : callable, optional
-        A change of the table before it is read, such as its units.
+    options : TableOptions, optional
+        What the table does not say: its columns and units, and the shape of a specimen whose modulus it holds.
     by_amplitude : bool
         Whether tests of one condition with different amplitudes of the deflection have different K*.
 
@@ -234,8 +236,8 @@ def read_measured(
     table = path / "dynamic.csv" if path.is_dir() else path
     recover(table.parent)
     content = read_bytes(table, max_bytes=MOST_BYTES)
-    frame = table_frame(table.name, content)
-    frame = frame if prepared is None else prepared(frame)
+    own = table.name in (*_RESULTS, MASTER) and not (options and options.columns)
+    frame, spoken = (table_frame(table.name, content), list[str]()) if own else k_star_frame(table, options)
     beside = table.parent / "covariance.parquet"
     covariance = None
     if table.name in (*_RESULTS, MASTER) and beside.is_file() and std is None:
@@ -245,7 +247,8 @@ def read_measured(
     likelihoods = {} if covariance is None else read_likelihoods(table.parent / FILE, record.get("likelihood", {}))
     given: dict[str, Any] = {"over": over, "std": std, "k1": k1, "by_amplitude": by_amplitude}
     found = measured_of(frame, covariance, likelihoods, name=table.name, rule=rule, **given)
-    return replace(found, sha256=hashlib.sha256(content).hexdigest())
+    spoken += [] if own else repeats([one.own.omega for one in found.conditions], table.name)
+    return replace(found, sha256=hashlib.sha256(content).hexdigest(), notes=(*spoken, *found.notes))
 
 
 def _record_beside(table: Path) -> dict[str, Any]:

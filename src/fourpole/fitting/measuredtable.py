@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -12,6 +13,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.fitting.amplitude import COLUMN
+from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.units import column_unit, shown, to_si
 
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
@@ -48,6 +50,20 @@ def table_frame(name: str, content: bytes) -> pl.DataFrame:
         return pl.read_csv(content, infer_schema=False, comment_prefix="#")
     except pl.exceptions.PolarsError as error:
         raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
+
+
+def k_star_frame(table: Path, options: TableOptions | None) -> tuple[pl.DataFrame, list[str]]:
+    """A table of K* of any format as one of results, and notes: how it was understood, and what is remarkable."""
+    found = read_k_star(table, options)
+    return found.frame(), [f"understood {'; '.join(found.understood)}", *found.warnings]
+
+
+def repeats(omega: Sequence[FloatArray], name: str) -> list[str]:
+    """A note on frequencies that a condition has more than once."""
+    count = sum(one.size - np.unique(one).size for one in omega)
+    if not count:
+        return []
+    return [f"{count} rows of {name} repeat a frequency of their condition: each counts as a measurement of its own"]
 
 
 def in_si(frame: pl.DataFrame, name: str) -> pl.DataFrame:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,17 +12,16 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole import units
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES, Condition, Sameness
-from fourpole.errors import FileError, ModelError, TableError
+from fourpole.errors import FileError, ModelError
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
-from fourpole.fitting.measuredtable import in_si, numbers_of
 from fourpole.fitting.modelparts import NamedValue
 from fourpole.fitting.seal import alterations, sealed
 from fourpole.io.source import read_bytes
+from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.data import complex_columns
 from fourpole.models.overlap import Overlap, overlaps
@@ -36,10 +34,6 @@ APART = 1.0
 LAW, COVARIANCE = "temperature.json", "covariance.parquet"
 _MOST_BYTES = 50_000_000
 _TEMPERATURE = q.TEMPERATURE.head
-#: Heads of a modulus or a stiffness: Re E* [MPa], E' [MPa], G'' [Pa], u(K') [N/m].
-_HEAD = re.compile(
-    r"^(?P<u>u\()?(?:(?P<part>Re|Im) )?(?P<of>[KEG])(?P<mark>\*|''|\"|'|′′|″|′)\)? \[(?P<unit>[^\]]+)\]$"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +67,11 @@ class TyreShift(ByValue):
 
 
 def read_isotherms(
-    paths: Sequence[str | Path], *, apart: float = APART, std: float | None = None, shape: float | None = None
+    paths: Sequence[str | Path],
+    *,
+    apart: float = APART,
+    std: float | None = None,
+    options: TableOptions | None = None,
 ) -> MeasuredSet:
     """Read the isotherms of one or several tables, as one set of conditions.
 
@@ -85,8 +83,8 @@ def read_isotherms(
         Largest difference of two temperatures of one isotherm.
     std : float, optional [1]
         Relative standard uncertainty of K*, in place of that in the tables.
-    shape : float, optional [m]
-        K* per modulus, for tables of E* or G*; without it the modulus takes the place of K*.
+    options : TableOptions, optional
+        What the tables do not say. Without a factor or shape a modulus takes the place of K*.
 
     Raises
     ------
@@ -98,9 +96,8 @@ def read_isotherms(
     if not apart > 0:
         raise ModelError("the temperatures of one isotherm must be allowed to differ: state --apart above zero")
     axes = tuple(replace(axis, absolute=apart) if axis.column == _TEMPERATURE else axis for axis in AXES)
-    sets = [
-        read_measured(path, std=std, axes=axes, prepared=lambda frame: as_stiffness(frame, shape)) for path in paths
-    ]
+    options = replace(TableOptions() if options is None else options, moduli=True)
+    sets = [read_measured(path, std=std, axes=axes, options=options) for path in paths]
     for path, one in zip(paths, sets, strict=True):
         if any(_TEMPERATURE not in each.state for each in one.conditions):
             raise ModelError(
@@ -116,36 +113,6 @@ def read_isotherms(
         sha256=sets[0].sha256 if len(sets) == 1 else "",
         rule=sets[0].rule,
     )
-
-
-def as_stiffness(frame: pl.DataFrame, shape: float | None = None) -> pl.DataFrame:
-    """A table with E', E'', G', G'', K' or K'' in any unit as one of Re K* and Im K* [N/m].
-
-    A modulus [Pa] is multiplied by the shape factor [m]; without one it keeps its value.
-
-    Examples
-    --------
-    >>> as_stiffness(pl.DataFrame({"frequency [Hz]": ["1"], "E' [MPa]": ["2"], "E'' [MPa]": ["0.5"]})).columns
-    ['frequency [Hz]', 'Re K* [N/m]', 'Im K* [N/m]']
-    """
-    changed: dict[str, tuple[str, float]] = {}
-    for name in frame.columns:
-        found = _HEAD.match(name)
-        if found is None:
-            continue
-        real = found["part"] == "Re" or (found["part"] is None and found["mark"] in ("'", "′"))
-        quantity = q.STORAGE if real else q.LOSS
-        modulus = found["of"] != "K"
-        scale = units.unit_scale(found["unit"], "pressure" if modulus else "stiffness")
-        changed[name] = (quantity.u_head if found["u"] else quantity.head, scale * ((shape or 1.0) if modulus else 1.0))
-    for name, (head, scale) in changed.items():
-        if head in frame.columns and head != name:
-            raise TableError(f"{units.shown(name)} and {units.shown(head)} are both in the table: keep one of them")
-        frame = frame.rename({name: head}) if head != name else frame
-        if scale != 1.0:
-            numbers = numbers_of(frame, head, "the table", np.ones(frame.height, dtype=bool))
-            frame = frame.with_columns(pl.Series(head, scale * numbers))
-    return in_si(frame, "the table")
 
 
 def shift_tyres(

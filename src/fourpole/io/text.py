@@ -168,6 +168,11 @@ def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, lab
     """
     name = name_of(path, label)
     text, _ = decode(read_bytes(path, max_bytes=max_bytes, label=label), name)
+    return table_of(text, name)
+
+
+def table_of(text: str, name: str) -> TextTable:
+    """The table that a text holds, see `read_table`; `name` is that of its file in messages."""
     lines = split_lines(text)
     layout = find_layout(lines, name)
     numbers, rows, skipped = _rows(lines, layout)

@@ -192,6 +192,13 @@ def _blocks(request: Request, rows: int) -> Iterator[list[Signal]]:
     return guarded(_chunks(request, rows, guard), guard)
 
 
+def texts(path: Path, label: str) -> dict[str, str]:
+    """The cells of each sheet that holds a table, as text with tabs, by the name of the sheet."""
+    guard = Guard(name_of(path, label), _KIND)
+    with guard, _opened(path, label, guard, _MOST_BYTES) as sheets:
+        return {one.name: one.path.read_text(encoding="utf-8") for one in sheets}
+
+
 def _recognises(head: bytes) -> bool:
     if head.startswith(_OLE):
         return True

@@ -1,0 +1,170 @@
+"""A table of any format as columns: head, unit, numbers, and the cells of a column of words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.io.child import read_apart
+from fourpole.io.formats import workbook
+from fourpole.io.layout import is_missing, number
+from fourpole.io.names import in_group
+from fourpole.io.recordings import format_of, survey
+from fourpole.io.signals import MAX_FILE_BYTES, Request, Signal
+from fourpole.io.source import name_of
+from fourpole.io.stream import by_halves
+from fourpole.io.text import TextTable, read_table, table_of
+from fourpole.units import column_unit, is_unit
+
+#: Memory that the numbers of a table may need [byte], and the most columns of a table.
+_MOST_BYTES, _MOST_COLUMNS = 500_000_000, 2000
+_WORDED_UNIT = re.compile(r"(?P<stem>[^/,]+?)\s*(?:/|,|\sin\s)\s*(?P<unit>[^,]+)")
+
+
+@dataclass(frozen=True, eq=False)
+class Column(ByValue):
+    """A column of a table.
+
+    Attributes
+    ----------
+    head : str
+        The head as written.
+    name : str
+        The head without its unit.
+    unit : str or None
+    values : (N,) float array [the column's unit]
+        NaN where a cell is blank or has words.
+    words : tuple of str
+        The cells, where most of them are words; empty in a column of numbers.
+    bad : tuple of (int, str)
+        Index of the row and text of the cells that are words among numbers.
+    """
+
+    head: str
+    name: str
+    unit: str | None
+    values: FloatArray
+    words: tuple[str, ...] = ()
+    bad: tuple[tuple[int, str], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Cells(ByValue):
+    """A table.
+
+    Attributes
+    ----------
+    label : str
+        The file's name in messages.
+    group : str
+        Name of the sheet or group; empty if the file has one table.
+    columns : tuple of Column
+    lines : list of int
+        Line, or else number, of each row in the file, from 1.
+    remarks : tuple of str
+        Sentences on lines and columns that were left out.
+    """
+
+    label: str
+    group: str
+    columns: tuple[Column, ...]
+    lines: list[int]
+    remarks: tuple[str, ...] = ()
+
+
+def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[Cells]:
+    """The tables of a file in any format; of one group or sheet, if `group` names one.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, or its library is not installed.
+    TableError
+        If the file is damaged, or has no table or no such group.
+    """
+    name = name_of(path, label)
+    kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=name)
+    if kind.name == "text":
+        in_group([], group, name)
+        return [_of_text(read_table(path, label=name), "")]
+    if kind.name == workbook.FORMAT.name:
+        sheets = read_apart(workbook.texts, path, name, label=name)
+        chosen = in_group([(one, "") for one in sheets], group, name)
+        some = [one for at, one in enumerate(sheets) if at in chosen]
+        return [_of_text(table_of(sheets[one], name), one) for one in some]
+    found = read_apart(recorded, path, group, name, classes=(Signal,), label=name)
+    return [_of_signals(signals, missing, name, inside) for inside, signals, missing in found]
+
+
+def recorded(path: Path, group: str, label: str) -> list[tuple[str, list[Signal], list[str]]]:
+    """Channels of equal length of each group of a recording, and the names of those that cannot be read."""
+    info = survey(path, max_bytes=MAX_FILE_BYTES, label=label)
+    kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=label)
+    places = [(one.group, one.name) for one in info.signals]
+    chosen = in_group(places, group, label)[:_MOST_COLUMNS]
+    result = []
+
+    def alike(at: int) -> tuple[str, int]:
+        return info.signals[at].group, info.signals[at].count
+
+    for (inside, _), some in groupby(sorted(chosen, key=alike), alike):
+        signals: list[Signal] = []
+        lost: list[str] = []
+
+        def read(part: list[int], inside: str = inside) -> Sequence[Signal]:
+            names = tuple(info.signals[at].name for at in part)
+            return kind.read(Request(path, names, inside, label, _MOST_BYTES))
+
+        for part, got in by_halves(list(some), read):
+            if isinstance(got, Exception):
+                lost += [info.signals[at].name for at in part]
+            else:
+                signals += got
+        if signals:
+            result.append((inside, signals, lost))
+    return result
+
+
+def _of_signals(signals: Sequence[Signal], lost: Sequence[str], label: str, group: str) -> Cells:
+    columns = []
+    for one in signals:
+        name, unit = named(one.name, one.unit)
+        columns.append(Column(one.name, name, unit, one.samples))
+    remarks = [f"column '{one}' holds no numbers and was left out" for one in lost]
+    return Cells(label, group, tuple(columns), list(range(1, signals[0].samples.size + 1)), tuple(remarks))
+
+
+def _of_text(table: TextTable, group: str) -> Cells:
+    columns = []
+    for head, stated, cells in zip(table.headers, table.units, table.columns, strict=True):
+        name, unit = named(head, stated)
+        found = [None if is_missing(cell) else number(cell, table.decimal) for cell in cells]
+        bad = tuple((at, cell) for at, cell in enumerate(cells) if found[at] is None and not is_missing(cell))
+        values = np.array([np.nan if one is None else one for one in found], dtype=float)
+        worded = 2 * len(bad) > len(cells) - sum(map(is_missing, cells))
+        columns.append(Column(head, name, unit, values, tuple(cells) if worded else (), () if worded else bad))
+    remarks = [f"line {line} is not data and was left out: {text}" for line, text in table.skipped]
+    return Cells(table.label, group, tuple(columns), table.lines, tuple(remarks))
+
+
+def named(head: str, stated: str | None) -> tuple[str, str | None]:
+    """The name in a head and its unit: that in brackets, or else after a solidus, as in `E'/MPa`.
+
+    Examples
+    --------
+    >>> named("G' [kPa]", None), named("E''/MPa", None), named("f in Hz", None), named("V1/F1", None)
+    (("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('V1/F1', None))
+    """
+    name, unit = column_unit(head)
+    if stated is not None or unit is not None:
+        return name, (stated if stated is not None else unit)
+    parted = _WORDED_UNIT.fullmatch(head.strip())
+    if parted is not None and is_unit(parted["unit"]):
+        return parted["stem"].strip(), parted["unit"].strip()
+    return name, None

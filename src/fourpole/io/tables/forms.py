@@ -1,0 +1,185 @@
+r"""Forms in which a table may give K* or V1/F1, and the complex values that each gives.
+
+K* = K' + jK'' = |K*| e^{jδ}, with K'' = K' tan δ = ω C; the same for the moduli G* and E*. From amplitudes of force and
+motion and the phase φ of the force ahead of it, V1/F1 is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.phasor import Phasors
+from fourpole.core.recording import DERIVATIVES
+from fourpole.errors import TableError
+from fourpole.io.tables.cells import Cells
+from fourpole.io.tables.columns import Taken, chosen, in_si, unclear, where_of
+from fourpole.io.tables.vocabulary import ROLES
+from fourpole.units import shown
+
+LEVELS = (("storage", "loss"), ("storage", "tan"), ("storage", "damping"), ("storage", "angle"), ("magnitude", "angle"),
+          ("magnitude", "tan"))  # fmt: skip
+RATIOS = (("R", "I"), ("force", "motion", "angle"))
+#: Roles of which K* may be made.
+QUANTITIES = ("storage", "loss", "magnitude", "tan", "angle", "damping", "R", "I", "force", "motion")
+_SHARED = ("tan", "angle", "damping")
+#: Largest relative difference of two forms of one table that is not said.
+_ALIKE = 0.02
+_NEEDED = (
+    "one of (K', K''), (K', tan δ), (K', C), (|K*|, loss angle), (|K*|, tan δ), the same of a modulus G or E, "
+    "(F1, V1, phase), (F1, x1, phase) or (R, I)"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Form(ByValue):
+    """The columns that together give K*, a modulus or V1/F1, by their roles; `letter` is K, G, E or M, or empty."""
+
+    columns: Mapping[str, Taken]
+    letter: str
+
+    @property
+    def is_mobility(self) -> bool:
+        """Whether it gives V1/F1 of all that is beyond the force cell."""
+        return not self.letter
+
+
+def forms_in(cells: Cells, found: Sequence[Taken]) -> list[Form]:
+    """All complete forms, the preferred first; with stated columns, only those that have all of them.
+
+    Raises
+    ------
+    TableError
+        If there is none.
+    """
+    by_role: dict[tuple[str, str], list[Taken]] = {}
+    for one in found:
+        by_role.setdefault((one.role, one.letter), []).append(one)
+    stated = {one.role for one in found if one.stated and one.role in QUANTITIES}
+    complete = []
+    for letter in ("K", "G", "E", "M", ""):
+        for roles in LEVELS if letter else RATIOS:
+            places = [(role, "" if role in _SHARED or not letter else letter) for role in roles]
+            if all(place in by_role for place in places) and stated <= set(roles):
+                complete.append((letter, places))
+    if not complete:
+        raise TableError(f"{where_of(cells)}: {_lacking(cells, found, stated)}")
+    first = dict(reversed(complete))  # further forms of a letter are compared with the first, see `contradictions`
+    return [
+        Form({place[0]: chosen(cells, by_role[place]) for place in first[letter]}, letter)
+        for letter in dict.fromkeys(letter for letter, _ in complete)
+    ]
+
+
+def _lacking(cells: Cells, found: Sequence[Taken], stated: set[str]) -> str:
+    roles = [one for one in found if one.role in QUANTITIES]
+    known = ", ".join(dict.fromkeys(map(str, roles))) or "none of them"
+    if stated:
+        named = ", ".join(sorted(stated))
+        return f"the stated columns ({named}) are not all of one form: K* needs {_NEEDED}; understood were {known}"
+    text = f"beside the frequency {_NEEDED} is needed; understood were {known}"
+    if heads := unclear(cells):
+        head = heads[0]
+        text += f'; {shown(head)} may be K\' or |K*|: state --column "storage={head}" or --column "magnitude={head}"'
+    else:
+        heads = [column.head for column in cells.columns if not column.words]
+        text += f"; the columns are {', '.join(shown(one)[1:-1] for one in heads[:20])}: state which is what, as in "
+        text += '--column "storage=NAME [kN/m]"'
+    return text
+
+
+def value(form: Form, frequency: FloatArray) -> ComplexArray:
+    """K* [N/m], the modulus [Pa], or V1/F1 [m/(N s)] of each row."""
+    si = {role: in_si(one) for role, one in form.columns.items()}
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # such a row has no value
+        if "R" in si:
+            return np.asarray(si["R"] + 1j * si["I"])
+        if "force" in si:
+            turns = DERIVATIVES[form.columns["motion"].kind]
+            velocity = si["motion"] * (2 * np.pi * frequency) ** turns
+            return Phasors.from_polar(frequency, si["force"], velocity, si["angle"] - turns * np.pi / 2).mobility
+        if "magnitude" in si:
+            angle = si["angle"] if "angle" in si else np.arctan(si["tan"])
+            return np.asarray(si["magnitude"] * np.exp(1j * angle))
+        if "loss" in si:
+            loss = si["loss"]
+        elif "damping" in si:
+            loss = 2 * np.pi * frequency * si["damping"]
+        else:
+            loss = si["storage"] * (si["tan"] if "tan" in si else np.tan(si["angle"]))
+        return np.asarray(si["storage"] + 1j * loss)
+
+
+def check(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
+    """Remarks on impossible values of the columns of a form.
+
+    Raises
+    ------
+    TableError
+        If all rows are impossible, as with an empty column or the other sign of the phase.
+    """
+    remarks = []
+    where = where_of(cells)
+    for role, one in form.columns.items():
+        si = in_si(one)
+        there = np.isfinite(si)
+        named = f"{where}: column {shown(one.column.name)}"
+        if not there.any():
+            raise TableError(f"{named} holds no number: name another as the {ROLES[role].says}, by --column")
+        if role in ("loss", "tan", "damping", "storage", "magnitude") and not np.any(si[there]):
+            raise TableError(f"{named} is zero in all rows: it was not measured; name another by --column")
+        if role == "angle" and np.nanmax(np.abs(si)) > 2 * np.pi * (1 + 1e-9):
+            raise TableError(f"{named} [{one.unit}] goes beyond a full turn: the unit is another, or cells are wrong")
+    if form.letter:
+        remarks += _signs(cells, form, values)
+    return remarks
+
+
+def _signs(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
+    """Remarks on rows whose loss is negative; TableError if it is in all of them."""
+    loss = np.nan_to_num(values.imag / np.where(values.real == 0, np.nan, values.real))
+    rows = [cells.lines[at] for at in np.flatnonzero(loss < 0)]
+    if not rows:
+        return []
+    role = next(role for role in ("loss", "tan", "angle", "damping") if role in form.columns)
+    name = f"column {shown(form.columns[role].column.name)}"
+    if len(rows) == np.isfinite(values).sum():
+        raise TableError(
+            f"{where_of(cells)}: {name} makes the loss negative in all rows: K'' of a passive specimen is positive "
+            "with e^{+jωt}; the phase is that of the force ahead of the motion: reverse the sign in the file"
+        )
+    return [f"{name}: the loss is negative in {rows_named(rows)}"]
+
+
+def rows_named(rows: Sequence[int]) -> str:
+    """Rows by their numbers: "row 7", "rows 3, 4 and 9 more"."""
+    first = ", ".join(map(str, rows[:8]))
+    more = f" and {len(rows) - 8} more" if len(rows) > 8 else ""
+    return f"{'row' if len(rows) == 1 else 'rows'} {first}{more}"
+
+
+def contradictions(cells: Cells, found: Sequence[Taken], form: Form, values: ComplexArray) -> list[str]:
+    """Remarks on columns that are not used and differ from what the form gives."""
+    if not form.letter:
+        return []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        given = {"loss": values.imag, "storage": values.real, "magnitude": np.abs(values),
+                 "tan": values.imag / values.real}  # fmt: skip
+    remarks = []
+    for one in found:
+        if one.role not in given or one.unit is None or one.role in form.columns or one.letter not in ("", form.letter):
+            continue
+        other, own = in_si(one), given[one.role]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.abs(other / own - 1)
+        off[~np.isfinite(off)] = 0.0
+        rows = [cells.lines[at] for at in np.flatnonzero(off > _ALIKE)]
+        if rows:
+            remarks.append(
+                f"column {shown(one.column.head)} differs from what the columns used give by up to "
+                f"{100 * float(off.max()):.2g} % ({rows_named(rows)}): check which of them is right"
+            )
+    return remarks

@@ -1,0 +1,337 @@
+"""Any table of K*, of a modulus or of V1/F1 becomes frequency and complex values in SI."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.reduced import coherence_std
+from fourpole.errors import TableError
+from fourpole.io.tables.cells import Cells, tables_in
+from fourpole.io.tables.columns import (
+    Statement,
+    Taken,
+    check_units,
+    chosen,
+    in_si,
+    option_of,
+    statements,
+    taken,
+    where_of,
+)
+from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
+from fourpole.models.shape import Shape
+from fourpole.units import shown
+
+#: Columns of conditions, and of the uncertainty of K*, by role.
+_CONDITIONS = {"temperature": q.TEMPERATURE, "pressure": q.PRESSURE, "preload": q.PRELOAD,
+               "amplitude": q.DEFLECTION_AMPLITUDE}  # fmt: skip
+_STD = {"u(storage)": q.STORAGE.u_head, "u(loss)": q.LOSS.u_head}
+_ROLES = ("frequency", *QUANTITIES, *_CONDITIONS, *_STD, "coherence", "tyre")
+_FACTOR = (
+    'state --shape-factor "0.05 m" (K* per modulus), or --mode shear --height "10 mm" --area "5 cm^2" for K = G A/h, '
+    'or --mode compression for K = E A/h; --shape-factor "1 m" keeps the numbers of the modulus'
+)
+
+
+@dataclass(frozen=True)
+class TableOptions:
+    """What a user states of a table of K*.
+
+    Attributes
+    ----------
+    columns : sequence of str
+        Which column is what, as the option ``--column`` has it: "storage=G' [kPa]".
+    group : str
+        The sheet or group; empty if only one holds K*.
+    factor : float, optional [m]
+        K* per modulus.
+    shape : Shape, optional
+        In place of `factor`: mode, height and area.
+    moduli : bool
+        Whether a modulus [Pa] takes the place of K* [N/m] where no factor is stated.
+    ratio : bool
+        Whether V1/F1 may be taken: the rig is stated, or the far side of the specimen does not move.
+    averages : float, optional [1]
+        Number of independent averages of the coherence.
+    """
+
+    columns: Sequence[str] = ()
+    group: str = ""
+    factor: float | None = None
+    shape: Shape | None = None
+    moduli: bool = False
+    ratio: bool = False
+    averages: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class KStarTable(ByValue):
+    """A table of K* or of V1/F1 over frequency; one of both is None.
+
+    Attributes
+    ----------
+    frequency : (N,) float [Hz]
+    mobility : (N,) complex [m/(N s)], or None
+        V1/F1 of everything between the force cell and the foundation.
+    stiffness : (N,) complex [N/m], or None
+        K* of the specimen alone.
+    lines : list of int
+        Line, or number, of each row in the file.
+    understood : list of str
+        Sentences on how each column was read.
+    warnings : list of str
+        Sentences on rows that are no data, cells that are no numbers, and impossible values.
+    std : (N,) float [1], or None
+        Relative standard uncertainty of K* or V1/F1, the same in all directions, from the coherence.
+    further : polars.DataFrame
+        Conditions and uncertainties in SI by the heads of result tables, and the columns of no known role.
+    """
+
+    frequency: FloatArray
+    mobility: ComplexArray | None
+    stiffness: ComplexArray | None
+    lines: list[int]
+    understood: list[str]
+    warnings: list[str]
+    std: FloatArray | None = None
+    further: pl.DataFrame = field(default_factory=pl.DataFrame)
+
+    def frame(self) -> pl.DataFrame:
+        """The table as one of results: frequency [Hz], Re K*, Im K* and their uncertainty [N/m], conditions.
+
+        V1/F1 gives K* = jω/(V1/F1): the far side does not move.
+        """
+        stiffness = self.stiffness
+        if stiffness is None:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                stiffness = np.asarray(2j * np.pi * self.frequency / np.asarray(self.mobility))
+        columns = {q.FREQUENCY.head: self.frequency, q.STORAGE.head: stiffness.real, q.LOSS.head: stiffness.imag}
+        if self.std is not None and not set(_STD.values()) & set(self.further.columns):
+            columns |= dict.fromkeys(_STD.values(), self.std * np.abs(stiffness))
+        return pl.DataFrame(columns).hstack(self.further.drop(columns, strict=False))
+
+
+def read_k_star(
+    path: str | os.PathLike[str], options: TableOptions | None = None, *, label: str | None = None
+) -> KStarTable:
+    r"""Read a table of K* of any format, known by the heads and units of its columns.
+
+    Beside the frequency (Hz, rad/s or rpm) it has one of (K', K''), (K', tan δ), (K', C), (\|K*\|, loss angle),
+    (\|K*\|, tan δ), the same of a modulus G or E, (F1, V1 or x1, phase) or (R, I).
+
+    Parameters
+    ----------
+    path : path
+        A file of any format that recordings have.
+    options : TableOptions, optional
+        What the file does not say.
+    label : str, optional
+        The file's name in messages.
+
+    Returns
+    -------
+    KStarTable
+        The table in SI units.
+
+    Raises
+    ------
+    FileError, TableError
+        If the file cannot be read, a quantity has no column, two columns or no unit, or a modulus has no shape.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "bench.csv")
+    ...     _ = file.write_text("f [Hz],|K*| [N/mm],loss angle [deg]\n10,200,90\n", encoding="utf-8")
+    ...     print(read_k_star(file).stiffness.imag)
+    [200000.]
+    """
+    options = TableOptions() if options is None else options
+    tables = tables_in(Path(path), group=options.group, label=label)
+    stated = statements(options.columns)
+    if len(tables) == 1:
+        return _understood(tables[0], stated, options)
+    good, errors = [], []
+    for one in tables:
+        try:
+            good.append((one, _understood(one, stated, options)))
+        except TableError as error:
+            errors.append(error)
+    if len(good) == 1:
+        return good[0][1]
+    if not good:
+        first = "; ".join(str(one).removeprefix(f"{tables[0].label} ") for one in errors[:3])
+        raise TableError(f"{tables[0].label}: no sheet or group is understood: {first}")
+    names = ", ".join(shown(one.group) for one, _ in good[:12])
+    raise TableError(f"{tables[0].label}: {len(good)} sheets or groups hold K*: {names}; name one with --group")
+
+
+def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions) -> KStarTable:
+    found = taken(cells, stated, _ROLES)
+    turns = [one for one in found if one.role == "frequency"]
+    if not turns:
+        raise TableError(f"{where_of(cells)}: {_no_frequency(cells)}")
+    forms = forms_in(cells, found)
+    form = _preferred(cells, forms, options)
+    column = chosen(cells, turns)
+    used = [column, *form.columns.values()]
+    check_units(cells, used)
+    frequency = in_si(column)
+    values = value(form, frequency)
+    remarks = [*cells.remarks, *check(cells, form, values), *contradictions(cells, found, form, values)]
+    said = [str(one) for one in used]
+    factor = 1.0
+    if form.letter in ("G", "E", "M"):
+        factor, text = _factor(cells, form, options)
+        values = factor * values
+        said.append(text)
+    elif form.letter == "K" and (options.factor is not None or options.shape is not None):
+        raise TableError(f"{where_of(cells)}: holds a stiffness, not a modulus; leave out the shape")
+    std, spoken = _std(cells, found, options)
+    further, kept, notes = _further(cells, found, used, form.letter, factor)
+    remarks += [*_rows(cells, [*used, *kept], frequency, values), *spoken, *notes]
+    return KStarTable(
+        frequency=frequency,
+        mobility=values if form.is_mobility else None,
+        stiffness=None if form.is_mobility else values,
+        lines=cells.lines,
+        understood=[*([f"sheet or group {shown(cells.group)}"] if cells.group else []), *said, *map(str, kept)],
+        warnings=remarks,
+        std=std,
+        further=further,
+    )
+
+
+def _no_frequency(cells: Cells) -> str:
+    heads = ", ".join(shown(one.head)[1:-1] for one in cells.columns[:20])
+    return (
+        f"no column is understood as the frequency among {heads}: name it 'frequency [Hz]', or state "
+        '--column "frequency=NAME [Hz]"'
+    )
+
+
+def _preferred(cells: Cells, forms: Sequence[Form], options: TableOptions) -> Form:
+    """The form that the options ask for: a modulus with a shape, V1/F1 with a rig, or else K*."""
+    moduli = [one for one in forms if one.letter in ("G", "E", "M")]
+    ratios = [one for one in forms if one.is_mobility]
+    shaped = options.factor is not None or options.shape is not None
+    if shaped and moduli:
+        return _one_modulus(cells, moduli, options)
+    if options.ratio and ratios:
+        return ratios[0]
+    for one in forms:
+        if one.letter == "K":
+            return one
+    if moduli and options.moduli:
+        return _one_modulus(cells, moduli, options)
+    ways = []
+    if moduli:
+        names = " and ".join(shown(one.column.name) for one in moduli[0].columns.values())
+        ways.append(f"{names} give a modulus, which becomes K* by the shape: {_FACTOR}")
+    if ratios:
+        names = ", ".join(shown(one.column.name) for one in ratios[0].columns.values())
+        ways.append(
+            f"{names} give V1/F1 of the specimen and what is behind it: state --no-rig where its far side does not "
+            "move, or the rig's values to fourpole identify"
+        )
+    raise TableError(f"{where_of(cells)}: {'; or: '.join(ways)}")
+
+
+def _one_modulus(cells: Cells, moduli: Sequence[Form], options: TableOptions) -> Form:
+    mode = None if options.shape is None else options.shape.mode
+    wanted = [one for one in moduli if one.letter == {"shear": "G", "compression": "E"}.get(mode or "")] or list(moduli)
+    if len(wanted) > 1:
+        heads = " and ".join(shown(next(iter(one.columns.values())).column.head) for one in wanted)
+        raise TableError(f'{where_of(cells)}: {heads} are different moduli; say which, as in --column "storage=..."')
+    return wanted[0]
+
+
+def _factor(cells: Cells, form: Form, options: TableOptions) -> tuple[float, str]:
+    """K* per modulus [m], and how it came about."""
+    if options.factor is not None:
+        return options.factor, f"K* = {options.factor:.6g} m times the modulus"
+    if options.shape is None:
+        return 1.0, "the modulus in Pa takes the place of K* in N/m"
+    mode = options.shape.mode
+    if (form.letter, mode) in (("G", "compression"), ("E", "shear")):
+        other = "shear" if form.letter == "G" else "compression"
+        raise TableError(
+            f"{where_of(cells)}: {form.letter}* is a modulus of {other}, and --mode is {mode}: state --mode {other}, "
+            "or the stiffness per modulus by --shape-factor"
+        )
+    factor = 1.0 / options.shape.modulus
+    bonded = " (1 + 2 k S²), bonded disc" if options.shape.bonded else ""
+    letter = "G" if mode == "shear" else "E"
+    return factor, f"K* = {letter}* A/h{bonded} = {factor:.6g} m times the modulus"
+
+
+def _std(cells: Cells, found: Sequence[Taken], options: TableOptions) -> tuple[FloatArray | None, list[str]]:
+    """Relative standard uncertainty of each row from the coherence, and a remark if the averages are not stated."""
+    coherence = [one for one in found if one.role == "coherence"]
+    if not coherence:
+        return None, []
+    one = chosen(cells, coherence)
+    if options.averages is None:
+        return None, [f"column {shown(one.column.name)}: state --averages for the uncertainty that the coherence gives"]
+    return _of_coherence(in_si(one), options.averages, where_of(cells))
+
+
+def _of_coherence(coherence: FloatArray, averages: float, where: str) -> tuple[FloatArray, list[str]]:
+    if np.any((coherence < 0) | (coherence > 1 + 1e-9)):
+        raise TableError(f"{where}: a coherence lies outside 0 to 1: the column is another quantity, or in %")
+    return coherence_std(np.minimum(coherence, 1.0), averages), []
+
+
+def _further(
+    cells: Cells, found: Sequence[Taken], used: Sequence[Taken], letter: str, factor: float
+) -> tuple[pl.DataFrame, list[Taken], list[str]]:
+    """Conditions and uncertainties in SI and columns of no role; the columns in a role; what is left out."""
+    columns: dict[str, pl.Series] = {}
+    kept, notes = [], []
+    gone = {id(one.column) for one in used}
+    for role in (*_CONDITIONS, *_STD, "tyre"):
+        some = [one for one in found if one.role == role and id(one.column) not in gone]
+        some = [one for one in some if one.letter in ("", letter)]
+        if not some:
+            continue
+        if role == "tyre":
+            columns["tyre"] = pl.Series(some[0].column.words or [f"{one:g}" for one in some[0].column.values])
+        elif all(one.unit is None for one in some):
+            name = shown(some[0].column.name)
+            notes.append(f"column {name} states no unit and was left out; state {option_of(some[0])} to use it")
+            continue
+        else:
+            one = chosen(cells, some)
+            head = _CONDITIONS[role].head if role in _CONDITIONS else _STD[role]
+            columns[head] = pl.Series(in_si(one) * (factor if role in _STD else 1.0))
+        kept.append(next(one for one in some if role == "tyre" or one.unit is not None))
+        gone |= {id(one.column) for one in some}
+    for column in cells.columns:
+        if id(column) not in gone and column.head not in columns:
+            columns[column.head] = pl.Series(column.words or column.values)
+    return pl.DataFrame(columns), kept, notes
+
+
+def _rows(cells: Cells, used: Sequence[Taken], frequency: FloatArray, values: ComplexArray) -> list[str]:
+    """Remarks on rows without a value, with an impossible frequency, or with one that occurs twice."""
+    remarks = []
+    for one in used:
+        for at, text in one.column.bad:
+            where = f"row {cells.lines[at]}, column {shown(one.column.name)}"
+            remarks.append(f"{where}: {shown(text)} is no number: the row cannot be used")
+    blank = [cells.lines[at] for at in np.flatnonzero(~np.isfinite(frequency) | ~np.isfinite(values))]
+    if blank:
+        remarks.append(f"a value is missing in {rows_named(blank)}")
+    below = [cells.lines[at] for at in np.flatnonzero(frequency <= 0)]
+    if below:
+        remarks.append(f"the frequency is not positive in {rows_named(below)}")
+    return remarks
