@@ -140,7 +140,7 @@ def test_a_missing_column_names_the_nearest(tmp_path: Path) -> None:
         ("\n\n\n", r"no table"),
         ("# only\n# comments\n", r"no table"),
         ("", r"is empty"),
-        ("0,1,2\n1,2,3\n", r"has no header; put a line of names above line 1"),
+        ("0,1,2\n1,2,3\n", r"there is no column 'F1'.* it has 1, 2, 3"),
         ("t,F1\n0,1,2\n1,2,3\n2,3,4\n", r"line 1: the header has 2 names, but the rows 3 cells"),
         (bytes(range(256)) * 64, r"binary"),
         (b"\xff\xfe\x00\x00t\x00\x00\x00", r"UTF-32"),

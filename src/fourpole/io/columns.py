@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import date
 from typing import BinaryIO
@@ -18,9 +17,10 @@ from numpy.typing import NDArray
 from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.clock import Clock
-from fourpole.io.layout import Layout, find_column, find_layout, split_lines
+from fourpole.io.layout import Layout, find_column, find_layout, holds_numbers, split_lines
 from fourpole.io.rows import Table, Values, length, line_start, parts, whole_lines
-from fourpole.io.source import decode, encoding_of, name_of, open_regular
+from fourpole.io.source import as_utf8, encoding_of, name_of, open_regular
+from fourpole.io.stretches import Stretch, stretches_of
 
 #: Bytes of the first lines that are read to find the layout, and the most that are read if lines are long.
 _HEAD, _LARGEST_HEAD = 32_768, 4_000_000
@@ -28,8 +28,6 @@ _HEAD, _LARGEST_HEAD = 32_768, 4_000_000
 _TAIL = 4096
 #: Bytes that are read at a time to count lines: they stay in the processor's cache.
 _BLOCK = 1 << 18
-#: Largest file in UTF-16, which is held in memory [byte].
-_LARGEST_WIDE = 2_000_000_000
 _SLASHED = re.compile(rb"(?<![0-9])([0-9]{1,2})/([0-9]{1,2})/([0-9]{4})[T ]")
 
 
@@ -84,13 +82,18 @@ class Survey:
 def survey_columns(path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None) -> Survey:
     """The layout of a recording and its number of rows; see `read_columns` for the files that are accepted."""
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        source, layout, encoding, start = _laid_out(file, name)
-        above = _above(start, encoding, layout)
-        file.seek(0)
-        written, _ = encoding_of(file.read(4) if source is not file else start, name)
-        rows = _row_count(source, start, layout.first_row)
-        return Survey(layout, written, above, rows)
+    with _text(path, max_bytes, label) as (source, start, encoding, written):
+        layout = _layout(start, encoding, name)
+        return Survey(layout, written, _above(start, encoding, layout), _row_count(source, start, layout.first_row))
+
+
+def survey_stretches(
+    path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None
+) -> tuple[list[Stretch], str]:
+    """Each header of a recording with its rows, as far as they are told by `stretches_of`; and the encoding."""
+    with _text(path, max_bytes, label) as (source, start, encoding, written):
+        mark = len(BOM_UTF8) if start.startswith(BOM_UTF8) else 0
+        return stretches_of(source, start, mark, encoding, name_of(path, label)), written
 
 
 def read_columns(
@@ -99,6 +102,7 @@ def read_columns(
     *,
     max_bytes: int = 4_000_000_000,
     label: str | None = None,
+    stretch: Stretch | None = None,
 ) -> Columns:
     r"""Read some columns of a recording as floats.
 
@@ -113,6 +117,8 @@ def read_columns(
         A larger file is refused.
     label : str, optional
         The file's name in messages; by default the last part of the path.
+    stretch : Stretch, optional
+        The header and rows to read; by default the first header, and all lines below it.
 
     Returns
     -------
@@ -135,7 +141,7 @@ def read_columns(
     >>> recording["F1"].tolist(), recording.units
     ([1.5, nan], {'t': 's', 'F1': 'N'})
     """
-    with _opened(path, names, max_bytes, label) as (source, start, table):
+    with _opened(path, names, max_bytes, label, stretch) as (source, start, table):
         found = _joined(list(parts(source, start, table)))
     values = {one: found.get(index, np.empty(0)) for one, index in table.wanted.items()}
     if any(not len(column) for column in values.values()):
@@ -143,20 +149,31 @@ def read_columns(
     return Columns(values, table.units, table.layout.first_row, table.above)
 
 
-def _laid_out(file: BinaryIO, name: str) -> tuple[BinaryIO, Layout, str, bytes]:
-    """The file to read (decoded if it was in UTF-16), its layout and encoding, and its first lines."""
-    source: BinaryIO = file
-    start, whole = _head(file, name)
-    encoding, mark = encoding_of(start, name)
-    if encoding.startswith("utf-16"):
-        if os.fstat(file.fileno()).st_size > _LARGEST_WIDE:
-            most = f"{_LARGEST_WIDE / 1e9:g} GB"
-            raise TableError(f"{name}: is text in UTF-16, which is read up to {most}; save it as UTF-8")
-        text, _ = decode(start + file.read(), name)
-        source, encoding, mark = io.BytesIO(text.encode()), "utf-8", 0
-        start, whole = _head(source, name)
-    lines = split_lines(start[mark:].decode(encoding, errors="replace"))
-    return source, find_layout(lines if whole else lines[:-1], name), encoding, start
+@contextmanager
+def _text(
+    path: str | os.PathLike[str], max_bytes: int, label: str | None
+) -> Iterator[tuple[BinaryIO, bytes, str, str]]:
+    """An open text, as UTF-8 if it was UTF-16; its first lines, its encoding, and that of the file."""
+    name = name_of(path, label)
+    with ExitStack() as stack:
+        source = stack.enter_context(open_regular(path, max_bytes=max_bytes, label=label))
+        start = _head(source, name)
+        encoding, _ = encoding_of(start, name)
+        written = encoding
+        if encoding.startswith("utf-16"):
+            source = stack.enter_context(as_utf8(source, encoding, name))
+            start, encoding = _head(source, name), "utf-8"
+        yield source, start, encoding, written
+
+
+def _layout(start: bytes, encoding: str, name: str) -> Layout:
+    """The layout of a recording from its first lines; TableError if they are no table of numbers."""
+    lines = split_lines(start.removeprefix(BOM_UTF8).decode(encoding, errors="replace"))
+    lines = lines[:-1] if len(start) >= _HEAD else lines
+    layout = find_layout(lines, name)
+    if not holds_numbers(lines, layout):
+        raise TableError(f"{name}: is text without a table of numbers; name a file with a line of names above its rows")
+    return layout
 
 
 def _above(start: bytes, encoding: str, layout: Layout) -> tuple[str, ...]:
@@ -176,17 +193,17 @@ def _row_count(file: BinaryIO, start: bytes, first_row: int) -> int:
     return max(count + (last != ending) - _blank_lines_at_end(file, ending), 0)
 
 
-def _head(file: BinaryIO, name: str) -> tuple[bytes, bool]:
-    """The first lines of a file, at least four if it has them, and whether they are the whole file."""
+def _head(file: BinaryIO, name: str) -> bytes:
+    """The first lines of a file, at least four if it has them."""
     start = file.read(_HEAD)
     while start.count(b"\n") + start.count(b"\r") < 4:
         more = file.read(len(start))
         start += more
         if not more:
-            return start, True
+            break
         if len(start) > _LARGEST_HEAD:
             raise TableError(f"{name}: the first lines have more than {len(start)} bytes; this is no table of text")
-    return start, len(start) < _HEAD
+    return start
 
 
 def column_blocks(
@@ -196,12 +213,13 @@ def column_blocks(
     *,
     max_bytes: int = 4_000_000_000,
     label: str | None = None,
+    stretch: Stretch | None = None,
 ) -> Iterator[Columns]:
     r"""Read some columns of a recording in chunks; all chunks together equal the result of `read_columns`.
 
     Parameters
     ----------
-    path, names, max_bytes, label
+    path, names, max_bytes, label, stretch
         See `read_columns`.
     rows : int
         Rows of each chunk, at least 1; the last chunk has the rest.
@@ -225,7 +243,7 @@ def column_blocks(
     ...     [block["F1"].tolist() for block in column_blocks(file, ["F1"], 2)]
     [[1.5, 2.0], [2.5]]
     """
-    with _opened(path, names, max_bytes, label) as (source, start, table):
+    with _opened(path, names, max_bytes, label, stretch) as (source, start, table):
         empty = True
         for values in _cut(parts(source, start, table), max(rows, 1)):
             empty = False
@@ -237,17 +255,22 @@ def column_blocks(
 
 @contextmanager
 def _opened(
-    path: str | os.PathLike[str], names: Sequence[str], max_bytes: int, label: str | None
+    path: str | os.PathLike[str],
+    names: Sequence[str],
+    max_bytes: int,
+    label: str | None,
+    stretch: Stretch | None,
 ) -> Iterator[tuple[BinaryIO, bytes, Table]]:
     """An open recording, its first lines, and the table with the wanted columns."""
     name = name_of(path, label)
-    with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        source, layout, encoding, start = _laid_out(file, name)
+    with _text(path, max_bytes, label) as (source, start, encoding, _):
+        layout = _layout(start, encoding, name) if stretch is None else stretch.layout
         wanted = {one: find_column(layout.names, one, name) for one in names}
         clocks = layout.clocks.intersection(wanted.values())
         day_first = not clocks or _is_day_first(source, start, layout, name)
         made = {at: Clock(day_first=day_first) for at in clocks}
-        yield source, start, Table(layout, encoding, wanted, made, name, _above(start, encoding, layout))
+        above = _above(start, encoding, layout) if stretch is None else stretch.above
+        yield source, start, Table(layout, encoding, wanted, made, name, above, stretch.pieces if stretch else ())
 
 
 def _is_day_first(source: BinaryIO, start: bytes, layout: Layout, name: str) -> bool:

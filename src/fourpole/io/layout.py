@@ -36,7 +36,27 @@ _NAME_AND_UNIT = re.compile(r"[^\s\[\]]+\s*\[[^\[\]]*\]|\S+")
 # The name of a column of times in files of catman, which have lines with sensors and rates below the header.
 _CATMAN_TIME = re.compile(r"(?:Time|Zeit|Temps)  ?[0-9]+ - .*")
 _NTH = re.compile(r"(.+)\.([1-9][0-9]{0,3})")
+#: A line without letters but those of exponents: a row of numbers.
+_NUMBERS = re.compile(r"[^A-DF-Za-df-z\u0080-\U0010ffff]*[0-9][^A-DF-Za-df-z\u0080-\U0010ffff]*")
+#: Share of the cells of a row of units that are known units.
+_KNOWN_UNITS = 0.5
 _UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How the lines of a file are parted into cells, and whether a comma may be a decimal sign."""
+
+    delimiter: str
+
+    @property
+    def sign(self) -> str:
+        """The decimal sign with which a cell is taken as a number: a comma allows a point as well."""
+        return "." if self.delimiter == "," else ","
+
+    def split(self, line: str) -> list[str]:
+        """The cells of a line."""
+        return splitter(self.delimiter)(line)
 
 
 @dataclass(frozen=True)
@@ -112,12 +132,59 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     rows = {index: cells for index, cells in islice(split_rows, _FIRST_ROWS) if len(cells) == width}
     decimal = _decimal(rows.values(), delimiter)
     names, header = _header(lines, rows, delimiter, decimal, name)
+    if header is None:
+        first = next(index for index, row in rows.items() if _has_value(row, decimal))
+        clocks = _clocks([row for index, row in rows.items() if index >= first])
+        return Layout(names, (None,) * width, delimiter, decimal, 0, first + 1, clocks)
     units, described = _units(lines, names, header, delimiter, _last_described(lines, rows, names, header, decimal))
     below = [index for index in sample if index > max(header, described)]
     if not below:
         raise TableError(f"{name}: has a header (line {header + 1}) but no row below it")
     clocks = _clocks([row for index, row in rows.items() if index >= below[0]])
     return Layout(names, units, delimiter, decimal, header + 1, below[0] + 1, clocks)
+
+
+def shape_of(lines: Sequence[str]) -> Shape | None:
+    """How lines are parted into cells, by the lines that hold numbers only if there are any; None without any line."""
+    filled = [line for line in lines if not is_aside(line)]
+    numbers = [line for line in filled if _NUMBERS.fullmatch(line)]
+    shown = numbers if len(numbers) > 1 else filled
+    return Shape(_delimiter(shown[:_SAMPLE])[0]) if shown else None
+
+
+def layout_below(
+    above: Sequence[str], rows: Sequence[list[str]], shape: Shape, line: int, *, headless: bool
+) -> Layout | None:
+    """The layout of some rows by the lines above them; None if these have no header.
+
+    Parameters
+    ----------
+    above : sequence of str
+        The lines above the rows.
+    rows : sequence of list of str
+        The cells of the first rows.
+    shape : Shape
+    line : int
+        Number of the first row's line.
+    headless : bool
+        Whether columns may be named by their numbers, if all lines above are blank, comments or of one cell.
+    """
+    first, delimiter = len(above), shape.delimiter
+    lines, keyed = [*above, *(delimiter.join(row) for row in rows)], dict(enumerate(map(list, rows), first))
+    found = _nearest_names(lines, keyed, first, delimiter)
+    decimal, clocks = _decimal(rows, delimiter), _clocks(list(rows))
+    if found is None or not any(map(_is_name, found[0])):
+        if headless and all(is_aside(one) or len(shape.split(one)) == 1 for one in above):
+            width = len(rows[0])
+            return Layout(by_number(width), (None,) * width, delimiter, decimal, 0, line, clocks)
+        return None
+    names, header = found
+    units, _ = _units(lines[:first], names, header, delimiter, max(first - 1, header))
+    return Layout(names, units, delimiter, decimal, line - first + header, line, clocks)
+
+
+def _is_name(cell: str) -> bool:
+    return not is_missing(cell) and not is_value(cell, ",")
 
 
 def _table_lines(lines: Sequence[str], name: str) -> list[int]:
@@ -151,8 +218,29 @@ def _units(
     for index in (*range(header + 1, described + 1), *range(max(header - 1, 0), header)):
         stated = _names_in(lines[index], delimiter, len(names), False)
         if stated and _is_units_row(stated):
-            return tuple(one or _stated(cell) for one, cell in zip(units, stated, strict=True)), max(last, index)
+            return tuple(map(_unit_of, units, stated)), max(last, index)
     return units, last
+
+
+def _unit_of(bracket: str | None, cell: str) -> str | None:
+    """The unit of a column from the brackets in its name, unless only the row of units has one that is known."""
+    stated = _stated(cell)
+    known = bracket is not None and (is_unit(bracket) or stated is None or not is_unit(stated))
+    return bracket if known else stated
+
+
+def holds_numbers(lines: Sequence[str], layout: Layout) -> bool:
+    """Whether at least half of the first lines are rows, and half of the cells of one of their columns are numbers."""
+    split = splitter(layout.delimiter)
+    below = [line for line in lines[layout.first_row - 1 : layout.first_row - 1 + _SAMPLE] if not is_aside(line)]
+    rows = [cells for cells in (trimmed(split(line), layout.width) for line in below) if len(cells) == layout.width]
+    if 2 * len(rows) < len(below):
+        return False
+    for at in set(range(layout.width)) - layout.clocks:
+        cells = [row[at] for row in rows if not is_missing(row[at])]
+        if cells and 2 * sum(number(cell, layout.decimal) is not None for cell in cells) >= len(cells):
+            return True
+    return False
 
 
 def find_column(names: Sequence[str], wanted: str, name: str) -> int:
@@ -251,8 +339,8 @@ def _decimal(rows: Iterable[list[str]], delimiter: str) -> str:
 
 def _header(
     lines: Sequence[str], rows: dict[int, list[str]], delimiter: str, decimal: str, name: str
-) -> tuple[tuple[str, ...], int]:
-    """The names of the columns, and the index of their line."""
+) -> tuple[tuple[str, ...], int | None]:
+    """The names of the columns, and the index of their line; None if there is no header."""
     for index, row in rows.items():
         if _CATMAN_TIME.fullmatch(row[0]):
             return tuple(row), index
@@ -267,22 +355,46 @@ def _header(
 
 def _header_above(
     lines: Sequence[str], rows: dict[int, list[str]], first: int, delimiter: str, name: str
-) -> tuple[tuple[str, ...], int]:
-    """The names above the first row of numbers, and the index of their line."""
+) -> tuple[tuple[str, ...], int | None]:
+    """The names above the first row of numbers, and the index of their line; the columns' numbers if there are none."""
+    found = _nearest_names(lines, rows, first, delimiter)
+    if found is not None:
+        return found
+    for index in reversed(range(first)):
+        count = 1 if is_aside(lines[index]) else _cell_count(lines[index], delimiter)
+        if count > 1:
+            width = len(rows[first])
+            raise TableError(f"{name} line {index + 1}: the header has {count} names, but the rows {width} cells")
+    return by_number(len(rows[first])), None
+
+
+def _nearest_names(
+    lines: Sequence[str], rows: dict[int, list[str]], first: int, delimiter: str
+) -> tuple[tuple[str, ...], int] | None:
+    """The names in the nearest line above the first row, which has to fit it, and the index of that line."""
     width = len(rows[first])
     above = [index for index in reversed(range(first)) if lines[index].strip()]
     ended = all(not row[-1] for index, row in rows.items() if index >= first)
     found = {index: _names_in(lines[index], delimiter, width, ended) for index in above[:_NEAREST]}
-    for index, names in found.items():  # the rows are numbers: the header is the nearest line above that fits
+    for index, names in found.items():
         if names is None:
             if is_aside(lines[index]):
                 continue
-            count = _cell_count(lines[index], delimiter)
-            raise TableError(f"{name} line {index + 1}: the header has {count} names, but the rows {width} cells")
-        higher = [other for other, cells in found.items() if other < index and cells is not None]
-        if not (higher and _is_units_row(names)):
+            return None
+        # A line of units has names above it: at least as many.
+        higher = (cells for other, cells in found.items() if other < index and cells is not None)
+        if not (_is_units_row(names) and _filled(next(higher, [])) >= _filled(names)):
             return tuple(names), index
-    raise TableError(f"{name}: has no header; put a line of names above line {first + 1}, such as 't,F1,V1,V2'")
+    return None
+
+
+def _filled(cells: Sequence[str]) -> int:
+    return sum(not is_missing(cell) for cell in cells)
+
+
+def by_number(width: int) -> tuple[str, ...]:
+    """The names of the columns of a table without a header: their numbers, from 1."""
+    return tuple(map(str, range(1, width + 1)))
 
 
 def _names_in(line: str, delimiter: str, width: int, ended: bool) -> list[str] | None:
@@ -303,23 +415,23 @@ def _below_preamble(rows: dict[int, list[str]], decimal: str) -> int | None:
     if last is None or _has_value(rows[last], decimal):
         return None  # the last line above the values is no header
     valued = [row for i, row in rows.items() if i < last and _has_value(row, decimal)]
-    if any(_is_value(row[0], decimal) or len(row) - row.count("") > 3 for row in valued):
+    if any(is_value(row[0], decimal) or len(row) - row.count("") > 3 for row in valued):
         return None
     return next((i for i in rows if i > last), None)
 
 
 def _has_value(cells: list[str], decimal: str) -> bool:
-    return any(_is_value(cell, decimal) for cell in cells)
+    return any(is_value(cell, decimal) for cell in cells)
 
 
-def _is_value(cell: str, decimal: str) -> bool:
+def is_value(cell: str, decimal: str) -> bool:
     """Whether a cell holds a number or a point in time."""
     return number(cell, decimal) is not None or is_moment(cell) or is_date(cell)
 
 
 def _is_values(cells: list[str], decimal: str) -> bool:
     """Whether a row has at least one value, and no text."""
-    kinds = [_is_value(cell, decimal) or (None if is_missing(cell) else False) for cell in cells]
+    kinds = [is_value(cell, decimal) or (None if is_missing(cell) else False) for cell in cells]
     return any(kinds) and False not in kinds
 
 
@@ -343,8 +455,9 @@ def _stated(cell: str) -> str | None:
 
 
 def _is_units_row(cells: list[str]) -> bool:
-    """Whether a row holds units only: all in brackets, or all of them known."""
+    """Whether a row holds units only: all in brackets, or most of them known."""
     stated = [cell.strip() for cell in cells if cell.strip() not in ("", "-", "1")]
     if not stated or any(number(cell, ",") is not None for cell in stated):
         return False
-    return all(_UNIT_CELL.fullmatch(cell) for cell in stated) or all(map(is_unit, stated))
+    known = sum(map(is_unit, stated))
+    return all(_UNIT_CELL.fullmatch(cell) for cell in stated) or known > _KNOWN_UNITS * len(stated)

@@ -13,7 +13,7 @@ from codecs import BOM_UTF8
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,17 @@ _CHUNK, _CELLS = 20_000, 2_000_000
 _LINE_END = re.compile(rb"\r\n|\r|\n")
 _NAN_WORDS = ["NaN", "nan", "NAN", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-"]
 
+
+@dataclass(frozen=True)
+class Piece:
+    """Rows that follow each other in a file: their first line, bytes and number."""
+
+    line: int
+    begin: int
+    end: int
+    rows: int
+
+
 Values = dict[int, NDArray[np.float64]]
 """Columns of numbers by their index in the table."""
 
@@ -47,6 +58,8 @@ class Table:
     clocks: dict[int, Clock]
     name: str
     above: tuple[str, ...]
+    pieces: tuple[Piece, ...] = ()
+    """The rows of the table; all lines from the layout's first row on, if there is none."""
 
     @property
     def numbers(self) -> set[int]:
@@ -68,11 +81,47 @@ def length(values: Values) -> int:
     return len(next(iter(values.values()), ()))
 
 
+class Span(io.RawIOBase):
+    """Some bytes of a file as a file of their own."""
+
+    def __init__(self, file: BinaryIO, begin: int, end: int) -> None:
+        self._file, self._begin, self._end, self._at = file, begin, end, begin
+
+    def readable(self) -> bool:
+        """Always."""
+        return True
+
+    def seekable(self) -> bool:
+        """Always."""
+        return True
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """Go to a byte, counted from the first one of the span."""
+        base = (self._begin, self._at, self._end)[whence]
+        self._at = min(max(base + offset, self._begin), self._end)
+        return self._at - self._begin
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Fill a buffer with the next bytes."""
+        self._file.seek(self._at)
+        content = self._file.read(min(len(buffer), self._end - self._at))
+        buffer[: len(content)] = content
+        self._at += len(content)
+        return len(content)
+
+
 def parts(source: BinaryIO, start: bytes, table: Table) -> Iterator[Values]:
-    """The wanted columns, one part of the file after the other."""
-    line = table.layout.first_row
-    offset = line_start(start, line)
+    """The wanted columns, one part of the file after the other; `start` are the first lines of the file."""
     ending = b"\n" if b"\n" in start else b"\r"
+    if not table.pieces:
+        yield from _parts(source, line_start(start, table.layout.first_row), ending, table.layout.first_row, table)
+    for piece in table.pieces:
+        span = io.BufferedReader(Span(source, piece.begin, piece.end))
+        yield from _parts(cast("BinaryIO", span), 0, ending, piece.line, table)
+
+
+def _parts(source: BinaryIO, offset: int, ending: bytes, line: int, table: Table) -> Iterator[Values]:
+    """The wanted columns from a byte on, which is the first one of a line."""
     if table.layout.delimiter != " ":
         source.seek(offset)
         for part in whole_lines(source, ending, table.name):

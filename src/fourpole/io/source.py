@@ -6,13 +6,18 @@ import codecs
 import hashlib
 import os
 import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 from fourpole.errors import FileError, FourpoleError, TableError
 from fourpole.units import shown
 
 _UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+#: Bytes that are decoded at a time.
+_AT_ONCE = 1 << 20
 _UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
 
 
@@ -94,6 +99,27 @@ def decode(content: bytes, name: str) -> tuple[str, str]:
     if "\x00" in text:
         raise TableError(f"{name}: is binary, not text; export it as CSV, in UTF-8")
     return text, encoding
+
+
+@contextmanager
+def as_utf8(file: BinaryIO, encoding: str, name: str) -> Iterator[BinaryIO]:
+    """A temporary file with a text in UTF-16 as UTF-8, which is as long as the context."""
+    decoder = codecs.getincrementaldecoder(encoding)()
+    with tempfile.TemporaryFile() as plain:
+        file.seek(2)
+        while True:
+            content = file.read(_AT_ONCE)
+            try:
+                text = decoder.decode(content, final=not content)
+            except UnicodeDecodeError:
+                raise TableError(f"{name}: is marked as {encoding} but is not; save it as UTF-8") from None
+            if "\x00" in text:
+                raise TableError(f"{name}: is binary, not text; export it as CSV, in UTF-8")
+            plain.write(text.encode())
+            if not content:
+                break
+        plain.seek(0)
+        yield cast("BinaryIO", plain)
 
 
 def _single_byte(content: bytes) -> str:

@@ -5,8 +5,9 @@ Recordings are read by `read_columns`, which is faster and stricter.
 
 from __future__ import annotations
 
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from fourpole.io.layout import (
     Layout,
     find_column,
     find_layout,
+    holds_numbers,
     is_aside,
     is_missing,
     number,
@@ -25,11 +27,17 @@ from fourpole.io.layout import (
     splitter,
     trimmed,
 )
+from fourpole.io.names import in_group
 from fourpole.io.source import decode, name_of, read_bytes
+from fourpole.io.stretches import Stretch, stretches_of
 from fourpole.units import column_unit, shown
 
 #: Largest number of lines that a quoted cell may have.
 _LONGEST_QUOTE = 100
+#: First bytes of a file by which its lines are parted into cells.
+_HEAD = 32_768
+#: Rows of a table that only sums up another one, and largest number of tables in a message.
+_SUMMARY, _MOST_SHOWN = 2, 8
 
 
 @dataclass(frozen=True)
@@ -128,16 +136,21 @@ class TextTable:
         return sorted(found, key=lambda cell: cell.line)
 
 
-def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, label: str | None = None) -> TextTable:
+def read_table(
+    path: str | os.PathLike[str], *, group: str = "", max_bytes: int = 64_000_000, label: str | None = None
+) -> TextTable:
     r"""Read a table of text: names in a header, units with them or in a row below.
 
     Comma, semicolon, tab or white space separate the cells; the decimal sign is a point or a comma; the encoding is
-    UTF-8, UTF-16 with its mark, cp1252 or Latin-1. Lines before the header and comments (#, %) are skipped.
+    UTF-8, UTF-16 with its mark, GB 18030, Shift-JIS, cp1252 or Latin-1. Lines before the header and comments (#, %) are
+    skipped. The columns of a table without a header are named by their numbers: 1, 2, ...
 
     Parameters
     ----------
     path : path
         A regular file.
+    group : str, optional
+        The table to read from a file with several headers: its title, or its number; see `stretches_of`.
     max_bytes : int [byte]
         A larger file is refused.
     label : str, optional
@@ -152,7 +165,7 @@ def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, lab
     FileError
         If the file is missing, no regular file or too large.
     TableError
-        If it holds no table.
+        If it holds no table, or several of which none is named.
 
     Examples
     --------
@@ -174,7 +187,7 @@ def read_table(path: str | os.PathLike[str], *, max_bytes: int = 64_000_000, lab
 def table_of(text: str, name: str) -> TextTable:
     """The table that a text holds, see `read_table`; `name` is that of its file in messages."""
     lines = split_lines(text)
-    layout = find_layout(lines, name)
+    layout, lines = _laid_out(text, lines, group, name)
     numbers, rows, skipped = _rows(lines, layout)
     if not rows:
         raise TableError(f"{name}: has a header (line {layout.header_line}) but no row that fits it")
@@ -187,6 +200,41 @@ def table_of(text: str, name: str) -> TextTable:
         headers=list(layout.names),
         decimal=layout.decimal,
         label=name,
+    )
+
+
+def _laid_out(text: str, lines: list[str], group: str, name: str) -> tuple[Layout, list[str]]:
+    """The layout of a table, and the lines of the file, of which those of other tables are blank."""
+    content = text.encode()
+    stretches = stretches_of(io.BytesIO(content), content[:_HEAD], 0, "utf-8", name)
+    try:
+        found = find_layout(lines, name)
+    except TableError:
+        if not stretches:
+            raise
+        found = None
+    pieces = sum(len(one.pieces) for one in stretches)
+    if found is not None and pieces < 2 and (not pieces or holds_numbers(lines, found)):
+        in_group([], group, name)
+        return found, lines
+    one = _named(stretches, group, name)
+    kept = [""] * len(lines)
+    for piece in one.pieces:
+        kept[piece.line - 1 : piece.line - 1 + piece.rows] = lines[piece.line - 1 : piece.line - 1 + piece.rows]
+    return one.layout, kept
+
+
+def _named(stretches: Sequence[Stretch], group: str, name: str) -> Stretch:
+    """The stretch of a name; without one the only stretch of more than two rows. TableError if it is not told."""
+    if group:
+        return stretches[in_group([(one.name, "") for one in stretches], group, name)[0]]
+    long = [one for one in stretches if one.rows > _SUMMARY] if len(stretches) > 1 else stretches
+    if len(long) == 1:
+        return long[0]
+    titles = ", ".join(shown(one.name) for one in stretches[:_MOST_SHOWN])
+    more = f" and {len(stretches) - _MOST_SHOWN} more" if len(stretches) > _MOST_SHOWN else ""
+    raise TableError(
+        f"{name}: holds {len(stretches)} tables: {titles}{more}; name one, as in {name}#{stretches[0].name}"
     )
 
 

@@ -21,7 +21,9 @@ from fourpole.units import column_unit, shown, unit_scale
 Item = TypeVar("Item")
 
 _TIME = re.compile(
-    r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run)[ _]?time", re.IGNORECASE
+    r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run|test)[ _]?time|"
+    r"(?:lauf|mess|prüf|test)zeit|时间|時間|時刻|经过时间|経過時間",
+    re.IGNORECASE,
 )
 
 

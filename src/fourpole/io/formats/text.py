@@ -1,17 +1,25 @@
-"""Tables of text: the header has the names of the channels; the lines above it may state a rate."""
+"""Tables of text: the header has the names of the channels; the lines above it may state a rate.
+
+A file with several headers, each with rows below it, has a group for each. The first lines tell one table from another;
+only if they, or the reading, show more than one header is the whole file looked through.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
-from fourpole.errors import FourpoleError
-from fourpole.io.columns import column_blocks, read_columns, survey_columns
-from fourpole.io.formats.guard import afford, seconds, tidy
-from fourpole.io.layout import number
+import numpy as np
+
+from fourpole.errors import FourpoleError, TableError
+from fourpole.io.columns import Columns, Survey, column_blocks, read_columns, survey_columns, survey_stretches
+from fourpole.io.formats.guard import afford, find, seconds, tidy
+from fourpole.io.layout import Layout, number
 from fourpole.io.names import in_group, numbered
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.stretches import Stretch
 from fourpole.units import column_unit, quantity
 
 _NUMBER = r"(?P<value>(?>[0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?))"
@@ -30,6 +38,8 @@ _CATMAN_RATE = re.compile(r"[0-9.,]+ m?s \((?P<value>[0-9]+(?:[.,][0-9]+)?)\s?(?
 #: Lowest and highest rate that is accepted [Hz].
 _LOWEST, _HIGHEST = 1e-6, 1e12
 _MOST_NOTES = 20
+#: Largest number of stretches that are read at the same time.
+_TOGETHER = 16
 #: Control characters that no text has.
 _CONTROLS = bytes([*range(9), *range(14, 26)])
 #: Memory of a number [byte].
@@ -75,43 +85,153 @@ def _hertz(match: re.Match[str], *, inverse: bool) -> float | None:
 
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    found = survey_columns(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label)
-    rate, layout = _rate(found.above), found.layout
-    signals = []
-    for index, name in enumerate(numbered([column_unit(one)[0] for one in layout.names])):
-        is_clock = index in layout.clocks
-        unit, note = ("s", "times of day, read as seconds from the first") if is_clock else (layout.units[index], "")
-        if column_unit(layout.names[index])[0]:
-            signals.append(SignalInfo.timed(name, unit, "", found.rows, rate=rate, note=note))
-    notes = [tidy(line) for line in found.above[: layout.header_line - 1] if line.strip()]
+    most = max(max_bytes, MAX_FILE_BYTES)
+    stretches, written = survey_stretches(path, max_bytes=most, label=label)
+    first = _one_table(path, label, most, stretches)
+    if isinstance(first, Survey):
+        layout, above, written = first.layout, first.above[: first.layout.header_line - 1], first.encoding
+        signals = _signals(layout, first.above, first.rows, "")
+    else:
+        layout, above = first.layout, first.above
+        named = len(stretches) > 1
+        signals = [
+            signal
+            for one in stretches
+            for signal in _signals(one.layout, one.above, one.rows, one.name if named else "")
+        ]
+    notes = [tidy(line) for line in above if line.strip()]
     if len(notes) > _MOST_NOTES:
         notes = [*notes[: _MOST_NOTES - 1], f"{len(notes) - _MOST_NOTES + 1} more lines"]
     between = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}[layout.delimiter]
     decimal = ", decimal commas" if layout.decimal == "," else ""
-    return FileInfo(f"text in {found.encoding}, {between} between the cells{decimal}", tuple(signals), tuple(notes))
+    return FileInfo(f"text in {written}, {between} between the cells{decimal}", tuple(signals), tuple(notes))
+
+
+def _one_table(path: Path, label: str, most: int, stretches: Sequence[Stretch]) -> Survey | Stretch:
+    """The one table of a file by its first lines; the first stretch if there are more headers, or one further down."""
+    if len(stretches) > 1 or any(len(one.pieces) > 1 for one in stretches):
+        return stretches[0]
+    try:
+        found = survey_columns(path, max_bytes=most, label=label)
+    except TableError:
+        if not stretches:
+            raise
+        return stretches[0]
+    if stretches and stretches[0].layout.first_row != found.layout.first_row:
+        return stretches[0]
+    return found
+
+
+def _signals(layout: Layout, above: Sequence[str], rows: int, group: str) -> list[SignalInfo]:
+    """The channels of a table; a column without a name is none."""
+    signals, rate = [], _rate(above)
+    for index, name in enumerate(_names(layout)):
+        is_clock = index in layout.clocks
+        unit, note = ("s", "times of day, read as seconds from the first") if is_clock else (layout.units[index], "")
+        if column_unit(layout.names[index])[0]:
+            signals.append(SignalInfo.timed(name, unit, group, rows, rate=rate, note=note))
+    return signals
+
+
+def _names(layout: Layout) -> list[str]:
+    return numbered([column_unit(one)[0] for one in layout.names])
+
+
+def _chosen(request: Request, stretches: Sequence[Stretch]) -> dict[int, tuple[Stretch, str]]:
+    """The stretch and the column of each name of a request."""
+    many = len(stretches) > 1
+    places = [(one, name) for one in stretches for name in _names(one.layout)]
+    found = find([(one.name if many else "", name) for one, name in places], request)
+    return {at: places[place] for at, place in enumerate(found)}
+
+
+def _by_stretch(chosen: Mapping[int, tuple[Stretch, str]]) -> dict[str, tuple[Stretch, dict[int, str]]]:
+    """The names of a request by the name of their stretch."""
+    groups: dict[str, tuple[Stretch, dict[int, str]]] = {}
+    for at, (stretch, name) in chosen.items():
+        groups.setdefault(stretch.name, (stretch, {}))[1][at] = name
+    return groups
+
+
+def _several(request: Request) -> list[Stretch]:
+    """The stretches of a file; empty if it is one table that begins with its first lines."""
+    stretches, _ = survey_stretches(request.path, max_bytes=request.max_file_bytes, label=request.label)
+    found = _one_table(request.path, request.label, request.max_file_bytes, stretches)
+    return [] if isinstance(found, Survey) else stretches
 
 
 def _read(request: Request) -> Sequence[Signal]:
-    in_group([], request.group, request.label)
+    if not request.group:
+        try:
+            return _read_table(request)
+        except TableError:
+            stretches = _several(request)
+            if not stretches:
+                raise
+    else:
+        stretches = _several(request)
+        if not stretches:
+            in_group([], request.group, request.label)
+    chosen = _chosen(request, stretches)
+    afford(_NUMBER_SIZE * sum(one.rows for one, _ in chosen.values()), request.max_bytes, request.label)
+    signals: dict[int, Signal] = {}
+    for stretch, names in _by_stretch(chosen).values():
+        columns = read_columns(
+            request.path,
+            list(names.values()),
+            max_bytes=request.max_file_bytes,
+            label=request.label,
+            stretch=stretch,
+        )
+        signals |= {at: _signal(columns, one, request.names[at]) for at, one in names.items()}
+    return [signals[at] for at in range(len(request.names))]
+
+
+def _signal(columns: Columns, column: str, name: str, done: int = 0) -> Signal:
+    """A column as a signal; `done` rows of it came before."""
+    rate = _rate(columns.above)
+    return Signal(name, columns.units[column], columns[column], done / rate if rate else 0.0, rate)
+
+
+def _read_table(request: Request) -> Sequence[Signal]:
     most, count = request.max_file_bytes, max(len(request.names), 1)
     # A cell has one byte at least, so that a short file needs no count of its rows.
     if _NUMBER_SIZE * request.path.stat().st_size > request.max_bytes:
         rows = survey_columns(request.path, max_bytes=most, label=request.label).rows
         afford(_NUMBER_SIZE * rows * count, request.max_bytes, request.label)
     columns = read_columns(request.path, request.names, max_bytes=most, label=request.label)
-    rate = _rate(columns.above)
-    return [Signal(one, columns.units[one], columns[one], rate=rate) for one in request.names]
+    return [_signal(columns, one, one) for one in request.names]
 
 
 def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    in_group([], request.group, request.label)
+    stretches = _several(request)
+    if not stretches:
+        in_group([], request.group, request.label)
+        yield from _stretch_blocks(request, rows, None, dict(enumerate(request.names)))
+        return
+    groups = list(_by_stretch(_chosen(request, stretches)).values())
+    runs = [_stretch_blocks(request, rows, stretch, names) for stretch, names in groups]
+    # The stretches of a test advance together; many at a time are only looked at, one file open after the other.
+    turns = zip_longest(*runs) if len(runs) <= _TOGETHER else ((one,) for run in runs for one in run)
+    for turn in turns:
+        signals = {one.name: one for chunk in turn for one in chunk or ()}
+        yield [signals.get(one, Signal(one, None, np.empty(0))) for one in request.names]
+
+
+def _stretch_blocks(
+    request: Request, rows: int, stretch: Stretch | None, names: Mapping[int, str]
+) -> Iterator[list[Signal]]:
+    """The chunks of some columns of a stretch, or of a file with one table."""
     done = 0
     for block in column_blocks(
-        request.path, request.names, rows, max_bytes=request.max_file_bytes, label=request.label
+        request.path,
+        list(names.values()),
+        rows,
+        max_bytes=request.max_file_bytes,
+        label=request.label,
+        stretch=stretch,
     ):
-        rate = _rate(block.above)
-        start = done / rate if rate else 0.0
-        yield [Signal(one, block.units[one], block[one], start, rate) for one in request.names]
+        yield [_signal(block, one, request.names[at], done) for at, one in names.items()]
         done += len(block)
 
 
