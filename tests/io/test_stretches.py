@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fourpole.errors import TableError
-from fourpole.io import rows as room
 from fourpole.io import stretches as scan
 from fourpole.io.formats.text import FORMAT
 from fourpole.io.look import look
@@ -68,11 +67,11 @@ def read(path: Path, group: str, *names: str) -> list[list[float]]:
 
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
 @pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
-@pytest.mark.parametrize("part", [1 << 23, 64])
+@pytest.mark.parametrize("part", [1 << 18, 7])
 def test_blocks_of_a_machine(
     tmp_path: Path, encoding: str, ending: str, part: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "_PART", part + (encoding == "utf-16"))
+    monkeypatch.setattr(scan, "_CHUNK", part)
     path = written(tmp_path, MACHINE.replace("\n", ending), encoding)
     assert groups(path) == {
         "Datenerfassung.1": [("Weg", "mm", 2), ("Prüfkraft", "kN", 2)],

@@ -79,12 +79,23 @@ class Survey:
     rows: int
 
 
-def survey_columns(path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None) -> Survey:
-    """The layout of a recording and its number of rows; see `read_columns` for the files that are accepted."""
+def survey_columns(
+    path: str | os.PathLike[str],
+    *,
+    max_bytes: int = 4_000_000_000,
+    label: str | None = None,
+    stretches: Sequence[Stretch] = (),
+) -> Survey:
+    """The layout of a recording and its number of rows; see `read_columns` for the files that are accepted.
+
+    The rows of the first one of its `stretches` are not counted again, if it has this layout.
+    """
     name = name_of(path, label)
     with _text(path, max_bytes, label) as (source, start, encoding, written):
         layout = _layout(start, encoding, name)
-        return Survey(layout, written, _above(start, encoding, layout), _row_count(source, start, layout.first_row))
+        known = [one.rows for one in stretches[:1] if one.layout.first_row == layout.first_row]
+        rows = known[0] if known else _row_count(source, start, layout.first_row)
+        return Survey(layout, written, _above(start, encoding, layout), rows)
 
 
 def survey_stretches(

@@ -26,8 +26,8 @@ from fourpole.units import shown
 if TYPE_CHECKING:
     import polars as pl
 
-#: Bytes that are read at a time; a longer line is refused.
-_PART = 1 << 23
+PART = 1 << 23
+"""Bytes that are read at a time; a longer line is refused."""
 #: Largest number of rows, and of cells, that are read row by row at a time.
 _CHUNK, _CELLS = 20_000, 2_000_000
 _LINE_END = re.compile(rb"\r\n|\r|\n")
@@ -144,14 +144,14 @@ def _parts(source: BinaryIO, offset: int, ending: bytes, line: int, table: Table
 def whole_lines(source: BinaryIO, ending: bytes, name: str) -> Iterator[bytes]:
     """The rest of a file in parts that end with a line, without the blank lines at its end."""
     held = rest = b""
-    while block := source.read(_PART - len(rest)):
+    while block := source.read(PART - len(rest)):
         cut = block.rfind(ending) + 1
         if cut:
             if held:
                 yield held
             held, rest = rest + block[:cut], block[cut:]
-        elif len(rest) + len(block) >= _PART:
-            raise _too_long(name)
+        elif len(rest) + len(block) >= PART:
+            raise too_long(name)
         else:
             rest += block
     held += rest
@@ -162,14 +162,15 @@ def whole_lines(source: BinaryIO, ending: bytes, name: str) -> Iterator[bytes]:
 
 
 def _each_line(text: io.TextIOWrapper, name: str) -> Iterator[str]:
-    while line := text.readline(_PART):
-        if len(line) >= _PART:
-            raise _too_long(name)
+    while line := text.readline(PART):
+        if len(line) >= PART:
+            raise too_long(name)
         yield line
 
 
-def _too_long(name: str) -> TableError:
-    return TableError(f"{name}: has a line of more than {_PART} bytes; this is no table of text")
+def too_long(name: str) -> TableError:
+    """The error for a line that no table has."""
+    return TableError(f"{name}: has a line of more than {PART} bytes; this is no table of text")
 
 
 def _plain_frame(

@@ -19,7 +19,7 @@ from fourpole.errors import TableError
 from fourpole.io.formats.guard import is_time, seconds
 from fourpole.io.layout import Layout, Shape, is_aside, is_missing, is_value, layout_below, number, shape_of, trimmed
 from fourpole.io.names import numbered
-from fourpole.io.rows import Piece, whole_lines
+from fourpole.io.rows import PART, Piece, too_long
 
 #: Largest number of headers, of stretches, and of lines in a row that belong to none.
 _MOST_HEADERS, _MOST_STRETCHES, _MOST_ASIDE = 100_000, 2_000, 20_000
@@ -29,6 +29,8 @@ _KEPT = 200
 _SHOWN = 20
 #: Longest line that is looked at [byte], and longest title.
 _LONGEST, _TITLE = 100_000, 60
+#: Bytes that are read at a time: they stay in the processor's cache.
+_CHUNK = 1 << 18
 #: Bytes of the end of a stretch among which its last row is found.
 _TAIL = 1 << 16
 _EXPONENT = (ord("e"), ord("E"))
@@ -106,13 +108,12 @@ def stretches_of(source: BinaryIO, start: bytes, offset: int, encoding: str, nam
     shape = shape_of([line for line in lines[:-1] or lines if len(line) < _LONGEST])
     if shape is None:
         return []
-    scan = _Scan(shape, encoding, name)
+    scan = _Scan(shape, encoding, name, b"\n" if b"\n" in start else b"\r", offset)
     source.seek(offset)
-    ending = b"\n" if b"\n" in start else b"\r"
-    for part in whole_lines(source, ending, name):
-        if scan.passed(part, ending, offset):
+    while chunk := source.read(_CHUNK):
+        scan.feed(chunk)
+        if scan.aside > _MOST_ASIDE:
             break
-        offset += len(part)
     return _together(scan.finished())
 
 
@@ -142,41 +143,65 @@ def _together(runs: list[_Run]) -> list[Stretch]:
 class _Scan:
     """The runs of rows of a file that is read in parts."""
 
-    def __init__(self, shape: Shape, encoding: str, name: str) -> None:
-        self._shape, self._encoding, self._name = shape, encoding, name
+    def __init__(self, shape: Shape, encoding: str, name: str, ending: bytes, offset: int) -> None:
+        self.aside = 0
+        """Number of lines since the last row."""
+        self._shape, self._encoding, self._name, self._ending = shape, encoding, name, ending
+        self._offset, self._line = offset, 1
+        self._rest = self._tail = b""
         self._runs: list[_Run] = []
         self._run: _Run | None = None
         self._above: list[str] = []
-        self._aside = 0
-        self._line = 1
-        self._tail = b""
         self._headers: set[tuple[str, tuple[str, ...]]] = set()
 
     def finished(self) -> list[_Run]:
         """All runs."""
+        self._look_into(self._rest, last=True)
         if self._run is not None:
             self._end(self._tail)
         return self._runs
 
-    def passed(self, part: bytes, ending: bytes, offset: int) -> bool:
-        """Take the next part of the file; return whether so much of it belongs to no stretch that the rest is left."""
-        data = np.frombuffer(part, dtype=np.uint8)
-        ends = np.flatnonzero(data == ending[0]) if self._run is None or _has_letter(data) else None
-        if ends is None:
-            assert self._run is not None
-            count = int(np.count_nonzero(data == ending[0])) + (not part.endswith(ending))
+    def feed(self, chunk: bytes) -> None:
+        """Take the next bytes of the file."""
+        whole = chunk.rfind(self._ending) + 1
+        if self._run is None or _has_letter(chunk) or _has_letter(self._rest):
+            chunk = self._rest + chunk
+            whole = self._look_into(chunk[: chunk.rfind(self._ending) + 1])
+        elif whole:
+            count = int(np.count_nonzero(np.frombuffer(chunk, dtype=np.uint8) == self._ending[0]))
             self._run.rows += count
             self._line += count
-            self._run.end = offset + len(part)
+            self._offset += len(self._rest) + whole
+            self._run.end = self._offset
+            self._keep(self._rest + chunk[:whole])
         else:
-            starts = np.append(0, ends + 1)
-            lines = _Lines(part, starts[starts < len(part)], data, offset, self._line, self._encoding)
-            at = 0
-            while at < len(lines):
-                at = self._enter(lines, at) if self._run is None else self._leave(lines, at, self._run)
-            self._line += len(lines)
-        self._tail = part[-_TAIL:]
-        return self._aside > _MOST_ASIDE
+            chunk = self._rest + chunk
+        self._rest = chunk[whole:]
+        if len(self._rest) > PART:
+            raise too_long(self._name)
+
+    def _keep(self, part: bytes) -> None:
+        """Keep the end of what has been read."""
+        self._tail = part[-_TAIL:] if len(part) >= _TAIL else (self._tail + part)[-_TAIL:]
+
+    def _look_into(self, part: bytes, *, last: bool = False) -> int:
+        """Take some lines one by one; number of bytes taken. A stretch begins only where its first rows are seen."""
+        data = np.frombuffer(part, dtype=np.uint8)
+        starts = np.append(0, np.flatnonzero(data == self._ending[0]) + 1)
+        lines = _Lines(part, starts[starts < len(part)], data, self._offset, self._line, self._encoding)
+        at = 0
+        while at < len(lines):
+            if self._run is not None:
+                at = self._leave(lines, at, self._run)
+            elif not last and len(lines) - at < _SHOWN and len(part) - lines.starts[at] < _CHUNK:
+                break
+            else:
+                at = self._enter(lines, at)
+        taken = int(lines.starts[at]) if at < len(lines) else len(part)
+        self._line += at
+        self._offset += taken
+        self._keep(part[:taken])
+        return taken
 
     def _enter(self, lines: _Lines, at: int) -> int:
         """Take a line that is in no run; it may begin one. Index of the next line."""
@@ -190,9 +215,9 @@ class _Scan:
             if self._runs and self._runs[-1].layout.width == len(rows[0]):
                 self._run = self._runs.pop()  # a line that belongs to no table interrupts the rows
                 self._run.rows += lines.line(at) - self._run.line - self._run.rows
-                self._above, self._aside = [], 0
+                self._above, self.aside = [], 0
                 return at
-        self._aside += 1
+        self.aside += 1
         self._above.append(text)
         if len(self._above) > 2 * _KEPT:
             del self._above[_KEPT]
@@ -221,9 +246,9 @@ class _Scan:
         upper = len(self._above) - (lines.line(at) - layout.header_line)
         above = tuple(self._above[: max(upper, 0)])
         title = _title(list(above), self._shape)
-        lettered = any(_has_letter(np.frombuffer("".join(row).encode(), dtype=np.uint8)) for row in rows)
+        lettered = any(_has_letter("".join(row).encode()) for row in rows)
         self._run = _Run(layout, title, above, lines.line(at), lines.begin(at), rows[0], lettered)
-        self._above, self._aside = [], 0
+        self._above, self.aside = [], 0
         self._headers.add((title, layout.names))
         if len(self._headers) > _MOST_STRETCHES or len(self._runs) > _MOST_HEADERS:
             most = _MOST_STRETCHES if len(self._headers) > _MOST_STRETCHES else _MOST_HEADERS
@@ -304,8 +329,9 @@ def _letters(data: np.ndarray) -> np.ndarray:
     return (data >= _LETTER) & (data != _EXPONENT[0]) & (data != _EXPONENT[1])
 
 
-def _has_letter(data: np.ndarray) -> bool:
+def _has_letter(content: bytes) -> bool:
     """Whether some bytes have a letter that is no exponent."""
+    data = np.frombuffer(content, dtype=np.uint8)
     high = int(np.count_nonzero(data >= _LETTER))
     return high > 0 and high > sum(int(np.count_nonzero(data == one)) for one in _EXPONENT)
 

@@ -357,7 +357,7 @@ def test_text_in_parts_is_the_text(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     path.write_bytes(TEXTS[what].encode())
     request = Request(path, ("t", "F1"), "", "a.csv", LIMIT)
     whole = text.FORMAT.read(request)
-    monkeypatch.setattr(room, "_PART", part)
+    monkeypatch.setattr(room, "PART", part)
     monkeypatch.setattr(room, "_CHUNK", 30)
     for one, other in zip(whole, text.FORMAT.read(request), strict=True):
         np.testing.assert_array_equal(one.samples, other.samples)
@@ -373,7 +373,7 @@ def test_text_in_parts_is_the_text(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_the_row_that_is_wrong_is_named_when_it_is_reached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: int, bad: str
 ) -> None:
-    monkeypatch.setattr(room, "_PART", part)
+    monkeypatch.setattr(room, "PART", part)
     path = tmp_path / "a.csv"
     path.write_text(
         "Rig 7\nt,F1\n" + "".join(f"{i},{i}\n\n" if i == 20 else f"{i},{i}\n" for i in range(150)) + bad + "\n1,2\n"
@@ -394,7 +394,7 @@ def test_a_row_with_too_few_cells_is_not_mended_by_one_with_too_many(tmp_path: P
 
 @pytest.mark.parametrize("delimiter", [",", " "])
 def test_a_line_without_an_end_is_not_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, delimiter: str) -> None:
-    monkeypatch.setattr(room, "_PART", 1 << 16)
+    monkeypatch.setattr(room, "PART", 1 << 16)
     path = tmp_path / "a.csv"
     rows = "".join(f"{at}{delimiter}{at}\n" for at in range(20_000))
     path.write_text(f"t{delimiter}F1\n{rows}{'1' * 200_000}{delimiter}2\n")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import zip_longest
+from itertools import islice, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -112,7 +112,7 @@ def _one_table(path: Path, label: str, most: int, stretches: Sequence[Stretch]) 
     if len(stretches) > 1 or any(len(one.pieces) > 1 for one in stretches):
         return stretches[0]
     try:
-        found = survey_columns(path, max_bytes=most, label=label)
+        found = survey_columns(path, max_bytes=most, label=label, stretches=stretches)
     except TableError:
         if not stretches:
             raise
@@ -204,16 +204,25 @@ def _read_table(request: Request) -> Sequence[Signal]:
 
 
 def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
-    stretches = _several(request)
-    if not stretches:
-        in_group([], request.group, request.label)
-        yield from _stretch_blocks(request, rows, None, dict(enumerate(request.names)))
-        return
+    done = 0
+    if not request.group:
+        try:
+            for chunk in _stretch_blocks(request, rows, None, dict(enumerate(request.names))):
+                yield chunk
+                done += max(len(one.samples) for one in chunk)
+            return
+        except TableError:
+            stretches = _several(request)
+            if not stretches:
+                raise
+    else:
+        stretches = _several(request)
+        in_group([(one.name, "") for one in stretches], request.group, request.label)
     groups = list(_by_stretch(_chosen(request, stretches)).values())
     runs = [_stretch_blocks(request, rows, stretch, names) for stretch, names in groups]
     # The stretches of a test advance together; many at a time are only looked at, one file open after the other.
     turns = zip_longest(*runs) if len(runs) <= _TOGETHER else ((one,) for run in runs for one in run)
-    for turn in turns:
+    for turn in islice(turns, done // rows, None):  # the first rows came from the first table, before it ended
         signals = {one.name: one for chunk in turn for one in chunk or ()}
         yield [signals.get(one, Signal(one, None, np.empty(0))) for one in request.names]
 
