@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,7 +29,7 @@ from fourpole.io.layout import (
 )
 from fourpole.io.names import in_group
 from fourpole.io.source import decode, name_of, read_bytes
-from fourpole.io.stretches import Stretch, stretches_of
+from fourpole.io.stretches import stretches_of
 from fourpole.units import column_unit, shown
 
 #: Largest number of lines that a quoted cell may have.
@@ -179,15 +179,60 @@ def read_table(
     >>> curve.skipped
     [(4, "'end of test'")]
     """
+    tables = read_tables(path, group=group, max_bytes=max_bytes, label=label)
+    long = [one for _, one in tables if len(one.lines) > _SUMMARY] if len(tables) > 1 else [tables[0][1]]
+    if len(long) == 1:
+        return long[0]
+    titles = ", ".join(shown(one) for one, _ in tables[:_MOST_SHOWN])
+    more = f" and {len(tables) - _MOST_SHOWN} more" if len(tables) > _MOST_SHOWN else ""
+    name = long[0].label if long else tables[0][1].label
+    raise TableError(f"{name}: holds {len(tables)} tables: {titles}{more}; name one, as in {name}#{tables[0][0]}")
+
+
+def read_tables(
+    path: str | os.PathLike[str], *, group: str = "", max_bytes: int = 64_000_000, label: str | None = None
+) -> list[tuple[str, TextTable]]:
+    """The tables of a file of text, each with its title or number; one without a name if the file has one header.
+
+    See `read_table`; only the table of the name `group`, if one is given.
+    """
     name = name_of(path, label)
     text, _ = decode(read_bytes(path, max_bytes=max_bytes, label=label), name)
-    return table_of(text, name)
+    return tables_of(text, name, group)
 
 
 def table_of(text: str, name: str) -> TextTable:
-    """The table that a text holds, see `read_table`; `name` is that of its file in messages."""
+    """The table that a text holds as its only one, see `read_table`; `name` is that of its file in messages."""
     lines = split_lines(text)
-    layout, lines = _laid_out(text, lines, group, name)
+    return _table(lines, find_layout(lines, name), name)
+
+
+def tables_of(text: str, name: str, group: str = "") -> list[tuple[str, TextTable]]:
+    """The tables that a text holds, see `read_tables`; `name` is that of its file in messages."""
+    lines, content = split_lines(text), text.encode()
+    stretches = stretches_of(io.BytesIO(content), content[:_HEAD], 0, "utf-8", name)
+    try:
+        found = find_layout(lines, name)
+    except TableError:
+        if not stretches:
+            raise
+        found = None
+    pieces = sum(len(one.pieces) for one in stretches)
+    if found is not None and pieces < 2 and (not pieces or holds_numbers(lines, found)):
+        in_group([], group, name)
+        return [("", _table(lines, found, name))]
+    chosen = in_group([(one.name, "") for one in stretches], group, name)
+    tables = []
+    for stretch in (stretches[at] for at in chosen):
+        kept = [""] * len(lines)
+        for piece in stretch.pieces:
+            kept[piece.line - 1 : piece.line - 1 + piece.rows] = lines[piece.line - 1 : piece.line - 1 + piece.rows]
+        tables.append((stretch.name if len(stretches) > 1 else "", _table(kept, stretch.layout, name)))
+    return tables
+
+
+def _table(lines: list[str], layout: Layout, name: str) -> TextTable:
+    """The table of some lines, of which those of other tables are blank."""
     numbers, rows, skipped = _rows(lines, layout)
     if not rows:
         raise TableError(f"{name}: has a header (line {layout.header_line}) but no row that fits it")
@@ -200,41 +245,6 @@ def table_of(text: str, name: str) -> TextTable:
         headers=list(layout.names),
         decimal=layout.decimal,
         label=name,
-    )
-
-
-def _laid_out(text: str, lines: list[str], group: str, name: str) -> tuple[Layout, list[str]]:
-    """The layout of a table, and the lines of the file, of which those of other tables are blank."""
-    content = text.encode()
-    stretches = stretches_of(io.BytesIO(content), content[:_HEAD], 0, "utf-8", name)
-    try:
-        found = find_layout(lines, name)
-    except TableError:
-        if not stretches:
-            raise
-        found = None
-    pieces = sum(len(one.pieces) for one in stretches)
-    if found is not None and pieces < 2 and (not pieces or holds_numbers(lines, found)):
-        in_group([], group, name)
-        return found, lines
-    one = _named(stretches, group, name)
-    kept = [""] * len(lines)
-    for piece in one.pieces:
-        kept[piece.line - 1 : piece.line - 1 + piece.rows] = lines[piece.line - 1 : piece.line - 1 + piece.rows]
-    return one.layout, kept
-
-
-def _named(stretches: Sequence[Stretch], group: str, name: str) -> Stretch:
-    """The stretch of a name; without one the only stretch of more than two rows. TableError if it is not told."""
-    if group:
-        return stretches[in_group([(one.name, "") for one in stretches], group, name)[0]]
-    long = [one for one in stretches if one.rows > _SUMMARY] if len(stretches) > 1 else stretches
-    if len(long) == 1:
-        return long[0]
-    titles = ", ".join(shown(one.name) for one in stretches[:_MOST_SHOWN])
-    more = f" and {len(stretches) - _MOST_SHOWN} more" if len(stretches) > _MOST_SHOWN else ""
-    raise TableError(
-        f"{name}: holds {len(stretches)} tables: {titles}{more}; name one, as in {name}#{stretches[0].name}"
     )
 
 

@@ -19,7 +19,7 @@ from fourpole.io.recordings import format_of, survey
 from fourpole.io.signals import MAX_FILE_BYTES, Request, Signal
 from fourpole.io.source import name_of
 from fourpole.io.stream import by_halves
-from fourpole.io.text import TextTable, read_table, table_of
+from fourpole.io.text import TextTable, read_tables, table_of
 from fourpole.units import column_unit, is_unit
 
 #: Memory that the numbers of a table may need [byte], and the most columns of a table.
@@ -91,8 +91,7 @@ def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[
     name = name_of(path, label)
     kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=name)
     if kind.name == "text":
-        in_group([], group, name)
-        return [_of_text(read_table(path, label=name), "")]
+        return [_of_text(one, inside) for inside, one in read_tables(path, group=group, label=name)]
     if kind.name == workbook.FORMAT.name:
         sheets = read_apart(workbook.texts, path, name, label=name)
         chosen = in_group([(one, "") for one in sheets], group, name)
