@@ -118,6 +118,13 @@ def simulate(
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of recordings in any format.")],
     force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
+    pattern: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What the names state, instead of a guess: {specimen}_{pressure}bar_{frequency}Hz; folders with /, {} "
+            "for anything. May be given several times: the first that matches counts."
+        ),
+    ] = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Make a campaign from a bare folder of recordings: guess channels, kinds and conditions, and list each doubt.
@@ -127,7 +134,7 @@ def init(
     """
     from fourpole.app.init import run_init
 
-    run_init(folder, force=force, as_json=as_json)
+    run_init(folder, pattern or (), force=force, as_json=as_json)
 
 
 @_command

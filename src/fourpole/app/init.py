@@ -13,18 +13,18 @@ from fourpole.core.condition import FREQUENCY
 from fourpole.errors import CampaignError
 from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
 from fourpole.report.digits import spread
-from fourpole.study.identified import possible_route
+from fourpole.study.identified import no_rig, possible_route
 
 _MOST_LISTED = 40
 _ROLES = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2", "load": "load", "deflection": "deflection"}
 
 
-def run_init(folder: Path, *, force: bool, as_json: bool) -> None:
+def run_init(folder: Path, patterns: Sequence[str], *, force: bool, as_json: bool) -> None:
     """Guess a campaign, write it, and print the guess with its doubts."""
     if not force:
         keep_existing(folder)
     with progress("reading") as advance:
-        guess = guess_campaign(folder, progress=advance)
+        guess = guess_campaign(folder, patterns=patterns, progress=advance)
     guess.write(force=force)
     following = _following(folder)
     if as_json:
@@ -50,7 +50,7 @@ def _following(folder: Path) -> str:
     route, _ = possible_route(campaign, "joint")
     rigless = bool(campaign.of_kind("dynamic")) and not campaign.stated.all_rigs
     if rigless and route in ("mobility", "transmissibility"):
-        return f"not ready yet: the {route} route is the only one for these channels and needs a [rig] in campaign.toml"
+        return f"not ready yet: {no_rig(campaign, route)}"
     return f"next: fourpole analyse {folder}{' --route relative' if rigless and route == 'joint' else ''}"
 
 
@@ -64,6 +64,7 @@ def _document(guess: GuessedCampaign, following: str) -> dict[str, object]:
                 "kind": row.kind,
                 "tyre": row.tyre,
                 **row.values,
+                **({} if row.band is None else {"band": row.band}),
                 "doubts": list(row.doubts),
             }
             for row in guess.rows
@@ -101,7 +102,8 @@ def _tests(rows: Sequence[Row]) -> None:
 
 def _frequencies(rows: Sequence[Row]) -> str:
     """The different frequencies of some tests; of more than eight, the lowest and the highest."""
-    return spread([row.values.get("frequency") for row in rows], FREQUENCY, "Hz")
+    bands = dict.fromkeys(f"{row.band[0]:g} to {row.band[1]:g} Hz" for row in rows if row.band is not None)
+    return ", ".join(bands) or spread([row.values.get("frequency") for row in rows], FREQUENCY, "Hz")
 
 
 def _shown(value: float | None, scale: float) -> str:

@@ -162,7 +162,7 @@ def _static_role(
 ) -> Role:
     """The role of the likeliest of several columns, else of the one with the largest span."""
     spans = {one.name: max((shape.span(one.name) for shape in shapes), default=0.0) for one in several}
-    column = max(several, key=lambda one: (one.likely, spans[one.name]))
+    column = max(several, key=lambda one: (not _in_volts(one), one.likely, spans[one.name]))
     ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
     largest = max(abs(low), abs(high))
@@ -222,7 +222,12 @@ def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> d
     found: dict[str, Role] = {}
     forces = [column for column in columns if column.quantity == "force"]
     if forces:
-        best = max(forces, key=lambda one: (_SIDES.index(one.side), one.likely, _size(shapes, one.name)))
+        best = max(
+            forces,
+            key=lambda one: (
+                one.side != "out", not _in_volts(one), _SIDES.index(one.side), one.likely, _size(shapes, one.name)
+            ),
+        )  # fmt: skip
         found["force_in"] = _dynamic_role("force_in", best, shapes, _others(best, forces))
     motions = [column for column in columns if column.quantity in MOTIONS]
     pair, doubts = _pair(motions, found.get("force_in"), shapes)
@@ -233,8 +238,15 @@ def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> d
 
 
 def _sinusoids(shapes: Sequence[SignalShape]) -> list[SignalShape]:
-    """The recordings of a steady sinusoid of known frequency."""
-    return [shape for shape in shapes if shape.kind == "dynamic" and np.isfinite(shape.frequency)]
+    """The recordings whose strongest line shows the motion: those of a steady sinusoid, or else of many frequencies."""
+    moving = [shape for shape in shapes if np.isfinite(shape.frequency)]
+    steady = [shape for shape in moving if shape.kind == "dynamic"]
+    return steady or [shape for shape in moving if shape.band is not None]
+
+
+def _in_volts(column: Column) -> bool:
+    """Whether a column has the unit of a voltage, so that its sensitivity would be needed."""
+    return _quantity(column.unit) == "voltage"
 
 
 def _size(shapes: Sequence[SignalShape], name: str) -> float:
@@ -256,6 +268,8 @@ _Pair = tuple[tuple[Column | None, Column | None], tuple[str, ...]]
 
 def _pair(motions: list[Column], force: Role | None, shapes: Sequence[SignalShape]) -> _Pair:
     """The motions at the contact and at the moving mass, by their names or by the power that enters."""
+    physical = [one for one in motions if not _in_volts(one)]
+    motions = physical if len(physical) > 1 else motions
     ins, outs, rest = _by_side(motions, shapes)
     listed = ", ".join(shown(one.name, 30) for one in motions)
     several = (f"taken of several motions: {listed}",) if len(motions) > 2 else ()
@@ -275,14 +289,21 @@ def _pair(motions: list[Column], force: Role | None, shapes: Sequence[SignalShap
 def _by_side(motions: list[Column], shapes: Sequence[SignalShape]) -> tuple[list[Column], list[Column], list[Column]]:
     """Motions at the contact, those at the moving mass, and those of unknown side with the likeliest first."""
     ins, outs, rest = ([one for one in motions if one.side == side] for side in ("in", "out", ""))
-    rest.sort(key=lambda one: (_ORDER.index(one.quantity), -one.likely, -_size(shapes, one.name)))
+    for several in (ins, outs):
+        several.sort(key=_in_volts)
+    rest.sort(key=lambda one: (_in_volts(one), _ORDER.index(one.quantity), -one.likely, -_size(shapes, one.name)))
     return ins, outs, rest
 
 
 def _best_pair(ins: list[Column], outs: list[Column]) -> tuple[Column, Column]:
     """One column of each side, if possible two of the same quantity."""
     pairs = [(a, b) for a in ins for b in outs]
-    return min(pairs, key=lambda pair: (pair[0].quantity != pair[1].quantity, _ORDER.index(pair[0].quantity)))
+    return min(
+        pairs,
+        key=lambda pair: (
+            sum(map(_in_volts, pair)), pair[0].quantity != pair[1].quantity, _ORDER.index(pair[0].quantity)
+        ),
+    )  # fmt: skip
 
 
 def _by_power(
@@ -352,6 +373,21 @@ def _velocity(shape: SignalShape, role: Role) -> complex:
 def _scale(role: Role) -> float:
     """SI value of one recorded unit; 1 where the unit is not known."""
     return 1.0 if role.unit is None else units.channel_scale(role.unit, (role.quantity,))[1]
+
+
+def channel_scale(role: Role) -> float:
+    """SI value of one recorded unit, with the sign of the role; 1 where the unit is not known."""
+    return _scale(role) * (-1 if role.invert else 1)
+
+
+def motion_share(near: Role, far: Role, shapes: Sequence[SignalShape]) -> float:
+    """Median of V2 over V1 [1]; not-a-number where an amplitude is not known."""
+    if near.unit is None or far.unit is None:
+        return float("nan")
+    shares = [
+        abs(_velocity(shape, far)) / size for shape in _sinusoids(shapes) if (size := abs(_velocity(shape, near)))
+    ]
+    return float(np.median(shares)) if shares else float("nan")
 
 
 def force_scale(

@@ -6,76 +6,24 @@ tests name the tyres. Dates, serial numbers and words that all tests share are n
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.condition import AXES, FREQUENCY, axis_of
-from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, plain
-from fourpole.guess.words import PASSED_OVER
+from fourpole.core.condition import AXES, FREQUENCY, Axis, axis_of
+from fourpole.guess.entries import Entry, RecordingConditions
+from fourpole.guess.names import CONDITIONS, KINDS_OF, Token
+from fourpole.guess.specimens import doubt_equal, name_specimens
 
-#: Characters of the longest name of a tyre.
-_LONGEST_TYRE = 60
 #: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
 _AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
 #: Unit in which a condition is written in a doubt, and the SI value of one such unit.
 _SHOWN = {one.key: (one.shown, one.scale) for one in CONDITIONS}
 
 
-@dataclass(frozen=True)
-class Entry:
-    """Kind, frequency and tokens of one recording; tokens of nearer folders come before those of farther ones.
-
-    Attributes
-    ----------
-    kind : str
-        "static", "dynamic" or "calibration".
-    frequency : float [Hz]
-        Frequency of the recording; not-a-number where it shows none.
-    name, header, folder : tuple of Token
-        Tokens of its name, of its header, and of the notes of its folder.
-    """
-
-    kind: str
-    frequency: float
-    name: tuple[Token, ...]
-    header: tuple[Token, ...] = ()
-    folder: tuple[Token, ...] = ()
-
-    @property
-    def parts(self) -> tuple[tuple[str, tuple[Token, ...]], ...]:
-        """The tokens by place: name, header, folder. A token of an earlier place has priority."""
-        return ("name", self.name), ("header", self.header), ("folder", self.folder)
-
-    def stated(self, what: str) -> str:
-        """Text of the first token of a kind in header or notes; empty if there is none."""
-        return next((token.text.strip() for token in (*self.header, *self.folder) if token.what == what), "")
-
-
-@dataclass
-class RecordingConditions:
-    """Conditions of one recording in SI, its tyre, and its doubts as (subject, text)."""
-
-    values: dict[str, float] = field(default_factory=dict)
-    tyre: str = ""
-    construction: str = ""
-    repeat: str = ""
-    doubts: list[tuple[str, str]] = field(default_factory=list)
-
-    def doubt(self, about: str, text: str) -> None:
-        """Add a doubt on a subject."""
-        self.doubts.append((about, text))
-
-    def assume_tyre(self, name: str, text: str) -> None:
-        """Set the name of the tyre, and add the doubt on it."""
-        self.tyre = name
-        self.doubt("tyre", text)
-
-
-def read_conditions(entries: Sequence[Entry]) -> list[RecordingConditions]:
-    """The conditions of each recording, in the order of the entries."""
+def read_conditions(entries: Sequence[Entry], names: Sequence[str]) -> list[RecordingConditions]:
+    """The conditions of each recording, in the order of the entries; `names` are those of the tests, for doubts."""
     entries = _interpreted(entries)
     conditions = [_values(entry) for entry in entries]
     repeats = [_repeat(entry) for entry in entries]
@@ -83,7 +31,10 @@ def read_conditions(entries: Sequence[Entry]) -> list[RecordingConditions]:
     if len(set(repeats)) > 1 and len(set(counted)) < len(counted):
         for one, repeat in zip(conditions, repeats, strict=True):
             one.repeat = repeat
-    _name_tyres([pair for pair in zip(entries, conditions, strict=True) if pair[0].kind != "calibration"])
+    tests = [at for at, entry in enumerate(entries) if entry.kind != "calibration"]
+    pairs = [(entries[at], conditions[at]) for at in tests]
+    name_specimens(pairs)
+    doubt_equal(pairs, [names[at] for at in tests])
     return conditions
 
 
@@ -93,11 +44,14 @@ def _repeat(entry: Entry) -> str:
 
 
 def _values(entry: Entry) -> RecordingConditions:
-    """The conditions of one recording; its name has priority over its header, and the header over the notes."""
+    """The conditions of one recording; its name has priority over its header, and the header over the notes.
+
+    In one place, a value with its unit has priority over a number whose meaning was guessed.
+    """
     conditions = RecordingConditions()
     places = {"name": "its name", "header": "its header", "folder": "notes"}
     for place, tokens in entry.parts:
-        for token in tokens:
+        for token in sorted(tokens, key=lambda one: bool(one.doubt)):
             what = token.what
             if what not in KINDS_OF:
                 continue
@@ -105,10 +59,20 @@ def _values(entry: Entry) -> RecordingConditions:
                 conditions.values[what] = token.value
                 if token.doubt:
                     conditions.doubt(what, token.doubt)
-            elif not (_AXES.get(what) or axis_of(what)).same(conditions.values[what], token.value):
+            elif not token.doubt and not _axis(what).same(conditions.values[what], token.value):
                 taken = _written(what, conditions.values[what])
                 conditions.doubt(what, f"{taken} is taken, {places[place]} also says {token.text!r}")
+    for token in entry.signals:
+        if token.what not in conditions.values:
+            conditions.values[token.what] = token.value
+            conditions.doubt(token.what, token.doubt)
+    conditions.band = next(((one.value, one.high) for one in entry.name if one.what == "band"), None)
     return conditions
+
+
+def _axis(what: str) -> Axis:
+    """The axis of a condition."""
+    return _AXES.get(what) or axis_of(what)
 
 
 def _written(what: str, value: float) -> str:
@@ -209,15 +173,26 @@ def _slots(entry: Entry) -> dict[_Slot, Token]:
 def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> _Meaning | None:
     """The meaning of the numbers of one slot; None if it cannot be found."""
     values = np.array([token.value for token in tokens.values()])
-    keys = next(iter(tokens.values())).keys
+    token = next(iter(tokens.values()))
+    keys = token.keys
     hertz = _hertz(tokens, entries)
     if hertz and (not keys or "frequency" in keys):
         return _Meaning("frequency", hertz)
-    if keys == ("frequency",) or (not keys and _counts(values)):
+    if keys == ("frequency",) or ((not keys or len(token.key) == 1) and _counts(values)):
         return None
-    possible = keys or ("pressure", "preload")
+    possible = [what for what in keys or ("pressure", "preload") if keys or _wanted(what, tokens, entries)]
     fitting = (one for what in possible for one in _MEANINGS if one.what == what and one.fits(values, keyed=bool(keys)))
     return next(fitting, None)
+
+
+def _wanted(what: str, tokens: Mapping[int, Token], entries: Sequence[Entry]) -> bool:
+    """Whether some of the tests need a value of a condition that their names do not state with its unit."""
+    moving = any(entry.kind != "static" for entry in entries)
+    return any(
+        not (what == "preload" and moving and entries[index].kind == "static")
+        and not any(token.what == what for token in entries[index].name)
+        for index in tokens
+    )
 
 
 def _hertz(tokens: dict[int, Token], entries: Sequence[Entry]) -> float:
@@ -256,127 +231,3 @@ def _with(entry: Entry, numbers: dict[_Slot, Token], meanings: Mapping[_Slot, _M
             changed[id(token)] = replace(token, what="word")
     name, header, folder = (tuple(changed.get(id(token), token) for token in tokens) for _, tokens in entry.parts)
     return replace(entry, name=name, header=header, folder=folder)
-
-
-# --- the tyre ----------------------------------------------------------------------------------------------------
-
-
-def _name_tyres(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
-    """Fill in the tyre of each test: as header or notes state it, else by the words of the names that differ."""
-    _name_by_words(tests)
-    if not any(conditions.tyre for _, conditions in tests):
-        _name_by_numbers(tests)
-    if not any(conditions.tyre for _, conditions in tests):
-        for _, conditions in tests:
-            conditions.assume_tyre("tyre", "no name of a tyre was found: all tests are taken as of one tyre")
-    _doubt_joined([conditions for _, conditions in tests])
-    for _, conditions in tests:
-        if not conditions.tyre:
-            conditions.assume_tyre("unnamed", "its tyre is not named")
-
-
-def _name_by_words(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
-    """Name the tyres as stated, or by words if more names made of words are repeated than tyres are stated."""
-    stated = [entry.stated("tyre") or entry.stated("construction") for entry, _ in tests]
-    words = _distinguishing([_words(entry) for entry, _ in tests], [entry.kind for entry, _ in tests])
-    often = Counter(tuple(map(plain, own)) for own in words if own)
-    by_words = sum(count > 1 for count in often.values()) > len(set(map(plain, stated)))
-    spelling: dict[str, str] = {}
-    for (entry, conditions), own, tyre in zip(tests, words, stated, strict=True):
-        joined = " ".join(own)[:_LONGEST_TYRE].strip()
-        name = joined if not tyre or (by_words and joined) else tyre
-        conditions.tyre = spelling.setdefault(plain(name), name)
-        conditions.construction = entry.stated("construction")
-
-
-def _name_by_numbers(tests: Sequence[tuple[Entry, RecordingConditions]]) -> None:
-    """Name the tyres by a number without a meaning, if few numbers stand in many names."""
-    left = [[t for t in entry.name if t.what == "number" and not t.keys and t.value.is_integer()] for entry, _ in tests]
-    if not all(left):
-        return
-    numbers = [tokens[0].text for tokens in left]
-    if 1 < len(set(numbers)) <= len(tests) / 4:
-        listed = ", ".join(sorted(set(numbers))[:6])
-        for (_, conditions), number in zip(tests, numbers, strict=True):
-            conditions.assume_tyre(f"#{number}", f"the numbers {listed} of their names are taken as those of the tyres")
-
-
-def _doubt_joined(tested: Sequence[RecordingConditions]) -> None:
-    """Add a doubt on names of several words if a word is in several names: it may be an operator, or a state."""
-    names = {plain(conditions.tyre): conditions.tyre for conditions in tested}
-    often = Counter(plain(word) for name in names.values() for word in name.split())
-    several = any(len(name.split()) > 1 for name in names.values())
-    if len(names) >= 4 and several and max(often.values(), default=0) > 1:
-        listed = ", ".join(list(names.values())[:4])
-        for conditions in tested:
-            conditions.doubt(
-                "tyre",
-                f"{len(names)} tyres by the words that vary ({listed} ...): if some of them are not of a tyre, take "
-                "them out",
-            )
-
-
-def _words(entry: Entry) -> list[str]:
-    """Words of a name that may be of the tyre, each in one spelling."""
-    words = [token.text for token in entry.name if token.what == "word"]
-    return list(dict.fromkeys(word for word in words if plain(word) and plain(word) not in PASSED_OVER))
-
-
-def _distinguishing(words: list[list[str]], kinds: list[str]) -> list[list[str]]:
-    """The words of each name that differ between tests; words of all tests are kept if a name has no others."""
-    sets = [{plain(word) for word in own} for own in words]
-    by_kind = _by_kind(sets, kinds)
-    everywhere = set.intersection(*sets) if sets else set()
-    dropped = everywhere | _labels(list(by_kind.values())) | _names_of_kinds(by_kind)
-    chosen = _shared_by_kinds([[word for word in own if plain(word) not in dropped] for own in words], kinds)
-    kept = everywhere if not all(chosen) else set()
-    return [
-        [word for word in own if plain(word) in kept or word in some] for own, some in zip(words, chosen, strict=True)
-    ]
-
-
-def _by_kind(sets: Sequence[set[str]], kinds: Sequence[str]) -> dict[str, list[set[str]]]:
-    """The words of each test, by the kind of test."""
-    return {kind: [own for own, one in zip(sets, kinds, strict=True) if one == kind] for kind in dict.fromkeys(kinds)}
-
-
-def _names_of_kinds(by_kind: Mapping[str, Sequence[set[str]]]) -> set[str]:
-    """Words that all tests of one kind have, and no test of another kind."""
-    found: set[str] = set()
-    for kind, owns in by_kind.items():
-        others = [own for other, more in by_kind.items() if other != kind for own in more]
-        found |= set.intersection(*owns).difference(*others)
-    return found
-
-
-def _labels(by_kind: Sequence[Sequence[set[str]]]) -> set[str]:
-    """Words that label single recordings: D1, D2, D3, or a word of its own in each name beside others."""
-    tests = [own for owns in by_kind for own in owns]
-    count = Counter(word for own in tests for word in own)
-    once = {word for word, often in count.items() if often == 1}
-    if len(tests) > 6 and len(once) >= 0.3 * len(tests):
-        return once
-    return _numbered(count, once).union(*(_one_in_each(owns, once) for owns in by_kind))
-
-
-def _one_in_each(tests: Sequence[set[str]], once: set[str]) -> set[str]:
-    """Words that stand once, if each of several tests has such a word beside others; else none."""
-    if len(tests) > 1 and all(own & once and own - once for own in tests):
-        return once & set().union(*tests)
-    return set()
-
-
-def _numbered(words: Iterable[str], once: set[str]) -> set[str]:
-    """Words with the same letters before different numbers, at least three of them, if each stands once."""
-    stems: dict[str, set[str]] = {}
-    for word in words:
-        if word[-1].isdigit():
-            stems.setdefault(word.rstrip("0123456789"), set()).add(word)
-    return set().union(*(found for found in stems.values() if len(found) >= 3 and found <= once))
-
-
-def _shared_by_kinds(chosen: list[list[str]], kinds: list[str]) -> list[list[str]]:
-    """The names without words that only one kind of test has; a name without other words keeps them."""
-    by_kind = _by_kind([set(map(plain, own)) for own in chosen], kinds)
-    shared = set.intersection(*(set().union(*owns) for owns in by_kind.values())) if by_kind else set()
-    return [[word for word in own if plain(word) in shared] or own for own in chosen]

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fourpole import units
+from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import CampaignError, FourpoleError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
@@ -20,7 +21,7 @@ from fourpole.io.child import read_apart
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode, read_bytes
-from fourpole.units import shown
+from fourpole.units import MOTIONS, shown
 
 #: Largest number of files in a folder.
 _MOST_FILES = 20_000
@@ -81,8 +82,8 @@ class FolderRecording:
 
     @property
     def frequency(self) -> float:
-        """Frequency of the excitation by the samples [Hz]; not-a-number if it is not known."""
-        return float("nan") if self.shape is None else self.shape.frequency
+        """Frequency of the excitation by the samples [Hz]; not-a-number if it is not known, or no single one."""
+        return float("nan") if self.shape is None or self.shape.band is not None else self.shape.frequency
 
 
 #: The classes of which a recording of a folder is made.
@@ -282,7 +283,15 @@ def _shape(
     stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
     samples = samples_of(path, [column.name for column in columns], group=group, label=name, **stated)
     aside = frozenset(column.name for column in columns if column.quantity in _ASIDE)
-    return signal_shape(samples, rate=rate, aside=aside)
+    return signal_shape(samples, rate=rate, aside=aside, motions=_motions(columns))
+
+
+def _motions(columns: Sequence[Column]) -> dict[str, int]:
+    """Columns by which an excitation is told, the likeliest first, and the differentiations to a velocity of each."""
+    kinds = [*MOTIONS, "force"]
+    moving = [column for column in columns if column.quantity in kinds]
+    moving.sort(key=lambda one: (one.quantity == "force", one.side != "in", one.side == "out"))
+    return {one.name: DERIVATIVES[one.quantity] for one in moving}
 
 
 def _tokens(name: str, group: str) -> tuple[Token, ...]:

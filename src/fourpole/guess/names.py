@@ -10,7 +10,18 @@ from dataclasses import dataclass
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.errors import UnitError
-from fourpole.guess.words import CALIBRATION, DYNAMIC, ENDINGS, IN_HEADERS, KEYS, STATIC, UNITS
+from fourpole.guess.words import (
+    CALIBRATION,
+    DYNAMIC,
+    ENDINGS,
+    IN_HEADERS,
+    KEYS,
+    MARKS,
+    RANDOM,
+    STATIC,
+    SWEEP,
+    UNITS,
+)
 
 AMPLITUDE = q.Quantity("amplitude", "amplitude", "amplitude", "m", "amplitude of the deflection", "mm", 1e-3)
 #: Conditions of a test that names, headers and notes may state, in the order of their columns in tests.csv.
@@ -43,7 +54,7 @@ class Token:
     ----------
     what : str
         The name of a condition; "number" for a value without a unit, whose meaning only the whole folder shows; "word";
-        "kind"; "repeat"; "nothing".
+        "kind"; "repeat"; "band" of frequencies; "mark" for the number of a specimen or of a recording; "nothing".
     text : str
         The token as written.
     value : float
@@ -51,7 +62,11 @@ class Token:
     keys : tuple of str
         Conditions that the letters before a number may mean.
     key : str
-        The letters before a number.
+        The letters before a number; of a mark "serial", "number", "count" or "date".
+    joined : str
+        Chinese or Japanese letters of no known meaning directly before a value with its unit.
+    high : float [Hz]
+        Highest frequency of a band.
     doubt : str
         Why the value may be wrong; empty where it is unambiguous.
     """
@@ -62,6 +77,8 @@ class Token:
     keys: tuple[str, ...] = ()
     key: str = ""
     doubt: str = ""
+    joined: str = ""
+    high: float = float("nan")
 
 
 def plain(word: str) -> str:
@@ -94,16 +111,30 @@ _DATES = re.compile(
 _HASHES = re.compile(
     r"(?<![0-9A-Za-z])(?=[0-9a-f-]*[0-9])(?=[0-9a-f-]*[a-f])[0-9a-f]{8,}(?:-[0-9a-f]{4,12})*(?![0-9A-Za-z])", re.I
 )
+#: Six digits of a date, the year first or last.
+_SHORT_DATES = re.compile(
+    r"(?<![\dA-Za-z.,])(?:[12]\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])"
+    r"|(?:0[1-9]|[12]\d|3[01])(?:0[1-9]|1[0-2])[12]\d)(?![\dA-Za-z.,])"
+)
+#: A year, which single letters before it do not name.
+_YEAR = re.compile(r"(?:19|20)\d\d")
+#: Bands of frequencies.
+_BANDS = re.compile(
+    r"(?<![\d.,])(?P<low>\d{1,5}(?:[.,]\d{1,3})?)(?i: ?hz)?[ _]?(?:-|–|~|to|bis|\.\.)[ _]?"
+    r"(?P<high>\d{1,5}(?:[.,]\d{1,3})?) ?(?i:hz)"
+)
 #: Number of a copy, such as " (2)".
 _COPY = re.compile(r"[ _]?\((\d{1,3})\)(?=$|[_. /])")
 _WORDS_BEFORE = "|".join(sorted((key for key in KEYS if len(key) > 1), key=len, reverse=True))
 #: Letters before a number. Several letters may follow any character; a single letter must begin a word, or be a capital
 #: after a small letter.
 _KEY = rf"(?P<key>(?i:{_WORDS_BEFORE})|(?:(?<![^\W\d_])|(?<=[a-zß-ÿ])(?=[A-Z]))[A-Za-z])"
+#: Letters of Chinese and Japanese before a number.
+_GLUED = r"(?P<glued>[\u3040-\u30ff\u3400-\u9fff々]{1,12})?"
 _UNIT = "|".join(f"(?P<u{at}>{pattern})" for at, (pattern, _, _) in enumerate(UNITS))
 #: A number with its unit. In "5 N10" the N belongs to the 10, because a gap separates it from the 5.
 _WITH_UNIT = re.compile(
-    rf"(?:{_KEY}[ _=:-]{{0,2}})?(?<![0-9])(?<![0-9][.,])(?P<sign>(?<![0-9A-Za-z])[+]|(?<=[_ =:])-|(?i:minus))?"
+    rf"(?:{_KEY}[ _=:-]{{0,2}}|{_GLUED})(?<![0-9])(?<![0-9][.,])(?P<sign>(?<![0-9A-Za-z])[+]|(?<=[_ =:])-|(?i:minus))?"
     rf"(?P<number>(?P<under>\d_(?=\d\d?(?i:bar)))?{_NUMBER})(?:(?P<gap>[ _-])|)(?:{_UNIT})(?(gap)(?![0-9]))"
 )
 #: A number behind letters, without a unit.
@@ -123,17 +154,20 @@ def read_name(text: str) -> list[Token]:
     >>> [(token.what, token.text, token.value) for token in read_name("radial_1.7bar_L1000")]
     [('pressure', '1.7bar', 170000.0), ('number', 'L1000', 1000.0), ('word', 'radial', nan)]
     """
-    left = unicodedata.normalize("NFC", text[:_LONGEST])
+    left = unicodedata.normalize("NFKC", text[:_LONGEST])
     found: list[Token] = []
     steps: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Token | None]], ...] = (
         (_SIZES, lambda match: Token("word", match[0].strip(), key="size")),
-        (_DATES, lambda match: Token("nothing", match[0])),
+        (_DATES, lambda match: Token("mark", match[0], key="date")),
+        (_SHORT_DATES, lambda match: Token("mark", match[0], key="date")),
         (_HASHES, lambda match: Token("nothing", match[0])),
         (_COPY, lambda match: Token("repeat", match[0].strip(), float(match[1]))),
         (_WITH_UNIT, _valued),
         (_KEYED, _keyed),
         (_BARE, lambda match: _bare(match["number"])),
     )
+    if {"random", "sweep"} & {kind_word(word) for word in _left_words(left)}:
+        steps = ((_BANDS, _band), *steps)
     for pattern, made in steps:
         left = pattern.sub(lambda match, made=made: _taken(made(match), match[0], found), left)  # type: ignore[misc]
     found += (Token("word", word) if not kind_word(word) else Token("kind", word) for word in _left_words(left))
@@ -156,7 +190,8 @@ def _valued(match: re.Match[str]) -> Token | None:
     key = match["key"] or ""
     keys = KEYS.get(key.casefold(), ())
     own = not key or what in keys or (what == "added_mass" and keys == ("preload",))
-    text = (match[0] if own else match[0][match.start("number") - match.start() :]).strip(" _")
+    first = match.start("number") if match["glued"] or not own else match.start()
+    text = match[0][first - match.start() :].strip(" _")
     if what == "nothing":
         return Token("nothing", text)
     if match[f"u{at}"] == "n" and not keys:
@@ -168,7 +203,13 @@ def _valued(match: re.Match[str]) -> Token | None:
         what, unit, why = _mass_or_load(key, keys, number, signed=match["sign"] is not None)
         doubt = f"{text} taken as {why}" if why else doubt
     value = float(units.to_si([number], unit, KINDS_OF[what])[0])
-    return Token(what, text, value, keys, key if own else "", doubt)
+    return Token(what, text, value, keys, key if own else "", doubt, match["glued"] or "")
+
+
+def _band(match: re.Match[str]) -> Token | None:
+    """The token of a band of frequencies; None if its first number is not the lower one."""
+    low, high = _number(match["low"])[0], _number(match["high"])[0]
+    return Token("band", match[0], low, high=high) if 0 < low < high else None
 
 
 def _signed_number(match: re.Match[str], what: str) -> tuple[float, str]:
@@ -193,15 +234,21 @@ def _keyed(match: re.Match[str]) -> Token | None:
     number, _ = _number(match["number"])
     if keys == ("specimen",):
         return Token("word", match[0].strip())
-    if keys in (("nothing",), ("repeat",)):
-        return Token(keys[0], match[0], number)
+    if _YEAR.fullmatch(match["number"]) and len(match["key"]) == 1:
+        return Token("mark", match["number"], key="date")
+    if keys == ("repeat",):
+        return Token("repeat", match[0], number)
+    if keys[0] in MARKS:
+        return Token("mark", match[0].strip(), number, key=keys[0])
+    if match["number"].isdigit() and match["number"][0] == "0" and number:
+        return Token("mark", match[0].strip(), number, key="count")
     return Token("number", match[0], number, keys, match["key"])
 
 
 def _bare(text: str) -> Token:
-    """The token of a number alone; a number with leading zeros or eight digits is the number of a recording."""
+    """The token of a number alone; one with leading zeros or eight digits is no value, but a number of something."""
     if (text.startswith("0") and text.isdigit() and len(text) > 1) or len(text) > 7:
-        return Token("nothing", text)
+        return Token("mark", text, _number(text)[0], key="number")
     return Token("number", text, _number(text)[0])
 
 
@@ -223,13 +270,19 @@ def _left_words(left: str) -> Iterator[str]:
             yield from _PARTS.findall(piece)
 
 
+_KIND_WORDS = (
+    ("static", STATIC),
+    ("random", RANDOM),
+    ("sweep", SWEEP),
+    ("dynamic", DYNAMIC),
+    ("calibration", CALIBRATION),
+)
+
+
 def kind_word(word: str) -> str:
-    """Kind of test that a word names, "static", "dynamic" or "calibration"; empty for another word."""
+    """Kind of test that a word names, "static", "random" ...; empty for another word."""
     bare = plain(word)
-    for kind, words in (("static", STATIC), ("dynamic", DYNAMIC), ("calibration", CALIBRATION)):
-        if bare in words:
-            return kind
-    return ""
+    return next((kind for kind, words in _KIND_WORDS if bare in words), "")
 
 
 #: A line "key: value", with another separator or in quotation marks if need be.
@@ -267,6 +320,8 @@ def _of_pair(line: str) -> list[Token]:
         return _stated(what, line, value, unit, key)
     if what in ("tyre", "construction"):
         return [Token(what, value[:80])]
+    if what == "serial":
+        return [Token("mark", value[:80], key="serial")]
     if what == "kind":
         return [Token("kind", word) for word in _left_words(value) if kind_word(word)][:1]
     return [Token("repeat", line, float(value))] if what == "repeat" and re.fullmatch(r"\d{1,6}", value) else []

@@ -1,4 +1,4 @@
-"""The shape of the signals of a recording: a steady sinusoid or a slow curve, its frequency and its amplitudes."""
+"""The shape of the signals of a recording: a steady sinusoid, a slow curve or many frequencies, and its amplitudes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.spectrum import hann, peak_place
+from fourpole.guess.excitation import excitation_of
 from fourpole.io.look import filled, rate_of
 from fourpole.io.signals import Signal
 from fourpole.io.stream import StreamSource, stream
@@ -20,6 +21,8 @@ _ENOUGH_ROWS = 1 << 18
 _SPECTRUM = 1 << 16
 #: Frequency [Hz] below which a recording is static: dynamic tests are faster, static loading cycles are slower.
 _SLOW = 0.5
+#: Frequency [Hz] below which a slow curve has this share of its variance [1]; a sweep or a random motion has less.
+_LOW, _MOSTLY = 2.0, 0.9
 #: Number of cycles below which a recording without times is static.
 _FEWEST_TURNS = 6.0
 #: Smallest share of the variance [1] that the sinusoid of a dynamic test has.
@@ -35,7 +38,7 @@ class SignalShape(ByValue):
     Attributes
     ----------
     kind : str
-        "static", "dynamic", or empty for a recording that is neither, such as noise, an impact or a constant.
+        "static", "dynamic", "random", "sweep", or empty for another recording, such as an impact or a constant.
     frequency : float [Hz]
         Frequency of the strongest spectral line; not-a-number if no channel moves or no time is known.
     rate : float or None [Hz]
@@ -46,6 +49,10 @@ class SignalShape(ByValue):
         Least and largest value of each channel, in recorded units.
     samples : dict of str to array
         About two thousand samples of each channel, in recorded units; static curves are made from them.
+    means : dict of str to float
+        Mean of each channel, in recorded units.
+    band : (float, float) or None [Hz]
+        Lowest and highest frequency of a random recording or a sweep.
     pulses : dict of str to float
         Rising edges per cycle of the excitation, for the channels that record no force or motion.
     """
@@ -57,6 +64,8 @@ class SignalShape(ByValue):
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     samples: dict[str, FloatArray] = field(default_factory=dict)
     pulses: dict[str, float] = field(default_factory=dict)
+    means: dict[str, float] = field(default_factory=dict)
+    band: tuple[float, float] | None = None
 
     def span(self, name: str) -> float:
         """Largest minus least value of a channel, in recorded units; 0 for a channel without values."""
@@ -77,16 +86,41 @@ def signal_shape(
     *,
     rate: float | None = None,
     aside: frozenset[str] = frozenset(),
+    motions: Mapping[str, int] | None = None,
 ) -> SignalShape:
-    """The shape of a recording by its samples; channels `aside` do not decide on kind and frequency."""
+    """The shape of a recording by its samples; channels `aside` do not decide on kind and frequency.
+
+    `motions` are the channels that may show random excitation or a sweep, the likeliest first, each with the number of
+    differentiations that make it a velocity.
+    """
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
     ranges = {name: (float(one.samples.min()), float(one.samples.max())) for name, one in lines.items()}
     thin = {name: one.samples[:: max(1, one.samples.size // 2000)] for name, one in lines.items()}
-    shape = SignalShape("", float("nan"), rate, ranges=ranges, samples=thin)
+    means = {name: float(one.samples.mean()) for name, one in lines.items()}
+    shape = SignalShape("", float("nan"), rate, ranges=ranges, samples=thin, means=means)
     excited = {name: one for name, one in lines.items() if name not in aside and one.moves}
     if not excited or min(one.samples.size for one in excited.values()) < 16:
         return shape
-    return _with_excitation(shape, excited, {name: one for name, one in lines.items() if name in aside})
+    found = _with_excitation(shape, excited, {name: one for name, one in lines.items() if name in aside})
+    chosen = next((name for name in motions or {} if name in excited), None)
+    return found if chosen is None else _with_band(found, excited[chosen], (motions or {})[chosen])
+
+
+def _with_band(shape: SignalShape, motion: _Line, derivative: int) -> SignalShape:
+    """The shape as that of a random recording or a sweep, if it is one by a motion."""
+    slow = shape.kind == "static" and not _is_slow(motion)
+    if motion.rate is None or (shape.kind and not slow):
+        return shape
+    kind, band = excitation_of(motion.samples, motion.rate, derivative) or ("" if slow else shape.kind, None)
+    return replace(shape, kind=kind, band=band)
+
+
+def _is_slow(motion: _Line) -> bool:
+    """Whether nearly all of the variance of a motion lies at low frequencies."""
+    part = motion.samples - motion.samples.mean()
+    power = np.abs(np.fft.rfft(part * hann(part.size))) ** 2
+    frequency = np.fft.rfftfreq(part.size, 1.0 / (motion.rate or 1.0))
+    return bool(power[frequency < _LOW].sum() >= _MOSTLY * power.sum())
 
 
 def _with_excitation(shape: SignalShape, excited: dict[str, _Line], aside: dict[str, _Line]) -> SignalShape:

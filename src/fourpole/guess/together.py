@@ -12,11 +12,23 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole import units
+from fourpole.core.condition import Axis
 from fourpole.errors import CampaignError
-from fourpole.guess.channels import Column, Role, dynamic_roles, force_scale, static_roles
-from fourpole.guess.conditions import Entry, RecordingConditions, read_conditions
-from fourpole.guess.gather import FolderContents, FolderRecording, gather
-from fourpole.guess.names import CONDITIONS, kind_word, without_ending
+from fourpole.guess.channels import (
+    Column,
+    Role,
+    channel_scale,
+    dynamic_roles,
+    force_scale,
+    motion_share,
+    static_roles,
+)
+from fourpole.guess.conditions import read_conditions
+from fourpole.guess.entries import Entry, RecordingConditions
+from fourpole.guess.gather import FolderContents, gather
+from fourpole.guess.names import CONDITIONS, Token, kind_word
+from fourpole.guess.naming import named_by, test_names
+from fourpole.guess.pattern import read_pattern
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import CONSTRUCTIONS
 from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row
@@ -24,8 +36,15 @@ from fourpole.units import shown
 
 #: Relative difference from which a stated frequency is another than that of the recording.
 _SAME_FREQUENCY = 0.05
-#: File names that serve as names of tests.
-_NAMES_LIKE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,23}")
+#: Names of recordings that are listed in a doubt.
+_MOST_NAMED = 20
+#: Kinds of tests on the moving rig, and those with one frequency.
+_MOVING = ("dynamic", "random", "sweep", "calibration")
+_SPECIMENS_MOVING = ("dynamic", "random", "sweep")
+#: V2 over V1 below which the far side may be fixed [1].
+_STILL = 0.03
+#: Relative difference of means of F1 up to which they are of one preload [1].
+_ONE_LOAD = 0.02
 #: Likely range of |K*| over the static stiffness.
 _LIKELY = (0.3, 12.0)
 #: Roles that each kind of test needs, with what follows where one is missing.
@@ -33,14 +52,14 @@ _NEEDED = {
     "dynamic": {
         "force_in": "without it only the transmissibility route remains, which needs the rig",
         "motion_in": "without it dynamic tests cannot be analysed",
-        "motion_out": "without it only the mobility route remains, which needs the rig",
+        "motion_out": "without it only the mobility route remains, which needs the rig or a fixed far side",
     },
     "static": dict.fromkeys(("load", "deflection"), "without it static tests cannot be analysed"),
 }
 #: Conditions that tests need: the kinds of test, and what follows where a condition is not known.
 _WANTED = (
-    (q.PRESSURE, ("static", "dynamic"), "all tests of a tyre count as at one pressure"),
-    (q.PRELOAD, ("dynamic",), "K1 cannot be read off the static curve, so there is no K2 and C"),
+    (q.PRESSURE, ("static", *_SPECIMENS_MOVING), "all tests of a tyre count as at one pressure"),
+    (q.PRELOAD, _SPECIMENS_MOVING, "K1 cannot be read off the static curve, so there is no K2 and C"),
     (q.ADDED_MASS, ("calibration",), "a calibration is of no use without its mass"),
 )
 #: Remedy of a doubt by its subject.
@@ -55,13 +74,18 @@ _REMEDIES = {
 }
 
 
-def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] | None = None) -> GuessedCampaign:
+def guess_campaign(
+    folder: str | Path, *, patterns: Sequence[str] = (), progress: Callable[[int, int], None] | None = None
+) -> GuessedCampaign:
     """Guess a campaign from a folder of recordings in any format.
 
     Parameters
     ----------
     folder : path
         Recordings, in it or below it.
+    patterns : sequence of str
+        Patterns of the names of recordings, such as "{specimen}_{pressure}bar_{frequency}Hz". The first that matches a
+        name says what it states, and nothing is guessed from names. Without a pattern the names are interpreted.
     progress : callable (done, total)
         Called after each file.
 
@@ -73,7 +97,7 @@ def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] |
     Raises
     ------
     CampaignError
-        If there is no such folder, or no recording in it.
+        If there is no such folder, or no recording in it; if a pattern has an unknown field, or matches no name.
 
     Examples
     --------
@@ -85,6 +109,7 @@ def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] |
     >>> [(row.name, row.kind, row.values.get("frequency")) for row in guess.rows]
     [('D1', 'dynamic', 14.0), ('D2', 'dynamic', 14.0), ('S1', 'static', None), ('S2', 'static', None)]
     """
+    read = [read_pattern(pattern) for pattern in patterns]
     folder = Path(folder)
     if not folder.is_dir():
         raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: there is no such folder")
@@ -92,13 +117,14 @@ def guess_campaign(folder: str | Path, *, progress: Callable[[int, int], None] |
     if not gathered.recordings:
         why = "".join(f"; {name} {reason}" for name, reason in gathered.left_out[:3])
         raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: holds no recording that can be read{why}")
-    return _Together(folder, gathered).guess()
+    unmatched = named_by(read, gathered) if read else []
+    return _Together(folder, gathered, unmatched).guess()
 
 
 class _Together:
     """The steps from the contents of a folder to a guess; each step adds its doubts."""
 
-    def __init__(self, folder: Path, gathered: FolderContents) -> None:
+    def __init__(self, folder: Path, gathered: FolderContents, unmatched: Sequence[int] = ()) -> None:
         self.folder, self.gathered = folder, gathered
         self.recordings = gathered.recordings
         self.doubts: list[Doubt] = []
@@ -106,19 +132,27 @@ class _Together:
         self.pending: dict[str, list[tuple[int, str]]] = {}
         self.of_row: list[list[str]] = [[] for _ in self.recordings]
         self.kinds = [self._kind(index) for index in range(len(self.recordings))]
-        self.names = _test_names(self.recordings, self.kinds)
+        self.names = test_names(self.recordings, self.kinds)
+        if unmatched:
+            listed = ", ".join(shown(self.recordings[index].file, 80) for index in unmatched[:_MOST_NAMED])
+            more = f" and {len(unmatched) - _MOST_NAMED} more" if len(unmatched) > _MOST_NAMED else ""
+            for index in unmatched:
+                self.of_row[index].append("its name does not match the pattern, so nothing is taken from it")
+            text = f"{len(unmatched)} names do not match the pattern, so nothing is taken from them: {listed}{more}"
+            self._doubt("names", text, "fill in their rows of tests.csv, or add a further --pattern", unmatched)
 
     def guess(self) -> GuessedCampaign:
+        roles = self._roles()
+        loads = self._mean_loads(roles)
         entries = [
-            Entry(kind, one.frequency, one.name, one.header, one.folder)
-            for kind, one in zip(self.kinds, self.recordings, strict=True)
+            Entry(kind, one.frequency, one.name, one.header, one.folder, loads.get(index, ()))
+            for index, (kind, one) in enumerate(zip(self.kinds, self.recordings, strict=True))
         ]
-        conditions = read_conditions(entries)
+        conditions = read_conditions(entries, self.names)
         for index, one in enumerate(conditions):
             self._frequency(index, one)
             self._only_dynamic(index, one)
-        rig = self._rig(conditions)
-        roles = self._roles()
+        rig = self._rig(conditions, roles)
         clock = self._clock()
         self._condition_doubts(conditions)
         self._files()
@@ -139,7 +173,8 @@ class _Together:
         """The row of tests.csv of one recording."""
         kind, doubts = self.kinds[index], tuple(dict.fromkeys(self.of_row[index]))
         tyre = "" if kind == "calibration" else one.tyre
-        return Row(self.names[index], self.recordings[index].file, kind, tyre, one.values, one.repeat, doubts)
+        file = self.recordings[index].file
+        return Row(self.names[index], file, kind, tyre, one.values, one.repeat, doubts, one.band)
 
     def _doubt(self, about: str, text: str, remedy: str = "", tests: Sequence[int] = ()) -> None:
         """Add a doubt on the campaign, or on the tests of some indices."""
@@ -172,18 +207,34 @@ class _Together:
                 self._row(index, "kind", "its signals show no steady sinusoid and no slow curve")
             return named or "dynamic"
         if named and named != shows:
-            what = "a slow curve" if shows == "static" else f"a steady sinusoid of {one.frequency:.4g} Hz"
-            self._row(index, "kind", f"its name says {named}, its signals show {what}: taken as {shows}")
+            self._row(
+                index, "kind", f"its name says {named}, its signals show {self._shown_kind(index)}: taken as {shows}"
+            )
+        elif not named and shows in ("random", "sweep"):
+            self._row(index, "kind", f"its signals show {self._shown_kind(index)}, which its name does not say")
         return shows
+
+    def _shown_kind(self, index: int) -> str:
+        """What the signals of a recording show, in words."""
+        shape = self.recordings[index].shape
+        if shape is None or shape.kind == "static":
+            return "a slow curve"
+        if shape.band is None:
+            return f"a steady sinusoid of {shape.frequency:.4g} Hz"
+        what = "random excitation" if shape.kind == "random" else "a sweep"
+        return f"{what} from {shape.band[0]:g} to {shape.band[1]:g} Hz"
 
     # --- conditions ----------------------------------------------------------------------------------------------
 
     def _frequency(self, index: int, conditions: RecordingConditions) -> None:
         """Set the frequency of a dynamic test; that of its signals has priority over the stated one."""
         one = self.recordings[index]
-        if self.kinds[index] == "static":
+        if self.kinds[index] not in ("dynamic", "calibration"):
             conditions.values.pop("frequency", None)
+            conditions.doubts = [doubt for doubt in conditions.doubts if doubt[0] != "frequency"]
+            self._band(index, conditions)
             return
+        conditions.band = None
         if one.shape is None or one.shape.kind != "dynamic" or not np.isfinite(one.frequency):
             return
         found, stated = one.frequency, conditions.values.get("frequency")
@@ -195,9 +246,48 @@ class _Together:
                 "frequency", f"{stated:g} Hz is stated, the recording shows {found:.4g} Hz, which is taken"
             )
 
+    def _band(self, index: int, conditions: RecordingConditions) -> None:
+        """Set the band of a random recording or a sweep: the stated one, else that of its signals."""
+        stated, shape = conditions.band, self.recordings[index].shape
+        found = None if shape is None else shape.band
+        conditions.band = None if self.kinds[index] == "static" else stated or found
+        if conditions.band is None or found is None:
+            return
+        if stated is None:
+            conditions.doubt("frequency", f"the band from {found[0]:g} to {found[1]:g} Hz is that of its spectrum")
+        elif not (0.5 * found[0] <= stated[0] <= 2 * found[0] and 0.5 * found[1] <= stated[1] <= 2 * found[1]):
+            text = f"{stated[0]:g} to {stated[1]:g} Hz is stated, its spectrum shows {found[0]:g} to {found[1]:g} Hz"
+            conditions.doubt("frequency", text)
+
+    def _mean_loads(self, roles: dict[str, Role]) -> dict[int, tuple[Token, ...]]:
+        """The mean of F1 of each recording as its preload, if it is larger than the amplitude.
+
+        Means that differ by less than 2 % are of one preload, their median.
+        """
+        role = roles.get("force_in")
+        if role is None or role.unit is None:
+            return {}
+        scale = channel_scale(role)
+        means: dict[int, float] = {}
+        for index in self._of_kind(*_SPECIMENS_MOVING):
+            shape = self.recordings[index].shape
+            if shape is not None and role.column in shape.means:
+                low = min(scale * value for value in shape.ranges[role.column])
+                if low > 0:
+                    means[index] = scale * shape.means[role.column]
+        found: dict[int, tuple[Token, ...]] = {}
+        axis = Axis("preload", relative=_ONE_LOAD)
+        groups = axis.groups(means.values()) if means else np.zeros(0, int)
+        for group in np.unique(groups):
+            members = [index for index, of in zip(means, groups, strict=True) if of == group]
+            load = float(f"{np.median([means[index] for index in members]):.3g}")
+            text = f"the mean of F1 is taken: {load:g} N; so it is if the force cell shows 0 N without a load"
+            found |= dict.fromkeys(members, (Token("preload", "mean of F1", load, doubt=text),))
+        return found
+
     def _only_dynamic(self, index: int, conditions: RecordingConditions) -> None:
         """Remove from a static test the conditions of dynamic tests, if the folder has dynamic tests."""
-        if self.kinds[index] == "static" and "dynamic" in self.kinds:
+        if self.kinds[index] == "static" and set(_SPECIMENS_MOVING) & set(self.kinds):
             for what in ("preload", "added_mass", "amplitude"):
                 conditions.values.pop(what, None)
             conditions.doubts = [
@@ -230,20 +320,37 @@ class _Together:
     def _roles(self) -> dict[str, Role]:
         """The column, unit and sign of each role; doubts on them are added."""
         static = self._voted(("static",), static_roles)
-        dynamic = self._scaled(self._voted(("dynamic", "calibration"), dynamic_roles), static)
+        dynamic = self._scaled(self._voted(_MOVING, dynamic_roles), static)
         roles = {**dynamic, **static}
         for role, one in roles.items():
             for doubt in one.doubts:
                 text = f"{role}, column {shown(one.column, 40)}: {doubt}"
                 self._doubt(role, text, f"correct {role} in [channels] of campaign.toml if need be")
-        for kind, needed in _NEEDED.items():
-            first = next(iter(self._of_kind(kind)), None)
+        self._far_side(roles)
+        for kinds, needed in ((_SPECIMENS_MOVING, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
+            first = next(iter(self._of_kind(*kinds)), None)
             for role, follows in needed.items():
                 if first is not None and role not in roles:
                     columns = ", ".join(shown(column.name, 30) for column in self.recordings[first].columns[:10])
                     text = f"{role}: no column is understood as it among {columns}; {follows}"
                     self._doubt(role, text, f"state {role} in [channels] of campaign.toml")
         return roles
+
+    def _far_side(self, roles: dict[str, Role]) -> None:
+        """Ask whether the far side of the specimen is fixed, where V2 is missing or far below V1."""
+        near, far = roles.get("motion_in"), roles.get("motion_out")
+        tested = self._shapes(self._of_kind(*_SPECIMENS_MOVING))
+        if near is None or not tested:
+            return
+        why = "no V2 is recorded" if far is None else ""
+        if far is not None and (share := motion_share(near, far, tested)) < _STILL:
+            why = f"V2 is {100 * share:.2g} % of V1"
+        if why:
+            self._doubt(
+                "rig",
+                f"rig: {why}: is the far side of the specimen fixed, as on an elastomer bench?",
+                'if so, state [rig] with output = "blocked" in campaign.toml; K* then needs no mass and no spring',
+            )
 
     def _voted(
         self, kinds: tuple[str, ...], roles_of: Callable[[Sequence[Column], Sequence[SignalShape]], dict[str, Role]]
@@ -257,7 +364,7 @@ class _Together:
             (members, roles_of(self.recordings[members[0]].columns, self._shapes(members)))
             for members in groups.values()
         ]
-        best = max(found, key=lambda one: (len(one[1]) >= len(kinds), len(one[0])), default=([], {}))[1]
+        best = max(found, key=lambda one: (len(one[1]) >= 2, len(one[0])), default=([], {}))[1]
         for members, roles in found:
             for role, most in best.items():
                 here = roles.get(role)
@@ -284,14 +391,14 @@ class _Together:
 
     def _clock(self) -> tuple[str, str] | None:
         """Column of the time and its unit; None if the recordings state their times, or if no time is found."""
-        tested = [self.recordings[index] for index in self._of_kind("dynamic", "calibration")]
+        tested = [self.recordings[index] for index in self._of_kind(*_MOVING)]
         clocks = Counter((one.clock, one.clock_unit) for one in tested if one.clock is not None)
         if not clocks:
             if not all(one.timed for one in tested):
                 self._doubt("time", "time: no column and no sample rate is stated in the recordings")
             return None
         (column, unit), _ = clocks.most_common(1)[0]
-        for index in self._of_kind("dynamic", "calibration"):
+        for index in self._of_kind(*_MOVING):
             here = self.recordings[index].clock or "not there"
             if self.recordings[index].text and here.casefold() != column.casefold():
                 text = f"the time is {shown(column, 30)} in most recordings, here it is {shown(here, 30)}"
@@ -316,7 +423,7 @@ class _Together:
 
     # --- rig and files -----------------------------------------------------------------------------------------------
 
-    def _rig(self, conditions: Sequence[RecordingConditions]) -> dict[str, float]:
+    def _rig(self, conditions: Sequence[RecordingConditions], roles: dict[str, Role]) -> dict[str, float]:
         """Values of the rig on which names, headers and notes agree, in SI."""
         stated: dict[str, set[float]] = {}
         pairs = [(what, one.values.pop(what)) for one in conditions for what in RIG_VALUES if what in one.values]
@@ -329,12 +436,12 @@ class _Together:
                 text = f"{what}: stated as {listed}, so none is taken"
                 self._doubt("rig", text, "state the right one in [rig] of campaign.toml")
         rig = {what: next(iter(values)) for what, values in stated.items() if len(values) == 1}
-        if "dynamic" in self.kinds and not {"moving_mass", "preload_stiffness"} <= rig.keys():
+        if set(_SPECIMENS_MOVING) & set(self.kinds) and not {"moving_mass", "preload_stiffness"} <= rig.keys():
+            without = "K* by the relative route from F1, V1 and V2" if "motion_out" in roles else "no K*"
             self._doubt(
                 "rig",
                 "rig: its moving mass and preload spring are stated nowhere; with them the joint route also finds "
-                "their errors and those of the sensors, and predicts the transmissibility. Without: K* by the relative "
-                "route from F1, V1 and V2",
+                f"their errors and those of the sensors, and predicts the transmissibility. Without: {without}",
                 "fill in [rig] in campaign.toml and remove its # signs",
             )
         return rig
@@ -377,24 +484,6 @@ def _counted(every: str, kinds: tuple[str, ...]) -> str:
     """The number of tests in words: "every dynamic test", "3 tests"."""
     what = "test" if len(kinds) > 1 else f"{kinds[0]} test"
     return f"{every} {what}" if every in ("every", "1") else f"{every} {what}s"
-
-
-def _test_names(recordings: Sequence[FolderRecording], kinds: Sequence[str]) -> list[str]:
-    """Names of the tests: those of their files, or S1, D1, C1 ... if file names are long, unusual or not unique."""
-    names = []
-    for one in recordings:
-        file, _, group = one.file.partition("#")
-        name = (group or file).rpartition("/")[2]
-        names.append(name if group else without_ending(name))
-    if len({name.casefold() for name in names}) == len(names) and all(_NAMES_LIKE.fullmatch(name) for name in names):
-        return names
-    counts: Counter[str] = Counter()
-    numbered = []
-    for kind in kinds:
-        letter = {"static": "S", "calibration": "C"}.get(kind, "D")
-        counts[letter] += 1
-        numbered.append(f"{letter}{counts[letter]}")
-    return numbered
 
 
 def _constructions(conditions: Sequence[RecordingConditions]) -> dict[str, str]:

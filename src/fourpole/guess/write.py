@@ -54,7 +54,7 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Row:
-    """One guessed row of tests.csv, in SI units."""
+    """One guessed row of tests.csv, in SI units; `band` [Hz] of a test of many frequencies."""
 
     name: str
     file: str
@@ -63,6 +63,7 @@ class Row:
     values: dict[str, float] = field(default_factory=dict)
     repeat: str = ""
     doubts: tuple[str, ...] = ()
+    band: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,7 @@ def _channels(guess: GuessedCampaign) -> str:
         lines.append(_doubts(guess, role))
         if role in guess.roles:
             lines.append(_channel(guess.roles[role]))
-        elif kinds & ({"static"} if role in ("load", "deflection") else {"dynamic", "calibration"}):
+        elif kinds & ({"static"} if role in ("load", "deflection") else {"dynamic", "random", "sweep", "calibration"}):
             lines.append(f'# {role:<10} = {{ column = "...", unit = "..." }}\n')
     if guess.reference is not None:
         name, unit, pulses = guess.reference
@@ -213,7 +214,7 @@ def tests_csv(rows: Sequence[Row]) -> str:
         for head, name in (("test", "name"), ("file", "file"), ("kind", "kind"), ("tyre", "tyre"))
     }
     for one in CONDITIONS:
-        cells = [f"{row.values[one.key] / one.scale:.10g}" if one.key in row.values else "" for row in rows]
+        cells = [_cell(row, one) for row in rows]
         if one in _ALWAYS or any(cells):
             columns[one.stated_head] = cells
     last = {"repeat": [row.repeat for row in rows], "doubts": ["; ".join(row.doubts)[:_MOST_DOUBTS] for row in rows]}
@@ -221,3 +222,10 @@ def tests_csv(rows: Sequence[Row]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([list(columns), *zip(*columns.values(), strict=True)])
     return text.getvalue()
+
+
+def _cell(row: Row, one: q.Quantity) -> str:
+    """The cell of a condition."""
+    if one.key == "frequency" and row.band is not None:
+        return f"{row.band[0]:g}:{row.band[1]:g}"
+    return f"{row.values[one.key] / one.scale:.10g}" if one.key in row.values else ""

@@ -18,7 +18,7 @@ from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import sha256_of
 from fourpole.io.stream import StreamSource, stream, times_of
-from fourpole.study.identified import NO_RIG, possible_route
+from fourpole.study.identified import no_rig, possible_route
 from fourpole.study.load import group_of, source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
@@ -145,7 +145,7 @@ def _route(campaign: Campaign, route: str) -> tuple[str, list[str]]:
     used, note = possible_route(campaign, route)
     notes = [note] if note else []
     if campaign.of_kind("dynamic") and not campaign.stated.all_rigs and used != "relative":
-        notes.append(NO_RIG.format(route=used))
+        notes.append(no_rig(campaign, used))
         used = "relative" if used == "joint" else used
     return used, notes
 

@@ -33,11 +33,6 @@ from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, wi
 from fourpole.study.sharing import at_mean_temperature, families, temperature_note, temperatures_apart
 from fourpole.study.static import StaticStiffness, k1_apart
 
-#: Message that a route lacks the rig.
-NO_RIG = (
-    "campaign.toml: [rig] is missing, the {route} route needs it: state moving_mass and preload_stiffness, or use "
-    "--route relative"
-)
 #: Relative uncertainty of K2 or C above which Monte Carlo finds their distribution.
 _SKEW = 0.1
 #: Monte Carlo finds the distribution of K2 and C if an end of a 95 % interval may be off value ± 1.96 u by this many u.
@@ -163,6 +158,16 @@ class Identified:
     def result(self) -> Identification:
         """The identification of the whole group."""
         return self.group.result
+
+
+def no_rig(campaign: Campaign, route: str) -> str:
+    """Message that a route lacks the rig, with what may be stated instead by the channels that are there."""
+    stated = "state moving_mass and preload_stiffness"
+    if campaign.stated.channels.motion_out is None:
+        stated += ', or output = "blocked" if the far side of the specimen is fixed; without V2 there is no other route'
+    elif campaign.stated.channels.force_in is not None:
+        stated += ", or use --route relative"
+    return f"campaign.toml: [rig] is missing, the {route} route needs it: {stated}"
 
 
 def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:

@@ -313,7 +313,11 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
     lacking = [role for role in job.needed if role not in roles]
     if lacking:
         route = next(route for route, needed in ROUTE_NEEDS.items() if needed == job.needed)
-        raise TableError(f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state")
+        fixed = '; if the far side is fixed, state [rig] with output = "blocked", and use --route mobility'
+        raise TableError(
+            f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state"
+            + (fixed if route == "relative" and lacking == ["motion_out"] else "")
+        )
     spare = [role for role in roles if role not in job.needed]
     rows: list[Check] = []
     try:

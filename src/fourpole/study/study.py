@@ -33,7 +33,7 @@ from fourpole.models.families import by_amplitude
 from fourpole.study.cache import Cache
 from fourpole.study.cells import dynamic_cells, dynamic_checks
 from fourpole.study.compare import compare_tests
-from fourpole.study.identified import NO_RIG, identify_tests, possible_route
+from fourpole.study.identified import identify_tests, no_rig, possible_route
 from fourpole.study.load import MOST_BYTES
 from fourpole.study.notebook import tables_html
 from fourpole.study.onetest import TestsByName
@@ -438,7 +438,7 @@ def _blocked(campaign: Campaign, test: Test) -> bool:
 def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
     rigs = campaign.stated.all_rigs
     if not rigs and route != "relative" and any(test.kind in ("dynamic", "calibration") for test in dynamic):
-        raise CampaignError(NO_RIG.format(route=route))
+        raise CampaignError(no_rig(campaign, route))
     if route == "transmissibility" and any(rig.output == "blocked" for rig in rigs.values()):
         raise CampaignError(
             "campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility"

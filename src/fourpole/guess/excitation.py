@@ -1,0 +1,82 @@
+"""Random excitation or a sweep, told from the samples of one channel, with the band that is excited."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.demodulation.tracks import Track
+from fourpole.core.spectra.average import bins_of, hann, lines_of, starts_of
+from fourpole.core.spectra.motion import motion_of
+from fourpole.errors import FourpoleError
+
+#: Segments of the spectrum that shows the band, and those by which the kind is told.
+_FINE, _MANY = 32, 128
+#: Least power in the band over the largest [1], and the least over the floor of the spectrum.
+_POWER, _FLOOR = 1e-3, 10.0
+#: Bins without power that a band may have.
+_GAP = 3
+#: Share of the sampling rate up to which lines are resolved.
+_RESOLVED = 0.45
+#: Fewest cycles of the lowest frequency in a recording of many frequencies, and in a segment.
+_CYCLES, _IN_SEGMENT = 30.0, 4.0
+#: Share of the lines, and of the power in them, above which the motion has separate sines.
+_FOREIGN, _SINGLE = 0.05, 0.25
+#: Number of segments that hold the power at a frequency, below which the excitation is a sweep.
+_SWEPT = 8.0
+#: Least share of the recording in which the power of a sweep lies [1]: an impact has far less.
+_LASTING = 0.3
+
+
+def excitation_of(samples: FloatArray, rate: float, derivative: int = 0) -> tuple[str, tuple[float, float]] | None:
+    """Kind of a recording, "random" or "sweep", and its band [Hz]; None if it is neither.
+
+    Parameters
+    ----------
+    samples : (N,) float array
+        A motion or, without one, the force.
+    rate : float [Hz]
+    derivative : int
+        Number of differentiations that turn the samples into a velocity.
+    """
+    signal = samples - samples.mean()
+    track = Track(("motion_in",), signal[None], np.ones(signal.size, bool), np.arange(signal.size) / rate, rate)
+    length = signal.size / rate
+    try:
+        band = _band(track, derivative)
+        if band is None or length * band[0] < _CYCLES or band[1] < 1.5 * band[0]:
+            return None
+        motion = motion_of(track, max(2.0 * length / (_MANY + 1.0), _IN_SEGMENT / band[0]), band)
+    except FourpoleError:
+        return None
+    if motion.foreign > _FOREIGN or motion.single > _SINGLE:
+        return None
+    if motion.held >= _SWEPT:
+        return "random", band
+    parts = np.array([np.mean(part**2) for part in np.array_split(signal, _FINE)])
+    lasting = parts.sum() ** 2 / (parts.size * max(float(np.sum(parts**2)), 1e-300))
+    return ("sweep", band) if lasting > _LASTING else None
+
+
+def _band(track: Track, derivative: int) -> tuple[float, float] | None:
+    """The band [Hz] in which the velocity has power; None if it has none."""
+    size = int(2 * track.time.size / (_FINE + 1))
+    starts = starts_of(track.present, size)
+    if size < 16 or starts.size < 2:
+        return None
+    frequency, inside = bins_of(size, track.rate, (0.0, track.rate))
+    lines = lines_of(track.signals, starts, hann(size), inside)[0]
+    power = np.mean(np.abs(lines) ** 2, axis=0) * frequency ** (2.0 * derivative)
+    floor = float(np.quantile(power, 0.1))
+    most = float(power.max())
+    least = max(_POWER * most, _FLOOR * floor if floor * _FLOOR < 0.1 * most else 0.0)
+    held = np.flatnonzero(power > least)
+    if held.size == 0:
+        return None
+    parts = np.split(held, np.flatnonzero(np.diff(held) > _GAP) + 1)
+    part = max(parts, key=lambda one: float(power[one].sum() / frequency[one[0]]) if one.size > 2 else 0.0)
+    if part.size < 3:
+        return None
+    # leakage of the window widens the band by a bin on either side
+    low, high = frequency[part[0] + 1], frequency[part[-1] - 1]
+    return float(f"{low:.2g}"), min(float(f"{high:.2g}"), _RESOLVED * track.rate)
