@@ -7,7 +7,7 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.spectra.average import bins_of, hann, lines_of, starts_of
-from fourpole.core.spectra.motion import motion_of
+from fourpole.core.spectra.motion import fine_spectrum, motion_of
 from fourpole.errors import FourpoleError
 
 #: Segments of the spectrum that shows the band, and those by which the kind is told.
@@ -46,13 +46,12 @@ def excitation_of(samples: FloatArray, rate: float, derivative: int = 0) -> tupl
         band = _band(track, derivative)
         if band is None or length * band[0] < _CYCLES or band[1] < 1.5 * band[0]:
             return None
-        motion = motion_of(track, max(2.0 * length / (_MANY + 1.0), _IN_SEGMENT / band[0]), band)
+        segment = max(2.0 * length / (_MANY + 1.0), _IN_SEGMENT / band[0])
+        motion = motion_of(track, segment, band, fine_spectrum(track))
     except FourpoleError:
         return None
-    if motion.foreign > _FOREIGN or motion.single > _SINGLE:
-        return None
     if motion.held >= _SWEPT:
-        return "random", band
+        return None if motion.foreign > _FOREIGN or motion.single > _SINGLE else ("random", band)
     parts = np.array([np.mean(part**2) for part in np.array_split(signal, _FINE)])
     lasting = parts.sum() ** 2 / (parts.size * max(float(np.sum(parts**2)), 1e-300))
     return ("sweep", band) if lasting > _LASTING else None

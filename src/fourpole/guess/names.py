@@ -227,7 +227,7 @@ def _mass_or_load(key: str, keys: tuple[str, ...], number: float, *, signed: boo
 
 
 def _keyed(match: re.Match[str]) -> Token | None:
-    """The token of a number behind letters, without a unit; None if the letters are not known."""
+    """The token of a number behind letters, without a unit; None if the letters are not known, or for a value 0815."""
     keys = KEYS.get(match["key"].casefold())
     if keys is None:
         return None
@@ -241,7 +241,7 @@ def _keyed(match: re.Match[str]) -> Token | None:
     if keys[0] in MARKS:
         return Token("mark", match[0].strip(), number, key=keys[0])
     if match["number"].isdigit() and match["number"][0] == "0" and number:
-        return Token("mark", match[0].strip(), number, key="count")
+        return None
     return Token("number", match[0], number, keys, match["key"])
 
 

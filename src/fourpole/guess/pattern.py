@@ -67,10 +67,10 @@ def read_pattern(stated: str) -> NamePattern:
             parts.append(_field(piece, pieces[at + 1], where))
         elif piece:
             parts.append(_Part(text=piece))
-    named = [_TEXTS.get(part.field, part.field) for part in parts if part.field not in (None, *_ANY)]
+    named = [part.field.replace("tyre", "specimen") for part in parts if part.field and part.field not in _ANY]
     for name in named:
         if named.count(name) > 1:
-            raise CampaignError(f"{where}: a field for the {name} stands twice: write {{}} for a part without a meaning")
+            raise CampaignError(f"{where}: {{{name}}} stands twice: write {{}} for a part without a meaning")
     if not named:
         raise CampaignError(f"{where}: has no field; possible are {_possible()}")
     return NamePattern(stated, tuple(parts), stated.partition("#")[0].count("/"))

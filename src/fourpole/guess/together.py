@@ -347,8 +347,8 @@ class _Together:
             why = f"V2 is {100 * share:.2g} % of V1"
         if why:
             self._doubt(
-                "rig",
-                f"rig: {why}: is the far side of the specimen fixed, as on an elastomer bench?",
+                "far side",
+                f"far side: {why}: is the far side of the specimen fixed, as on an elastomer bench?",
                 'if so, state [rig] with output = "blocked" in campaign.toml; K* then needs no mass and no spring',
             )
 

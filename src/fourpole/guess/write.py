@@ -165,6 +165,11 @@ def _rig(guess: GuessedCampaign) -> str:
             lines.append(f'{sign}{name:<17} = "{value / scale:.12g} {unit}"\n')
         elif example:
             lines.append(f'{sign}{name:<17} = "{example}"    # an example, not yours\n')
+    if any(doubt.about == "far side" for doubt in guess.doubts):
+        lines += [
+            _doubts(guess, "far side"),
+            '# output            = "blocked"    # a fixed far side needs no other value\n',
+        ]
     return "".join(lines)
 
 
