@@ -348,7 +348,7 @@ class _Together:
         if why:
             self._doubt(
                 "far side",
-                f"far side: {why}: is the far side of the specimen fixed, as on an elastomer bench?",
+                f"far side: {why}; is the far side of the specimen fixed, as on an elastomer bench",
                 'if so, state [rig] with output = "blocked" in campaign.toml; K* then needs no mass and no spring',
             )
 

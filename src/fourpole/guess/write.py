@@ -166,10 +166,7 @@ def _rig(guess: GuessedCampaign) -> str:
         elif example:
             lines.append(f'{sign}{name:<17} = "{example}"    # an example, not yours\n')
     if any(doubt.about == "far side" for doubt in guess.doubts):
-        lines += [
-            _doubts(guess, "far side"),
-            '# output            = "blocked"    # a fixed far side needs no other value\n',
-        ]
+        lines += [_doubts(guess, "far side"), '# output            = "blocked"    # needs no other value\n']
     return "".join(lines)
 
 
