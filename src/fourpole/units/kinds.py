@@ -40,6 +40,8 @@ TABLE: dict[str, UnitKind] = {
     "angle": UnitKind("rad", "0.2 deg", ("rad", "deg", "°", "mrad")),
     "ratio": UnitKind("1", "0.5 %", ("1", "%", "ppm", "-")),
     "mobility": UnitKind("m/(N s)", "0.001 m/(N s)", ("m/(N s)", "mm/(N s)", "m/(kN s)", "m/(Ns)", "s/kg")),
+    "receptance": UnitKind("m/N", "0.001 mm/N", ("m/N", "mm/N", "µm/N", "in/lbf")),
+    "accelerance": UnitKind("m/(N s^2)", "0.5 (m/s²)/N", ("(m/s²)/N", "g/N", "(m/s^2)/N", "1/kg", "(in/s²)/lbf")),
     "voltage": UnitKind("V", "5 V", ("V", "mV", "µV", "kV")),
     "energy": UnitKind("J", "3 J", ("J", "kJ", "N m", "Nm", "mJ")),
 }
@@ -82,7 +84,7 @@ def scale_of(unit: str, kinds: tuple[str, ...]) -> tuple[str, Fraction]:
     for kind in kinds:
         if spelled == kind_named(kind).si:  # this commonest case does not need pint
             return kind, Fraction(1)
-    gravity = "acceleration" in kinds and "mass" not in kinds
+    gravity = "accelerance" in kinds or ("acceleration" in kinds and "mass" not in kinds)
     try:
         scale, dimensions = parse(spelled, gravity)
     except UnitError as error:

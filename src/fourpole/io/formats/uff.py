@@ -1,4 +1,4 @@
-"""UFF 58, also binary (58b): time signals as channels; other functions are described but not read.
+"""UFF 58, also binary (58b): time signals as channels; other functions are described, see `uff_responses`.
 
 A channel is called by the function's description (ID line 1) if all time signals have different descriptions, or else
 by its response: entity, node and direction, as in `12+Z`. Its unit is the label of its axis, or else the unit that the
@@ -59,7 +59,7 @@ _ORDINATES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 1
 
 
 @dataclass(frozen=True)
-class _Set:
+class DataSet:
     """A data set: the bytes of the file that hold it, and its header."""
 
     start: int
@@ -68,27 +68,33 @@ class _Set:
 
     @property
     def is_signal(self) -> bool:
+        """Whether it holds samples over time."""
         kind, axis = self.header["func_type"], self.header.get("abscissa_spec_data_type", 0)
         return axis in _TIME_AXIS if kind == _TIME_RESPONSE else kind == _GENERAL and axis == _TIME_AXIS[-1]
 
     @property
     def is_complex(self) -> bool:
+        """Whether its values are complex."""
         return int(self.header["ord_data_type"]) in (5, 6)
 
     @property
     def count(self) -> int:
+        """Number of values that it declares."""
         return int(self.header["num_pts"])
 
     @property
     def even(self) -> bool:
+        """Whether its abscissa has equal steps."""
         return int(self.header["abscissa_spacing"]) == 1
 
     @property
     def step(self) -> float:
+        """Step of its abscissa [s] or [Hz]."""
         return float(self.header.get("abscissa_inc", 0.0))
 
     @property
     def words(self) -> str:
+        """Kind of the function in words."""
         kind = int(self.header["func_type"])
         return _FUNCTIONS.get(kind, f"function of type {kind}")
 
@@ -129,7 +135,7 @@ def _at_line_start(content: mmap.mmap, position: int) -> re.Match[bytes] | None:
 
 
 @contextlib.contextmanager
-def _copied(parts: Sequence[bytes]) -> Iterator[str]:
+def copied(parts: Sequence[bytes]) -> Iterator[str]:
     """A temporary file that holds only some data sets: the library reads whole files, and only by name."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "sets.uff")
@@ -138,7 +144,7 @@ def _copied(parts: Sequence[bytes]) -> Iterator[str]:
         yield str(path)
 
 
-def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[_Set], int]:
+def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[DataSet], int]:
     """The data sets 58 of a file, and the number of the unit system that it states (0: none)."""
     places, heads, system = [], [], 0
     for start, stop in _blocks(content, name):
@@ -152,7 +158,7 @@ def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[_Set], int
                 system = int(lines[2][:10])
     if not places:
         return [], system
-    with _copied(heads) as path:
+    with copied(heads) as path:
         uff = pyuff.UFF(path)
         found = uff.read_sets(header_only=True)
     found = found if isinstance(found, list) else [found]
@@ -160,7 +166,7 @@ def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[_Set], int
         raise TableError(
             f"{name}: is damaged: {len(places)} data sets begin, {len(found)} can be read; export it again"
         )
-    sets = [_Set(start, stop, head) for (start, stop), head in zip(places, found, strict=True)]
+    sets = [DataSet(start, stop, head) for (start, stop), head in zip(places, found, strict=True)]
     for number, one in enumerate(sets, 1):
         least = (4 if one.header["ord_data_type"] in (2, 5) else 8) if one.header.get("binary") else 13
         if one.count < 0 or one.count * least > one.stop - one.start + 80:
@@ -180,14 +186,15 @@ def _dof(header: Mapping[str, Any]) -> str:
     return f"{prefix}{header.get('rsp_node', 0)}{sign}"
 
 
-def _label(header: Mapping[str, Any], key: str) -> str:
+def label_of(header: Mapping[str, Any], key: str) -> str:
+    """A text of a header; empty where it says NONE."""
     text = str(header.get(key, "")).strip()
     return "" if text.upper() == "NONE" else text
 
 
-def _names(sets: Sequence[_Set]) -> list[str]:
+def _names(sets: Sequence[DataSet]) -> list[str]:
     """The names of the functions, by the rule that the module's docstring states."""
-    titles = [_label(one.header, "id1") for one in sets]
+    titles = [label_of(one.header, "id1") for one in sets]
     signals = [title for title, one in zip(titles, sets, strict=True) if one.is_signal]
     titled = all(signals) and len(set(signals)) == len(signals)
     names = [title if titled and one.is_signal else _dof(one.header) for title, one in zip(titles, sets, strict=True)]
@@ -196,7 +203,7 @@ def _names(sets: Sequence[_Set]) -> list[str]:
 
 
 def _unit(header: Mapping[str, Any], system: int) -> str | None:
-    if stated := _label(header, "ordinate_axis_units_lab"):
+    if stated := label_of(header, "ordinate_axis_units_lab"):
         return stated
     length, force = _LENGTHS.get(system), _FORCES.get(system)
     kind = _ORDINATES.get(int(header.get("ordinate_spec_data_type", 0)))
@@ -215,12 +222,12 @@ def rate_of_step(step: float) -> float | None:
     return float(whole) if whole and f"{1.0 / whole:.5E}" == f"{step:.5E}" else 1.0 / step
 
 
-def _info(one: _Set, name: str, system: int) -> SignalInfo:
-    texts = [one.words, _label(one.header, "id1"), _dof(one.header)]
+def _info(one: DataSet, name: str, system: int) -> SignalInfo:
+    texts = [one.words, label_of(one.header, "id1"), _dof(one.header)]
     notes = list(dict.fromkeys(tidy(text) for text in texts if text and text != name))
     if not one.is_signal:
         return SignalInfo.timed(name, None, "", one.count, note=f"no recording: {'; '.join(notes)}")
-    if axis := _label(one.header, "ordinate_axis_lab"):
+    if axis := label_of(one.header, "ordinate_axis_lab"):
         notes.append(tidy(axis))
     rate, start = rate_of_step(one.step) if one.even else None, float(one.header["abscissa_min"])
     unit = _unit(one.header, system)
@@ -228,18 +235,19 @@ def _info(one: _Set, name: str, system: int) -> SignalInfo:
 
 
 @dataclass(frozen=True)
-class _Content:
+class Content:
     """The data sets 58 of an open file, with their names and the file's unit system."""
 
     pyuff: Any
     content: mmap.mmap
-    sets: list[_Set]
+    sets: list[DataSet]
     names: list[str]
     system: int
 
 
 @contextlib.contextmanager
-def _opened(path: Path, label: str, max_bytes: int) -> Iterator[_Content]:
+def opened(path: Path, label: str, max_bytes: int) -> Iterator[Content]:
+    """The data sets 58 of a file, while it is open."""
     name = name_of(path, label)
     with Guard(name, _KIND) as guard, open_regular(path, max_bytes=max_bytes, label=label) as file:
         if not _recognises(file.read(4096)):
@@ -247,33 +255,33 @@ def _opened(path: Path, label: str, max_bytes: int) -> Iterator[_Content]:
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             pyuff = guard.load(_LIBRARY)
             sets, system = _headers(pyuff, content, name)
-            yield _Content(pyuff, content, sets, _names(sets), system)
+            yield Content(pyuff, content, sets, _names(sets), system)
 
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    with _opened(path, label, max_bytes) as found:
+    with opened(path, label, max_bytes) as found:
         sets = found.sets
         signals = tuple(_info(one, name, found.system) for one, name in zip(sets, found.names, strict=True))
-    notes = [tidy(_label(sets[0].header, key)) for key in ("id2", "id3", "id4", "id5")] if sets else []
+    notes = [tidy(label_of(sets[0].header, key)) for key in ("id2", "id3", "id4", "id5")] if sets else []
     binary = any(one.header.get("binary") for one in sets)
     return FileInfo("UFF 58b" if binary else "UFF 58", signals, tuple(note for note in notes if note))
 
 
 def _read(request: Request) -> Sequence[Signal]:
     name = name_of(request.path, request.label)
-    with _opened(request.path, request.label, request.max_bytes) as found:
+    with opened(request.path, request.label, request.max_bytes) as found:
         chosen = find([("", one) for one in found.names], request)
         sizes = [found.sets[at].stop - found.sets[at].start for at in chosen]
         afford(16 * sum(found.sets[at].count for at in chosen) + 8 * max(sizes, default=0), request.max_bytes, name)
         return [_signal(found, at, name) for at in chosen]
 
 
-def _signal(found: _Content, at: int, name: str) -> Signal:
+def _signal(found: Content, at: int, name: str) -> Signal:
     one, called = found.sets[at], found.names[at]
     if not one.is_signal or one.is_complex:
         what = one.words if not one.is_signal else f"complex {one.words}"
         raise TableError(f"{name}: {shown(called)} is a {what}, no recording; name a time signal (function type 1)")
-    with _copied([found.content[one.start : one.stop], b"\n"]) as path:
+    with copied([found.content[one.start : one.stop], b"\n"]) as path:
         read = found.pyuff.UFF(path).read_sets()
     if not isinstance(read, dict) or len(np.atleast_1d(read.get("data", ()))) < one.count:
         raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")

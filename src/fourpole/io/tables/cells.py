@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.errors import TableError
 from fourpole.io.child import read_apart
 from fourpole.io.formats import workbook
 from fourpole.io.layout import is_missing, number
@@ -98,6 +99,8 @@ def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[
         some = [one for at, one in enumerate(sheets) if at in chosen]
         return [_of_text(table_of(sheets[one], name), one) for one in some]
     found = read_apart(recorded, path, group, name, classes=(Signal,), label=name)
+    if not found:
+        raise TableError(f"{name}: holds no column of numbers that could be read; export its table as CSV")
     return [_of_signals(signals, missing, name, inside) for inside, signals, missing in found]
 
 

@@ -14,6 +14,10 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.reduced import coherence_std
 from fourpole.errors import TableError
+from fourpole.io.formats import uff
+from fourpole.io.recordings import format_of
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.source import name_of
 from fourpole.io.tables.cells import Cells, tables_in
 from fourpole.io.tables.columns import (
     Statement,
@@ -27,6 +31,7 @@ from fourpole.io.tables.columns import (
     where_of,
 )
 from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
+from fourpole.io.tables.responses import Measured, read_response
 from fourpole.models.shape import Shape
 from fourpole.units import shown
 
@@ -38,6 +43,12 @@ _ROLES = ("frequency", *QUANTITIES, *_CONDITIONS, *_STD, "coherence", "tyre")
 _FACTOR = (
     'state --shape-factor "0.05 m" (K* per modulus), or --mode shear --height "10 mm" --area "5 cm^2" for K = G A/h, '
     'or --mode compression for K = E A/h; --shape-factor "1 m" keeps the numbers of the modulus'
+)
+
+
+_RIG = (
+    "it is of the specimen and what is behind it: state --no-rig where its far side does not move, or the rig's values "
+    "to fourpole identify"
 )
 
 
@@ -130,7 +141,7 @@ def read_k_star(
     Parameters
     ----------
     path : path
-        A file of any format that recordings have.
+        A file of any format that recordings have; of UFF 58, a frequency response.
     options : TableOptions, optional
         What the file does not say.
     label : str, optional
@@ -156,8 +167,13 @@ def read_k_star(
     [200000.]
     """
     options = TableOptions() if options is None else options
-    tables = tables_in(Path(path), group=options.group, label=label)
     stated = statements(options.columns)
+    name = name_of(path, label)
+    if format_of(path, max_bytes=MAX_FILE_BYTES, label=name) is uff.FORMAT:
+        return _of_response(read_response(Path(path), stated, name), options, name)
+    if other := [one.role for one in stated if one.role not in _ROLES]:
+        raise TableError(f"--column: {', '.join(other)} is no role of a table of K*; its roles are {', '.join(_ROLES)}")
+    tables = tables_in(Path(path), group=options.group, label=label)
     if len(tables) == 1:
         return _understood(tables[0], stated, options)
     good, errors = [], []
@@ -211,6 +227,28 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     )
 
 
+def _of_response(found: Measured, options: TableOptions, name: str) -> KStarTable:
+    """The table of a frequency response."""
+    if not found.is_stiffness and not options.ratio:
+        raise TableError(f"{name}: {found.said[0]}: {_RIG}")
+    used = found.frequency > 0
+    std, remarks = None, list[str]()
+    if found.coherence is not None and options.averages is None:
+        remarks.append("the file has its coherence: state --averages for the uncertainty that it gives")
+    elif found.coherence is not None:
+        std, _ = _of_coherence(found.coherence[used], options.averages or 1.0, name)
+    values = found.values[used]
+    return KStarTable(
+        frequency=found.frequency[used],
+        mobility=None if found.is_stiffness else values,
+        stiffness=values if found.is_stiffness else None,
+        lines=(np.flatnonzero(used) + 1).tolist(),
+        understood=found.said,
+        warnings=[*found.remarks, *remarks],
+        std=std,
+    )
+
+
 def _no_frequency(cells: Cells) -> str:
     heads = ", ".join(shown(one.head)[1:-1] for one in cells.columns[:20])
     return (
@@ -239,10 +277,7 @@ def _preferred(cells: Cells, forms: Sequence[Form], options: TableOptions) -> Fo
         ways.append(f"{names} give a modulus, which becomes K* by the shape: {_FACTOR}")
     if ratios:
         names = ", ".join(shown(one.column.name) for one in ratios[0].columns.values())
-        ways.append(
-            f"{names} give V1/F1 of the specimen and what is behind it: state --no-rig where its far side does not "
-            "move, or the rig's values to fourpole identify"
-        )
+        ways.append(f"{names} give V1/F1: {_RIG}")
     raise TableError(f"{where_of(cells)}: {'; or: '.join(ways)}")
 
 
@@ -286,7 +321,7 @@ def _std(cells: Cells, found: Sequence[Taken], options: TableOptions) -> tuple[F
 
 
 def _of_coherence(coherence: FloatArray, averages: float, where: str) -> tuple[FloatArray, list[str]]:
-    if np.any((coherence < 0) | (coherence > 1 + 1e-9)):
+    if np.any((coherence < 0) | (coherence > 1 + 1e-6)):
         raise TableError(f"{where}: a coherence lies outside 0 to 1: the column is another quantity, or in %")
     return coherence_std(np.minimum(coherence, 1.0), averages), []
 

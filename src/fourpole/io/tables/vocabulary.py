@@ -42,6 +42,7 @@ ROLES: dict[str, Role] = {
     "damping": Role("damping C = K''/ω", "C", "N s/m", ("damping",)),
     "R": Role("R = Re(V1/F1)", "R", "m/(N s)", ("mobility",)),
     "I": Role("I = Im(V1/F1)", "I", "m/(N s)", ("mobility",)),
+    "frf": Role("frequency response of a UFF file", "1+Z/1+Z", "(m/s^2)/N", ()),
     "force": Role("force amplitude F1", "F1", "N", ("force",)),
     "motion": Role("motion amplitude", "x", "mm", _MOTIONS),
     "u(storage)": Role("standard uncertainty of K'", "u(K')", "N/m", _LEVEL),

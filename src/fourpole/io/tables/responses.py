@@ -1,0 +1,150 @@
+r"""Frequency responses that another system measured, as V1/F1 or K*.
+
+At a driving point, motion over force or force over motion of one node and direction give V1/F1. From a force at another
+node over the motion of the driven one, with the output blocked, the dynamic stiffness is K* itself (ISO 10846-2).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fourpole import units
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.errors import TableError, UnitError
+from fourpole.io.child import read_apart
+from fourpole.io.formats.uff_responses import Response, responses
+from fourpole.io.tables.columns import Statement
+from fourpole.units import shown
+
+#: Kind of a ratio of motion over force, and of force over motion, with the power of jω that makes it V1/F1 or F1/V1.
+MOTION_PER_FORCE = {"receptance": 1, "mobility": 0, "accelerance": -1}
+FORCE_PER_MOTION = {"stiffness": -1, "damping": 0, "mass": 1}
+_KINDS = (*MOTION_PER_FORCE, *FORCE_PER_MOTION)
+_NAMES = {"stiffness": "dynamic stiffness", "damping": "impedance", "mass": "apparent mass"}
+_MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
+_FORCES = (9, 13)
+#: Largest difference of two frequencies of one line, as a share of the step.
+_SAME = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Measured(ByValue):
+    """A frequency response in SI: V1/F1 [m/(N s)], or K* [N/m] (`is_stiffness`), with its coherence if there is one."""
+
+    frequency: FloatArray
+    values: ComplexArray
+    is_stiffness: bool
+    coherence: FloatArray | None
+    said: list[str]
+    remarks: list[str]
+
+
+def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measured:
+    """The frequency response of a UFF file that gives V1/F1 or K*; of several, the one that --column frf= names.
+
+    Raises
+    ------
+    TableError
+        If there is none, or no single one, or its unit is not known.
+    """
+    every = read_apart(responses, path, label, classes=(Response,), label=label)
+    known = [one for one in every if not one.is_coherence]
+    if not known:
+        raise TableError(f"{label}: holds no frequency response; time signals are recordings for fourpole analyse")
+    statement = next((one for one in stated if one.role == "frf"), None)
+    one = _chosen(known, statement, label)
+    kind, scale = _kind(one, statement, label)
+    omega = 2 * np.pi * one.frequency
+    values, remarks = scale * one.values, list[str]()
+    driven = _driven(one, kind, label, remarks)
+    sign = -1.0 if np.prod([-1 if at < 0 else 1 for at in one.directions]) < 0 else 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if kind in MOTION_PER_FORCE:
+            values = sign * values * (1j * omega) ** MOTION_PER_FORCE[kind]
+        else:
+            values = 1.0 / (sign * values * (1j * omega) ** FORCE_PER_MOTION[kind])
+        values = values if driven else 1j * omega / values
+    if sign < 0:
+        remarks.append(f"{one.name}: response and reference point in opposite directions: the sign was reversed")
+    coherence = next((_on(one, other) for other in every if other.is_coherence and _same_place(one, other)), None)
+    what = "driving point" if driven else "transfer, with the output blocked"
+    said = [f"frequency response {shown(one.name)}: {_NAMES.get(kind, kind)}, {what}"]
+    return Measured(one.frequency, np.asarray(values), not driven, coherence, said, remarks)
+
+
+def _chosen(known: Sequence[Response], statement: Statement | None, label: str) -> Response:
+    names = [one.name for one in known]
+    listed = ", ".join(f"{at} {name}" for at, name in enumerate(names[:12], 1))
+    if statement is None:
+        if len(known) == 1:
+            return known[0]
+        raise TableError(f'{label}: has {len(known)} frequency responses ({listed}): state one by --column "frf=1"')
+    found = [one for one in known if statement.name in (one.name, one.title)]
+    if not found and statement.name.isdecimal() and 0 < int(statement.name) <= len(known):
+        found = [known[int(statement.name) - 1]]
+    if len(found) != 1:
+        what = "no" if not found else f"{len(found)}"
+        raise TableError(f"{label}: has {what} frequency responses {shown(statement.name)}; they are {listed}")
+    return found[0]
+
+
+def _kind(one: Response, statement: Statement | None, label: str) -> tuple[str, float]:
+    """Kind of a response, and its SI value in the unit that is stated."""
+    unit = statement.unit if statement is not None and statement.unit is not None else _unit(one)
+    name = shown(one.name)
+    if not unit:
+        raise TableError(
+            f'{label}: {name} states no unit: state it, as in --column "frf={one.name} [(m/s^2)/N]", or [m/N], [N/m]'
+        )
+    try:
+        kind, scale = units.channel_scale(unit, _KINDS)
+    except UnitError as error:
+        raise TableError(f'{label}: {name}: {error}; state it, as in --column "frf={one.name} [(m/s^2)/N]"') from None
+    types = (one.ordinate, one.denominator)
+    stated = _MOTIONS.get(types[0]) if types[1] in _FORCES else None
+    if stated and kind != {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}[stated]:
+        raise TableError(f"{label}: {name} is {stated} over force by its types, but in {unit}; state the unit")
+    return kind, scale
+
+
+def _unit(one: Response) -> str:
+    """The unit of a response, as one text: that of the ordinate over that of the denominator."""
+    unit = re.sub(r"^\(1/(?P<per>[^()]+)\)\*\(?(?P<of>[^()]+)\)?$", r"(\g<of>)/(\g<per>)", one.unit.replace(" ", ""))
+    return f"({unit})/({one.per})" if unit and one.per else unit
+
+
+def _driven(one: Response, kind: str, label: str, remarks: list[str]) -> bool:
+    """Whether a response is one of a driving point; False for a transfer stiffness, TableError for another transfer."""
+    (response, reference), ways = one.nodes, one.directions
+    if max(map(abs, ways)) > 3:
+        raise TableError(f"{label}: {shown(one.name)} has a rotation; name a response along one direction")
+    if response == reference and (0 in ways or abs(ways[0]) == abs(ways[1])):
+        if 0 in ways:
+            remarks.append(f"{one.name} states no direction: taken as that of one driving point")
+        return True
+    if abs(ways[0]) != abs(ways[1]):
+        raise TableError(f"{label}: {shown(one.name)} is across two directions; name one of a single direction")
+    if kind in FORCE_PER_MOTION:
+        return False
+    raise TableError(
+        f"{label}: {shown(one.name)} is a motion at another node than the force: name one of the driving point, or a "
+        "force behind the blocked specimen over the motion before it"
+    )
+
+
+def _same_place(one: Response, other: Response) -> bool:
+    return (one.nodes, one.directions) == (other.nodes, other.directions) and other.values.size > 0
+
+
+def _on(one: Response, other: Response) -> FloatArray:
+    """The coherence at the frequencies of a response; not-a-number where there is none."""
+    at = np.clip(np.searchsorted(other.frequency, one.frequency), 1, max(other.frequency.size - 1, 1))
+    at = at - (np.abs(other.frequency[at - 1] - one.frequency) < np.abs(other.frequency[at] - one.frequency))
+    step = np.gradient(one.frequency) if one.frequency.size > 1 else np.ones(1)
+    near = np.abs(other.frequency[at] - one.frequency) <= _SAME * np.abs(step)
+    return np.where(near, other.values.real[at], np.nan)
