@@ -293,3 +293,18 @@ def test_rows_that_cannot_be_used_are_named(tmp_path: Path) -> None:
         "understood frequency: column 'f' [Hz]; K', or the storage modulus: column 'K'' [N/m]; loss factor tan δ",
     ):
         assert said in text
+
+
+def test_one_sheet_or_group_of_several_or_all(tmp_path: Path) -> None:
+    frame = pl.DataFrame({"f [Hz]": F, "K' [N/m]": K.real, "K'' [N/m]": K.imag})
+    with pytest.importorskip("xlsxwriter").Workbook(tmp_path / "k.xlsx") as book:
+        for name, t in (("cold", 0.0), ("warm", 40.0)):
+            frame.with_columns(pl.lit(t).alias("T [°C]")).write_excel(book, name)
+        book.add_worksheet("notes").write_row(0, 0, ["who", "when"])
+    with pytest.raises(TableError, match=r"2 sheets or groups hold K\*: 'cold', 'warm'; name one with --group"):
+        read_k_star(tmp_path / "k.xlsx")
+    assert read_k_star(tmp_path / "k.xlsx", TableOptions(group="warm")).frequency.size == 7
+    measured = read_measured(tmp_path / "k.xlsx", options=TableOptions(group="*"))
+    assert [one.state for one in measured.conditions] == [{"temperature [degC]": 0.0}, {"temperature [degC]": 40.0}]
+    with pytest.raises(TableError, match="there is no group 'hot'"):
+        read_k_star(tmp_path / "k.xlsx", TableOptions(group="hot"))

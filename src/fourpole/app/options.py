@@ -182,7 +182,7 @@ class TableChoice:
     column: list[str] | None = _given(
         'Which column is what, as "storage=G\' [kPa]" or "phase=3 [deg]"; may be repeated.', metavar="ROLE=NAME"
     )
-    group: str = _given("The sheet or group of the file, if several hold such a table.", default="")
+    group: str = _given("The sheet or group of the file, if several hold such a table; '*': all together.", default="")
     averages: float | None = _given("Number of independent averages, for the uncertainty by the coherence.")
     shape_factor: str | None = _given('K* per modulus, for a table of G* or E*, as "0.05 m".')
     mode: str | None = _given("With --height and --area: shear (K = G A/h) or compression (K = E A/h).")

@@ -76,7 +76,7 @@ def _response(found: Content, at: int, name: str) -> Response:
     with copied([found.content[one.start : one.stop], b"\n"]) as path:
         read = found.pyuff.UFF(path).read_sets()
     called = f"{_dof(head, 'rsp')}/{_dof(head, 'ref')}"
-    values = np.atleast_1d(np.asarray(read.get("data", ()), dtype=complex)) if isinstance(read, dict) else np.empty(0)
+    values = np.atleast_1d(np.asarray(read.get("data", ()) if isinstance(read, dict) else (), dtype=complex))
     if values.size < one.count:
         raise TableError(f"{name}: is cut short: {shown(called)} has not its {one.count} values; export it again")
     if int(head.get("abscissa_spec_data_type", 0)) not in _FREQUENCY:

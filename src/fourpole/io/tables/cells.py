@@ -20,7 +20,7 @@ from fourpole.io.recordings import format_of, survey
 from fourpole.io.signals import MAX_FILE_BYTES, Request, Signal
 from fourpole.io.source import name_of
 from fourpole.io.stream import by_halves
-from fourpole.io.text import TextTable, read_tables, table_of
+from fourpole.io.text import TextTable, read_tables, tables_of
 from fourpole.units import column_unit, is_unit
 
 #: Memory that the numbers of a table may need [byte], and the most columns of a table.
@@ -95,13 +95,23 @@ def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[
         return [_of_text(one, inside) for inside, one in read_tables(path, group=group, label=name)]
     if kind.name == workbook.FORMAT.name:
         sheets = read_apart(workbook.texts, path, name, label=name)
-        chosen = in_group([(one, "") for one in sheets], group, name)
-        some = [one for at, one in enumerate(sheets) if at in chosen]
-        return [_of_text(table_of(sheets[one], name), one) for one in some]
+        return _of_sheets(sheets, group, name)
     found = read_apart(recorded, path, group, name, classes=(Signal,), label=name)
     if not found:
         raise TableError(f"{name}: holds no column of numbers that could be read; export its table as CSV")
     return [_of_signals(signals, missing, name, inside) for inside, signals, missing in found]
+
+
+def _of_sheets(sheets: dict[str, str], group: str, label: str) -> list[Cells]:
+    """The tables of the sheets of a workbook; `group` is the name of a sheet, or of a sheet and a table in it."""
+    found = []
+    for sheet, text in sheets.items():
+        for title, table in tables_of(text, label):
+            found.append(_of_text(table, f"{sheet}/{title}" if title else sheet))
+    names = [sheet for sheet in sheets if group and sheet.casefold() == group.casefold()]
+    if names:
+        return [one for one in found if one.group == names[0] or one.group.startswith(f"{names[0]}/")]
+    return [found[at] for at in in_group([(one.group, "") for one in found], group, label)]
 
 
 def recorded(path: Path, group: str, label: str) -> list[tuple[str, list[Signal], list[str]]]:

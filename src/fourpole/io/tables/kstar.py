@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -46,6 +47,8 @@ _FACTOR = (
 )
 
 
+#: Name of a group that means all of them.
+ALL = "*"
 _RIG = (
     "it is of the specimen and what is behind it: state --no-rig where its far side does not move, or the rig's values "
     "to fourpole identify"
@@ -61,7 +64,7 @@ class TableOptions:
     columns : sequence of str
         Which column is what, as the option ``--column`` has it: "storage=G' [kPa]".
     group : str
-        The sheet or group; empty if only one holds K*.
+        The sheet or group; empty if only one holds K*; "*" for all of them together.
     factor : float, optional [m]
         K* per modulus.
     shape : Shape, optional
@@ -169,11 +172,11 @@ def read_k_star(
     options = TableOptions() if options is None else options
     stated = statements(options.columns)
     name = name_of(path, label)
-    if format_of(path, max_bytes=MAX_FILE_BYTES, label=name) is uff.FORMAT:
+    if format_of(Path(path), max_bytes=MAX_FILE_BYTES, label=name) is uff.FORMAT:
         return _of_response(read_response(Path(path), stated, name), options, name)
     if other := [one.role for one in stated if one.role not in _ROLES]:
         raise TableError(f"--column: {', '.join(other)} is no role of a table of K*; its roles are {', '.join(_ROLES)}")
-    tables = tables_in(Path(path), group=options.group, label=label)
+    tables = tables_in(Path(path), group="" if options.group == ALL else options.group, label=label)
     if len(tables) == 1:
         return _understood(tables[0], stated, options)
     good, errors = [], []
@@ -182,13 +185,38 @@ def read_k_star(
             good.append((one, _understood(one, stated, options)))
         except TableError as error:
             errors.append(error)
-    if len(good) == 1:
-        return good[0][1]
+    if good and (len(good) == 1 or options.group == ALL):
+        return _together([one for _, one in good], [str(error) for error in errors])
     if not good:
         first = "; ".join(str(one).removeprefix(f"{tables[0].label} ") for one in errors[:3])
         raise TableError(f"{tables[0].label}: no sheet or group is understood: {first}")
     names = ", ".join(shown(one.group) for one, _ in good[:12])
-    raise TableError(f"{tables[0].label}: {len(good)} sheets or groups hold K*: {names}; name one with --group")
+    what = f"{len(good)} sheets or groups hold K*: {names}"
+    raise TableError(f'{tables[0].label}: {what}; name one with --group, or take all with --group "{ALL}"')
+
+
+def _together(tables: Sequence[KStarTable], left: Sequence[str]) -> KStarTable:
+    """Several tables as one, row below row; `left` are the reasons why others were left out."""
+    first = tables[0]
+    if len(tables) == 1:
+        return first
+    if any((one.mobility is None) != (first.mobility is None) for one in tables):
+        raise TableError("some sheets or groups hold K*, others V1/F1: name one with --group")
+
+    def joined(name: str) -> Any:
+        parts = [getattr(one, name) for one in tables]
+        return None if any(one is None for one in parts) else np.concatenate(parts)
+
+    return KStarTable(
+        frequency=joined("frequency"),
+        mobility=joined("mobility"),
+        stiffness=joined("stiffness"),
+        lines=[line for one in tables for line in one.lines],
+        understood=list(dict.fromkeys(text for one in tables for text in one.understood)),
+        warnings=list(dict.fromkeys([*(text for one in tables for text in one.warnings), *left])),
+        std=joined("std"),
+        further=pl.concat([one.further for one in tables], how="diagonal_relaxed"),
+    )
 
 
 def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions) -> KStarTable:

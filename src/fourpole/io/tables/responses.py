@@ -65,16 +65,16 @@ def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measur
     sign = -1.0 if np.prod([-1 if at < 0 else 1 for at in one.directions]) < 0 else 1.0
     with np.errstate(divide="ignore", invalid="ignore"):
         if kind in MOTION_PER_FORCE:
-            values = sign * values * (1j * omega) ** MOTION_PER_FORCE[kind]
+            mobility = np.asarray(sign * values * (1j * omega) ** MOTION_PER_FORCE[kind])
         else:
-            values = 1.0 / (sign * values * (1j * omega) ** FORCE_PER_MOTION[kind])
-        values = values if driven else 1j * omega / values
+            mobility = np.asarray(1.0 / (sign * values * (1j * omega) ** FORCE_PER_MOTION[kind]))
+        found = mobility if driven else np.asarray(1j * omega / mobility)
     if sign < 0:
         remarks.append(f"{one.name}: response and reference point in opposite directions: the sign was reversed")
     coherence = next((_on(one, other) for other in every if other.is_coherence and _same_place(one, other)), None)
     what = "driving point" if driven else "transfer, with the output blocked"
     said = [f"frequency response {shown(one.name)}: {_NAMES.get(kind, kind)}, {what}"]
-    return Measured(one.frequency, np.asarray(values), not driven, coherence, said, remarks)
+    return Measured(one.frequency, found, not driven, coherence, said, remarks)
 
 
 def _chosen(known: Sequence[Response], statement: Statement | None, label: str) -> Response:
