@@ -107,9 +107,9 @@ def test_steps_with_titles(tmp_path: Path) -> None:
 
 def test_a_table_far_down_is_found(tmp_path: Path) -> None:
     head = "".join(f"Option {at}\t{at}.5 mm\n" for at in range(3000))
-    path = written(tmp_path, head + "\n[step]\nSweep\nf\tF\nHz\tN\n1\t2\n3\t4\n")
-    assert groups(path) == {"": [("f", "Hz", 2), ("F", "N", 2)]}
-    assert read(path, "", "F") == [[2.0, 4.0]]
+    path = written(tmp_path, head + "\n[step]\nSweep\nf\tF\nHz\tN\n" + "1\t2\n3\t4\n" * 40)
+    assert groups(path) == {"": [("f", "Hz", 80), ("F", "N", 80)]}
+    assert read(path, "", "F") == [[2.0, 4.0] * 40]
 
 
 def test_tables_without_titles_are_numbered_unless_their_times_go_on(tmp_path: Path) -> None:

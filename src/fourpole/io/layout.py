@@ -38,6 +38,7 @@ _CATMAN_TIME = re.compile(r"(?:Time|Zeit|Temps)  ?[0-9]+ - .*")
 _NTH = re.compile(r"(.+)\.([1-9][0-9]{0,3})")
 #: A line without letters but those of exponents: a row of numbers.
 _NUMBERS = re.compile(r"[^A-DF-Za-df-z\u0080-\U0010ffff]*[0-9][^A-DF-Za-df-z\u0080-\U0010ffff]*")
+_SIGNS = re.compile(r"[|=&<>]+")
 #: Share of the cells of a row of units that are known units.
 _KNOWN_UNITS = 0.5
 _UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
@@ -173,14 +174,20 @@ def layout_below(
     lines, keyed = [*above, *(delimiter.join(row) for row in rows)], dict(enumerate(map(list, rows), first))
     found = _nearest_names(lines, keyed, first, delimiter)
     decimal, clocks = _decimal(rows, delimiter), _clocks(list(rows))
-    if found is None or not any(map(_is_name, found[0])):
-        if headless and all(is_aside(one) or len(shape.split(one)) == 1 for one in above):
+    if found is None or not any(map(_is_name, found[0])) or not _are_names(found[0]):
+        bare = all(is_aside(one) or len(shape.split(one)) == 1 for one in above)
+        if headless and bare and all(_is_values(row, shape.sign) for row in rows):
             width = len(rows[0])
             return Layout(by_number(width), (None,) * width, delimiter, decimal, 0, line, clocks)
         return None
     names, header = found
     units, _ = _units(lines[:first], names, header, delimiter, max(first - 1, header))
     return Layout(names, units, delimiter, decimal, line - first + header, line, clocks)
+
+
+def _are_names(cells: Sequence[str]) -> bool:
+    """Whether cells may be the names of columns: no times of day, and no lines or signs that part words."""
+    return not any(is_moment(cell) or is_date(cell) or _SIGNS.fullmatch(cell) for cell in cells)
 
 
 def _is_name(cell: str) -> bool:
@@ -231,6 +238,8 @@ def _unit_of(bracket: str | None, cell: str) -> str | None:
 
 def holds_numbers(lines: Sequence[str], layout: Layout) -> bool:
     """Whether at least half of the first lines are rows, and half of the cells of one of their columns are numbers."""
+    if not _are_names(layout.names) and layout.header_line:
+        return False
     split = splitter(layout.delimiter)
     below = [line for line in lines[layout.first_row - 1 : layout.first_row - 1 + _SAMPLE] if not is_aside(line)]
     rows = [cells for cells in (trimmed(split(line), layout.width) for line in below) if len(cells) == layout.width]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import hashlib
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Iterator
@@ -16,6 +17,13 @@ from fourpole.errors import FileError, FourpoleError, TableError
 from fourpole.units import shown
 
 _UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+#: Common characters of GB 2312: signs and level 1; four bytes are a sign beyond it.
+_CHINESE = re.compile(rb"[\xa1-\xa9\xb0-\xd7][\xa1-\xfe]|[\x81-\x84][0-9][\x81-\xfe][0-9]")
+#: Common characters of Shift-JIS: signs, kana, kanji of level 1, and runs of kana of half width.
+_JAPANESE = re.compile(rb"[\x81-\x84\x88-\x97][\x40-\x7e\x80-\xfc]|\x98[\x40-\x72]|[\xa6-\xdf]{3,}(?![\xe0-\xfc])")
+_ASCII = re.compile(rb"[\x00-\x7f]+")
+#: Least share of the characters beyond ASCII that are common ones.
+_NEARLY_ALL = 0.9
 #: Bytes that are decoded at a time.
 _AT_ONCE = 1 << 20
 _UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
@@ -81,12 +89,12 @@ def encoding_of(start: bytes, name: str) -> tuple[str, int]:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(start)  # incremental, since the last character may be cut
     except UnicodeDecodeError:
-        return _single_byte(start), 0
+        return encoding_without_mark(start), 0
     return "utf-8", 0
 
 
 def decode(content: bytes, name: str) -> tuple[str, str]:
-    """A decoded text and its encoding: UTF-8, UTF-16 with its mark, or else cp1252 or Latin-1."""
+    """A decoded text and its encoding: UTF-8, UTF-16 with its mark, or else as `encoding_without_mark` tells."""
     encoding, mark = encoding_of(content, name)
     try:
         text = content[mark:].decode(encoding)
@@ -94,8 +102,8 @@ def decode(content: bytes, name: str) -> tuple[str, str]:
         if mark:
             where = f"byte {error.start + mark + 1}"
             raise TableError(f"{name}: is marked as {encoding} but is not ({where}); save it as UTF-8") from None
-        encoding = _single_byte(content)
-        text = content.decode(encoding)
+        encoding = encoding_without_mark(content)
+        text = content.decode(encoding, errors="replace")
     if "\x00" in text:
         raise TableError(f"{name}: is binary, not text; export it as CSV, in UTF-8")
     return text, encoding
@@ -122,12 +130,36 @@ def as_utf8(file: BinaryIO, encoding: str, name: str) -> Iterator[BinaryIO]:
         yield cast("BinaryIO", plain)
 
 
-def _single_byte(content: bytes) -> str:
+def encoding_without_mark(content: bytes) -> str:
+    """The encoding of a text that is not UTF-8: GB 18030, Shift-JIS (cp932), cp1252 or Latin-1.
+
+    A text is Chinese or Japanese if nearly all of its characters beyond ASCII are among the common ones of that
+    encoding: those of GB 2312 level 1 and its signs, kana and the kanji of JIS level 1. Words in Western letters never
+    are: a letter with an accent stands alone between letters of ASCII.
+
+    Examples
+    --------
+    >>> encoding_without_mark("时间(s),力(N)".encode("gb18030")), encoding_without_mark("時間,荷重".encode("cp932"))
+    ('gb18030', 'cp932')
+    >>> encoding_without_mark("Zeit;Prüfkraft;Dämpfung;Weg [µm];°C".encode("cp1252"))
+    'cp1252'
+    """
+    shares = {"gb18030": _common_share(content, _CHINESE), "cp932": _common_share(content, _JAPANESE)}
+    best = max(shares, key=lambda one: shares[one])
+    if shares[best] > _NEARLY_ALL:
+        return best
     try:
         content.decode("cp1252")
     except UnicodeDecodeError:
         return "latin-1"
     return "cp1252"
+
+
+def _common_share(content: bytes, common: re.Pattern[bytes]) -> float:
+    """Share of the bytes beyond ASCII, and of those of ASCII that belong to them, that are common characters."""
+    found = common.findall(content)
+    beyond = len(_ASCII.sub(b"", content)) + len(b"".join(found)) - len(_ASCII.sub(b"", b"".join(found)))
+    return sum(map(len, found)) / beyond if beyond else 0.0
 
 
 def _check(found: os.stat_result, name: str, max_bytes: int) -> None:

@@ -27,6 +27,8 @@ _MOST_HEADERS, _MOST_STRETCHES, _MOST_ASIDE = 100_000, 2_000, 20_000
 _KEPT = 200
 #: Rows that show how the rows of a stretch are written.
 _SHOWN = 20
+#: Least share of the lines of a table that are rows; half of them in a table of one column.
+_FEW, _HALF = 0.02, 0.5
 #: Longest line that is looked at [byte], and longest title.
 _LONGEST, _TITLE = 100_000, 60
 #: Bytes that are read at a time: they stay in the processor's cache.
@@ -147,7 +149,7 @@ class _Scan:
         self.aside = 0
         """Number of lines since the last row."""
         self._shape, self._encoding, self._name, self._ending = shape, encoding, name, ending
-        self._offset, self._line = offset, 1
+        self._offset, self._line, self._blank = offset, 1, 0
         self._rest = self._tail = b""
         self._runs: list[_Run] = []
         self._run: _Run | None = None
@@ -155,11 +157,13 @@ class _Scan:
         self._headers: set[tuple[str, tuple[str, ...]]] = set()
 
     def finished(self) -> list[_Run]:
-        """All runs."""
+        """All runs; none if there are so few rows among so many lines that the text is no table."""
         self._look_into(self._rest, last=True)
         if self._run is not None:
             self._end(self._tail)
-        return self._runs
+        rows = sum(run.rows for run in self._runs)
+        least = _FEW if any(sum(map(bool, run.layout.names)) > 1 for run in self._runs) else _HALF
+        return self._runs if rows >= least * (self._line - 1 - self._blank) else []
 
     def feed(self, chunk: bytes) -> None:
         """Take the next bytes of the file."""
@@ -218,6 +222,7 @@ class _Scan:
                 self._above, self.aside = [], 0
                 return at
         self.aside += 1
+        self._blank += not text.strip()
         self._above.append(text)
         if len(self._above) > 2 * _KEPT:
             del self._above[_KEPT]

@@ -11,6 +11,7 @@ from fourpole.errors import FileError, TableError
 from fourpole.io import rows as room
 from fourpole.io.formats.text import FORMAT
 from fourpole.io.signals import Request, Signal
+from fourpole.units import column_unit
 
 NAN = float("nan")
 
@@ -125,6 +126,53 @@ def test_columns_of_one_name_are_numbered(tmp_path: Path) -> None:
     for absent in ("F1.3", "F1.0", "V1.2", "V1.1"):
         with pytest.raises(TableError, match="there is no column"):
             read(path, absent)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "text"),
+    [
+        ("gb18030", "时间(s),力(N),位移(mm)\n"),
+        ("gb18030", "试样,橡胶衬套\n\n频率/Hz,动刚度(N/mm),加速度(m/s²)\n"),
+        ("cp932", "時間(s),荷重(N),変位(mm)\n"),
+        ("cp932", "ﾁｬﾝﾈﾙ1,ﾃﾞｰﾀ,チャンネル3\n"),
+        ("cp1252", "Zeit,Prüfkraft,Dämpfung ü\n"),
+        ("cp1252", "Größe °C,Weg µm,Öl ä\n"),
+        ("cp1252", "Fréquence,Éprouvette n° 3,créée à l’arrêt\n"),
+        ("cp1252", "Förskjutning,Läge,Tåg\n"),
+    ],
+)
+def test_chinese_and_japanese_are_told_from_western_letters(tmp_path: Path, encoding: str, text: str) -> None:
+    path = written(tmp_path, (text + "0,1,2\n1,2,3\n").encode(encoding))
+    info = FORMAT.survey(path, path.name, 10**8)
+    assert info.format.startswith(f"text in {encoding}")
+    names = text.strip().rpartition("\n")[2].split(",")
+    assert [one.name for one in info.signals] == [column_unit(name)[0] for name in names]
+    np.testing.assert_array_equal(read(path, names[1])[0].samples, [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "# A title\n\nThis is prose, with commas, and so on.\nIt goes on, line by line, to its end.\n" * 20,
+        "import os\n\ndef size(path):\n    return os.stat(path).st_size, 1\n\nvalues = [\n    1,\n    2,\n]\n" * 9,
+        "2025-06-24 14:36:35 status unpacked less:amd64 590\n" * 50,
+        "| Color | Hex |\n| ----- | --- |\n| red   | 1   |\n| blue  | 2   |\n",
+        "name: rig\nversion: 3\nauthors:\n  - A. Miller\n",
+        "Dear colleague\n\nthe file is attached.\n\n3\n",
+    ],
+)
+def test_a_text_that_is_no_table_is_refused(tmp_path: Path, content: str) -> None:
+    with pytest.raises(TableError, match="is text without a table of numbers"):
+        FORMAT.survey(written(tmp_path, content), "notes.txt", 10**8)
+
+
+def test_columns_without_names_have_numbers(tmp_path: Path) -> None:
+    path = written(tmp_path, "# rig 7\n\nTest 3\n0;1,5;7\n0,5;2,5;8\n")
+    assert [(one.name, one.count) for one in FORMAT.survey(path, path.name, 10**8).signals] == [
+        ("1", 2), ("2", 2), ("3", 2),
+    ]  # fmt: skip
+    time, force = read(path, "1", "2")
+    np.testing.assert_array_equal([time.samples, force.samples], [[0.0, 0.5], [1.5, 2.5]])
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "cp1252"])

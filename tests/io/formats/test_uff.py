@@ -136,3 +136,15 @@ def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, binary: int, capfd
         with pytest.raises(TableError, match=r"^b\.uff: "):
             FORMAT.read(asked(tmp_path / "b.uff", "12-Z"))
     assert capfd.readouterr() == ("", "")
+
+
+def test_sets_without_signals_are_named(tmp_path: Path) -> None:
+    nodes = "    -1\n    15\n" + "         1         0         0        11  0.0  0.0  0.0\n" + "    -1\n"
+    modes = "    -1\n    55\nNONE\n" + "    -1\n"
+    units = "    -1\n   164\n         1  SI\n    -1\n"
+    path = tmp_path / "a.unv"
+    path.write_text(units + nodes + nodes + modes + "    -1\n  9999\nx\n    -1\n")
+    said = r"holds no function \(data set 58\), only its units \(data set 164\), nodes \(data set 15\), mode shapes"
+    with pytest.raises(TableError, match=said) as error:
+        FORMAT.survey(path, "a.unv", 10**8)
+    assert "data (data set 9999)" in str(error.value)

@@ -34,6 +34,8 @@ _START = re.compile(rb"[\s\x00]*?[ ]{0,4}-1[ ]*\r?\n[ ]{0,5}[0-9]{1,6}(?:b|\s)",
 _HEADER = 13
 _LONGEST_HEADER = 1 << 14
 _MOST_SETS = 100_000
+#: Largest number of kinds of data sets in a message.
+_MOST_TAGS = 12
 _TIME_RESPONSE, _GENERAL = 1, 0
 _TIME_AXIS = (0, 1, 17)
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", 4: "+RX", 5: "+RY", 6: "+RZ"}
@@ -53,6 +55,27 @@ _FUNCTIONS = {
     24: "shock response spectrum",
     27: "order function",
 }
+#: Data sets that hold no signals.
+_OTHERS = {
+    15: "nodes",
+    18: "coordinate systems",
+    55: "mode shapes or other data at nodes",
+    56: "data at elements",
+    57: "data at nodes of elements",
+    82: "lines that link nodes",
+    151: "the header of the file",
+    164: "its units",
+    780: "elements",
+    781: "nodes",
+    1858: "remarks on functions",
+    2400: "the header of a model",
+    2411: "nodes",
+    2412: "elements",
+    2414: "results of an analysis",
+    2420: "coordinate systems",
+}
+#: Data sets that say something of the others.
+_ABOUT = (b"151", b"164", b"1858")
 _LENGTHS = {1: "m", 2: "ft", 3: "m", 4: "ft", 5: "mm", 6: "cm", 7: "in", 8: "mm", 10: "mm"}
 _FORCES = {1: "N", 2: "lbf", 3: "kgf", 5: "mN", 6: "cN", 7: "lbf", 8: "kgf", 10: "N"}
 _ORDINATES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force"}
@@ -144,20 +167,26 @@ def copied(parts: Sequence[bytes]) -> Iterator[str]:
         yield str(path)
 
 
-def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[DataSet], int]:
-    """The data sets 58 of a file, and the number of the unit system that it states (0: none)."""
+def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[DataSet], int, Mapping[bytes, int]]:
+    """The data sets 58 of a file, the number of the unit system that it states (0: none), and what its other sets hold.
+
+    TableError, which says what they hold, if none is a data set 58.
+    """
     places, heads, system = [], [], 0
+    others = Counter[bytes]()
     for start, stop in _blocks(content, name):
         lines = content[start : min(stop, start + _LONGEST_HEADER)].lstrip(b"\r\n").splitlines(keepends=True)
         tag = lines[1][:6].strip()
         if tag == b"58":
             places.append((start, stop))
             heads.append(b"".join([*lines[:_HEADER]]).rstrip(b"\r\n") + b"\n    -1\n")
-        elif tag == b"164":
+            continue
+        others[tag] += 1
+        if tag == b"164":
             with contextlib.suppress(IndexError, ValueError):
                 system = int(lines[2][:10])
     if not places:
-        return [], system
+        raise TableError(f"{name}: holds no function (data set 58), only {_held(others)}; export the time signals too")
     with copied(heads) as path:
         uff = pyuff.UFF(path)
         found = uff.read_sets(header_only=True)
@@ -173,7 +202,16 @@ def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[DataSet], 
             raise TableError(
                 f"{name}: is cut short: function {number} declares {one.count} values and has fewer; export it again"
             )
-    return sets, system
+    return sets, system, {tag: count for tag, count in others.items() if tag not in _ABOUT}
+
+
+def _held(others: Mapping[bytes, int]) -> str:
+    """What some data sets hold, with their numbers."""
+    words = []
+    for tag in list(others)[:_MOST_TAGS]:
+        number = int(tag) if tag.isdigit() else 0
+        words.append(f"{_OTHERS.get(number, 'data')} (data set {tidy(tag.decode('ascii', 'replace'))})")
+    return ", ".join(words) or "nothing"
 
 
 def _dof(header: Mapping[str, Any]) -> str:
@@ -243,6 +281,7 @@ class Content:
     sets: list[DataSet]
     names: list[str]
     system: int
+    others: Mapping[bytes, int]
 
 
 @contextlib.contextmanager
@@ -254,15 +293,17 @@ def opened(path: Path, label: str, max_bytes: int) -> Iterator[Content]:
             raise TableError(f"{name}: is not {_KIND}: it does not begin with -1 and a number; check what wrote it")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             pyuff = guard.load(_LIBRARY)
-            sets, system = _headers(pyuff, content, name)
-            yield Content(pyuff, content, sets, _names(sets), system)
+            sets, system, others = _headers(pyuff, content, name)
+            yield Content(pyuff, content, sets, _names(sets), system, others)
 
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     with opened(path, label, max_bytes) as found:
         sets = found.sets
         signals = tuple(_info(one, name, found.system) for one, name in zip(sets, found.names, strict=True))
-    notes = [tidy(label_of(sets[0].header, key)) for key in ("id2", "id3", "id4", "id5")] if sets else []
+    notes = [tidy(label_of(sets[0].header, key)) for key in ("id2", "id3", "id4", "id5")]
+    if found.others:
+        notes.append(f"no signals: {_held(found.others)}")
     binary = any(one.header.get("binary") for one in sets)
     return FileInfo("UFF 58b" if binary else "UFF 58", signals, tuple(note for note in notes if note))
 
