@@ -23,8 +23,9 @@ from tests.plot.modelled import study_with_models
 from tests.plot.rig_found import MISFIT, VALUES, budget_table, residual_table, rig_table, with_rig_found
 
 from fourpole.core.condition import PRESSURE, axis_of
-from fourpole.report.cards import ALPHABET, embedded, make_cards, packed
+from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import number, spread, with_std
+from fourpole.report.packed import ALPHABET, packed
 from fourpole.report.page import ReportFigure, _versions, render_report, write_report
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import rigs_in_words

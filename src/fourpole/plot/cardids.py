@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from fourpole.plot.part import part_of
 from fourpole.plot.sheet import texts
 from fourpole.study.results import Results
 
+_KEY = "cards"
+#: Number of rows of a test, lines of its spectrum, above which they share a card.
+MANY = 12
+
+
+def of_lines(results: Results, cards: list[str]) -> None:
+    """Note the ids of the cards of results with some lines of their tests."""
+    results.derived[_KEY] = cards
+
 
 def dynamic_cards(results: Results) -> list[str]:
     """The id of the card of each row of dynamic.csv; rows of a part have the ids that the whole results give.
+
+    A test with more rows than `MANY` has one card, that of its first row.
 
     Examples
     --------
@@ -16,8 +29,18 @@ def dynamic_cards(results: Results) -> list[str]:
     >>> dynamic_cards(Results(dynamic=pl.DataFrame({"test": ["D1", "D2"]})))
     ['dynamic-1', 'dynamic-2']
     """
+    if _KEY in results.derived:
+        cards: list[str] = results.derived[_KEY]
+        return cards
     part = part_of(results)
-    return [f"dynamic-{at + 1}" for at in (range(results.dynamic.height) if part is None else part.rows.tolist())]
+    whole = results if part is None else part.whole
+    tests = texts(whole.dynamic, "test")
+    counts = Counter(tests)
+    first: dict[str, int] = {}
+    for at, test in enumerate(tests):
+        first.setdefault(test, at)
+    rows = range(len(tests)) if part is None else part.rows.tolist()
+    return [f"dynamic-{(first[tests[at]] if counts[tests[at]] > MANY else at) + 1}" for at in rows]
 
 
 def static_cards(results: Results) -> dict[str, str]:

@@ -20,6 +20,7 @@ from fourpole.plot.frequency import FIRST
 from fourpole.plot.part import own_colours, part_of
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.spec import FigureSpec
+from fourpole.plot.strided import strided
 from fourpole.plot.style import Style, drawing
 from fourpole.study.results import Results
 from fourpole.study.study import make_folder
@@ -95,7 +96,8 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
     Returns
     -------
     Figure or None
-        A matplotlib figure that is not registered with pyplot; None if the results hold nothing that it shows.
+        A matplotlib figure that is not registered with pyplot; None if the results hold nothing that it shows. Of a
+        test with many lines it shows some.
 
     Raises
     ------
@@ -104,6 +106,7 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
     """
     spec = _spec(key)
     style = style or Style()
+    results = strided(results)
     part = part_of(results)
     if part is not None and part.selection.colours:
         names = read_sheet(results, texts_only=not spec.apart).names

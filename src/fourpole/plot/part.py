@@ -107,6 +107,13 @@ def select(results: Results, selection: Selection) -> Results:
     return _parted(results, Part(results, np.flatnonzero(rows), np.flatnonzero(statics), selection))
 
 
+def parted_rows(results: Results, made: Results, rows: IntArray) -> None:
+    """Note that `made` has some rows of the dynamic table of results that may be a part themselves."""
+    part = part_of(results)
+    if part is not None:
+        made.derived[_KEY] = replace(part, rows=part.rows[rows])
+
+
 def _parted(results: Results, part: Part) -> Results:
     """The tables, models and rows of a part."""
     tables = dict(results.tables)

@@ -15,17 +15,16 @@ from numpy.typing import NDArray
 
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
-from fourpole.fitting.rows import KEY, Key, key_of
+from fourpole.fitting.rows import KEY, Key, key_of, keyed
+from fourpole.plot.cardids import dynamic_cards
 from fourpole.report.digits import known, number
+from fourpole.report.linecards import band_words, line_body, lines_of
+from fourpole.report.packed import extremes, packed
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
 from fourpole.report.wanted import shown_as
 from fourpole.study.results import Results, section, stated_blocked
 from fourpole.study.tables import DYNAMIC as TABLE
-
-#: Two of these characters are one sample of a curve: 4095 levels between its extremes, and one for a missing sample.
-ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
-_LEVELS = 4094
-_PAIRS = np.array([a + b for a in ALPHABET for b in ALPHABET])
+from fourpole.study.tables import verdict_of_lines
 
 _SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
 _UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
@@ -51,8 +50,8 @@ def make_cards(results: Results) -> tuple[list[Card], list[str], list[str]]:
     """All cards, static tests first; then the key of the card of each row of the static and of the dynamic table."""
     previews = _Previews(results.previews)
     static, static_keys = _static_cards(results.static, previews)
-    dynamic = _dynamic_cards(results, previews)
-    return static + dynamic, static_keys, [card.key for card in dynamic]
+    dynamic, keys = _dynamic_cards(results, previews)
+    return static + dynamic, static_keys, keys
 
 
 class _Previews:
@@ -131,29 +130,54 @@ def _tangents(
             yield [_short(x[at] + share * (x[at + 1] - x[at])), _short(preload), _short(k1)]
 
 
-def _dynamic_cards(results: Results, previews: _Previews) -> list[Card]:
+def _dynamic_cards(results: Results, previews: _Previews) -> tuple[list[Card], list[str]]:
     quantities = {
         symbol: str(section(results.record, "stated", "channels", role).get("quantity", ""))
         for symbol, role in _SIGNALS
     }
     more = [name for name in results.dynamic.columns if name not in (*TABLE.columns, *KEY)]
-    return [
-        Card(
-            key=f"dynamic-{at}",
-            test=str(row["test"]),
-            tyre=str(row["tyre"] or ""),
-            condition=condition(row, dynamic=True),
-            verdict=worst_verdict([row["verdict"]]),
-            body=_dynamic_body(
-                row,
-                previews.of(key_of(row)),
-                quantities,
-                more,
-                blocked=stated_blocked(results.record, str(row["rig"] or "")),
-            ),
+    cards, whole = dynamic_cards(results), results.dynamic
+    parts: dict[str, list[int]] = {}
+    for at, card in enumerate(cards):
+        parts.setdefault(card, []).append(at)
+    lines = lines_of(results.lines)
+    made = []
+    for card, rows in parts.items():
+        row = whole.row(rows[0], named=True)
+        if len(rows) > 1:
+            made.append(_line_card(card, keyed(whole[rows]), lines))
+            continue
+        made.append(
+            Card(
+                key=card,
+                test=str(row["test"]),
+                tyre=str(row["tyre"] or ""),
+                condition=condition(row, dynamic=True),
+                verdict=worst_verdict([row["verdict"]]),
+                body=_dynamic_body(
+                    row,
+                    previews.of(key_of(row)),
+                    quantities,
+                    more,
+                    blocked=stated_blocked(results.record, str(row["rig"] or "")),
+                ),
+            )
         )
-        for at, row in enumerate(results.dynamic.rows(named=True), 1)
-    ]
+    return made, cards
+
+
+def _line_card(key: str, rows: pl.DataFrame, lines: Mapping[str, pl.DataFrame]) -> Card:
+    """The card of a test with lines."""
+    row = {**rows.row(0, named=True), q.FREQUENCY.head: None}
+    about = (condition(row, dynamic=True), band_words(rows))
+    return Card(
+        key=key,
+        test=str(row["test"]),
+        tyre=str(row["tyre"] or ""),
+        condition=", ".join(part for part in about if part),
+        verdict=verdict_of_lines(rows[q.VERDICT.head].to_list()),
+        body=line_body(rows, lines.get(str(row["test"]), pl.DataFrame())),
+    )
 
 
 def _dynamic_body(
@@ -184,7 +208,7 @@ def _signal(symbol: str, preview: Mapping[str, NDArray[np.float64]], quantity: s
     signal, fit, residual = (_floats(preview.get(f"{symbol}{what}")) for what in ("", " fit", " residual"))
     if signal.size < 2 or fit.size != signal.size:
         return {}
-    low, high = _extremes(np.concatenate([signal, fit]))
+    low, high = extremes(np.concatenate([signal, fit]))
     return {
         "name": _SYMBOLS.get(quantity, symbol[0]) + symbol[1:],
         "unit": _UNITS.get(quantity, "N" if symbol == "F1" else "SI"),
@@ -231,34 +255,6 @@ def _floats(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
 
 def _short(value: float) -> float:
     return float(f"{value:.6g}")
-
-
-def _extremes(values: NDArray[np.float64]) -> tuple[float, float]:
-    seen = values[np.isfinite(values)]
-    return (float(seen.min()), float(seen.max())) if seen.size else (0.0, 0.0)
-
-
-def packed(values: NDArray[np.float64], low: float | None = None, high: float | None = None) -> list[float | str]:
-    """A curve as its extremes and two characters per sample.
-
-    Parameters
-    ----------
-    values : (n,) float array
-        Not-a-number is kept as missing.
-    low, high : float, optional
-        Extremes to share with other curves; by default the curve's own.
-
-    Returns
-    -------
-    list
-        Least value, value of one level, text.
-    """
-    if low is None or high is None:
-        low, high = _extremes(values)
-    step = (high - low) / _LEVELS
-    level = np.zeros(values.size) if step == 0 else (values - low) / step
-    index = np.where(np.isfinite(values), np.clip(np.rint(level), 0, _LEVELS), _LEVELS + 1).astype(int)
-    return [float(f"{low:.8g}"), float(f"{step:.8g}"), "".join(_PAIRS[index].tolist())]
 
 
 def embedded(value: object) -> str:

@@ -41,6 +41,14 @@ const draw = (() => {
     const found = Array.from({ length: count(step) }, (_, at) => (first(step) + at) * step);
     return [found, Math.max(0, -Math.floor(Math.log10(step) + 1e-9))];
   };
+  const decades = (low, high) => {
+    const found = [];
+    for (let power = Math.floor(low); power <= high; power++) for (const m of high - low > 2.5 ? [1] : [1, 2, 5]) {
+      const at = power + Math.log10(m);
+      if (at >= low && at <= high) found.push(at);
+    }
+    return found.length ? found : [0.5 * (low + high)];
+  };
   const said = (value, decimals) => {
     const text = value.toFixed(decimals).replace("-", "−");
     return /[1-9]/.test(text) ? text : text.replace("−", "");
@@ -58,13 +66,14 @@ const draw = (() => {
     const left = 46, right = width - 8, top = 18, bottom = height - 30;
     const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title });
     const px = (value) => left + (value / x.factor - x.low) / (x.high - x.low) * (right - left);
-    const py = (value) => bottom - (value / y.factor - y.low) / (y.high - y.low) * (bottom - top);
-    const [xs, xDecimals] = ticks(x.low, x.high, 4), [ys, yDecimals] = ticks(y.low, y.high, height > 200 ? 4 : 3);
+    const clip = (where) => y.clip && !isNaN(where) ? Math.max(top, Math.min(bottom, where)) : where;
+    const py = (value) => clip(bottom - (value / y.factor - y.low) / (y.high - y.low) * (bottom - top));
+    const [xs, xDecimals] = x.log ? [decades(x.low, x.high), 0] : ticks(x.low, x.high, 4), [ys, yDecimals] = ticks(y.low, y.high, height > 200 ? 4 : 3);
     let grid = "";
     for (const at of xs) {
       const where = px(at * x.factor).toFixed(1);
       grid += `M${where} ${top}V${bottom}`;
-      svg.append(element("text", { class: "tick", x: where, y: bottom + 12, "text-anchor": "middle" }, said(at, xDecimals)));
+      svg.append(element("text", { class: "tick", x: where, y: bottom + 12, "text-anchor": "middle" }, x.log ? `${+(10 ** at).toPrecision(1)}` : said(at, xDecimals)));
     }
     for (const at of ys) {
       const where = py(at * y.factor);
@@ -142,6 +151,54 @@ const draw = (() => {
     const title = "load loop, its mean, tangents K1";
     return plot(title, axis("deflection", "m", [x]), axis("load", "N", [y]), series, { width, height: Math.min(360, 0.75 * width) });
   };
+  const lines = (body, width) => {
+    const box = html("div", "whole spectra"), xs = unpack(body.lines.f);
+    const x = { ...axis("frequency", "Hz", [xs], { pad: 0.02 }), label: "frequency [Hz]", factor: 1, log: true };
+    [x.low, x.high] = extremes(xs);
+    if (x.low === x.high) { x.low -= 0.1; x.high += 0.1; }
+    for (const panel of body.lines.panels) {
+      const series = [];
+      if (panel.v) {
+        const value = unpack(panel.v), reach = unpack(panel.u), there = [...value.keys()].filter((i) => !isNaN(value[i] + reach[i]));
+        const middle = (i) => panel.zero ? 0 : value[i];
+        const back = [...there].reverse();
+        series.push({
+          kind: "area", xs: [...there, ...back].map((i) => xs[i]),
+          ys: [...there.map((i) => middle(i) - reach[i]), ...back.map((i) => middle(i) + reach[i])],
+        });
+        series.push({ kind: panel.zero ? "dot" : "line", xs, ys: value });
+      }
+      const names = [];
+      for (const [at, curve] of (panel.curves || []).entries()) {
+        series.push({ kind: `curve c${at}`, xs, ys: unpack(curve.v) });
+        names.push(curve.name);
+      }
+      const [low, high] = panel.room, gap = 0.06 * (high - low) || 1;
+      const y = { label: `[${panel.unit}]`, factor: 1, low: low - gap, high: high + gap, clip: true };
+      const svg = plot(names.length ? "" : panel.title, x, y, series, { width, height: 190 });
+      if (names.length) svg.append(...legend(panel.title, names));
+      box.append(svg);
+    }
+    return box;
+  };
+  const legend = (title, names) => {
+    const text = element("text", { x: 46, y: 12 }, `${title}: `);
+    for (const [at, name] of names.entries()) text.append(element("tspan", { class: `name c${at}` }, `${at ? ", " : ""}${name}`));
+    return [text];
+  };
+  const table = (found) => {
+    const box = html("div", "whole scroll"), made = html("table", "results"), head = html("tr");
+    for (const name of found.heads) head.append(html("th", "n", name));
+    made.append(html("thead"), html("tbody"));
+    made.firstChild.append(head);
+    for (const row of found.rows) {
+      const line = html("tr");
+      for (const cell of row) line.append(html("td", "n", cell));
+      made.lastChild.append(line);
+    }
+    box.append(made, html("p", "note", found.rows.length < found.of ? `${found.rows.length} of ${found.of} lines; dynamic.csv and lines.csv have all.` : ""));
+    return box;
+  };
   const facts = (facts, wide) => {
     const list = html("dl", wide ? "wide" : "");
     for (const [name, value] of facts) {
@@ -155,6 +212,7 @@ const draw = (() => {
     const inside = html("div", "card");
     const room = Math.max(280, wide - 20), three = room > 760, width = three ? room / 3 - 16 : room; // as in the style
     for (const remark of body.remarks) inside.append(html("p", "whole", remark));
+    if (body.lines) inside.append(lines(body, three ? room / 2 - 8 : width), table(body.table));
     if (body.curve) inside.append(curve(body.curve, three ? 2 * width : width));
     if (body.signals) inside.append(signals(body, width));
     if (body.loop) {
@@ -163,7 +221,7 @@ const draw = (() => {
       if (body.loop.p !== undefined) side.append(html("p", "note", "Line: the fundamental. Dots: samples of F1 at the fundamental of the deflection."));
       inside.append(side);
     }
-    if (!body.curve && !body.signals) inside.append(html("p", "whole note", "No recording of it could be used, or no preview is kept."));
+    if (!body.curve && !body.signals && !body.lines) inside.append(html("p", "whole note", "No recording of it could be used, or no preview is kept."));
     inside.append(facts(body.facts, !body.curve));
     return inside;
   };

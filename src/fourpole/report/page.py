@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from markupsafe import Markup
@@ -15,6 +16,7 @@ from markupsafe import Markup
 from fourpole.core.checks import VERDICTS
 from fourpole.findings.verdicts import CheckRow, checks_by_test
 from fourpole.io.write import write_text
+from fourpole.plot.strided import shown_rows
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import number
 from fourpole.report.folded import folded
@@ -139,10 +141,14 @@ def page_parts(results: Results, findings: Sequence[Sentence], figures: Mapping[
     """What the templates of `PARTS` show, in the units that are wanted now."""
     cards, static_keys, dynamic_keys = make_cards(results)
     static = result_rows(results.static, STATIC, static_keys)
-    dynamic = result_rows(results.dynamic, DYNAMIC, dynamic_keys)
+    some = shown_rows(results).tolist()
+    dynamic = result_rows(results.dynamic[some], DYNAMIC, [dynamic_keys[at] for at in some])
     where = {card.test: card.key for card in cards}
     record = results.record
-    topics, remarks = _topics(findings, where), _remarks([*dynamic.rows, *static.rows], checks_by_test(results.checks))
+    topics, remarks = (
+        _topics(findings, where),
+        _remarks([*_remarked(results, dynamic_keys), *static.rows], checks_by_test(results.checks)),
+    )
     shown = {key: figure for key, figure in figures.items() if key not in FRONT}
     return {
         "title": str(record.get("title") or "") or "Campaign without a title",
@@ -158,6 +164,7 @@ def page_parts(results: Results, findings: Sequence[Sentence], figures: Mapping[
             )
             if table.rows
         ],
+        "left_out": results.dynamic.height - len(some),
         "tyres": tested(results),
         "tyre_index": {tyre: at for at, tyre in enumerate(dict.fromkeys(card.tyre for card in cards))},
         "verdicts": VERDICTS,
@@ -207,6 +214,16 @@ def _topics(findings: Sequence[Sentence], where: Mapping[str, str]) -> dict[str,
         entry = {"text": finding.text, "tests": linked, "more": len(names) - len(linked)}
         topics.setdefault(finding.topic, []).append(entry)
     return topics
+
+
+def _remarked(results: Results, cards: Sequence[str]) -> list[SimpleNamespace]:
+    """The dynamic tests with a remark, each once."""
+    found: dict[str, SimpleNamespace] = {}
+    columns = (results.dynamic[name].to_list() for name in ("test", "verdict", "remarks"))
+    for card, test, verdict, remarks in zip(cards, *columns, strict=True):
+        if remarks:
+            found.setdefault(card, SimpleNamespace(test=str(test), card=card, verdict=verdict, remarks=str(remarks)))
+    return [*found.values()]
 
 
 def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> list[dict[str, Any]]:

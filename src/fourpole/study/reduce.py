@@ -164,6 +164,7 @@ def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
         rows = [check_line(found, at)]
         if rows[0].verdict != "rejected" and rig is not None and not rig.blocked:
             rows += [checks.check_resonance(float(phasors.frequency), rig, added)]
+        if rows[0].verdict == "ok" and rig is not None and not rig.blocked:  # else noise would look like a wrong sign
             rows += [checks.check_consistency(phasors, rig, added)]
         points.append(Point(phasors, (*(bad if at else whole), *rows), found.corrections[at], line=found.line(at)))
     return tuple(points)

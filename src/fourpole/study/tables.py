@@ -229,17 +229,17 @@ TABLES = {
 TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending in one.endings)
 
 
-def _verdict(rows: Sequence[str]) -> str:
-    """Verdict of a dynamic test: a line of many that is rejected is a warning."""
+def verdict_of_lines(rows: Sequence[str]) -> str:
+    """Verdict of a dynamic test from those of its lines: a line of many that is rejected is a warning."""
     worst = worst_verdict(rows)
     return "warning" if worst == "rejected" and set(rows) != {"rejected"} else worst
 
 
 def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
-    """Number of tests by verdict; a test with several rows counts by the worst, but see `_verdict` for lines."""
+    """Number of tests by verdict; a test with several rows counts by the worst, but see `verdict_of_lines`."""
     held = [table for table in tables if q.VERDICT.head in table.columns]
     verdicts = []
     for table in held:
         rows = table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head)[q.VERDICT.head].to_list()
-        verdicts += list(map(_verdict if q.POINT.head in table.columns else worst_verdict, rows))
+        verdicts += list(map(verdict_of_lines if q.POINT.head in table.columns else worst_verdict, rows))
     return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
