@@ -340,7 +340,7 @@ def test_a_frequency_that_the_recording_does_not_show_is_not_taken(origin, tmp_p
     guess = guess_campaign(tmp_path)
     (wrong,) = [row for row in guess.rows if "17Hz" in row.file]
     assert wrong.values["frequency"] == pytest.approx(14.0)
-    assert wrong.doubts == ("17 Hz is stated, the recording shows 14 Hz, which is taken",)
+    assert wrong.doubts == (("frequency", "17 Hz is stated, the recording shows 14 Hz, which is taken"),)
 
 
 def test_the_signals_go_before_the_name_in_what_kind_a_test_is(origin, tmp_path):
@@ -348,7 +348,7 @@ def test_the_signals_go_before_the_name_in_what_kind_a_test_is(origin, tmp_path)
         table.write_csv(tmp_path / f"{name.replace('static', 'dynamic')}.csv")
     rows = {row.file: row for row in guess_campaign(tmp_path).rows}
     assert rows["radial_1.7bar_dynamic.csv"].kind == "static"
-    assert "its name says dynamic" in rows["radial_1.7bar_dynamic.csv"].doubts[0]
+    assert "its name says dynamic" in rows["radial_1.7bar_dynamic.csv"].doubts[0][1]
 
 
 def test_two_statements_that_differ_are_told(origin, tmp_path):
@@ -488,7 +488,7 @@ def test_an_impact_is_a_doubtful_test(origin, tmp_path):
         tmp_path / "radial_1.7bar_1000N.csv"
     )
     (row,) = [row for row in guess_campaign(tmp_path).rows if row.file == "radial_1.7bar_1000N.csv"]
-    assert row.doubts == ("its signals show no steady sinusoid and no slow curve",)
+    assert row.doubts == (("kind", "its signals show no steady sinusoid and no slow curve"),)
     assert "frequency" not in row.values
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -19,7 +20,8 @@ from fourpole.app.console import (
     say,
     warn,
 )
-from fourpole.campaign import read_campaign
+from fourpole.campaign import Campaign, read_campaign
+from fourpole.campaign.guessed import DOUBTS, columns_in_doubt
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
 
 _MOST_NAMED = 4
@@ -54,9 +56,10 @@ def _list(checked: Checked) -> None:
     """Print one row for each kind of problem, with the tests that have it."""
     for doubt in checked.campaign.doubts:
         warn(doubt)
-    own = checked.campaign.extra_columns
+    own = [name for name in checked.campaign.extra_columns if name != DOUBTS]
     notes = [
         *checked.notes,
+        *_guessed(checked.campaign),
         *([f"columns of your own, for the results alone: {first_of(own, _MOST_OWN)}"] if own else []),
     ]
     for note in notes:
@@ -71,6 +74,17 @@ def _list(checked: Checked) -> None:
         out()
     counts = counted_tests(checked.counts, "would be rejected")
     out(f"{counts} (route: {checked.route}); nothing was analysed or written")
+
+
+def _guessed(campaign: Campaign) -> Iterator[str]:
+    """The columns that are in doubt since `fourpole init`, with the number of tests of each."""
+    count = Counter(column for test in campaign.tests for column in columns_in_doubt(test.extra.get(DOUBTS, "")))
+    if count:
+        listed = ", ".join(f"{column} ({number})" for column, number in count.items())
+        yield (
+            f"tests.csv: doubts of fourpole init on {listed}: see the column {DOUBTS}; a doubt goes with the "
+            "correction of its cell, delete it where the cell is right"
+        )
 
 
 def _rows(problems: Sequence[CampaignProblem]) -> Iterator[tuple[str, ...]]:

@@ -65,7 +65,7 @@ def _document(guess: GuessedCampaign, following: str) -> dict[str, object]:
                 "tyre": row.tyre,
                 **row.values,
                 **({} if row.band is None else {"band": row.band}),
-                "doubts": list(row.doubts),
+                "doubts": [{"about": about, "text": text} for about, text in row.doubts],
             }
             for row in guess.rows
         ],

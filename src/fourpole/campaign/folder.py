@@ -21,6 +21,7 @@ from fourpole import units
 from fourpole.campaign.channels import did_you_mean
 from fourpole.campaign.columns import PASSED, QUANTITIES, Column, columns_of, doubts_of
 from fourpole.campaign.doubts import doubtful_uncertainties, doubtful_values
+from fourpole.campaign.guessed import DOUBTS, still_open
 from fourpole.campaign.limits import Limits, read_limits
 from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.place import at_hand
@@ -162,7 +163,8 @@ def read_campaign(folder: str | Path) -> Campaign:
     _check_names(tests)
     _check_channels(stated, tests)
     _check_files(folder, stated, tests)
-    extra = tuple(column.label for column in columns if column.role in PASSED and column.label)
+    mended = () if any(test.extra.get(DOUBTS) for test in tests) else (DOUBTS,)
+    extra = tuple(one.label for one in columns if one.role in PASSED and one.label and one.label not in mended)
     for axis in stated.conditions.axes:
         if axis.name not in extra:
             raise CampaignError(
@@ -229,6 +231,9 @@ def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFil
     """The test of one row, whose `problem` lists all faults of the row; CampaignError for a test without a name."""
     where = f"tests.csv row {row}"
     test, texts, problems = _read_cells(row, cells, columns, stated)
+    if DOUBTS in test.extra:
+        named = {column.name: cell for column, cell in zip(columns, cells, strict=False)}
+        test.extra[DOUBTS] = still_open(test.extra[DOUBTS], named)
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     texts["kind"] = texts.get("kind", "").lower()

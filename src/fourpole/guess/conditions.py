@@ -112,7 +112,7 @@ class _Meaning:
 #: Meanings of numbers without a unit; the first that fits counts.
 _MEANINGS = (
     _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, keyed=True),
-    _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, fractional=True),
+    _Meaning("pressure", 1e5, "taken as bar, not as the number of a tyre", 0.3, 10.0, fractional=True),
     _Meaning("pressure", 1e4, "taken as tenths of a bar (if it is psi, correct it)", 10.0, 99.9, keyed=True),
     _Meaning("pressure", 1e3, "taken as kPa", 100.0, 999.0, keyed=True),
     _Meaning("pressure", 1e3, "taken as kPa", 100.0, 450.0),

@@ -36,6 +36,8 @@ _OURS = frozenset({"campaign.toml", "tests.csv", "truth.csv"})
 _NEVER = re.compile(
     r"\.(toml|py|m|r|pdf|png|jpe?g|svg|gif|html?|docx?|pptx?|zip|gz|7z|exe|tdms_index|parquet|db|ini)$", re.I
 )
+#: Wide and unbreakable blanks, which a name may have.
+_BLANKS = {0x3000: " ", 0xA0: " "}
 _NOTES = re.compile(r"\.(txt|md|json|ya?ml|rst|nfo|info|log)$|^(readme|notes?|notizen|liesmich|info)\b", re.I)
 
 
@@ -146,7 +148,7 @@ def _counting(name: str) -> list[tuple[int, int, str]]:
 def _trouble(folder: Path, path: Path) -> str:
     """Reason why tests.csv cannot name a file; empty if it can."""
     name = path.relative_to(folder).as_posix()
-    if not name.isprintable() or name != name.strip():
+    if not name.translate(_BLANKS).isprintable() or name != name.strip():
         return "its name has control characters, or blanks at its ends: rename it"
     try:
         name.encode()

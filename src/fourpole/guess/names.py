@@ -125,20 +125,23 @@ _BANDS = re.compile(
 )
 #: Number of a copy, such as " (2)".
 _COPY = re.compile(r"[ _]?\((\d{1,3})\)(?=$|[_. /])")
-_WORDS_BEFORE = "|".join(sorted((key for key in KEYS if len(key) > 1), key=len, reverse=True))
+_WORDS_BEFORE = "|".join(sorted((re.escape(key) for key in KEYS if len(key) > 1), key=len, reverse=True))
 #: Letters before a number. Several letters may follow any character; a single letter must begin a word, or be a capital
-#: after a small letter.
-_KEY = rf"(?P<key>(?i:{_WORDS_BEFORE})|(?:(?<![^\W\d_])|(?<=[a-zß-ÿ])(?=[A-Z]))[A-Za-z])"
+#: after a small letter. The "p" of 0p10 is a decimal sign.
+_KEY = rf"(?P<key>(?i:{_WORDS_BEFORE})|(?:(?<![^\W\d_])(?!(?<=\d)p\d)|(?<=[a-zß-ÿ])(?=[A-Z]))[A-Za-z])"
 #: Letters of Chinese and Japanese before a number.
 _GLUED = r"(?P<glued>[\u3040-\u30ff\u3400-\u9fff々]{1,12})?"
 _UNIT = "|".join(f"(?P<u{at}>{pattern})" for at, (pattern, _, _) in enumerate(UNITS))
 #: A number with its unit. In "5 N10" the N belongs to the 10, because a gap separates it from the 5.
 _WITH_UNIT = re.compile(
-    rf"(?:{_KEY}[ _=:-]{{0,2}}|{_GLUED})(?<![0-9])(?<![0-9][.,])(?P<sign>(?<![0-9A-Za-z])[+]|(?<=[_ =:])-|(?i:minus))?"
+    rf"(?:{_KEY}(?:[ _=:]{{0,2}}|-)|{_GLUED})(?<![0-9])(?<![0-9][.,])"
+    rf"(?P<sign>(?<![0-9A-Za-z])[+]|(?<=[_ =:])-|(?i:minus))?"
     rf"(?P<number>(?P<under>\d_(?=\d\d?(?i:bar)))?{_NUMBER})(?:(?P<gap>[ _-])|)(?:{_UNIT})(?(gap)(?![0-9]))"
 )
 #: A number behind letters, without a unit.
 _KEYED = re.compile(rf"{_KEY}[ _=:#-]{{0,2}}(?<![0-9])(?P<number>{_NUMBER})")
+#: A number before the sign that says "number" in Chinese and Japanese.
+_NUMBERED = re.compile(r"(?<![0-9A-Za-z.,])\d{1,9}(?=[号號番])")
 #: A number without letters and unit.
 _BARE = re.compile(r"(?<![0-9A-Za-z])(?<![0-9][.,])(?P<number>\d{1,9}(?:[.,]\d{1,6})?)(?![0-9A-Za-z])")
 #: Words within a piece of text without separators, and the separators.
@@ -163,6 +166,7 @@ def read_name(text: str) -> list[Token]:
         (_HASHES, lambda match: Token("nothing", match[0])),
         (_COPY, lambda match: Token("repeat", match[0].strip(), float(match[1]))),
         (_WITH_UNIT, _valued),
+        (_NUMBERED, lambda match: Token("mark", match[0], key="serial")),
         (_KEYED, _keyed),
         (_BARE, lambda match: _bare(match["number"])),
     )

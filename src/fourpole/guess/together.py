@@ -130,14 +130,14 @@ class _Together:
         self.doubts: list[Doubt] = []
         #: Doubts on single tests, by subject: index of the test and text.
         self.pending: dict[str, list[tuple[int, str]]] = {}
-        self.of_row: list[list[str]] = [[] for _ in self.recordings]
+        self.of_row: list[list[tuple[str, str]]] = [[] for _ in self.recordings]
         self.kinds = [self._kind(index) for index in range(len(self.recordings))]
         self.names = test_names(self.recordings, self.kinds)
         if unmatched:
             listed = ", ".join(shown(self.recordings[index].file, 80) for index in unmatched[:_MOST_NAMED])
             more = f" and {len(unmatched) - _MOST_NAMED} more" if len(unmatched) > _MOST_NAMED else ""
             for index in unmatched:
-                self.of_row[index].append("its name does not match the pattern, so nothing is taken from it")
+                self.of_row[index].append(("", "its name does not match the pattern, so nothing is taken from it"))
             text = f"{len(unmatched)} names do not match the pattern, so nothing is taken from them: {listed}{more}"
             self._doubt("names", text, "fill in their rows of tests.csv, or add a further --pattern", unmatched)
 
@@ -184,7 +184,7 @@ class _Together:
 
     def _row(self, index: int, about: str, text: str) -> None:
         """Add a doubt on one test; `_condition_doubts` joins those on the same subject."""
-        self.of_row[index].append(text)
+        self.of_row[index].append((about, text))
         self.pending.setdefault(about, []).append((index, text))
 
     def _of_kind(self, *kinds: str) -> list[int]:
@@ -303,7 +303,7 @@ class _Together:
             what, tests = quantity.key, self._of_kind(*kinds)
             lacking = [index for index in tests if what not in conditions[index].values]
             for index in lacking:
-                self.of_row[index].append(f"{what} is not known")
+                self.of_row[index].append((what, "not known"))
             if lacking:
                 many = "every" if len(lacking) == len(tests) else str(len(lacking))
                 text = f"{what}: not known of {_counted(many, kinds)}; {follows}"

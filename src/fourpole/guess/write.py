@@ -6,11 +6,12 @@ import csv
 import io
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fourpole import quantities as q
+from fourpole.campaign.guessed import DOUBTS, doubts_cell
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
 from fourpole.guess.names import CONDITIONS
@@ -26,8 +27,6 @@ RIG_VALUES = {
     "preload_stiffness": (1e3, "kN/m", "12.44 kN/m"),
     "preload_damping": (1.0, "N s/m", ""),
 }
-#: Largest number of characters in a cell of doubts.
-_MOST_DOUBTS = 900
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,10 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Row:
-    """One guessed row of tests.csv, in SI units; `band` [Hz] of a test of many frequencies."""
+    """One guessed row of tests.csv, in SI units; `band` [Hz] of a test of many frequencies.
+
+    `doubts` are pairs of a subject, which may be a column, and a text.
+    """
 
     name: str
     file: str
@@ -62,7 +64,7 @@ class Row:
     tyre: str = ""
     values: dict[str, float] = field(default_factory=dict)
     repeat: str = ""
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[tuple[str, str], ...] = ()
     band: tuple[float, float] | None = None
 
 
@@ -219,11 +221,22 @@ def tests_csv(rows: Sequence[Row]) -> str:
         cells = [_cell(row, one) for row in rows]
         if one in _ALWAYS or any(cells):
             columns[one.stated_head] = cells
-    last = {"repeat": [row.repeat for row in rows], "doubts": ["; ".join(row.doubts)[:_MOST_DOUBTS] for row in rows]}
-    columns |= {head: cells for head, cells in last.items() if any(cells)}
+    if any(row.repeat for row in rows):
+        columns["repeat"] = [row.repeat for row in rows]
+    named = {head.partition(" ")[0]: cells for head, cells in columns.items()}
+    doubts = [doubts_cell(_entries(row, at, named)) for at, row in enumerate(rows)]
+    if any(doubts):
+        columns[DOUBTS] = doubts
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([list(columns), *zip(*columns.values(), strict=True)])
     return text.getvalue()
+
+
+def _entries(row: Row, at: int, columns: Mapping[str, Sequence[str]]) -> Iterator[tuple[str, str, str]]:
+    """Column, guessed cell and text of each doubt on a row; the column is empty for another subject."""
+    for about, text in row.doubts:
+        cells = columns.get(about)
+        yield ("", "", text) if cells is None else (about, cells[at], text)
 
 
 def _cell(row: Row, one: q.Quantity) -> str:
