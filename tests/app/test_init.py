@@ -85,3 +85,32 @@ def test_nothing_to_look_at_is_one_message(run, tmp_path, name):
     ran = run("init", tmp_path / name)
     assert (ran.exit_code, ran.stdout) == (2, "")
     assert len(ran.stderr.splitlines()) == 1
+
+
+def test_a_doubt_goes_when_its_cell_is_corrected(run, bare):
+    run("init", bare)
+    table = bare / "tests.csv"
+    head, *rows = table.read_text().splitlines()
+    table.write_text("\n".join([f"{head},doubts", *(f"{row},preload [1000]: taken as N" for row in rows)]) + "\n")
+    assert "doubts of fourpole init on preload (3)" in run("check", bare).stderr
+    table.write_text(table.read_text().replace(",1000,", ",1001,"))
+    said = run("check", bare).stderr
+    assert "doubts of fourpole init" not in said
+    assert "columns of your own" not in said
+
+
+def test_a_pattern_is_taken_and_a_wrong_one_changes_nothing(run, bare):
+    ran = run("init", bare, "--pattern", "{tire}_{pressure}bar")
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert "there is no field '{tire}'; possible are {specimen}" in ran.stderr
+    assert not (bare / "tests.csv").exists()
+    ran = run(
+        "init",
+        bare,
+        "--pattern",
+        "{specimen}_{pressure}bar_{preload}N_{}",
+        "--pattern",
+        "{specimen}_{pressure}bar_{kind}",
+    )
+    assert ran.exit_code == 0
+    assert "do not match the pattern" not in ran.stdout

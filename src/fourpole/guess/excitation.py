@@ -13,7 +13,7 @@ from fourpole.errors import FourpoleError
 #: Segments of the spectrum that shows the band, and those by which the kind is told.
 _FINE, _MANY = 32, 128
 #: Least power in the band over the largest [1], and the least over the floor of the spectrum.
-_POWER, _FLOOR = 1e-3, 10.0
+_POWER, _FLOOR = 1e-4, 10.0
 #: Bins without power that a band may have.
 _GAP = 3
 #: Share of the sampling rate up to which lines are resolved.

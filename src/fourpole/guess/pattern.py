@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from fourpole import units
 from fourpole.errors import CampaignError, UnitError
 from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, without_ending
+from fourpole.guess.words import UNITS
 from fourpole.units import shown
 
 #: Fields of texts, with the kind of token that each becomes; the names of conditions are further fields.
@@ -99,8 +100,11 @@ def _field(written: str, after: str, where: str) -> _Part:
 
 
 def _unit_at(text: str, kind: str) -> str:
-    """The longest unit of a kind at the beginning of a text; empty if there is none."""
+    """The unit of a kind at the beginning of a text, as names write it, else the longest; empty if there is none."""
     bare = text.lstrip(" ")
+    for expression, unit, what in UNITS:
+        if KINDS_OF.get(what) == kind and re.match(expression, bare):
+            return unit
     for size in range(min(len(bare), _LONGEST_UNIT), 0, -1):
         if not bare[size : size + 1].isalpha() and bare[size - 1].strip(" _-") and _is_of(bare[:size], kind):
             return bare[:size]
