@@ -16,6 +16,7 @@ from fourpole.app.options import (
     BareRig,
     InfoOptions,
     JsonFlag,
+    NamePatterns,
     OutFile,
     PlanOptions,
     PlotOptions,
@@ -118,13 +119,7 @@ def simulate(
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of recordings in any format.")],
     force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
-    pattern: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="What the names state, instead of a guess: {specimen}_{pressure}bar_{frequency}Hz; folders with /, {} "
-            "for anything. May be given several times: the first that matches counts."
-        ),
-    ] = None,
+    pattern: NamePatterns = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Make a campaign from a bare folder of recordings: guess channels, kinds and conditions, and list each doubt.

@@ -27,6 +27,16 @@ if TYPE_CHECKING:
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
 OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
 
+NamePatterns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--pattern",
+        metavar="PATTERN",
+        help="What the names state, instead of a guess: {specimen}_{pressure}bar_{frequency}Hz; / for folders, {} for "
+        "anything. May be given several times: the first that matches counts.",
+    ),
+]
+
 
 def amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
     """Option that takes a quantity with its unit and gives it in SI; messages use the first of its names."""

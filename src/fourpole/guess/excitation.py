@@ -74,8 +74,8 @@ def _band(track: Track, derivative: int) -> tuple[float, float] | None:
         return None
     parts = np.split(held, np.flatnonzero(np.diff(held) > _GAP) + 1)
     part = max(parts, key=lambda one: float(power[one].sum() / frequency[one[0]]) if one.size > 2 else 0.0)
-    if part.size < 3:
+    if part.size < 6:
         return None
-    # leakage of the window widens the band by a bin on either side
-    low, high = frequency[part[0] + 1], frequency[part[-1] - 1]
+    # the main lobe of the window widens the band by two bins on either side
+    low, high = frequency[part[0] + 2], frequency[part[-1] - 2]
     return float(f"{low:.2g}"), min(float(f"{high:.2g}"), _RESOLVED * track.rate)
