@@ -14,12 +14,14 @@ from fourpole.app.console import end_in_order, frequencies, out, progress, risin
 from fourpole.app.group import group_of
 from fourpole.app.options import (
     BareRig,
+    CampaignFolder,
     InfoOptions,
     JsonFlag,
     NamePatterns,
     OutFile,
     PlanOptions,
     PlotOptions,
+    ResultsFolder,
     RigOptions,
     RunOptions,
     ShapeOptions,
@@ -30,10 +32,6 @@ from fourpole.app.options import (
 from fourpole.export.kinds import ABOUT
 from fourpole.version import VERSION
 
-CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")]
-ResultsFolder = Annotated[
-    Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote, or the campaign's folder.")
-]
 Recording = Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")]
 _ROUTES = (
     "How K* is found: joint (all tests of a rig together), mobility (F1, V1 and the rig), relative (F1, V1, V2), "

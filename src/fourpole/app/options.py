@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
 OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
 
+CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")]
+ResultsFolder = Annotated[
+    Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote, or the campaign's folder.")
+]
 NamePatterns = Annotated[
     list[str] | None,
     typer.Option(
