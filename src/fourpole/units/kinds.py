@@ -84,7 +84,7 @@ def scale_of(unit: str, kinds: tuple[str, ...]) -> tuple[str, Fraction]:
     for kind in kinds:
         if spelled == kind_named(kind).si:  # this commonest case does not need pint
             return kind, Fraction(1)
-    gravity = "accelerance" in kinds or ("acceleration" in kinds and "mass" not in kinds)
+    gravity = not {"acceleration", "accelerance"}.isdisjoint(kinds) and "mass" not in kinds
     try:
         scale, dimensions = parse(spelled, gravity)
     except UnitError as error:

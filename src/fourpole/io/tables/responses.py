@@ -24,7 +24,6 @@ from fourpole.units import shown
 #: Kind of a ratio of motion over force, and of force over motion, with the power of jω that makes it V1/F1 or F1/V1.
 MOTION_PER_FORCE = {"receptance": 1, "mobility": 0, "accelerance": -1}
 FORCE_PER_MOTION = {"stiffness": -1, "damping": 0, "mass": 1}
-_KINDS = (*MOTION_PER_FORCE, *FORCE_PER_MOTION)
 _NAMES = {"stiffness": "dynamic stiffness", "damping": "impedance", "mass": "apparent mass"}
 _MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
 _FORCES = (9, 13)
@@ -102,7 +101,7 @@ def _kind(one: Response, statement: Statement | None, label: str) -> tuple[str, 
             f'{label}: {name} states no unit: state it, as in --column "frf={one.name} [(m/s^2)/N]", or [m/N], [N/m]'
         )
     try:
-        kind, scale = units.channel_scale(unit, _KINDS)
+        kind, scale = _scale(unit)
     except UnitError as error:
         raise TableError(f'{label}: {name}: {error}; state it, as in --column "frf={one.name} [(m/s^2)/N]"') from None
     types = (one.ordinate, one.denominator)
@@ -110,6 +109,14 @@ def _kind(one: Response, statement: Statement | None, label: str) -> tuple[str, 
     if stated and kind != {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}[stated]:
         raise TableError(f"{label}: {name} is {stated} over force by its types, but in {unit}; state the unit")
     return kind, scale
+
+
+def _scale(unit: str) -> tuple[str, float]:
+    """Kind and SI value of the unit of a ratio; g is 9.80665 m/s² over a force, and a gram below one."""
+    try:
+        return units.channel_scale(unit, tuple(MOTION_PER_FORCE))
+    except UnitError:
+        return units.channel_scale(unit, tuple(FORCE_PER_MOTION))
 
 
 def _unit(one: Response) -> str:
