@@ -308,3 +308,45 @@ def test_one_sheet_or_group_of_several_or_all(tmp_path: Path) -> None:
     assert [one.state for one in measured.conditions] == [{"temperature [degC]": 0.0}, {"temperature [degC]": 40.0}]
     with pytest.raises(TableError, match="there is no group 'hot'"):
         read_k_star(tmp_path / "k.xlsx", TableOptions(group="hot"))
+
+
+TRIOS = """[Version]
+TA Instruments LIMS export format version\t0
+[Step]
+Step name\tFrequency sweep
+Variables\tRun time\tTemperature\tAngular frequency\tStorage modulus\tLoss modulus\tTan(delta)
+Units\ts\t°C\trad/s\tMPa\tMPa\t
+Data point\t552.1\t149.9\t0.628318548\t0.004\t0.0004\t0.1
+Data point\t566.6\t149.9\t6.28318548\t0.005\t0.0005\t0.1
+Data point\t577.0\t149.9\t62.8318548\t0.006\t0.0006\t0.1
+"""
+
+
+def test_an_export_of_trios_for_lims(tmp_path: Path) -> None:
+    path = tmp_path / "trios.txt"
+    path.write_text(TRIOS, encoding="utf-8")
+    table = read_k_star(path, TableOptions(factor=0.05))
+    np.testing.assert_allclose(table.frequency, [0.1, 1.0, 10.0], rtol=1e-7)
+    assert table.stiffness is not None
+    np.testing.assert_allclose(table.stiffness, 0.05e6 * np.array([0.004, 0.005, 0.006]) * (1 + 0.1j), rtol=1e-12)
+    assert table.further["temperature [degC]"].to_list() == [149.9] * 3
+    assert table.lines == [7, 8, 9]
+
+
+def test_a_header_that_does_not_fit_leaves_the_numbers_of_the_columns(tmp_path: Path) -> None:
+    path = tmp_path / "rep.osc"
+    head = "T=0;Mw=94.9;\nFreq\tG'\tG\"\tTemp\tStrain\tEta*\nrad/s\tPa\tPa\t°C\t%\tPa-s\n"
+    path.write_text(head + "".join(f"   {10**at}   3.48E5   7.0E4   -0.01\n" for at in (2, 1, 0)), encoding="latin-1")
+    with pytest.raises(TableError, match=r"rows 4 cells; the columns are known by their numbers"):
+        read_k_star(path, TableOptions(factor=0.05))
+    columns = ["frequency=1 [rad/s]", "storage=2 [Pa]", "loss=3 [Pa]"]
+    table = read_k_star(path, TableOptions(columns=columns, factor=0.05))
+    np.testing.assert_allclose(table.frequency, np.array([100, 10, 1]) / (2 * np.pi))
+    assert table.stiffness is not None
+    np.testing.assert_allclose(table.stiffness, [0.05 * (3.48e5 + 7e4j)] * 3)
+
+
+def test_a_text_in_utf_16_whose_last_line_end_is_one_byte(tmp_path: Path) -> None:
+    path = tmp_path / "k.csv"
+    path.write_bytes("f [Hz]\tK' [N/m]\tK'' [N/m]\n10\t2\t1\n20\t3\t1".encode("utf-16") + b"\n")
+    np.testing.assert_allclose(read_k_star(path).stiffness, [2 + 1j, 3 + 1j])

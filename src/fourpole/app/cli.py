@@ -268,8 +268,7 @@ def static(
         str | None, typer.Option(help="Name of the deflection's column, if it is not recognised.")
     ] = None,
     column: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ROLE=NAME", help='Which column is what, as "load=ch7 [kN]" or "deflection=2 [mm]".'),
+        list[str] | None, typer.Option(metavar="ROLE=NAME", help='Which column is what, as "load=ch7 [kN]".')
     ] = None,
     group: Annotated[str, typer.Option(help="The sheet or group of the file, if several hold a curve.")] = "",
     as_json: JsonFlag = False,

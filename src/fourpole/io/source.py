@@ -96,8 +96,9 @@ def encoding_of(start: bytes, name: str) -> tuple[str, int]:
 def decode(content: bytes, name: str) -> tuple[str, str]:
     """A decoded text and its encoding: UTF-8, UTF-16 with its mark, or else as `encoding_without_mark` tells."""
     encoding, mark = encoding_of(content, name)
+    odd = encoding.startswith("utf-16") and len(content) % 2 == 1 and content.endswith(b"\n")
     try:
-        text = content[mark:].decode(encoding)
+        text = content[mark : len(content) - odd].decode(encoding)
     except UnicodeDecodeError as error:
         if mark:
             where = f"byte {error.start + mark + 1}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -14,17 +14,23 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError
 from fourpole.io.child import read_apart
 from fourpole.io.formats import workbook
-from fourpole.io.layout import is_missing, number
+from fourpole.io.layout import is_missing, number, split_lines
 from fourpole.io.names import in_group
 from fourpole.io.recordings import format_of, survey
 from fourpole.io.signals import MAX_FILE_BYTES, Request, Signal
-from fourpole.io.source import name_of
+from fourpole.io.source import decode, name_of, read_bytes
 from fourpole.io.stream import by_halves
-from fourpole.io.text import TextTable, read_tables, tables_of
+from fourpole.io.text import TextTable, tables_of
 from fourpole.units import column_unit, is_unit
 
 #: Memory that the numbers of a table may need [byte], and the most columns of a table.
 _MOST_BYTES, _MOST_COLUMNS = 500_000_000, 2000
+#: Largest text [byte]; words before a header, a line of units and a row in an export of TRIOS for LIMS.
+_LARGEST_TEXT, _LIMS = 64_000_000, ("Variables", "Units", "Data point")
+#: End of the remark on a header that does not fit its rows.
+BY_NUMBER = "the columns are known by their numbers"
+#: A line of numbers alone.
+_ROW = re.compile(r"[\s;,0-9.eE+-]+")
 _WORDED_UNIT = re.compile(r"(?P<stem>[^/,]+?)\s*(?:/|,|\sin\s)\s*(?P<unit>[^,]+)")
 
 
@@ -92,7 +98,8 @@ def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[
     name = name_of(path, label)
     kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=name)
     if kind.name == "text":
-        return [_of_text(one, inside) for inside, one in read_tables(path, group=group, label=name)]
+        text, _ = decode(read_bytes(path, max_bytes=_LARGEST_TEXT, label=name), name)
+        return _of_texts(text, group, name)
     if kind.name == workbook.FORMAT.name:
         sheets = read_apart(workbook.texts, path, name, label=name)
         return _of_sheets(sheets, group, name)
@@ -100,6 +107,25 @@ def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[
     if not found:
         raise TableError(f"{name}: holds no column of numbers that could be read; export its table as CSV")
     return [_of_signals(signals, missing, name, inside) for inside, signals, missing in found]
+
+
+def _of_texts(text: str, group: str, label: str) -> list[Cells]:
+    """The tables of a text; of a header that does not fit the rows, with columns known by their numbers.
+
+    TRIOS writes a word before each header, line of units and row in its exports for LIMS: it is left out.
+    """
+    if all(f"\n{one}\t" in text for one in _LIMS):
+        text = re.sub(rf"^(?:{'|'.join(_LIMS)})\t", "", text, flags=re.MULTILINE)
+    try:
+        return [_of_text(one, inside) for inside, one in tables_of(text, label, group)]
+    except TableError as error:
+        bare = "\n".join(line if _ROW.fullmatch(line) and not line.isspace() else "" for line in split_lines(text))
+        try:
+            tables = tables_of(bare, label, group)
+        except TableError:
+            raise error from None
+        remark = f"{str(error).removeprefix(label).strip()}; {BY_NUMBER}"
+        return [replace(one, remarks=(remark, *one.remarks)) for one in (_of_text(each, at) for at, each in tables)]
 
 
 def _of_sheets(sheets: dict[str, str], group: str, label: str) -> list[Cells]:
@@ -154,7 +180,9 @@ def _of_signals(signals: Sequence[Signal], lost: Sequence[str], label: str, grou
 
 def _of_text(table: TextTable, group: str) -> Cells:
     columns = []
-    for head, stated, cells in zip(table.headers, table.units, table.columns, strict=True):
+    filled = [at for at, row in enumerate(zip(*table.columns, strict=True)) if not all(map(is_missing, row))]
+    for head, stated, every in zip(table.headers, table.units, table.columns, strict=True):
+        cells = [every[at] for at in filled]
         name, unit = named(head, stated)
         found = [None if is_missing(cell) else number(cell, table.decimal) for cell in cells]
         bad = tuple((at, cell) for at, cell in enumerate(cells) if found[at] is None and not is_missing(cell))
@@ -162,7 +190,7 @@ def _of_text(table: TextTable, group: str) -> Cells:
         worded = 2 * len(bad) > len(cells) - sum(map(is_missing, cells))
         columns.append(Column(head, name, unit, values, tuple(cells) if worded else (), () if worded else bad))
     remarks = [f"line {line} is not data and was left out: {text}" for line, text in table.skipped]
-    return Cells(table.label, group, tuple(columns), table.lines, tuple(remarks))
+    return Cells(table.label, group, tuple(columns), [table.lines[at] for at in filled], tuple(remarks))
 
 
 def named(head: str, stated: str | None) -> tuple[str, str | None]:

@@ -19,7 +19,7 @@ from fourpole.io.formats import uff
 from fourpole.io.recordings import format_of
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import name_of
-from fourpole.io.tables.cells import Cells, tables_in
+from fourpole.io.tables.cells import BY_NUMBER, Cells, tables_in
 from fourpole.io.tables.columns import (
     Statement,
     Taken,
@@ -279,9 +279,11 @@ def _of_response(found: Measured, options: TableOptions, name: str) -> KStarTabl
 
 def _no_frequency(cells: Cells) -> str:
     heads = ", ".join(shown(one.head)[1:-1] for one in cells.columns[:20])
+    numbered = [one for one in cells.remarks if one.endswith(BY_NUMBER)]
+    because = "" if not numbered else f"; {numbered[0]}"
     return (
         f"no column is understood as the frequency among {heads}: name it 'frequency [Hz]', or state "
-        '--column "frequency=NAME [Hz]"'
+        f'--column "frequency=NAME [Hz]"{because}'
     )
 
 
