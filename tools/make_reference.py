@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from reference import campaigns, materials, mechanics, records
+from reference import campaigns, materials, mechanics, records, spectra
 
 OWN = Path(__file__).resolve().parents[1] / "src" / "fourpole" / "report" / "selftest" / "reference"
 SOURCES = (
@@ -28,6 +28,7 @@ SOURCES = (
     materials.probabilities,
     records.curves,
     records.recordings,
+    spectra.spectra,
 )
 
 

@@ -174,3 +174,15 @@ def test_a_campaign_without_v2_has_one_route(folder):
     (folder / "campaign.toml").write_text(toml)
     frame = plan_table(plan_campaign(read_campaign(folder), GUESS, Run()), [5.0])
     assert set(frame["route"]) == {"mobility"}
+
+
+def test_random_tests_and_sweeps_are_said_not_to_be_planned(folder):
+    rows = (folder / "tests.csv").read_text()
+    band = "R1,r/R1.csv,random,a,1.7,1000,5:200,,\n"
+    (folder / "tests.csv").write_text(rows + band)
+    planned = plan_campaign(read_campaign(folder), GUESS, Run())
+    assert any("R1: random tests and sweeps are not planned" in note for note in planned.notes)
+    assert "R1" not in plan_table(planned)["test"].to_list()
+    (folder / "tests.csv").write_text(HEAD + band)
+    with pytest.raises(CampaignError, match="a plan is for sines"):
+        plan_campaign(read_campaign(folder), GUESS, Run())

@@ -46,6 +46,8 @@ class _Tyre:
 
 #: A rigid block has no tyre; the numbers keep the equations finite.
 _RIGID = _Tyre(1.0, 0.0, 1.0, 1.0)
+#: Number of tests that a note names.
+_NAMED = 6
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,11 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     notes = list(campaign.stated.assumptions())
     if earlier is not None and not _whole(guess):
         notes.append(f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv")
+    if bands := [test.name for test in campaign.tests if test.band is not None]:
+        notes.append(
+            f"{', '.join(bands[:_NAMED])}{' and others' if len(bands) > _NAMED else ''}: random tests and sweeps are "
+            "not planned, their uncertainty follows from the coherence"
+        )
     rigs = []
     for name in dict.fromkeys(test.rig for test in planned):
         tests = tuple(test for test in planned if test.rig == name)
@@ -216,7 +223,12 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
 
 def _to_plan(campaign: Campaign) -> list[Test]:
     """The dynamic tests and calibrations of a campaign; CampaignError where one of them cannot be planned."""
-    planned = [test for test in campaign.tests if test.kind != "static"]
+    planned = [test for test in campaign.tests if test.kind != "static" and test.band is None]
+    if not planned and any(test.band is not None for test in campaign.tests):
+        raise CampaignError(
+            "tests.csv: all dynamic tests are of kind random or sweep, and a plan is for sines: state a few sines in "
+            "their band, as kind dynamic"
+        )
     if not planned:
         raise CampaignError("tests.csv: lists no dynamic test, so there is nothing to plan")
     for test in planned:

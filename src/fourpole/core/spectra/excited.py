@@ -208,7 +208,7 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
     for at, place in enumerate((0, 2)[: found.ratios.values.shape[1]]):
         amplitudes[:, place] = found.ratios.values[:, at] * amplitudes[:, 1]
     relative, size = np.full((*shape, 2), np.nan), np.einsum("lii->li", covariance)
-    relative[:, : size.shape[1] // 2] = np.sqrt(0.5 * (size[:, 0::2] + size[:, 1::2]))
+    relative[:, : size.shape[1] // 2] = np.sqrt(np.maximum(0.5 * (size[:, 0::2] + size[:, 1::2]), 0.0))
     coherence = np.full((*shape, len(_COHERENT)), np.nan)
     for at, (a, b) in enumerate(_COHERENT):
         if a in names and b in names:

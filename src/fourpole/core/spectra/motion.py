@@ -22,6 +22,8 @@ _NEAR = 0.5
 #: Share of the independent averages of Gaussian noise below which the spectrum consists of lines. The scatter of noise
 #: in a narrow bin stays above it.
 _FULL = 0.5
+#: Distance in samples, over many periods, up to which a period is a whole number of samples.
+_WHOLE = 0.1
 #: Correlation of the motion with itself a period later, and the least share of it that many periods later.
 _ALIKE, _LASTING = 0.7, 0.9
 
@@ -153,7 +155,10 @@ def period_of(track: Track, band: tuple[float, float]) -> float | None:
     lag, count = float(first), 1
     while 2.0 * lag < alike.size - 2:
         lag, count = _peak(alike, 2.0 * lag), 2 * count
-    return lag / count / track.rate if alike[round(lag)] > _LASTING * alike[first] else None
+    if not alike[round(lag)] > _LASTING * alike[first]:
+        return None
+    whole = round(lag / count)
+    return (whole if abs(lag - whole * count) < _WHOLE else lag / count) / track.rate
 
 
 def _peak(values: FloatArray, near: float) -> float:

@@ -14,6 +14,9 @@ from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel, Recording
+from fourpole.core.spectra.excited import Excited
+from fourpole.core.spectra.random import random_amplitudes
+from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.models.data import StiffnessData
 from fourpole.models.families import model_named
 from fourpole.models.fit import fit
@@ -169,6 +172,21 @@ def _amplitudes(v: Inputs) -> Found:
     }
 
 
+def _lines(method: Callable[..., Excited], v: Inputs) -> Found:
+    """K*, F1/V1 and V2/V1 at each line of a recording, by the frequency of the line."""
+    force, contact, wheel = (np.tile(v[role], v["periods"]) for role in ("force_in", "motion_in", "motion_out"))
+    time = np.arange(contact.size) / v["rate"]
+    recording = Recording.from_arrays(time, force_in=force, motion_in=contact, motion_out=wheel)
+    found = method(recording, (v["low"], v["high"])).phasors
+    values: Found = {}
+    for at in range(found.frequency.size):
+        f1, v1, v2 = found.amplitudes[at]
+        omega = float(found.omega[at])
+        for name, one in (("K*", 1j * omega * f1 / (v1 - v2)), ("F1/V1", f1 / v1), ("V2/V1", v2 / v1)):
+            values |= {f"{key} at {float(found.frequency[at]):g} Hz": part for key, part in parts(name, one).items()}
+    return values
+
+
 #: What the package finds for the inputs of a case, by the function that the case names.
 MATERIALS: dict[str, Callable[[Inputs], Found]] = {
     **{f"models {name}": partial(_of_model, name) for name in _FAMILIES},
@@ -200,4 +218,6 @@ MATERIALS: dict[str, Callable[[Inputs], Found]] = {
     "units.quantity": _unit,
     "core.loadcurve.LoadCurve": _curve,
     "core.demodulation.demodulate": _amplitudes,
+    "core.spectra.random.random_amplitudes": partial(_lines, random_amplitudes),
+    "core.spectra.sweep.sweep_amplitudes": partial(_lines, sweep_amplitudes),
 }
