@@ -182,7 +182,7 @@ def test_random_tests_and_sweeps_are_said_not_to_be_planned(folder):
     (folder / "tests.csv").write_text(rows + band)
     planned = plan_campaign(read_campaign(folder), GUESS, Run())
     assert any("R1: random tests and sweeps are not planned" in note for note in planned.notes)
-    assert "R1" not in plan_table(planned)["test"].to_list()
+    assert "R1" not in plan_table(planned, (10.0,))["test"].to_list()
     (folder / "tests.csv").write_text(HEAD + band)
     with pytest.raises(CampaignError, match="a plan is for sines"):
         plan_campaign(read_campaign(folder), GUESS, Run())
