@@ -22,6 +22,8 @@ _NEAR = 0.5
 #: Share of the independent averages of Gaussian noise below which the spectrum consists of lines. The scatter of noise
 #: in a narrow bin stays above it.
 _FULL = 0.5
+#: Samples in which a period is looked for: more need much memory.
+_LONGEST = 1 << 22
 #: Distance in samples, over many periods, up to which a period is a whole number of samples.
 _WHOLE = 0.1
 #: Correlation of the motion with itself a period later, and the least share of it that many periods later.
@@ -139,7 +141,7 @@ def period_of(track: Track, band: tuple[float, float]) -> float | None:
 
     is the same at all multiples of a period. That of noise falls, in a narrow band slowly.
     """
-    motion = track.signals[track.names.index("motion_in")]
+    motion = track.signals[track.names.index("motion_in")][:_LONGEST]
     size = fft.next_fast_len(2 * motion.size, real=True)
     lines = fft.rfft(motion, size)
     frequency = np.arange(lines.size) * track.rate / size

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from fourpole.core.recording import Recording
-from fourpole.core.spectra.averaged import periodic_amplitudes, segment_amplitudes
+from fourpole.core.spectra.averaged import segment_amplitudes
 from fourpole.core.spectra.excited import Excited, prepared, pulls_of
 from fourpole.core.spectra.motion import Motion, fine_spectrum, motion_of, period_of
-from fourpole.core.spectra.sweep import fits_whole, sweep_amplitudes
+from fourpole.core.spectra.sweep import fits_whole, repeated_amplitudes, whole_amplitudes
 from fourpole.errors import RecordingError, TooShortError
 
 #: Number of segments that a first estimate takes, and the fewest that are taken for finer lines.
@@ -69,12 +69,12 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     fine = fine_spectrum(track)
     segment = max(2.0 * length / (_MANY + 1.0), _CYCLES / inside[0])
     if (period := period_of(track, inside)) is not None:
-        held = periodic_amplitudes(recording, track, inside, period, segment)
-        if held is not None:
-            return held
+        repeated = repeated_amplitudes(recording, track, inside, period, segment)
+        if repeated is not None:
+            return repeated
     _check_random(recording, motion_of(track, segment, inside, fine), segment)
     if period is not None and fits_whole(track, inside):
-        return sweep_amplitudes(recording, band)
+        return whole_amplitudes(recording, track, inside)
     best: Excited | None = None
     for count in (_MANY, _MANY // 2, _FEW):
         segment = max(2.0 * length / (count + 1.0), _CYCLES / inside[0])

@@ -20,6 +20,8 @@ from fourpole.errors import RecordingError, TooShortError
 _WHOLE, _WITHOUT_V2 = ((0, 1, 2), (2, 1, 0)), ((0, 1, 1),)
 #: Bins that are corrected at a time: their matrices need memory.
 _AT_A_TIME = 100_000
+#: Misfit of the closure phases above which the periods of a motion are not alike.
+_MISSES = 4.0
 #: Largest width of the lowest band over its frequency.
 _WIDEST = 0.25
 
@@ -52,18 +54,39 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
             f"{recording.label}: {np.mean(~track.present):.2%} of the samples are missing, a sweep needs all of them: "
             "cut with window [s], or fill them in"
         )
-    frequency = fft.rfftfreq(track.time.size, 1.0 / track.rate)
-    kept = (frequency >= inside[0]) & (frequency <= inside[1])
+    period = period_of(track, inside)
+    found = None if period is None else repeated_amplitudes(recording, track, inside, period)
+    if found is not None:
+        return found
     length = track.time.size / track.rate
-    if (period := period_of(track, inside)) is not None:
-        repeated = periodic_amplitudes(recording, track, inside, period, 0.0)
-        if repeated is not None:
-            return repeated
-    if kept.sum() < BINS or BINS / length > _WIDEST * inside[0]:
+    if not fits_whole(track, inside):
         raise TooShortError(
             f"{recording.label} is {length:.4g} s long, which is too short for a sweep from {inside[0]:.4g} Hz on: "
             f"record {max(BINS / (_WIDEST * inside[0]), BINS / (inside[1] - inside[0])):.3g} s or more"
         )
+    return whole_amplitudes(recording, track, inside)
+
+
+def repeated_amplitudes(
+    recording: Recording, track: Track, band: tuple[float, float], period: float, segment: float = 0.0
+) -> Excited | None:
+    """The amplitudes of a motion that repeats; None if it has too few periods, or a few sines.
+
+    Where the closure phase shows that the first periods are not alike, as of a rig that is still settling, they are
+    those of the whole record, if these close better.
+    """
+    found = periodic_amplitudes(recording, track, band, period, segment)
+    if found is None or found.driven or not found.misfit > _MISSES or not fits_whole(track, band):
+        return found
+    other = whole_amplitudes(recording, track, band)
+    return other if other.misfit < found.misfit else found
+
+
+def whole_amplitudes(recording: Recording, track: Track, band: tuple[float, float]) -> Excited:
+    """The amplitudes from the spectra of the whole record, whatever the excitation is."""
+    frequency = fft.rfftfreq(track.time.size, 1.0 / track.rate)
+    kept = (frequency >= band[0]) & (frequency <= band[1])
+    length = track.time.size / track.rate
     lines = fft.rfft(track.signals, axis=1)[:, kept]
     for at in range(0, lines.shape[1], _AT_A_TIME):
         some = slice(at, at + _AT_A_TIME)
