@@ -58,6 +58,11 @@ def as_in_truth(tyres, truth):
         (("{s} Kennlinie {p}bar", "{s} Fv500N {p}bar {f}Hz"), ("5Q0199262BK", "5Q0199262BL")),
         (("DOT{s}_{p}bar_static", "DOT{s}_{p}bar_1kN_{f}Hz"), ("3823", "4123")),
         (("2026-03-01/{s} {p}bar stat", "2026-03-01/{s} {p}bar 1kN {f}Hz"), ("muster a", "muster b")),
+        (("stat/{s}_{p}bar", "dyn/{s}_{p}bar_500N_{f}Hz"), ("T17", "T18")),
+        (("{s}_static_{p}bar", "{s}_{p}bar_500N_{f}Hz"), ("S1", "S2")),
+        (("{s}_{p}bar_static", "{s}_{p}bar_500N_{f}Hz"), ("a3f9c2d1", "77be01aa")),
+        (("{s}_LD_{p}bar", "{s}_{p}bar_{f}Hz_500N"), ("201", "202", "203")),
+        (("{s}_{p}bar_static", "{s}_{p}bar_500N_{f}Hz"), ("id7", "id8")),
         (("static {p}bar ({s})", "{f}Hz 1kN {p}bar ({s})"), ("A12", "B7")),
     ],
 )
@@ -76,6 +81,7 @@ def test_what_splits_equal_conditions_is_the_specimen(scheme, specimens):
         (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("1", "2", "3"), "or are they repeats"),
         (("{s}/{p}bar_static", "{s}/{p}bar_1kN_{f}Hz"), ("2026-03-01", "2026-03-08"), "the dates"),
         (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("240312", "240319"), "the dates"),
+        (("Test {s}/{p}bar_static", "Test {s}/{p}bar_1kN_{f}Hz"), ("1", "2"), "are they repeats"),
         (("t{s}_{p}bar_static", "t{s}_{p}bar_1kN_{f}Hz"), ("1_18", "1_24", "2_18", "2_24"), "the numbers 18, 24"),
     ],
 )

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from fourpole.core.condition import AXES, FREQUENCY, Axis, axis_of
 from fourpole.guess.entries import Entry, RecordingConditions
-from fourpole.guess.names import CONDITIONS, KINDS_OF, Token
+from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, plain
 from fourpole.guess.specimens import doubt_equal, name_specimens
+from fourpole.guess.words import PASSED_OVER
 
 #: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
 _AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
@@ -109,10 +111,12 @@ class _Meaning:
         return bool(enough and values.min() >= self.low and values.max() <= self.high)
 
 
+#: Numbers without a unit below this one may also be those of tyres.
+_SMALL = 100.0
 #: Meanings of numbers without a unit; the first that fits counts.
 _MEANINGS = (
     _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, keyed=True),
-    _Meaning("pressure", 1e5, "taken as bar, not as the number of a tyre", 0.3, 10.0, fractional=True),
+    _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, fractional=True),
     _Meaning("pressure", 1e4, "taken as tenths of a bar (if it is psi, correct it)", 10.0, 99.9, keyed=True),
     _Meaning("pressure", 1e3, "taken as kPa", 100.0, 999.0, keyed=True),
     _Meaning("pressure", 1e3, "taken as kPa", 100.0, 450.0),
@@ -181,8 +185,22 @@ def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> _Meaning | N
     if keys == ("frequency",) or ((not keys or len(token.key) == 1) and _counts(values)):
         return None
     possible = [what for what in keys or ("pressure", "preload") if keys or _wanted(what, tokens, entries)]
+    if not keys or (keys == ("temperature",) and _nameless(tokens, entries)):
+        possible = [what for what in possible if _apart(what, values)]
     fitting = (one for what in possible for one in _MEANINGS if one.what == what and one.fits(values, keyed=bool(keys)))
     return next(fitting, None)
+
+
+def _apart(what: str, values: np.ndarray) -> bool:  # type: ignore[type-arg]
+    """Whether the different numbers would be different values of a condition; numbers such as 4711, 4712 are not."""
+    each = np.unique(values).tolist()
+    return not any(_axis(what).same(one, other) for one, other in pairwise(each))
+
+
+def _nameless(tokens: Mapping[int, Token], entries: Sequence[Entry]) -> bool:
+    """Whether the names have no word besides the numbers, so that T12 and T13 are rather tyres than temperatures."""
+    words = [token.text for index in tokens for token in entries[index].name if token.what == "word"]
+    return all(plain(word) in PASSED_OVER for word in words)
 
 
 def _wanted(what: str, tokens: Mapping[int, Token], entries: Sequence[Entry]) -> bool:
@@ -226,6 +244,8 @@ def _with(entry: Entry, numbers: dict[_Slot, Token], meanings: Mapping[_Slot, _M
         if meaning is not None:
             value = token.value * meaning.scale
             taken = f"{token.text.strip()!r} {meaning.doubt}: {_written(meaning.what, value)}" if meaning.doubt else ""
+            if taken and len(token.key) < 2 and token.value < _SMALL:
+                taken += " (or is it the number of a tyre?)"
             changed[id(token)] = replace(token, what=meaning.what, value=value, doubt=taken)
         elif token.keys and token.key:
             changed[id(token)] = replace(token, what="word")

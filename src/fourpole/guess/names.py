@@ -136,7 +136,8 @@ _UNIT = "|".join(f"(?P<u{at}>{pattern})" for at, (pattern, _, _) in enumerate(UN
 _WITH_UNIT = re.compile(
     rf"(?:{_KEY}(?:[ _=:]{{0,2}}|-)|{_GLUED})(?<![0-9])(?<![0-9][.,])"
     rf"(?P<sign>(?<![0-9A-Za-z])[+]|(?<=[_ =:])-|(?i:minus))?"
-    rf"(?P<number>(?P<under>\d_(?=\d\d?(?i:bar)))?{_NUMBER})(?:(?P<gap>[ _-])|)(?:{_UNIT})(?(gap)(?![0-9]))"
+    rf"(?P<number>(?P<under>(?:(?<![A-Za-z])|(?<=[pP]))\d_(?=\d\d?(?i:bar)))?{_NUMBER})"
+    rf"(?:(?P<gap>[ _-])|)(?:{_UNIT})(?(gap)(?![0-9]))"
 )
 #: A number behind letters, without a unit.
 _KEYED = re.compile(rf"{_KEY}[ _=:#-]{{0,2}}(?<![0-9])(?P<number>{_NUMBER})")
@@ -163,7 +164,7 @@ def read_name(text: str) -> list[Token]:
         (_SIZES, lambda match: Token("word", match[0].strip(), key="size")),
         (_DATES, lambda match: Token("mark", match[0], key="date")),
         (_SHORT_DATES, lambda match: Token("mark", match[0], key="date")),
-        (_HASHES, lambda match: Token("nothing", match[0])),
+        (_HASHES, lambda match: Token("mark", match[0], key="number")),
         (_COPY, lambda match: Token("repeat", match[0].strip(), float(match[1]))),
         (_WITH_UNIT, _valued),
         (_NUMBERED, lambda match: Token("mark", match[0], key="serial")),

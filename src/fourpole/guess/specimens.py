@@ -98,7 +98,7 @@ def _splits(keys: Sequence[tuple[object, ...]], tests: Sequence[_Test], values: 
 def _name_by_marks(tests: Sequence[_Test]) -> None:
     """Add numbers to the names of the specimens: serial numbers first, then numbers without a meaning, then dates."""
     slots = _slots(tests)
-    for key in ("serial", "number", "date", "repeat"):
+    for key in ("serial", "number", "date", "count"):
         for slot, values in slots.items():
             if slot[0] == key:
                 _consider(key, values, tests)
@@ -121,8 +121,6 @@ def _mark(token: Token) -> str:
     """Kind of a mark; empty for a token that is none."""
     if token.what == "mark":
         return token.key
-    if token.what == "repeat":
-        return "repeat"
     return "number" if token.what == "number" and not token.keys and token.value.is_integer() else ""
 
 
@@ -134,7 +132,7 @@ def _consider(key: str, values: list[str], tests: Sequence[_Test]) -> None:
         return
     splits, named = _splits(_conditions(tests), tests, values), any(conditions.tyre for _, conditions in tests)
     listed = _listed(each)
-    if key in ("date", "repeat"):
+    if key in ("date", "count"):
         if splits and not named:
             what = "dates" if key == "date" else "numbers"
             _add(

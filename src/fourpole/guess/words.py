@@ -27,9 +27,10 @@ _KEY_WORDS = {
     "specimen": "tyre tire reifen pneu neumático neumatico pneumatico specimen sample probe prüfling prüfkörper muster "
     "éprouvette eprouvette échantillon echantillon probeta muestra provino campione "
     "タイヤ 試料 試験片 供試体 供試タイヤ ブッシュ サンプル 试样 试件 样品 样件 轮胎 輪胎 衬套 試樣 樣品",
-    "serial": "sn s/n ser serial serien seriennummer seriennr serialno série シリアル 製造番号 编号 序列号 編號 番号",
+    "serial": "sn s/n ser serial serien seriennummer seriennr serialno série id "
+    "シリアル 製造番号 编号 序列号 編號 番号",
     "number": "no no. nr nr. n° nº num numéro numero # № 第",
-    "count": "v ver version rev id rec file cycle cyc test",
+    "count": "v ver version rev rec file cycle cyc test",
 }
 #: Conditions that the letters before a number may identify; of several, the value of the number selects one.
 KEYS: dict[str, tuple[str, ...]] = {word: (what,) for what, words in _KEY_WORDS.items() for word in words.split()}
