@@ -26,7 +26,7 @@ FORMS: dict[str, tuple[np.ndarray, int, int, str, str, float]] = {
     "accelerance": (JW**2 / K, ACCELERATION, FORCE, "m/s^2", "N", 1.0),
     "accelerance in g": (JW**2 / K, ACCELERATION, FORCE, "g", "N", 9.80665),
     "mobility": (JW / K, VELOCITY, FORCE, "mm/s", "N", 1e-3),
-    "receptance": (1 / K, DISPLACEMENT, FORCE, "µm", "kN", 1e-9),
+    "receptance": (1 / K, DISPLACEMENT, FORCE, "mm", "kN", 1e-6),
     "dynamic stiffness": (K, FORCE, DISPLACEMENT, "N", "mm", 1e3),
     "impedance": (K / JW, FORCE, VELOCITY, "N", "m/s", 1.0),
     "apparent mass": (K / JW**2, FORCE, ACCELERATION, "N", "m/s^2", 1.0),
