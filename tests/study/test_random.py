@@ -65,6 +65,10 @@ def test_each_line_is_a_row_with_its_spectra(study):
     assert study.lines.select(keys).equals(study.dynamic.select(keys))
     assert study.lines["coherence F1-V1 [1]"].median() > 0.99
     assert study.counts["rejected"] == 0
+    assert study.previews["test"].to_list() == ["R0", "R1"]
+    ends = np.array(study.previews["F1 residual"][0].to_list())
+    assert np.nanmax(ends) > 750.0
+    assert np.nanmin(ends) < -750.0
     assert study.dynamic["deflection amplitude [m]"].round(9).n_unique() == 2
 
 

@@ -92,7 +92,7 @@ def signals(results: Results) -> FigureData | None:
         return None
     found = {key: row for row, key in enumerate(keys_of(table))}
     keys = [key for key in keys_of(sheet.table) if key in found]
-    shown = [key for key in keys if _has(table, found[key], q.TIME.head)][:_MOST_SIGNALS]
+    shown = [key for key in keys if any(_has(table, found[key], f"{s} fit") for s, _ in _SIGNALS)][:_MOST_SIGNALS]
     if not shown:
         return None
     every, cards = keys_of(sheet.table), dynamic_cards(results)

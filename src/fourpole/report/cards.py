@@ -145,7 +145,7 @@ def _dynamic_cards(results: Results, previews: _Previews) -> tuple[list[Card], l
     for card, rows in parts.items():
         row = whole.row(rows[0], named=True)
         if len(rows) > 1:
-            made.append(_line_card(card, keyed(whole[rows]), lines))
+            made.append(_line_card(card, keyed(whole[rows]), lines, _signals(previews.of(key_of(row)), quantities)))
             continue
         made.append(
             Card(
@@ -166,7 +166,7 @@ def _dynamic_cards(results: Results, previews: _Previews) -> tuple[list[Card], l
     return made, cards
 
 
-def _line_card(key: str, rows: pl.DataFrame, lines: Mapping[str, pl.DataFrame]) -> Card:
+def _line_card(key: str, rows: pl.DataFrame, lines: Mapping[str, pl.DataFrame], signals: Mapping[str, Any]) -> Card:
     """The card of a test with lines."""
     row = {**rows.row(0, named=True), q.FREQUENCY.head: None}
     about = (condition(row, dynamic=True), band_words(rows))
@@ -176,7 +176,7 @@ def _line_card(key: str, rows: pl.DataFrame, lines: Mapping[str, pl.DataFrame]) 
         tyre=str(row["tyre"] or ""),
         condition=", ".join(part for part in about if part),
         verdict=verdict_of_lines(rows[q.VERDICT.head].to_list()),
-        body=line_body(rows, lines.get(str(row["test"]), pl.DataFrame())),
+        body={**line_body(rows, lines.get(str(row["test"]), pl.DataFrame())), **signals},
     )
 
 
@@ -195,25 +195,30 @@ def _dynamic_body(
     facts += [[name, str(row[name])] for name in ("rig", "route") if row.get(name)]
     facts += [[name, str(row[name])] for name in more if row[name] not in (None, "")]
     body: dict[str, Any] = {"facts": facts, "remarks": _remarks([row])}
-    signals = [found for symbol, _ in _SIGNALS if (found := _signal(symbol, preview, quantities[symbol]))]
-    time, blocks = _floats(preview.get(q.TIME.head)), _floats(preview.get(q.RESIDUAL_TIME.head))
-    if signals and time.size > 1:
-        body |= {"t": packed(time), "rt": packed(blocks), "signals": signals}
+    body |= _signals(preview, quantities)
     if loop:
         body["loop"] = loop
     return body
 
 
+def _signals(preview: Mapping[str, NDArray[np.float64]], quantities: Mapping[str, str]) -> dict[str, Any]:
+    """The signals of a preview with their times; empty if there are none."""
+    signals = [found for symbol, _ in _SIGNALS if (found := _signal(symbol, preview, quantities[symbol]))]
+    time, blocks = _floats(preview.get(q.TIME.head)), _floats(preview.get(q.RESIDUAL_TIME.head))
+    return {"t": packed(time), "rt": packed(blocks), "signals": signals} if signals and time.size > 1 else {}
+
+
 def _signal(symbol: str, preview: Mapping[str, NDArray[np.float64]], quantity: str) -> dict[str, Any]:
     signal, fit, residual = (_floats(preview.get(f"{symbol}{what}")) for what in ("", " fit", " residual"))
-    if signal.size < 2 or fit.size != signal.size:
+    if signal.size < 2 or fit.size not in (0, signal.size):
         return {}
     low, high = extremes(np.concatenate([signal, fit]))
+    fitted = {"f": packed(fit, low, high)} if fit.size else {}
     return {
+        **fitted,
         "name": _SYMBOLS.get(quantity, symbol[0]) + symbol[1:],
         "unit": _UNITS.get(quantity, "N" if symbol == "F1" else "SI"),
         "s": packed(signal, low, high),
-        "f": packed(fit, low, high),
         "r": packed(residual),
     }
 

@@ -104,6 +104,7 @@ const draw = (() => {
     const box = html("div", "signals");
     const time = unpack(body.t), blocks = unpack(body.rt);
     for (const signal of body.signals) {
+      if (!signal.f) { box.append(...raw(signal, time, blocks, width)); continue; }
       const measured = unpack(signal.s), fit = unpack(signal.f), residual = unpack(signal.r);
       box.append(plot(
         `${signal.name}: signal (dots) and fit`, axis("time", "s", [time], { pad: 0.01 }), axis(signal.name, signal.unit, [measured, fit]),
@@ -123,6 +124,21 @@ const draw = (() => {
       ));
     }
     return box;
+  };
+  // A signal without a fit: some samples, and its extremes over the whole record.
+  const raw = (signal, time, blocks, width) => {
+    const measured = unpack(signal.s), ends = unpack(signal.r);
+    const even = [], odd = [];
+    for (let i = 0; i < ends.length; i += 2) { even.push(i); odd.unshift(i + 1); }
+    const turn = [...even, ...odd], found = [plot(
+      `${signal.name}: samples from the middle`, axis("time", "s", [time], { pad: 0.01 }), axis(signal.name, signal.unit, [measured]),
+      [{ kind: "line", xs: time, ys: measured }], { width, height: 150 },
+    )];
+    if (ends.length > 1) found.push(plot(
+      `${signal.name}: least and largest over the record`, axis("time", "s", [blocks], { pad: 0.01 }), axis(signal.name, signal.unit, [ends]),
+      [{ kind: "area", xs: turn.map((i) => blocks[i]), ys: turn.map((i) => ends[i]) }], { width, height: 150 },
+    ));
+    return found;
   };
   const loop = (body, width) => {
     const { d, f, lag, w, p, across } = body.loop;
@@ -214,7 +230,11 @@ const draw = (() => {
     for (const remark of body.remarks) inside.append(html("p", "whole", remark));
     if (body.lines) inside.append(lines(body, three ? room / 2 - 8 : width), table(body.table));
     if (body.curve) inside.append(curve(body.curve, three ? 2 * width : width));
-    if (body.signals) inside.append(signals(body, width));
+    if (body.signals) {
+      const box = signals(body, body.lines && three ? room / 2 - 8 : width);
+      if (body.lines) box.classList.add("whole");
+      inside.append(box);
+    }
     if (body.loop) {
       const side = html("div", "side");
       side.append(loop(body, width));

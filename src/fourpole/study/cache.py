@@ -35,7 +35,7 @@ from fourpole.io.write import write_bytes, write_text
 from fourpole.study.outcome import Demodulated
 
 #: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
-_VERSION = 15
+_VERSION = 16
 _INDEX = "index.jsonl"
 #: Files of the cache, and those of earlier versions of it.
 _ENTRY, _FORMER = re.compile(r"[0-9a-f]{40}\.fpp"), re.compile(r"[0-9a-f]{40}\.json")

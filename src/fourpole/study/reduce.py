@@ -22,6 +22,7 @@ from fourpole.core import recordingchecks as checks
 from fourpole.core.checks import Check, cut_words, reported
 from fourpole.core.codes import Code
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
+from fourpole.core.demodulation.preview import Preview, raw_preview
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
 from fourpole.core.demodulation.tracks import Track, tracks_of
@@ -167,6 +168,9 @@ def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
         if rows[0].verdict == "ok" and rig is not None and not rig.blocked:  # else noise would look like a wrong sign
             rows += [checks.check_consistency(phasors, rig, added)]
         points.append(Point(phasors, (*(bad if at else whole), *rows), found.corrections[at], line=found.line(at)))
+    if found.preview is not None:
+        roles = CHANNELS[: len(found.preview.signals)]
+        points[0] = replace(points[0], channels=roles, preview=found.preview)
     return tuple(points)
 
 
@@ -293,12 +297,24 @@ def _amplitudes(test: Test, recording: Recording) -> tuple[Excited, list[Check]]
     """Amplitudes at many frequencies; a drive that cannot be used is left out."""
     assert test.band is not None
     amplitudes = sweep_amplitudes if test.kind == "sweep" else random_amplitudes
+    shown = _preview(recording)
     try:
-        return amplitudes(recording, test.band), []
+        return replace(amplitudes(recording, test.band), preview=shown), []
     except RecordingError as error:
         if DRIVE not in recording.channels:
             raise
-        return amplitudes(recording.without(DRIVE), test.band), [_left_out(DRIVE, str(error))]
+        found = amplitudes(recording.without(DRIVE), test.band)
+        return replace(found, preview=shown), [_left_out(DRIVE, str(error))]
+
+
+def _preview(recording: Recording) -> Preview | None:
+    """The preview of a recording of many frequencies; None where its channels cannot be used together."""
+    roles = [role for role in CHANNELS if role in recording.channels]
+    try:
+        tracks = tracks_of(recording, roles)
+    except RecordingError:
+        return None  # the amplitudes raise the same error
+    return raw_preview(tracks[0], len(roles)) if len(tracks) == 1 else None
 
 
 def _mean_force(recording: Recording) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit
+from fourpole.core.demodulation.tracks import Track
 
 _CYCLES = 3.0
 #: Most samples of an excerpt, and most blocks of the residual.
@@ -56,6 +57,25 @@ def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
         fit=(signals - left)[list(order)],
         blocks=np.repeat(_middles(first.track.time, blocks), 2),
         residual=np.concatenate([_extremes(fit.residual, blocks) for fit in fits])[list(order)],
+    )
+
+
+def raw_preview(track: Track, channels: int) -> Preview:
+    """The preview of a recording without a fit: samples from its middle, and the extremes over the whole record.
+
+    The signals are those of the first channels of the track. `fit` is empty, and `residual` holds the extremes.
+    """
+    count = track.time.size
+    first = max(0, (count - POINTS) // 2)
+    part = slice(first, first + POINTS)
+    signals = track.signals[:channels]
+    blocks = min(BLOCKS, count)
+    return Preview(
+        time=track.time[part],
+        signals=signals[:, part],
+        fit=np.zeros((channels, 0)),
+        blocks=np.repeat(_middles(track.time, blocks), 2),
+        residual=_extremes(signals, blocks),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, without_crosstalk
+from fourpole.core.demodulation.preview import Preview
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, DRIVE, Recording
@@ -121,6 +122,8 @@ class Excited(ByValue):
         that it explains, and the relative error of the cross spectrum; zeros where it is not found.
     driven : bool
         Whether a recorded drive is the instrument of all ratios. The closure phase then enlarges no uncertainty.
+    preview : Preview or None
+        Samples of F1, V1 and, if it is recorded, V2, and their extremes over the record.
     """
 
     phasors: Phasors
@@ -138,6 +141,7 @@ class Excited(ByValue):
     foreign: BoolArray | bool = False
     shared: FloatArray = field(default_factory=lambda: np.zeros((3, 4)))
     driven: bool = False
+    preview: Preview | None = None
 
     def line(self, at: int) -> Line:
         """What the spectra show of one line."""
