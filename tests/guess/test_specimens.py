@@ -77,6 +77,7 @@ def test_what_splits_equal_conditions_is_the_specimen(scheme, specimens):
     ("scheme", "specimens", "doubt"),
     [
         (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("left", "right"), "may be a place, a direction or a state"),
+        (("mount_{s}_2026_{p}bar_static", "mount_{s}_2026_{p}bar_1kN_{f}Hz"), ("L", "R"), "L, R may be a place"),
         (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("MK", "JB"), "initials"),
         (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("1", "2", "3"), "or are they repeats"),
         (("{s}/{p}bar_static", "{s}/{p}bar_1kN_{f}Hz"), ("2026-03-01", "2026-03-08"), "the dates"),

@@ -202,6 +202,8 @@ def _name_by_words(tests: Sequence[_Test]) -> None:
     """Name the tyres as stated, or by words if more names made of words are repeated than tyres are stated."""
     stated = [entry.stated("tyre") or entry.stated("construction") for entry, _ in tests]
     names = _of_values([entry for entry, _ in tests])
+    sides = {plain(token.text) for entry, _ in tests for token in entry.name if token.what == "word"} & {"l", "r"}
+    names |= PASSED_OVER - (sides if len(sides) == 2 else set())
     words = _distinguishing([_words(entry, names) for entry, _ in tests], [entry.kind for entry, _ in tests])
     often = Counter(tuple(map(plain, own)) for own in words if own)
     by_words = sum(count > 1 for count in often.values()) > len(set(map(plain, stated)))
@@ -267,7 +269,7 @@ def _overlap(tests: Sequence[_Test]) -> bool:
 def _words(entry: Entry, others: set[str]) -> list[str]:
     """Words of a name that may be of the tyre, each in one spelling; without the `others`."""
     words = [token.text for token in entry.name if token.what == "word"]
-    return list(dict.fromkeys(word for word in words if plain(word) and plain(word) not in PASSED_OVER | others))
+    return list(dict.fromkeys(word for word in words if plain(word) and plain(word) not in others))
 
 
 def _distinguishing(words: list[list[str]], kinds: list[str]) -> list[list[str]]:
