@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole.core.reduced import identify_mobility, identify_stiffness, predict
+from fourpole.core.reduced import identify_mobility, identify_stiffness, predict, stiffness_std
 from fourpole.core.rig import Rig
 from fourpole.core.tyre import zener_stiffness
 
@@ -109,3 +109,14 @@ def test_the_input_mass_is_taken_away_and_put_back():
     seen = 1 / (1 / without + 2j * np.pi * FREQUENCY * 2.0)
     np.testing.assert_allclose(predict(FREQUENCY, K1, K2, C, rig).mobility, seen, rtol=1e-12)
     np.testing.assert_allclose(identify_mobility(FREQUENCY, seen, K1, rig).k2, np.full(5, K2), rtol=1e-10)
+
+
+def test_the_uncertainty_of_a_mobility_goes_through_the_rig():
+    """Held against the change of K* when the mobility is changed by a small step in any direction."""
+    rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, input_mass=0.7)
+    mobility, step = 6.2e-5 - 1.03e-3j, 1e-6
+    std = stiffness_std(identify_mobility([10.0], [mobility], 180e3, rig), [step], rig)[0]
+    for turn in (1.0, 1j, np.exp(0.7j)):
+        moved = identify_mobility([10.0], [mobility * (1 + step * turn)], 180e3, rig).stiffness[0]
+        change = abs(moved - identify_mobility([10.0], [mobility], 180e3, rig).stiffness[0])
+        assert change == pytest.approx(std, rel=1e-4)  # the step squared is 1e-6 of it, round-off 1e-9
