@@ -79,6 +79,7 @@ class Child:
         *args: Any,
         size: int = 0,
         seconds: float = SECONDS,
+        spare: int = 0,
         progress: Callable[[int, int], None] | None = None,
     ) -> bytes:
         """Run a function of Fourpole in the worker.
@@ -91,6 +92,8 @@ class Child:
             Size of the file that it reads.
         seconds : float [s]
             Time limit of a small file.
+        spare : int [byte]
+            Memory that the file may need; by default `SPARE` and its size.
         progress : callable, optional
             The argument of this name that the function has.
 
@@ -107,7 +110,8 @@ class Child:
             What the function raised; RuntimeError stands for an error that is not one of Fourpole.
         """
         limit = seconds + _PER_BYTE * size
-        message = pack((function.__module__, function.__name__, pack(args), progress is not None, limit, SPARE + size))
+        most = spare or SPARE + size
+        message = pack((function.__module__, function.__name__, pack(args), progress is not None, limit, most))
         process = self._running()
         began = time.monotonic()
         answer = None
@@ -173,6 +177,8 @@ def _death(code: int | None, took: float, limit: float) -> Died:
         return Late(f"was not read within {limit:.0f} s")
     if code == TOO_MUCH or code == -getattr(signal, "SIGKILL", 9):
         return Died("needed more memory than there is")
+    if code == -getattr(signal, "SIGABRT", 6):  # so does a library end that is refused memory
+        return Died("needs more memory than a file of its kind may, or crashed the library that reads it")
     return Died("crashed the library that reads it")
 
 
@@ -189,6 +195,7 @@ def answer_of(
     *args: Any,
     size: int = 0,
     seconds: float | None = None,
+    spare: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> bytes:
     """The answer of this thread's worker, see `Child.call`; after a death another worker is asked once.
@@ -197,11 +204,11 @@ def answer_of(
     """
     limit = SECONDS if seconds is None else seconds
     try:
-        return child().call(function, *args, size=size, seconds=limit, progress=progress)
+        return child().call(function, *args, size=size, seconds=limit, spare=spare, progress=progress)
     except Late:
         raise
     except Died:
-        return child().call(function, *args, size=size, seconds=limit, progress=progress)
+        return child().call(function, *args, size=size, seconds=limit, spare=spare, progress=progress)
 
 
 def read_apart(
@@ -233,12 +240,13 @@ def read_apart(
         If no worker answers, or the file cannot be opened.
     """
     told = {} if progress is None else {"progress": progress}
-    if not format_of(path, max_bytes=MAX_FILE_BYTES, label=label).by_library:
+    kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=label)
+    if not kind.by_library:
         return function(path, *args, **told)
     try:
         size = path.stat().st_size
         # The worker may be in another folder than this process is now.
-        answer = answer_of(function, path.absolute(), *args, size=size, progress=progress)
+        answer = answer_of(function, path.absolute(), *args, size=size, spare=kind.memory, progress=progress)
     except Died as death:
         raise errors.FileError(f"{name_of(path, label)} {death}; it may be damaged: copy or export it again") from None
     return unpack(bytearray(answer), classes)  # arrays on a bytearray can be written

@@ -173,6 +173,8 @@ class Format:
     by_library : bool
         Whether a library reads the file, which a damaged file may crash or occupy: such a file is read in a worker
         process.
+    memory : int [byte]
+        Address space that the worker may need for a file and the libraries; 0 for the usual one.
     """
 
     name: str
@@ -183,3 +185,4 @@ class Format:
     extra: str = ""
     blocks: Callable[[Request, int], Iterator[Sequence[Signal]]] | None = None
     by_library: bool = False
+    memory: int = 0

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import BinaryIO
 
 import numpy as np
@@ -209,7 +210,7 @@ class _Scan:
 
     def _enter(self, lines: _Lines, at: int) -> int:
         """Take a line that is in no run; it may begin one. Index of the next line."""
-        text = lines.text(at)
+        text = lines.text(at)[:_LONGEST]
         rows = self._rows(lines, at)
         if rows:
             layout = layout_below(self._above, rows, self._shape, lines.line(at), headless=not self._runs)
@@ -266,7 +267,8 @@ class _Scan:
                 continue
             run.rows += one - at
             run.end = lines.begin(one)
-            self._end(self._tail + lines.part[: run.end - lines.offset])
+            end = run.end - lines.offset
+            self._end(self._tail + lines.part[max(end - _LONGEST, 0) : end])
             return one
         run.rows += len(lines) - at
         run.end = lines.offset + len(lines.part)
@@ -286,7 +288,7 @@ class _Scan:
         filled = before.rstrip()
         blank = before[len(filled) :]
         run.rows -= max(blank.count(b"\n") if b"\n" in blank else blank.count(b"\r"), 1) - 1
-        row = re.split(rb"[\r\n]", filled[-_LONGEST:])[-1].decode(self._encoding, errors="replace")
+        row = filled[max(filled.rfind(b"\n"), filled.rfind(b"\r")) + 1 :].decode(self._encoding, errors="replace")
         cells = trimmed(self._shape.split(row), run.layout.width)
         run.last = cells if len(cells) == run.layout.width else run.first
         self._runs.append(run)
@@ -324,10 +326,17 @@ class _Lines:
 
         They have letters; where rows have some too, they do not begin as a number does.
         """
-        if lettered:
-            return (at + int(one) for one in np.flatnonzero(~_FIRST[self.data[self.starts[at:]]]))
-        places = np.flatnonzero(_letters(self.data[self.starts[at] :])) + self.starts[at]
-        return (int(one) for one in np.unique(np.searchsorted(self.starts, places, side="right") - 1))
+        found = self._odd if lettered else self._lettered
+        return (int(one) for one in found[np.searchsorted(found, at) :])
+
+    @cached_property
+    def _odd(self) -> np.ndarray:
+        return np.flatnonzero(~_FIRST[self.data[self.starts]])
+
+    @cached_property
+    def _lettered(self) -> np.ndarray:
+        lines = np.searchsorted(self.starts, np.flatnonzero(_letters(self.data)), side="right") - 1
+        return lines[np.diff(lines, prepend=-1) > 0]
 
 
 def _letters(data: np.ndarray) -> np.ndarray:

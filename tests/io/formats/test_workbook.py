@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fourpole.errors import TableError
+from fourpole.errors import FileError, TableError
 from fourpole.io import child as children
+from fourpole.io import recordings as formats
 from fourpole.io.formats.sheets import check_cells
 from fourpole.io.formats.workbook import FORMAT
 from fourpole.io.recordings import format_of
@@ -235,3 +236,25 @@ def test_damaged_workbooks_give_one_message(tmp_path: Path, outcome: Outcome, mo
         for content in damaged:
             (tmp_path / "b.book").write_bytes(content)
             outcome(tmp_path / "b.book", "F1")
+
+
+def test_words_beyond_measure_are_refused_before_they_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "D1.xlsx"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+        archive.writestr("xl/workbook.xml", "<workbook/>")
+        archive.writestr("xl/sharedStrings.xml", b"x" * 100_000_001)
+    with pytest.raises(TableError, match="holds 100 MB of words"):
+        FORMAT.survey(path, path.name, 10**9)
+
+
+def test_cells_far_apart_in_an_old_workbook_end_the_worker_alone(tmp_path: Path) -> None:
+    book = pytest.importorskip("xlwt").Workbook()
+    for at in range(8):
+        sheet = book.add_sheet(f"S{at}")
+        sheet.write(0, 0, 1.0)
+        sheet.write(65535, 255, 2.0)
+    path = tmp_path / "D1.xls"
+    book.save(str(path))
+    with pytest.raises(FileError, match="needs more memory than a file of its kind may"):
+        children.read_apart(formats.survey, path)

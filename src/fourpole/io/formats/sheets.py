@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 from fourpole.errors import TableError
 
-#: Largest size of a workbook after unpacking [byte], and bytes that are unpacked at a time.
-_MOST_UNPACKED, _PART = 1_000_000_000, 1 << 20
+#: Largest size of a workbook after unpacking, and of its texts [byte], and bytes that are unpacked at a time.
+_MOST_UNPACKED, _MOST_TEXT, _PART = 1_000_000_000, 100_000_000, 1 << 20
 #: Cells of a rectangle that are allowed for each filled cell, and beside them.
 _SPARSE, _BESIDE = 50, 200_000
 _CELL = re.compile(rb"<(?:[a-z]+:)?c (?:[^>]*? )?r=\"([A-Z]{1,3})([0-9]{1,7})\"")
@@ -23,6 +23,9 @@ def check_cells(archive: zipfile.ZipFile, name: str, most: int) -> None:
     size = sum(one.file_size for one in archive.infolist())
     if size > _MOST_UNPACKED:
         raise TableError(f"{name}: unpacks to {size / 1e6:.4g} MB; save its table as CSV, Parquet or HDF5")
+    texts = sum(one.file_size for one in archive.infolist() if one.filename.startswith("xl/sharedStrings"))
+    if texts > _MOST_TEXT:
+        raise TableError(f"{name}: holds {texts / 1e6:.4g} MB of words; save its table as CSV, Parquet or HDF5")
     for one in archive.namelist():
         if one.startswith("xl/worksheets/") and one.endswith(".xml"):
             _check_excel(archive, one, name, most)

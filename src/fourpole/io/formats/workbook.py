@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -29,8 +30,10 @@ if TYPE_CHECKING:
 _KIND = "a workbook"
 _OLE, _ZIP = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", b"PK\x03\x04"
 #: Largest workbook [byte], and largest number of cells of its sheets with tables.
-_MOST_BYTES, _MOST_CELLS = 300_000_000, 5_000_000
+_MOST_BYTES, _MOST_CELLS = 300_000_000, 3_000_000
 _MOST_SHEETS = 200
+#: Address space of the worker [byte]: 400 MB of it are that of the libraries, most of which stay on the disk.
+_MOST_MEMORY = 600_000_000
 #: First files of an archive that may be a workbook.
 _FIRST = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetype", b"customXml/")
 _SHEETS = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")
@@ -76,6 +79,7 @@ def _opened(path: Path, label: str | None, guard: Guard, max_bytes: int) -> Iter
         raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
     if head.startswith(_ZIP):
         _check_archive(path, name)
+    import_module("polars")  # so that the memory which is left is that of the cells
     library = guard.load("fastexcel")
     try:
         book = library.read_excel(str(path))
@@ -206,4 +210,6 @@ def _recognises(head: bytes) -> bool:
 
 
 _ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
-FORMAT = Format("workbook", _ENDINGS, _recognises, _survey, _read, "formats", _blocks, by_library=True)
+FORMAT = Format(
+    "workbook", _ENDINGS, _recognises, _survey, _read, "formats", _blocks, by_library=True, memory=_MOST_MEMORY
+)
