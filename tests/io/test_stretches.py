@@ -105,6 +105,18 @@ def test_steps_with_titles(tmp_path: Path) -> None:
     assert read(path, "", "G'", "Torque") == [[1.0, 2.0], [7.0, 8.0, 9.0]]
 
 
+def test_rows_that_begin_with_a_word(tmp_path: Path) -> None:
+    block = "[step]\nStep name\tSweep ({} °C)\nNumber of points\t2\nVariables\tTime\tG'\tG''\n\ts\tMPa\tMPa\n"
+    rows = "Data point\t0.5\t{0}\t2\nData point\t1.5\t{0}\t3\n\n"
+    path = written(tmp_path, "".join(block.format(one) + rows.format(one) for one in (150, 140)), "utf-16")
+    path.write_bytes(path.read_bytes() + b"\n")  # half a character, as some programs leave it
+    first, second = groups(path)
+    assert (first, second) == ("Sweep (150 °C)", "Sweep (140 °C)")
+    assert groups(path)[second][1:] == [("Time", "s", 2), ("G'", "MPa", 2), ("G''", "MPa", 2)]
+    assert read(path, first, "G'") == [[150.0, 150.0]]
+    assert read(path, second, "G'", "G''") == [[140.0, 140.0], [2.0, 3.0]]
+
+
 def test_a_table_far_down_is_found(tmp_path: Path) -> None:
     head = "".join(f"Option {at}\t{at}.5 mm\n" for at in range(3000))
     path = written(tmp_path, head + "\n[step]\nSweep\nf\tF\nHz\tN\n" + "1\t2\n3\t4\n" * 40)

@@ -16,6 +16,7 @@ _STARTS = (
     (b"\x28\xb5\x2f\xfd", "is packed by zstd; unpack it"),
     (b"%PDF-", "is a PDF; export the table from the program that made it, as CSV"),
     (b"{\\rtf", "is a document (RTF); copy its table into a workbook or a CSV file"),
+    (b"MULTI_STREAM_FILE_VER", "is a recording of Dewesoft; export it from Dewesoft as MATLAB, UNV or text"),
     (b"DIAEXTENDED", "is a header of DIAdem; save the recording from DIAdem as TDMS or CSV"),
     (b"\x89PNG", "is an image (PNG); export the numbers as CSV"),
     (b"\xff\xd8\xff", "is an image (JPEG); export the numbers as CSV"),

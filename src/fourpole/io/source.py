@@ -119,7 +119,7 @@ def as_utf8(file: BinaryIO, encoding: str, name: str) -> Iterator[BinaryIO]:
         while True:
             content = file.read(_AT_ONCE)
             try:
-                text = decoder.decode(content, final=not content)
+                text = decoder.decode(content)  # half a character at the end is left out
             except UnicodeDecodeError:
                 raise TableError(f"{name}: is marked as {encoding} but is not; save it as UTF-8") from None
             if "\x00" in text:

@@ -30,6 +30,8 @@ _KEPT = 200
 _SHOWN = 20
 #: Least share of the lines of a table that are rows; half of them in a table of one column.
 _FEW, _HALF = 0.02, 0.5
+#: Least number of values in a row that begins with a word, such as "Data point".
+_LABELLED = 3
 #: Longest line that is looked at [byte], and longest title.
 _LONGEST, _TITLE = 100_000, 60
 #: Bytes that are read at a time: they stay in the processor's cache.
@@ -351,11 +353,14 @@ def _has_letter(content: bytes) -> bool:
 
 
 def _opens(cells: list[str], shape: Shape) -> bool:
-    """Whether cells may be a row of a table: the first filled one is a value, and at least half of them are."""
+    """Whether cells may be a row of a table: a value and mostly values, or a word and some values behind it."""
     filled = [cell for cell in cells if not is_missing(cell)]
-    if not filled or not is_value(filled[0], shape.sign):
+    values = [is_value(cell, shape.sign) for cell in filled]
+    if not any(values):
         return False
-    return 2 * sum(is_value(cell, shape.sign) for cell in filled) >= len(filled)
+    if values[0]:
+        return 2 * sum(values) >= len(values)
+    return len(values) > _LABELLED and values[1] and 4 * sum(values) >= 3 * (len(values) - 1)
 
 
 def _title(above: list[str], shape: Shape) -> str:
@@ -366,6 +371,9 @@ def _title(above: list[str], shape: Shape) -> str:
     paragraph: list[list[str]] = []
     while cells and cells[-1]:
         paragraph.insert(0, cells.pop())
+    stated = [one[1] for one in paragraph if len(one) > 1 and _RESULT.fullmatch(one[0])]
+    if stated:
+        return _tidy(stated[-1])
     single = [one[0] for one in paragraph if len(one) == 1 and not one[0].startswith("[") and one[0][-1] not in ":="]
     if single:
         return _tidy(single[-1])
