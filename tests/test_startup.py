@@ -73,3 +73,13 @@ def test_the_units_that_are_suggested_do_not_load_pint():
 
 def test_the_package_is_installed_with_the_version_of_the_source():
     assert importlib.metadata.version("fourpole") == VERSION
+
+
+def test_to_read_a_plain_table_does_not_load_pint(tmp_path):
+    (tmp_path / "a.csv").write_text("t,F1,V1\n" + "".join(f"{i / 50},{i % 7},{i % 5}\n" for i in range(200)))
+    code = f"""
+from pathlib import Path
+from fourpole.io.columns import read_columns
+read_columns(Path({str(tmp_path / "a.csv")!r}), ("t", "F1"))
+"""
+    assert "pint" not in loaded_by(code)
