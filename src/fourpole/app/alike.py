@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from fourpole.app.console import first_of
+from fourpole.core.wording import first_of, without_numbers
 
 #: Tests with the same remark that are named.
 _MOST_NAMED = 6
-#: A number; the 1 of V1 is none.
-_NUMBER = re.compile(r"(?<![A-Za-z])[+-]?\d[\d.]*(?:e[+-]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ def gathered_alike(remarks: Iterable[tuple[str, str]]) -> list[Alike]:
     """
     groups: dict[str, list[tuple[str, str]]] = {}
     for name, text in remarks:
-        groups.setdefault(_NUMBER.sub("0", text.replace(name, "")), []).append((name, text))
+        groups.setdefault(without_numbers(text.replace(name, "")), []).append((name, text))
     found = []
     for members in groups.values():
         same = len({text for _, text in members}) == 1

@@ -12,7 +12,6 @@ from fourpole.app.console import (
     OK,
     SOME_REJECTED,
     counted_tests,
-    first_of,
     out,
     print_json,
     print_table,
@@ -22,6 +21,7 @@ from fourpole.app.console import (
 )
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.guessed import DOUBTS, columns_in_doubt
+from fourpole.core.wording import first_of
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
 
 _MOST_NAMED = 4

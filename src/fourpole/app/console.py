@@ -185,12 +185,6 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def first_of(names: Sequence[str], most: int) -> str:
-    """The first names with commas between them, and how many more there are."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"{', '.join(names[:most])}{more}"
-
-
 def counted_tests(counts: Mapping[str, int], rejected: str = "rejected") -> str:
     """The number of tests, and how many have each verdict."""
     listed = f"{counts['ok']} ok, {counts['warning']} with a warning, {counts['rejected']} {rejected}"

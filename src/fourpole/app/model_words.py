@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fourpole import quantities as q
-from fourpole.app.console import first_of, out, print_table, say, warn
+from fourpole.app.console import out, print_table, say, warn
 from fourpole.app.shown import PLUS_MINUS, cell, with_u
+from fourpole.core.wording import first_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap

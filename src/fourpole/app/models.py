@@ -13,10 +13,11 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole import units
-from fourpole.app.console import first_of, option, out, print_json, progress, say, warn
+from fourpole.app.console import option, out, print_json, progress, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.model_words import show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions, answered_in
+from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of

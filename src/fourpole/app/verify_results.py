@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, first_of, out, print_json, progress, warn
+from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, out, print_json, progress, warn
+from fourpole.core.wording import first_of
 from fourpole.findings import findings, findings_table
 from fourpole.io.origin import origin
 from fourpole.study.repeated import Difference

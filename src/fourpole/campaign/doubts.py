@@ -11,7 +11,6 @@ import numpy as np
 from fourpole import units
 from fourpole.campaign.channels import CHANNEL_KINDS
 from fourpole.campaign.schema import CampaignFile
-from fourpole.errors import UnitError
 
 #: A gain, and a value of the rig, is not known at all beyond this relative standard uncertainty; a phase beyond [rad].
 _MOST_RATIO, _MOST_PHASE = 0.5, 0.5
@@ -42,7 +41,7 @@ def doubtful_columns(own: tuple[str, ...], kinds: Mapping[str, str], present: tu
     """
     for head in own:
         name, unit = units.column_unit(head)
-        alike = [known for known, kind in kinds.items() if unit is not None and _is_of(unit, kind)]
+        alike = [known for known, kind in kinds.items() if unit is not None and units.is_unit(unit, kind)]
         near = [known for known in alike if known not in present]
         near = near or difflib.get_close_matches(name, alike, n=1, cutoff=_ALIKE)
         if near:
@@ -51,14 +50,6 @@ def doubtful_columns(own: tuple[str, ...], kinds: Mapping[str, str], present: tu
                 f"tests.csv: column {units.shown(head)} is taken as one of your own, so the analysis does not use it; "
                 f"if '{best} [{unit}]' is meant, rename it"
             )
-
-
-def _is_of(unit: str, kind: str) -> bool:
-    try:
-        units.to_si([1.0], unit, kind)
-    except UnitError:
-        return False
-    return True
 
 
 def doubtful_values(head: str, name: str, unit: str, values: Sequence[float]) -> Iterator[str]:

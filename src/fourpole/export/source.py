@@ -17,6 +17,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
+from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FileError
 from fourpole.io.folders import results_in
 from fourpole.plot.names import counted, distinct
@@ -173,8 +174,7 @@ class ExportTables(ByValue):
 
 def some(names: Sequence[str]) -> str:
     """The first names of tests for a message, and the number of the others."""
-    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    return ", ".join(shown(name, 40)[1:-1] for name in names[:_LISTED]) + more
+    return first_of([shown(name, 40)[1:-1] for name in names], _LISTED)
 
 
 def read_source(folder: str | Path) -> ExportTables:

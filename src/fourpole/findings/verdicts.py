@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,6 +10,7 @@ import polars as pl
 
 from fourpole.core.checks import VERDICTS, worst_verdict
 from fourpole.core.codes import Code
+from fourpole.core.wording import without_numbers
 from fourpole.findings.facts import Facts, natural
 from fourpole.findings.finding import Finding, Holds, Topic
 
@@ -82,7 +82,7 @@ def verdicts(facts: Facts) -> list[Finding]:
         alike: dict[str, Doubt] = {}
         for test, verdict, remarks in rows:
             for doubt in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
-                first = doubt if doubt.code else alike.setdefault(_masked(doubt.remark), doubt)
+                first = doubt if doubt.code else alike.setdefault(without_numbers(doubt.remark, names=True), doubt)
                 reasons.setdefault(first, set()).add(test)
         order = sorted(reasons, key=lambda one: (-len(reasons[one]), one.code.text if one.code else "", one.remark))
         doubts += [Finding(Topic.TRUST, None, (), holds, one, tests=_sorted(reasons[one])) for one in order]
@@ -116,11 +116,6 @@ def checks_by_test(checks: pl.DataFrame) -> dict[str, list[CheckRow]]:
             one = CheckRow(row["verdict"], Code.read(row["code"]), row["remedy"] or "")
             found.setdefault(row["test"], []).append(one)
     return found
-
-
-def _masked(remark: str) -> str:
-    """A remark without its numbers and names, in which remarks of one cause differ."""
-    return re.sub(r"'[^']*'|[+-]?\d[\d.]*(e[+-]?\d+)?", "0", remark)
 
 
 def _beginning(remarks: str) -> str:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from fourpole.core.wording import first_of
 from fourpole.errors import ModelError
 from fourpole.fitting.seal import KEY, alterations
 from fourpole.io.source import read_bytes
@@ -87,5 +88,4 @@ def check_seal(name: str, document: dict[str, Any]) -> None:
 
 def listed(found: list[str]) -> str:
     """The first alterations, and how many more there are."""
-    more = f" and {len(found) - _MOST_NAMED} more" if len(found) > _MOST_NAMED else ""
-    return "; ".join(one[:_LONGEST] for one in found[:_MOST_NAMED]) + more
+    return first_of([one[:_LONGEST] for one in found], _MOST_NAMED, "; ")

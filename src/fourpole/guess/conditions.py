@@ -1,7 +1,7 @@
 """Conditions of the tests of a folder: what their names, headers and notes state, compared over all tests.
 
-Numbers without a unit become conditions where their place in all names shows which. The words that differ between
-tests name the tyres. Dates, serial numbers and words that all tests share are not used.
+Numbers without a unit become conditions where their place in all names shows which; what is left names the specimens,
+see `fourpole.guess.specimens`.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from fourpole.core.condition import AXES, FREQUENCY, Axis, axis_of
-from fourpole.guess.entries import Entry, RecordingConditions
+from fourpole.core.condition import FREQUENCY
+from fourpole.guess.entries import Entry, RecordingConditions, axis_named
 from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, plain
 from fourpole.guess.specimens import doubt_equal, name_specimens
 from fourpole.guess.words import PASSED_OVER
 
-#: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
-_AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
 #: Unit in which a condition is written in a doubt, and the SI value of one such unit.
 _SHOWN = {one.key: (one.shown, one.scale) for one in CONDITIONS}
 
@@ -61,7 +59,7 @@ def _values(entry: Entry) -> RecordingConditions:
                 conditions.values[what] = token.value
                 if token.doubt:
                     conditions.doubt(what, token.doubt)
-            elif not token.doubt and not _axis(what).same(conditions.values[what], token.value):
+            elif not token.doubt and not axis_named(what).same(conditions.values[what], token.value):
                 taken = _written(what, conditions.values[what])
                 conditions.doubt(what, f"{taken} is taken, {places[place]} also says {token.text!r}")
     for token in entry.signals:
@@ -70,11 +68,6 @@ def _values(entry: Entry) -> RecordingConditions:
             conditions.doubt(token.what, token.doubt)
     conditions.band = next(((one.value, one.high) for one in entry.name if one.what == "band"), None)
     return conditions
-
-
-def _axis(what: str) -> Axis:
-    """The axis of a condition."""
-    return _AXES.get(what) or axis_of(what)
 
 
 def _written(what: str, value: float) -> str:
@@ -194,7 +187,7 @@ def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> _Meaning | N
 def _apart(what: str, values: np.ndarray) -> bool:  # type: ignore[type-arg]
     """Whether the different numbers would be different values of a condition; numbers such as 4711, 4712 are not."""
     each = np.unique(values).tolist()
-    return not any(_axis(what).same(one, other) for one, other in pairwise(each))
+    return not any(axis_named(what).same(one, other) for one, other in pairwise(each))
 
 
 def _nameless(tokens: Mapping[int, Token], entries: Sequence[Entry]) -> bool:

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from fourpole.core.condition import AXES, FREQUENCY, Axis, axis_of
 from fourpole.guess.names import Token
+
+#: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
+_AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
+
+
+def axis_named(condition: str) -> Axis:
+    """The tolerances within which two values of a condition are the same, by its name."""
+    return _AXES.get(condition) or axis_of(condition)
 
 
 @dataclass(frozen=True)

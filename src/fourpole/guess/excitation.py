@@ -1,4 +1,4 @@
-"""Random excitation or a sweep, told from the samples of one channel, with the band that is excited."""
+"""Whether the samples of one channel show random excitation or a sweep, and in which band."""
 
 from __future__ import annotations
 
@@ -7,23 +7,18 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.spectra.average import bins_of, hann, lines_of, starts_of
-from fourpole.core.spectra.motion import fine_spectrum, motion_of
+from fourpole.core.spectra.excited import RESOLVED
+from fourpole.core.spectra.motion import fine_spectrum, motion_of, segment_of
 from fourpole.errors import FourpoleError
 
-#: Segments of the spectrum that shows the band, and those by which the kind is told.
-_FINE, _MANY = 32, 128
+#: Segments of the spectrum that shows the band.
+_FINE = 32
 #: Least power in the band over the largest [1], and the least over the floor of the spectrum.
 _POWER, _FLOOR = 1e-4, 10.0
 #: Bins without power that a band may have.
 _GAP = 3
-#: Share of the sampling rate up to which lines are resolved.
-_RESOLVED = 0.45
-#: Fewest cycles of the lowest frequency in a recording of many frequencies, and in a segment.
-_CYCLES, _IN_SEGMENT = 30.0, 4.0
-#: Share of the lines, and of the power in them, above which the motion has separate sines.
-_FOREIGN, _SINGLE = 0.05, 0.25
-#: Number of segments that hold the power at a frequency, below which the excitation is a sweep.
-_SWEPT = 8.0
+#: Fewest cycles of the lowest frequency in a recording of many frequencies.
+_CYCLES = 30.0
 #: Least share of the recording in which the power of a sweep lies [1]: an impact has far less.
 _LASTING = 0.3
 
@@ -46,12 +41,11 @@ def excitation_of(samples: FloatArray, rate: float, derivative: int = 0) -> tupl
         band = _band(track, derivative)
         if band is None or length * band[0] < _CYCLES or band[1] < 1.5 * band[0]:
             return None
-        segment = max(2.0 * length / (_MANY + 1.0), _IN_SEGMENT / band[0])
-        motion = motion_of(track, segment, band, fine_spectrum(track))
+        motion = motion_of(track, segment_of(length, band[0]), band, fine_spectrum(track))
     except FourpoleError:
         return None
-    if motion.held >= _SWEPT:
-        return None if motion.foreign > _FOREIGN or motion.single > _SINGLE else ("random", band)
+    if not motion.is_swept:
+        return None if motion.has_sines else ("random", band)
     parts = np.array([np.mean(part**2) for part in np.array_split(signal, _FINE)])
     lasting = parts.sum() ** 2 / (parts.size * max(float(np.sum(parts**2)), 1e-300))
     return ("sweep", band) if lasting > _LASTING else None
@@ -78,4 +72,4 @@ def _band(track: Track, derivative: int) -> tuple[float, float] | None:
         return None
     # the main lobe of the window widens the band by two bins on either side
     low, high = frequency[part[0] + 2], frequency[part[-1] - 2]
-    return float(f"{low:.2g}"), min(float(f"{high:.2g}"), _RESOLVED * track.rate)
+    return float(f"{low:.2g}"), min(float(f"{high:.2g}"), RESOLVED * track.rate)

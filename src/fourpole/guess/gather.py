@@ -289,7 +289,7 @@ def _shape(
 
 
 def _motions(columns: Sequence[Column]) -> dict[str, int]:
-    """Columns by which an excitation is told, the likeliest first, and the differentiations to a velocity of each."""
+    """Columns that may show the excitation, the likeliest first, and the differentiations to a velocity of each."""
     kinds = [*MOTIONS, "force"]
     moving = [column for column in columns if column.quantity in kinds]
     moving.sort(key=lambda one: (one.quantity == "force", one.side != "in", one.side == "out"))

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from fourpole import units
-from fourpole.errors import CampaignError, UnitError
+from fourpole.errors import CampaignError
 from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, without_ending
 from fourpole.guess.words import UNITS
 from fourpole.units import shown
@@ -90,7 +90,7 @@ def _field(written: str, after: str, where: str) -> _Part:
     if name not in _VALUES:
         raise CampaignError(f"{where}: there is no field {shown('{' + written + '}', 40)}; possible are {_possible()}")
     unit = unit or _unit_at(after, _VALUES[name])
-    if not unit or not _is_of(unit, _VALUES[name]):
+    if not unit or not units.is_unit(unit, _VALUES[name]):
         example = next(one.shown for one in CONDITIONS if one.key == name)
         raise CampaignError(
             f"{where}: {{{name}}} has no unit of its kind: write {{{name}}}{example}, or {{{name} [{example}]}} where "
@@ -106,17 +106,9 @@ def _unit_at(text: str, kind: str) -> str:
         if KINDS_OF.get(what) == kind and re.match(expression, bare):
             return unit
     for size in range(min(len(bare), _LONGEST_UNIT), 0, -1):
-        if not bare[size : size + 1].isalpha() and bare[size - 1].strip(" _-") and _is_of(bare[:size], kind):
+        if not bare[size : size + 1].isalpha() and bare[size - 1].strip(" _-") and units.is_unit(bare[:size], kind):
             return bare[:size]
     return ""
-
-
-def _is_of(unit: str, kind: str) -> bool:
-    try:
-        units.to_si([1.0], unit, kind)
-    except UnitError:
-        return False
-    return True
 
 
 def _compared(file: str, pattern: str, folders: int) -> str:

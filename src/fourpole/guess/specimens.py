@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from fourpole.core.condition import AXES, FREQUENCY, axis_of
-from fourpole.guess.entries import Entry, RecordingConditions
+from fourpole.core.arrays import IntArray
+from fourpole.guess.entries import Entry, RecordingConditions, axis_named
 from fourpole.guess.names import KINDS_OF, Token, plain
 from fourpole.guess.words import CONSTRUCTIONS, KEYS, PASSED_OVER, STATES
 from fourpole.units import shown
@@ -24,8 +24,7 @@ _LONGEST = 60
 _MOST_LISTED = 5
 #: Share of the tests that a mark must have, and largest number of its values per such test: beyond it counts them.
 _PRESENT, _COUNTS = 0.8, 0.5
-#: Conditions by which tests are told apart.
-_AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
+#: Conditions that make tests comparable where they are equal.
 _CONDITIONS = ("pressure", "preload", "frequency", "temperature", "added_mass", "amplitude")
 
 #: A test, as what its file states and what was found of it.
@@ -67,12 +66,12 @@ def doubt_equal(tests: Sequence[_Test], names: Sequence[str]) -> None:
 
 def _conditions(tests: Sequence[_Test]) -> list[tuple[object, ...]]:
     """Kind and condition of each test, as equal tuples for tests at the same condition."""
-    columns: list[np.ndarray] = []  # type: ignore[type-arg]
+    columns: list[IntArray] = []
     for what in _CONDITIONS:
         values = [conditions.values.get(what) for _, conditions in tests]
         if what == "frequency":
             values = [_frequency(entry, stated) for (entry, _), stated in zip(tests, values, strict=True)]
-        columns.append((_AXES.get(what) or axis_of(what)).groups(values))
+        columns.append(axis_named(what).groups(values))
     return [(entry.kind, *(int(column[at]) for column in columns)) for at, (entry, _) in enumerate(tests)]
 
 
@@ -128,7 +127,12 @@ def _consider(key: str, values: list[str], tests: Sequence[_Test]) -> None:
     """Add the numbers of one place to the names of the specimens, if they are numbers of specimens."""
     used = [value for value in values if value]
     each = sorted(set(used), key=lambda text: (len(text), text))
-    if len(each) < 2 or len(used) < _PRESENT * len(tests) or len(each) > _COUNTS * len(used) or _told(values, tests):
+    if (
+        len(each) < 2
+        or len(used) < _PRESENT * len(tests)
+        or len(each) > _COUNTS * len(used)
+        or _known(values, tests)
+    ):
         return
     splits, named = _splits(_conditions(tests), tests, values), any(conditions.tyre for _, conditions in tests)
     listed = _listed(each)
@@ -158,8 +162,8 @@ def _consider(key: str, values: list[str], tests: Sequence[_Test]) -> None:
         _add(tests, values, f"the numbers {listed} are never at the same condition: are they those of the tyres?")
 
 
-def _told(values: Sequence[str], tests: Sequence[_Test]) -> bool:
-    """Whether the names of the specimens so far tell the numbers of one place already."""
+def _known(values: Sequence[str], tests: Sequence[_Test]) -> bool:
+    """Whether each specimen, as named so far, has one number of its own."""
     found: dict[str, set[str]] = {}
     for value, (_, conditions) in zip(values, tests, strict=True):
         found.setdefault(plain(conditions.tyre), set()).add(value)

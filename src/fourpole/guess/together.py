@@ -13,6 +13,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.condition import Axis
+from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import (
     Column,
@@ -134,11 +135,10 @@ class _Together:
         self.kinds = [self._kind(index) for index in range(len(self.recordings))]
         self.names = test_names(self.recordings, self.kinds)
         if unmatched:
-            listed = ", ".join(shown(self.recordings[index].file, 80) for index in unmatched[:_MOST_NAMED])
-            more = f" and {len(unmatched) - _MOST_NAMED} more" if len(unmatched) > _MOST_NAMED else ""
+            listed = first_of([shown(self.recordings[index].file, 80) for index in unmatched], _MOST_NAMED)
             for index in unmatched:
                 self.of_row[index].append(("", "its name does not match the pattern, so nothing is taken from it"))
-            text = f"{len(unmatched)} names do not match the pattern, so nothing is taken from them: {listed}{more}"
+            text = f"{len(unmatched)} names do not match the pattern, so nothing is taken from them: {listed}"
             self._doubt("names", text, "fill in their rows of tests.csv, or add a further --pattern", unmatched)
 
     def guess(self) -> GuessedCampaign:

@@ -101,7 +101,7 @@ def survey_columns(
 def survey_stretches(
     path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None
 ) -> tuple[list[Stretch], str]:
-    """Each header of a recording with its rows, as far as they are told by `stretches_of`; and the encoding."""
+    """The stretches of a recording of text, see `stretches_of`, and its encoding."""
     with _text(path, max_bytes, label) as (source, start, encoding, written):
         mark = len(BOM_UTF8) if start.startswith(BOM_UTF8) else 0
         return stretches_of(source, start, mark, encoding, name_of(path, label)), written

@@ -390,7 +390,7 @@ def _nearest_names(
             if is_aside(lines[index]):
                 continue
             return None
-        # A line of units has names above it: at least as many. Units come second, for to know them takes a library.
+        # A line of units has names above it: at least as many. Units are looked at last, because that loads a library.
         higher = (cells for other, cells in found.items() if other < index and cells is not None)
         if not (_filled(next(higher, [])) >= _filled(names) and _is_units_row(names)):
             return tuple(names), index

@@ -6,6 +6,7 @@ import difflib
 from collections import Counter
 from collections.abc import Callable, Sequence
 
+from fourpole.core.wording import first_of
 from fourpole.errors import TableError
 from fourpole.units import column_unit, shown
 
@@ -88,8 +89,7 @@ def listed(names: Sequence[str], wanted: str) -> str:
     near = [folded[one] for one in difflib.get_close_matches(wanted[:_COMPARED].casefold(), folded, n=1, cutoff=0.5)]
     hint = f"; did you mean {shown(near[0])}?" if near else ";"
     ordered = list(dict.fromkeys([*near, *known]))
-    more = f" and {len(ordered) - _SHOWN} more" if len(ordered) > _SHOWN else ""
-    return f"{hint} it has {', '.join(shown(one)[1:-1] for one in ordered[:_SHOWN])}{more}"
+    return f"{hint} it has {first_of([shown(one)[1:-1] for one in ordered], _SHOWN)}"
 
 
 def numbered(names: Sequence[str]) -> list[str]:

@@ -94,7 +94,7 @@ def encoding_of(start: bytes, name: str) -> tuple[str, int]:
 
 
 def decode(content: bytes, name: str) -> tuple[str, str]:
-    """A decoded text and its encoding: UTF-8, UTF-16 with its mark, or else as `encoding_without_mark` tells."""
+    """A decoded text and its encoding: UTF-8, UTF-16 with its mark, or else that of `encoding_without_mark`."""
     encoding, mark = encoding_of(content, name)
     odd = encoding.startswith("utf-16") and len(content) % 2 == 1 and content.endswith(b"\n")
     try:

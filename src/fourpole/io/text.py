@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fourpole.core.wording import first_of
 from fourpole.errors import TableError
 from fourpole.io.layout import (
     Layout,
@@ -183,10 +184,9 @@ def read_table(
     long = [one for _, one in tables if len(one.lines) > _SUMMARY] if len(tables) > 1 else [tables[0][1]]
     if len(long) == 1:
         return long[0]
-    titles = ", ".join(shown(one) for one, _ in tables[:_MOST_SHOWN])
-    more = f" and {len(tables) - _MOST_SHOWN} more" if len(tables) > _MOST_SHOWN else ""
+    titles = first_of([shown(one) for one, _ in tables], _MOST_SHOWN)
     name = long[0].label if long else tables[0][1].label
-    raise TableError(f"{name}: holds {len(tables)} tables: {titles}{more}; name one, as in {name}#{tables[0][0]}")
+    raise TableError(f"{name}: holds {len(tables)} tables: {titles}; name one, as in {name}#{tables[0][0]}")
 
 
 def read_tables(

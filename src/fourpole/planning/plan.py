@@ -20,6 +20,7 @@ from fourpole.core.phasor import CHANNELS
 from fourpole.core.plan import Plan, PlannedTests
 from fourpole.core.plan.expect import arm_std, planned_phasors, relative_uncertainties
 from fourpole.core.rig import Rig
+from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, RigError
 from fourpole.fitting.rows import conditions_in, tyre_columns
 from fourpole.study.identified import setup_of
@@ -208,8 +209,8 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
         notes.append(f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv")
     if bands := [test.name for test in campaign.tests if test.band is not None]:
         notes.append(
-            f"{', '.join(bands[:_NAMED])}{' and others' if len(bands) > _NAMED else ''}: random tests and sweeps are "
-            "not planned, their uncertainty follows from the coherence"
+            f"{first_of(bands, _NAMED)}: random tests and sweeps are not planned, their uncertainty follows from the "
+            "coherence"
         )
     rigs = []
     for name in dict.fromkeys(test.rig for test in planned):
@@ -419,8 +420,9 @@ def _lift_off(rigs: Sequence[RigPlan]) -> list[str]:
         names += [item.tests[at].name for at in np.flatnonzero(force > 0.9 * load)]
     if not names:
         return []
-    listed = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-    return [f"the tyre will nearly lift off in {listed}: take a smaller eccentricity or a higher preload"]
+    return [
+        f"the tyre will nearly lift off in {first_of(names, _NAMED)}: take a smaller eccentricity or a higher preload"
+    ]
 
 
 def with_kg(mass: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS
 from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.wording import without_numbers
 from fourpole.fitting.rows import KEY, keyed
 from fourpole.plot.strided import thinned
 from fourpole.quantities import Quantity
@@ -23,8 +23,6 @@ from fourpole.report.wanted import shown_as
 
 #: Most lines of a curve, and rows of the table of a card.
 _CURVE, _ROWS = 400, 12
-#: A number in a remark.
-_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?|no upper limit")
 #: Most remarks of a card, those of most lines first.
 _REMARKS = 6
 #: Quantities over frequency with their expanded uncertainty, each a panel.
@@ -131,7 +129,7 @@ def _remarks(rows: pl.DataFrame) -> list[str]:
     alike: dict[str, list[str]] = {}
     for remark in rows[q.REMARKS.head].to_list():
         if remark:
-            alike.setdefault(_NUMBER.sub("", str(remark)), []).append(str(remark))
+            alike.setdefault(without_numbers(str(remark).replace("no upper limit", "0")), []).append(str(remark))
     ranked = sorted(alike.values(), key=len, reverse=True)
     said = [_counted(found, rows.height) for found in ranked[:_REMARKS]]
     left = sum(map(len, ranked[_REMARKS:]))

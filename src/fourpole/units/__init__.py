@@ -205,14 +205,20 @@ def channel_scale(unit: str, kinds: Sequence[str] = MOTIONS) -> tuple[str, float
     return kind, _finite(scale, unit)
 
 
-def is_unit(text: str) -> bool:
-    """Whether a text is a unit of one of the `KINDS`.
+def is_unit(text: str, kind: str | None = None) -> bool:
+    """Whether a text is a unit of one of the `KINDS`, or of a certain one.
 
     Examples
     --------
-    >>> is_unit("kgf/cm²"), is_unit("radial")
-    (True, False)
+    >>> is_unit("kgf/cm²"), is_unit("radial"), is_unit("bar", "force")
+    (True, False, False)
     """
+    if kind is not None:
+        try:
+            to_si([1.0], text, kind)
+        except UnitError:
+            return False
+        return True
     if text.strip() in SUGGESTED or text.strip() in TEMPERATURES:
         return True
     try:

@@ -21,7 +21,7 @@ from fourpole.errors import RecordingError
 _ORDER = (*CHANNELS, DRIVE)
 _COHERENT = (*zip(CHANNELS, (*CHANNELS[1:], CHANNELS[0]), strict=True), *((DRIVE, one) for one in CHANNELS))
 #: Share of the sampling rate up to which lines are resolved.
-_RESOLVED = 0.45
+RESOLVED = 0.45
 #: Median of the square of a standard normal number, and the closure phase in its uncertainties from which on a line
 #: alone is less certain than its noise says.
 _MEDIAN, _ODD = 0.4549, 2.0
@@ -163,7 +163,7 @@ def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tu
             f"{recording.label}: the channels differ in their sampling times: resample them to one rate for many "
             "frequencies at once"
         )
-    top = _RESOLVED * tracks[0].rate
+    top = RESOLVED * tracks[0].rate
     if band[0] >= top:
         raise RecordingError(
             f"{recording.label}: {tracks[0].rate:.6g} samples per second do not resolve {band[0]:.4g} Hz"

@@ -89,9 +89,9 @@ def local_ratios(lines: ComplexArray, frequency: FloatArray, wanted: tuple[tuple
     R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., 2012, ch. 7 (the local
     polynomial method); T. Soderstrom and P. Stoica, "System Identification", 1989, ch. 8 (instruments).
     """
-    edges = _edges(frequency)
-    found = [_of_band(lines[:, a:b], frequency[a:b], wanted) for a, b in edges]
-    sizes = np.array([b - a for a, b in edges])
+    bands = _bands(frequency)
+    found = [_of_band(lines[:, a:b], frequency[a:b], wanted) for a, b in bands]
+    sizes = np.array([b - a for a, b in bands])
     values = np.stack([one.values for one in found])
     covariance = np.stack([one.covariance for one in found])
     bend = np.hypot(
@@ -101,7 +101,7 @@ def local_ratios(lines: ComplexArray, frequency: FloatArray, wanted: tuple[tuple
     for at in range(2 * bend.shape[1]):
         covariance[:, at, at] += 0.5 * bend[:, at // 2] ** 2
     return LocalRatios(
-        np.array([0.5 * (frequency[a] + frequency[b - 1]) for a, b in edges]),
+        np.array([0.5 * (frequency[a] + frequency[b - 1]) for a, b in bands]),
         sizes * float(frequency[1] - frequency[0]),
         values,
         covariance,
@@ -133,7 +133,7 @@ def _remainder(values: ComplexArray, weights: ComplexArray) -> FloatArray:
     return np.asarray(np.hypot(np.abs(third * weights[:, :, 0]), np.abs(fourth * weights[:, :, 1])))
 
 
-def _edges(frequency: FloatArray) -> list[tuple[int, int]]:
+def _bands(frequency: FloatArray) -> list[tuple[int, int]]:
     """First bin of each band, and the first behind it."""
     step, at, found = float(frequency[1] - frequency[0]), 0, []
     while at + BINS <= frequency.size:

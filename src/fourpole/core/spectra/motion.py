@@ -11,6 +11,12 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.spectra.average import bins_of, hann, lines_of, starts_of
 
+#: Number of segments that a first estimate takes, and fewest cycles of the lowest frequency in a segment.
+MANY, CYCLES = 128, 4.0
+#: Share of foreign bins above which the motion has gaps, and share of their power above which it is one sine, or a few.
+_FOREIGN, _SINGLE = 0.05, 0.25
+#: Number of segments that hold the power at a bin, below which the excitation is a sweep.
+_SWEPT = 8.0
 #: Segments that are looked at.
 _MOST = 256
 #: Distance in bins from which on a power belongs to another bin, and half the width of the main lobe of a Hann window.
@@ -49,6 +55,21 @@ class Motion:
     single: float
     held: float
 
+    @property
+    def is_swept(self) -> bool:
+        """Whether each frequency is excited in a few segments only, as by a sweep."""
+        return self.held < _SWEPT
+
+    @property
+    def has_gaps(self) -> bool:
+        """Whether many bins lie between separate sines."""
+        return self.foreign > _FOREIGN
+
+    @property
+    def has_sines(self) -> bool:
+        """Whether the motion is one sine, or separate sines."""
+        return self.has_gaps or self.single > _SINGLE
+
 
 @dataclass(frozen=True, eq=False)
 class Fine(ByValue):
@@ -83,6 +104,11 @@ class Fine(ByValue):
             return 0.0, 0.5 * (first + last), 1.0
         share = 2.0 * total**2 / squares * float(np.sum(window**2)) / float(window.sum()) ** 2
         return total, float(np.sum(held * frequency)) / total, 1.0 if share > _FULL else share
+
+
+def segment_of(length: float, lowest: float, count: int = MANY) -> float:
+    """Length [s] of `count` segments of a record [s], at least four cycles of the lowest frequency [Hz]."""
+    return max(2.0 * length / (count + 1.0), CYCLES / lowest)
 
 
 def _lobe(apart: FloatArray) -> FloatArray:

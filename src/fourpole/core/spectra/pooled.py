@@ -53,11 +53,11 @@ class Sensors:
     Attributes
     ----------
     gain : (float, float) [1]
-        Relative.
+        Relative uncertainties of the gains.
     phase : (float, float) [rad]
-        Same at all frequencies.
+        Uncertainties of phase errors that are the same at all frequencies.
     delay : (float, float) [s]
-        Of their samples.
+        Uncertainties of the delays of the samples.
     """
 
     gain: tuple[float, float]

@@ -7,20 +7,12 @@ import numpy as np
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.averaged import segment_amplitudes
 from fourpole.core.spectra.excited import Excited, prepared, pulls_of
-from fourpole.core.spectra.motion import Motion, fine_spectrum, motion_of, period_of
+from fourpole.core.spectra.motion import CYCLES, MANY, Motion, fine_spectrum, motion_of, period_of, segment_of
 from fourpole.core.spectra.sweep import fits_whole, repeated_amplitudes, whole_amplitudes
 from fourpole.errors import RecordingError, TooShortError
 
-#: Number of segments that a first estimate takes, and the fewest that are taken for finer lines.
-_MANY, _FEW = 128, 32
-#: Share of such lines above which the motion has separate sines.
-_FOREIGN = 0.05
-#: Share of the power in such lines above which the motion is one sine, or a few.
-_SINGLE = 0.25
-#: Number of segments that hold the power at a frequency, below which the excitation is a sweep.
-_SWEPT = 8.0
-#: Fewest cycles of the lowest frequency in a segment.
-_CYCLES = 4.0
+#: Fewest segments that are taken for finer lines.
+_FEW = 32
 #: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
 #: falls below this share of what it was.
 _LEAKS, _BETTER = 1.5, 0.8
@@ -61,13 +53,13 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     length = track.time.size / track.rate
     if segment is not None:
         return segment_amplitudes(recording, track, inside, segment)
-    if length * inside[0] < 0.5 * _CYCLES * (_FEW + 1.0):
+    if length * inside[0] < 0.5 * CYCLES * (_FEW + 1.0):
         raise TooShortError(
             f"{recording.label} is {length:.4g} s long, which is too short for lines from {band[0]:.4g} Hz on: record "
-            f"{0.5 * _CYCLES * (_FEW + 1.0) / band[0]:.3g} s or more, or start the band higher"
+            f"{0.5 * CYCLES * (_FEW + 1.0) / band[0]:.3g} s or more, or start the band higher"
         )
     fine = fine_spectrum(track)
-    segment = max(2.0 * length / (_MANY + 1.0), _CYCLES / inside[0])
+    segment = segment_of(length, inside[0])
     if (period := period_of(track, inside)) is not None:
         repeated = repeated_amplitudes(recording, track, inside, period, segment)
         if repeated is not None:
@@ -76,9 +68,9 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     if period is not None and fits_whole(track, inside):
         return whole_amplitudes(recording, track, inside)
     best: Excited | None = None
-    for count in (_MANY, _MANY // 2, _FEW):
-        segment = max(2.0 * length / (count + 1.0), _CYCLES / inside[0])
-        if best is not None and motion_of(track, segment, inside, fine).foreign > _FOREIGN:
+    for count in (MANY, MANY // 2, _FEW):
+        segment = segment_of(length, inside[0], count)
+        if best is not None and motion_of(track, segment, inside, fine).has_gaps:
             break
         finer = segment_amplitudes(recording, track, inside, segment, fine)
         if best is not None and not _leakage(finer) < _BETTER * _leakage(best):
@@ -92,12 +84,12 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
 
 def _check_random(recording: Recording, motion: Motion, segment: float) -> None:
     """RecordingError if the motion is separate sines or a sweep."""
-    if motion.held < _SWEPT:
+    if motion.is_swept:
         raise RecordingError(
             f"{recording.label}: each frequency is excited in {motion.held:.2g} of the segments of {segment:.3g} s "
             "only, as by a sweep: state kind = sweep"
         )
-    if motion.foreign > _FOREIGN or motion.single > _SINGLE:
+    if motion.has_sines:
         raise RecordingError(
             f"{recording.label}: the motion has separate sines, and nothing between them: test each as a dynamic test, "
             f"or put the sines of a multisine at most {0.5 / segment:.2g} Hz apart"

@@ -153,25 +153,29 @@ def _by_stretch(chosen: Mapping[int, tuple[Stretch, str]]) -> dict[str, tuple[St
     return groups
 
 
-def _several(request: Request) -> list[Stretch]:
-    """The stretches of a file; empty if it is one table that begins with its first lines."""
+def _several(request: Request, refused: TableError | None = None) -> list[Stretch]:
+    """The stretches of a file; empty if it is one table that begins with its first lines.
+
+    The error with which such a table was `refused` is raised again.
+    """
     stretches, _ = survey_stretches(request.path, max_bytes=request.max_file_bytes, label=request.label)
     found = _one_table(request.path, request.label, request.max_file_bytes, stretches)
-    return [] if isinstance(found, Survey) else stretches
+    several = [] if isinstance(found, Survey) else stretches
+    if not several and refused is not None:
+        raise refused
+    if not several:
+        in_group([], request.group, request.label)
+    return several
 
 
 def _read(request: Request) -> Sequence[Signal]:
-    if not request.group:
+    if request.group:
+        stretches = _several(request)
+    else:
         try:
             return _read_table(request)
-        except TableError:
-            stretches = _several(request)
-            if not stretches:
-                raise
-    else:
-        stretches = _several(request)
-        if not stretches:
-            in_group([], request.group, request.label)
+        except TableError as error:
+            stretches = _several(request, error)
     chosen = _chosen(request, stretches)
     afford(_NUMBER_SIZE * sum(one.rows for one, _ in chosen.values()), request.max_bytes, request.label)
     signals: dict[int, Signal] = {}
@@ -205,19 +209,16 @@ def _read_table(request: Request) -> Sequence[Signal]:
 
 def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
     done = 0
-    if not request.group:
+    if request.group:
+        stretches = _several(request)
+    else:
         try:
             for chunk in _stretch_blocks(request, rows, None, dict(enumerate(request.names))):
                 yield chunk
                 done += max(len(one.samples) for one in chunk)
             return
-        except TableError:
-            stretches = _several(request)
-            if not stretches:
-                raise
-    else:
-        stretches = _several(request)
-        in_group([(one.name, "") for one in stretches], request.group, request.label)
+        except TableError as error:
+            stretches = _several(request, error)
     groups = list(_by_stretch(_chosen(request, stretches)).values())
     runs = [_stretch_blocks(request, rows, stretch, names) for stretch, names in groups]
     # The stretches of a test advance together; many at a time are only looked at, one file open after the other.

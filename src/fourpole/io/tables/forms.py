@@ -14,6 +14,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import DERIVATIVES
+from fourpole.core.wording import first_of
 from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells
 from fourpole.io.tables.columns import Taken, chosen, in_si, unclear, where_of
@@ -28,6 +29,8 @@ QUANTITIES = ("storage", "loss", "magnitude", "tan", "angle", "damping", "R", "I
 _SHARED = ("tan", "angle", "damping")
 #: Largest relative difference of two forms of one table that is not said.
 _ALIKE = 0.02
+#: Largest number of rows that a remark names.
+_MOST_NAMED = 8
 _NEEDED = (
     "one of (K', K''), (K', tan δ), (K', C), (|K*|, loss angle), (|K*|, tan δ), the same of a modulus G or E, "
     "(F1, V1, phase), (F1, x1, phase) or (R, I)"
@@ -156,9 +159,7 @@ def _signs(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
 
 def rows_named(rows: Sequence[int]) -> str:
     """Rows by their numbers: "row 7", "rows 3, 4 and 9 more"."""
-    first = ", ".join(map(str, rows[:8]))
-    more = f" and {len(rows) - 8} more" if len(rows) > 8 else ""
-    return f"{'row' if len(rows) == 1 else 'rows'} {first}{more}"
+    return f"{'row' if len(rows) == 1 else 'rows'} {first_of([str(one) for one in rows], _MOST_NAMED)}"
 
 
 def contradictions(cells: Cells, found: Sequence[Taken], form: Form, values: ComplexArray) -> list[str]:

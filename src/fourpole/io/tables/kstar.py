@@ -45,8 +45,6 @@ _FACTOR = (
     'state --shape-factor "0.05 m" (K* per modulus), or --mode shear --height "10 mm" --area "5 cm^2" for K = G A/h, '
     'or --mode compression for K = E A/h; --shape-factor "1 m" keeps the numbers of the modulus'
 )
-
-
 #: Name of a group that means all of them.
 ALL = "*"
 _RIG = (
@@ -387,7 +385,7 @@ def _further(
 
 
 def _rows(cells: Cells, used: Sequence[Taken], frequency: FloatArray, values: ComplexArray) -> list[str]:
-    """Remarks on rows without a value, with an impossible frequency, or with one that occurs twice."""
+    """Remarks on rows without a value, with words among the numbers, or with an impossible frequency."""
     remarks = []
     for one in used:
         for at, text in one.column.bad:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+from fourpole.core.wording import first_of
 from fourpole.findings.finding import UNSTATED, Finding, Key
 from fourpole.quantities import PRELOAD, PRESSURE, Quantity
 from fourpole.report.digits import number as digits_of
@@ -121,7 +122,7 @@ def joined(items: Iterable[str]) -> str:
 
 def some(items: Sequence[str], most: int = 10) -> str:
     """A list of which at most `most` are named."""
-    return joined(items) if len(items) <= most else f"{', '.join(items[:most])} and {len(items) - most} more"
+    return joined(items) if len(items) <= most else first_of(items, most)
 
 
 def stretches(axis: str, chosen: Sequence[float], tested: Sequence[float]) -> str:
