@@ -127,12 +127,7 @@ def _consider(key: str, values: list[str], tests: Sequence[_Test]) -> None:
     """Add the numbers of one place to the names of the specimens, if they are numbers of specimens."""
     used = [value for value in values if value]
     each = sorted(set(used), key=lambda text: (len(text), text))
-    if (
-        len(each) < 2
-        or len(used) < _PRESENT * len(tests)
-        or len(each) > _COUNTS * len(used)
-        or _known(values, tests)
-    ):
+    if len(each) < 2 or len(used) < _PRESENT * len(tests) or len(each) > _COUNTS * len(used) or _known(values, tests):
         return
     splits, named = _splits(_conditions(tests), tests, values), any(conditions.tyre for _, conditions in tests)
     listed = _listed(each)
