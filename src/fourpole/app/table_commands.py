@@ -28,8 +28,8 @@ def identify(
     """K*, K2, C and TR from a table of amplitudes or of K*, or from a frequency response in UFF.
 
     The table has a frequency and one of (R, I), (F1, V1 or x1, phase), (K', K''), (K', tan delta), (K', C), (|K*|, loss
-    angle or tan delta), or the same of a modulus. Amplitudes are both 0 to peak, or both peak to peak; the phase is that
-    of the force ahead.
+    angle or tan delta), or the same of a modulus. Amplitudes are both 0 to peak, or both peak to peak; the phase is
+    that of the force ahead.
     """
     from fourpole.app.reduced import run_identify
 

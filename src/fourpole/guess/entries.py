@@ -9,6 +9,9 @@ from fourpole.guess.names import Token
 
 #: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
 _AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
+#: Kinds of tests in which a specimen moves, and those on the moving rig.
+DYNAMIC_KINDS = ("dynamic", "random", "sweep")
+MOVING_KINDS = (*DYNAMIC_KINDS, "calibration")
 
 
 def axis_named(condition: str) -> Axis:

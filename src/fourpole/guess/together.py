@@ -25,7 +25,7 @@ from fourpole.guess.channels import (
     static_roles,
 )
 from fourpole.guess.conditions import read_conditions
-from fourpole.guess.entries import Entry, RecordingConditions
+from fourpole.guess.entries import DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions
 from fourpole.guess.gather import FolderContents, gather
 from fourpole.guess.names import CONDITIONS, Token, kind_word
 from fourpole.guess.naming import named_by, test_names
@@ -39,9 +39,6 @@ from fourpole.units import shown
 _SAME_FREQUENCY = 0.05
 #: Names of recordings that are listed in a doubt.
 _MOST_NAMED = 20
-#: Kinds of tests on the moving rig, and those with one frequency.
-_MOVING = ("dynamic", "random", "sweep", "calibration")
-_SPECIMENS_MOVING = ("dynamic", "random", "sweep")
 #: V2 over V1 below which the far side may be fixed [1].
 _STILL = 0.03
 #: Relative difference of means of F1 up to which they are of one preload [1].
@@ -59,8 +56,8 @@ _NEEDED = {
 }
 #: Conditions that tests need: the kinds of test, and what follows where a condition is not known.
 _WANTED = (
-    (q.PRESSURE, ("static", *_SPECIMENS_MOVING), "all tests of a tyre count as at one pressure"),
-    (q.PRELOAD, _SPECIMENS_MOVING, "K1 cannot be read off the static curve, so there is no K2 and C"),
+    (q.PRESSURE, ("static", *DYNAMIC_KINDS), "all tests of a tyre count as at one pressure"),
+    (q.PRELOAD, DYNAMIC_KINDS, "K1 cannot be read off the static curve, so there is no K2 and C"),
     (q.ADDED_MASS, ("calibration",), "a calibration is of no use without its mass"),
 )
 #: Remedy of a doubt by its subject.
@@ -269,7 +266,7 @@ class _Together:
             return {}
         scale = channel_scale(role)
         means: dict[int, float] = {}
-        for index in self._of_kind(*_SPECIMENS_MOVING):
+        for index in self._of_kind(*DYNAMIC_KINDS):
             shape = self.recordings[index].shape
             if shape is not None and role.column in shape.means:
                 low = min(scale * value for value in shape.ranges[role.column])
@@ -287,7 +284,7 @@ class _Together:
 
     def _only_dynamic(self, index: int, conditions: RecordingConditions) -> None:
         """Remove from a static test the conditions of dynamic tests, if the folder has dynamic tests."""
-        if self.kinds[index] == "static" and set(_SPECIMENS_MOVING) & set(self.kinds):
+        if self.kinds[index] == "static" and set(DYNAMIC_KINDS) & set(self.kinds):
             for what in ("preload", "added_mass", "amplitude"):
                 conditions.values.pop(what, None)
             conditions.doubts = [
@@ -320,14 +317,14 @@ class _Together:
     def _roles(self) -> dict[str, Role]:
         """The column, unit and sign of each role; doubts on them are added."""
         static = self._voted(("static",), static_roles)
-        dynamic = self._scaled(self._voted(_MOVING, dynamic_roles), static)
+        dynamic = self._scaled(self._voted(MOVING_KINDS, dynamic_roles), static)
         roles = {**dynamic, **static}
         for role, one in roles.items():
             for doubt in one.doubts:
                 text = f"{role}, column {shown(one.column, 40)}: {doubt}"
                 self._doubt(role, text, f"correct {role} in [channels] of campaign.toml if need be")
         self._far_side(roles)
-        for kinds, needed in ((_SPECIMENS_MOVING, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
+        for kinds, needed in ((DYNAMIC_KINDS, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
             first = next(iter(self._of_kind(*kinds)), None)
             for role, follows in needed.items():
                 if first is not None and role not in roles:
@@ -339,7 +336,7 @@ class _Together:
     def _far_side(self, roles: dict[str, Role]) -> None:
         """Ask whether the far side of the specimen is fixed, where V2 is missing or far below V1."""
         near, far = roles.get("motion_in"), roles.get("motion_out")
-        tested = self._shapes(self._of_kind(*_SPECIMENS_MOVING))
+        tested = self._shapes(self._of_kind(*DYNAMIC_KINDS))
         if near is None or not tested:
             return
         why = "no V2 is recorded" if far is None else ""
@@ -391,14 +388,14 @@ class _Together:
 
     def _clock(self) -> tuple[str, str] | None:
         """Column of the time and its unit; None if the recordings state their times, or if no time is found."""
-        tested = [self.recordings[index] for index in self._of_kind(*_MOVING)]
+        tested = [self.recordings[index] for index in self._of_kind(*MOVING_KINDS)]
         clocks = Counter((one.clock, one.clock_unit) for one in tested if one.clock is not None)
         if not clocks:
             if not all(one.timed for one in tested):
                 self._doubt("time", "time: no column and no sample rate is stated in the recordings")
             return None
         (column, unit), _ = clocks.most_common(1)[0]
-        for index in self._of_kind(*_MOVING):
+        for index in self._of_kind(*MOVING_KINDS):
             here = self.recordings[index].clock or "not there"
             if self.recordings[index].text and here.casefold() != column.casefold():
                 text = f"the time is {shown(column, 30)} in most recordings, here it is {shown(here, 30)}"
@@ -436,7 +433,7 @@ class _Together:
                 text = f"{what}: stated as {listed}, so none is taken"
                 self._doubt("rig", text, "state the right one in [rig] of campaign.toml")
         rig = {what: next(iter(values)) for what, values in stated.items() if len(values) == 1}
-        if set(_SPECIMENS_MOVING) & set(self.kinds) and not {"moving_mass", "preload_stiffness"} <= rig.keys():
+        if set(DYNAMIC_KINDS) & set(self.kinds) and not {"moving_mass", "preload_stiffness"} <= rig.keys():
             without = "K* by the relative route from F1, V1 and V2" if "motion_out" in roles else "no K*"
             self._doubt(
                 "rig",

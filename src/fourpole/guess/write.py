@@ -14,6 +14,7 @@ from fourpole import quantities as q
 from fourpole.campaign.guessed import DOUBTS, doubts_cell
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
+from fourpole.guess.entries import MOVING_KINDS
 from fourpole.guess.names import CONDITIONS
 from fourpole.io.write import write_text
 from fourpole.units import shown
@@ -184,7 +185,7 @@ def _channels(guess: GuessedCampaign) -> str:
         lines.append(_doubts(guess, role))
         if role in guess.roles:
             lines.append(_channel(guess.roles[role]))
-        elif kinds & ({"static"} if role in ("load", "deflection") else {"dynamic", "random", "sweep", "calibration"}):
+        elif kinds & ({"static"} if role in ("load", "deflection") else set(MOVING_KINDS)):
             lines.append(f'# {role:<10} = {{ column = "...", unit = "..." }}\n')
     if guess.reference is not None:
         name, unit, pulses = guess.reference

@@ -30,6 +30,7 @@ from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import DRIVE, Recording
+from fourpole.core.rig import Rig
 from fourpole.core.spectra.excited import Excited
 from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
@@ -153,25 +154,40 @@ def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
     """
     if not isinstance(done.found, Excited):
         return (point_of(job, done),)
-    found, rig, added = done.found, job.rig.rig() if job.rig is not None else None, job.test.value("added_mass") or 0.0
-    whole = (*done.checks, *_checks_of_force(job.test, found.force_peak, done.mean_force), *check_closure(found))
-    whole = (*whole, *check_shared_noise(found))
-    if rig is not None:
-        whole = (*whole, *check_pooled(found, rig, added, _sensors(job.channels)))
+    found, rig = done.found, job.rig.rig() if job.rig is not None else None
+    whole = (
+        *done.checks,
+        *_checks_of_force(job.test, found.force_peak, done.mean_force),
+        *_checks_of_lines(job, found, rig),
+    )
     bad = tuple(row for row in whole if row.verdict != "ok")
     points = []
     for at in range(found.averages.size):
-        phasors = found.phasors.part(at)
-        rows = [check_line(found, at)]
-        if rows[0].verdict != "rejected" and rig is not None and not rig.blocked:
-            rows += [checks.check_resonance(float(phasors.frequency), rig, added)]
-        if rows[0].verdict == "ok" and rig is not None and not rig.blocked:  # else noise would look like a wrong sign
-            rows += [checks.check_consistency(phasors, rig, added)]
-        points.append(Point(phasors, (*(bad if at else whole), *rows), found.corrections[at], line=found.line(at)))
+        rows = (*(bad if at else whole), *_checks_of_line(job, found, at, rig))
+        points.append(Point(found.phasors.part(at), rows, found.corrections[at], line=found.line(at)))
     if found.preview is not None:
         roles = CHANNELS[: len(found.preview.signals)]
         points[0] = replace(points[0], channels=roles, preview=found.preview)
     return tuple(points)
+
+
+def _checks_of_lines(job: Job, found: Excited, rig: Rig | None) -> Iterator[Check]:
+    """The checks of all lines of a recording together."""
+    yield from check_closure(found)
+    yield from check_shared_noise(found)
+    if rig is not None:
+        yield from check_pooled(found, rig, job.test.value("added_mass") or 0.0, _sensors(job.channels))
+
+
+def _checks_of_line(job: Job, found: Excited, at: int, rig: Rig | None) -> Iterator[Check]:
+    """The checks of one line; on a doubtful line, noise would look like a wrong sign of F1."""
+    line, phasors = check_line(found, at), found.phasors.part(at)
+    added = job.test.value("added_mass") or 0.0
+    yield line
+    if line.verdict != "rejected" and rig is not None and not rig.blocked:
+        yield checks.check_resonance(float(phasors.frequency), rig, added)
+        if line.verdict == "ok":
+            yield checks.check_consistency(phasors, rig, added)
 
 
 def _sensors(channels: ChannelsFile) -> Sensors:
