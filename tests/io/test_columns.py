@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -270,3 +272,28 @@ def test_no_bytes_break_it(tmp_path_factory: pytest.TempPathFactory, content: by
     path = written(tmp_path_factory.getbasetemp(), content, "any.bin")
     with pytest.raises(TableError):
         read_columns(path, ["a wanted column"])
+
+
+@pytest.mark.parametrize("comment", ['"a\nb"', '5"', '"a, b"', '"x\n\ny ""z"""'])
+@pytest.mark.parametrize("part", [64, 100, 4096])
+def test_rows_around_a_quote_are_read_quickly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, comment: str, part: int
+) -> None:
+    slow: list[int] = []
+    slowly = room._slowly
+
+    def counted(file: io.BytesIO, line: int, table: room.Table) -> Iterator[room.Values]:
+        for values in slowly(file, line, table):
+            slow.append(room.length(values))
+            yield values
+
+    path = tmp_path / "a.csv"
+    plain = "".join(f"{at},{at}.5,ok\n" for at in range(300))
+    path.write_text(f"t [s],F1 [N],note\n{plain}300,300.5,{comment}\n301,301.5,ok\n{plain}")
+    monkeypatch.setattr(room, "PART", part)
+    monkeypatch.setattr(room, "_slowly", counted)
+    found = read_columns(path, ["t", "F1"])
+    expected = np.concatenate([np.arange(302), np.arange(300)])
+    np.testing.assert_array_equal(found["t"], expected)
+    np.testing.assert_array_equal(found["F1"], expected + 0.5)
+    assert 1 <= sum(slow) <= 3

@@ -177,3 +177,40 @@ def test_a_small_table_is_named_by_its_title(tmp_path: Path) -> None:
         read_table(written(tmp_path, apart))
     with pytest.raises(TableError, match="has no groups"):
         read_table(written(tmp_path, "t,F\n0,1\n"), group="1")
+
+
+#: A rheometer of a third make: a blank line after each line, and a second result that was stopped before its first row.
+STOPPED = (
+    "Test:\tA\n\nResult:\tSweep\n\nInterval:\t1\n\nAngular Frequency\tStorage Modulus\n\n\t\n\n[rad/s]\t[Pa]\n\n"
+    "100\t225,5\n\n10\t200,25\n\n1\t100\n\n\n"
+)
+
+
+@pytest.mark.parametrize(("rows", "count"), [("\t\n\n\t\n", 1), ("50\t7,5\n\n5\t6,5\n", 2)])
+def test_a_second_result_is_no_bad_row(tmp_path: Path, rows: str, count: int) -> None:
+    second = STOPPED[: STOPPED.index("100\t")].replace("Interval:\t1", "Interval:\t2") + rows
+    path = written(tmp_path, STOPPED + second, "utf-16")
+    found = groups(path)
+    assert len(found) == count
+    first = next(iter(found))
+    values = [one for one in read(path, first, "Storage Modulus")[0] if one == one]
+    assert values == [225.5, 200.25, 100.0]
+    if count == 2:
+        assert [one for one in read(path, list(found)[1], "Storage Modulus")[0] if one == one] == [7.5, 6.5]
+
+
+def test_a_header_of_more_names_than_cells_is_named(tmp_path: Path) -> None:
+    about = "".join(f"setting{at}\ttext\n" for at in range(50))
+    rows = "".join(f"{at}\t{2 * at}\t{3 * at}\n" for at in range(9))
+    path = written(tmp_path, f"{about}[step]\nSweep\na\tb\tc\td\nPa\tPa\ts\tm\n{rows}")
+    with pytest.raises(TableError, match=r"line 53: the header has 4 names, but the rows 3 cells"):
+        groups(path)
+    with pytest.raises(TableError, match=r"line 53: the header has 4 names, but the rows 3 cells"):
+        read_table(path)
+
+
+def test_a_last_column_without_a_name_has_its_number(tmp_path: Path) -> None:
+    path = written(tmp_path, "t [s],F1 [N],\n0,1,5\n1,2,6\n2,3,7\n")
+    assert [name for name, _, _ in groups(path)[""]] == ["t", "F1", "3"]
+    assert read(path, "", "3") == [[5.0, 6.0, 7.0]]
+    assert [name for name, _, _ in groups(written(tmp_path, "t [s],F1 [N],\n0,1,\n1,2,\n"))[""]] == ["t", "F1"]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.clock import Clock
-from fourpole.io.layout import Layout, find_column, find_layout, holds_numbers, split_lines
+from fourpole.io.layout import Layout, find_column, find_layout, holds_numbers, split_lines, uneven
 from fourpole.io.rows import Table, Values, length, line_start, parts, whole_lines
 from fourpole.io.source import as_utf8, encoding_of, name_of, open_regular
 from fourpole.io.stretches import Stretch, stretches_of
@@ -183,6 +183,8 @@ def _layout(start: bytes, encoding: str, name: str) -> Layout:
     lines = lines[:-1] if len(start) >= _HEAD else lines
     layout = find_layout(lines, name)
     if not holds_numbers(lines, layout):
+        if found := uneven(lines):
+            raise TableError("{} line {}: the header has {} names, but the rows {} cells".format(name, *found))
         raise TableError(f"{name}: is text without a table of numbers; name a file with a line of names above its rows")
     return layout
 

@@ -138,6 +138,7 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
         clocks = _clocks([row for index, row in rows.items() if index >= first])
         return Layout(names, (None,) * width, delimiter, decimal, 0, first + 1, clocks)
     units, described = _units(lines, names, header, delimiter, _last_described(lines, rows, names, header, decimal))
+    names = _named(names, [row for index, row in rows.items() if index > header], decimal)
     below = [index for index in sample if index > max(header, described)]
     if not below:
         raise TableError(f"{name}: has a header (line {header + 1}) but no row below it")
@@ -182,7 +183,29 @@ def layout_below(
         return None
     names, header = found
     units, _ = _units(lines[:first], names, header, delimiter, max(first - 1, header))
+    names = _named(names, rows, decimal)
     return Layout(names, units, delimiter, decimal, line - first + header, line, clocks)
+
+
+def _named(names: Sequence[str], rows: Sequence[list[str]], decimal: str) -> tuple[str, ...]:
+    """The names of the columns; a column with numbers but without a name has its number, unless it counts the rows."""
+    bare = {at for at, one in enumerate(names) if at and not one}
+    known = {at for at in bare if any(number(row[at], decimal) is not None for row in rows)}
+    return tuple(str(at + 1) if at in known else one for at, one in enumerate(names))
+
+
+def uneven(lines: Sequence[str]) -> tuple[int, int, int] | None:
+    """Number of the first header line whose rows have another number of cells, and both numbers; None without one."""
+    shape = shape_of(lines)
+    cells = [[] if shape is None or is_aside(line) else shape.split(line) for line in lines]
+    for at in range(1, len(cells) - 1):
+        width, above = len(cells[at]), cells[at - 1]
+        if not 1 < width == len(cells[at + 1]) or width == len(above) or len(above) < 2:
+            continue
+        if all(_is_values(cells[one], ",") for one in (at, at + 1)) and all(_is_name(one) for one in above if one):
+            top = next((one for one in range(at - 2, -1, -1) if len(cells[one]) != len(above)), -1) + 1
+            return top + 1, len(above), width
+    return None
 
 
 def _are_names(cells: Sequence[str]) -> bool:

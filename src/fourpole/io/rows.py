@@ -122,23 +122,71 @@ def parts(source: BinaryIO, start: bytes, table: Table) -> Iterator[Values]:
 
 def _parts(source: BinaryIO, offset: int, ending: bytes, line: int, table: Table) -> Iterator[Values]:
     """The wanted columns from a byte on, which is the first one of a line."""
-    if table.layout.delimiter != " ":
+    if table.layout.delimiter == " ":
         source.seek(offset)
-        for part in whole_lines(source, ending, table.name):
-            if b'"' in part or (ending == b"\r" and b"\n" in part):
-                break  # the end of a quoted cell, and so of its row, depends on the text before it
-            values = _quickly(part, ending, table)
-            if values is not None:
-                line += length(values)
-                yield values
-            else:
-                yield from _slowly(io.BytesIO(part), line, table)
-                line += len(_LINE_END.findall(part))
-            offset += len(part)
+        yield from _slowly(source, line, table)
+        return
+    source.seek(offset)
+    for part, quoted in _spans(source, ending, table):
+        if ending == b"\r" and b"\n" in part:
+            break  # two kinds of line end
+        values = None if quoted else _quickly(part, ending, table)
+        if values is not None:
+            line += length(values)
+            yield values
         else:
-            return
+            yield from _slowly(io.BytesIO(part), line, table)
+            line += len(_LINE_END.findall(part))
+        offset += len(part)
+    else:
+        return
     source.seek(offset)
     yield from _slowly(source, line, table)
+
+
+def _spans(source: BinaryIO, ending: bytes, table: Table) -> Iterator[tuple[bytes, bool]]:
+    """The rest of a file in whole rows, and whether they have quotes; an open quote goes on in the next lines."""
+    held = b""
+    for piece in whole_lines(source, ending, table.name):
+        part, held = held + piece, b""
+        first = part.rfind(ending, 0, max(part.find(b'"'), 0)) + 1
+        last = (part.find(ending, part.rfind(b'"')) + 1 or len(part)) if b'"' in part else 0
+        if part[:first]:
+            yield part[:first], False
+        rows = _closed_rows(part[first:last], ending, table)
+        if rows < last - first:
+            held = part[first + rows :]
+            if len(held) > csv.field_size_limit():  # no cell is as long, so the row is refused
+                yield part[first:], True
+                held = b""
+                continue
+            last = len(part)
+        if rows:
+            yield part[first : first + rows], True
+        if part[last:]:
+            yield part[last:], False
+    if held:
+        yield held, True
+
+
+def _closed_rows(part: bytes, ending: bytes, table: Table) -> int:
+    """Number of bytes of some lines up to the last row with an open quote; all bytes if there is none."""
+    lines = part.split(ending)
+    if not any(line.count(b'"') % 2 for line in lines):
+        return len(part)
+    reader = csv.reader(
+        (line.decode(table.encoding, errors="replace") + "\n" for line in [*lines, b""]),
+        delimiter=table.layout.delimiter,
+        skipinitialspace=True,
+    )
+    begins = ends = 0
+    try:
+        for _ in reader:
+            begins, ends = ends, reader.line_num
+    except csv.Error:
+        return len(part)
+    # A last row of one line is the blank line that was appended; a longer one has a quote that is still open.
+    return len(part) - len(ending.join(lines[begins:])) if ends - begins > 1 else len(part)
 
 
 def whole_lines(source: BinaryIO, ending: bytes, name: str) -> Iterator[bytes]:

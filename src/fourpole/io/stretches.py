@@ -23,7 +23,7 @@ from fourpole.io.names import numbered
 from fourpole.io.rows import PART, Piece, too_long
 
 #: Largest number of headers, of stretches, and of lines in a row that belong to none.
-_MOST_HEADERS, _MOST_STRETCHES, _MOST_ASIDE = 100_000, 2_000, 20_000
+_MOST_HEADERS, _MOST_STRETCHES, _MOST_ASIDE = 20_000, 2_000, 20_000
 #: Lines above a header that are kept: the first ones and the last ones.
 _KEPT = 200
 #: Rows that show how the rows of a stretch are written.
@@ -60,12 +60,15 @@ class Stretch:
         The lines above the header, from the stretch before on.
     pieces : tuple of Piece
         Its rows.
+    repeats : bool
+        Whether its header stands once more below its rows, without rows.
     """
 
     name: str
     layout: Layout
     above: tuple[str, ...]
     pieces: tuple[Piece, ...]
+    repeats: bool = False
 
     @property
     def rows(self) -> int:
@@ -119,11 +122,12 @@ def stretches_of(source: BinaryIO, start: bytes, offset: int, encoding: str, nam
         scan.feed(chunk)
         if scan.aside > _MOST_ASIDE:
             break
-    return _together(scan.finished())
+    runs = scan.finished()
+    return _together(runs, repeats=bool(runs) and scan.repeats(runs[-1].layout))
 
 
-def _together(runs: list[_Run]) -> list[Stretch]:
-    """The stretches that some runs make."""
+def _together(runs: list[_Run], *, repeats: bool) -> list[Stretch]:
+    """The stretches that some runs make; `repeats` is that of the last one."""
     groups: list[list[_Run]] = []
     latest: dict[tuple[str, tuple[str, ...]], list[_Run]] = {}
     for run in runs:
@@ -140,6 +144,7 @@ def _together(runs: list[_Run]) -> list[Stretch]:
             group[0].layout,
             group[0].above,
             tuple(Piece(run.line, run.begin, run.end, run.rows) for run in group),
+            repeats and group[-1] is runs[-1],
         )
         for name, group in zip(names, groups, strict=True)
     ]
@@ -167,6 +172,10 @@ class _Scan:
         rows = sum(run.rows for run in self._runs)
         least = _FEW if any(sum(map(bool, run.layout.names)) > 1 for run in self._runs) else _HALF
         return self._runs if rows >= least * (self._line - 1 - self._blank) else []
+
+    def repeats(self, layout: Layout) -> bool:
+        """Whether the header of the last run is among the lines below it, which have no rows."""
+        return any(trimmed(self._shape.split(line), layout.width) == list(layout.names) for line in self._above)
 
     def feed(self, chunk: bytes) -> None:
         """Take the next bytes of the file."""

@@ -27,6 +27,7 @@ from fourpole.io.layout import (
     split_lines,
     splitter,
     trimmed,
+    uneven,
 )
 from fourpole.io.names import in_group
 from fourpole.io.source import decode, name_of, read_bytes
@@ -39,6 +40,8 @@ _LONGEST_QUOTE = 100
 _HEAD = 32_768
 #: Rows of a table that only sums up another one, and largest number of tables in a message.
 _SUMMARY, _MOST_SHOWN = 2, 8
+#: First lines among which a header is sought that does not fit its rows, and largest number of lines of a table.
+_UNEVEN, _MOST_LINES = 200, 500_000
 
 
 @dataclass(frozen=True)
@@ -210,6 +213,8 @@ def table_of(text: str, name: str) -> TextTable:
 def tables_of(text: str, name: str, group: str = "") -> list[tuple[str, TextTable]]:
     """The tables that a text holds, see `read_tables`; `name` is that of its file in messages."""
     lines, content = split_lines(text), text.encode()
+    if len(lines) > _MOST_LINES:
+        raise TableError(f"{name}: has {len(lines)} lines; a table has at most {_MOST_LINES}: keep the rows that count")
     stretches = stretches_of(io.BytesIO(content), content[:_HEAD], 0, "utf-8", name)
     try:
         found = find_layout(lines, name)
@@ -218,7 +223,10 @@ def tables_of(text: str, name: str, group: str = "") -> list[tuple[str, TextTabl
             raise
         found = None
     pieces = sum(len(one.pieces) for one in stretches)
-    if found is not None and pieces < 2 and (not pieces or holds_numbers(lines, found)):
+    numbers = found is not None and holds_numbers(lines, found)
+    if not pieces and not numbers and (uneven_at := uneven(lines[:_UNEVEN])):
+        raise TableError("{} line {}: the header has {} names, but the rows {} cells".format(name, *uneven_at))
+    if found is not None and pieces < 2 and (not pieces or numbers):
         in_group([], group, name)
         return [("", _table(lines, found, name))]
     chosen = in_group([(one.name, "") for one in stretches], group, name)

@@ -109,7 +109,7 @@ def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
 
 def _one_table(path: Path, label: str, most: int, stretches: Sequence[Stretch]) -> Survey | Stretch:
     """The one table of a file by its first lines; the first stretch if there are more headers, or one further down."""
-    if len(stretches) > 1 or any(len(one.pieces) > 1 for one in stretches):
+    if len(stretches) > 1 or any(len(one.pieces) > 1 or one.repeats for one in stretches):
         return stretches[0]
     try:
         found = survey_columns(path, max_bytes=most, label=label, stretches=stretches)
