@@ -69,15 +69,15 @@ def _chosen(rows: IntArray, frequency: np.ndarray, usable: np.ndarray, most: int
     if rows.size <= most:
         return rows
     rows = rows[usable[rows]] if usable[rows].any() else rows
-    return np.asarray(rows[thinned(frequency[rows], most)])
+    return np.asarray(rows[in_equal_ratios(frequency[rows], most)])
 
 
-def thinned(frequency: FloatArray, most: int) -> IntArray:
+def in_equal_ratios(frequency: FloatArray, most: int) -> IntArray:
     """Indices of at most so many frequencies [Hz], those nearest to frequencies in equal ratios.
 
     Examples
     --------
-    >>> thinned(np.arange(1.0, 101.0), 3).tolist()
+    >>> in_equal_ratios(np.arange(1.0, 101.0), 3).tolist()
     [0, 9, 99]
     """
     if frequency.size <= most:

@@ -14,7 +14,7 @@ from fourpole.core.checks import VERDICTS
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.wording import without_numbers
 from fourpole.fitting.rows import KEY, keyed
-from fourpole.plot.strided import thinned
+from fourpole.plot.strided import in_equal_ratios
 from fourpole.quantities import Quantity
 from fourpole.report.digits import known, number
 from fourpole.report.packed import packed
@@ -35,7 +35,7 @@ _COMMON = (q.DEFLECTION_AMPLITUDE, q.K1)
 def line_body(rows: pl.DataFrame, lines: pl.DataFrame) -> dict[str, Any]:
     """The data of the card: rows of dynamic.csv and of lines.csv of one test, which may have none."""
     frequency = _floats(rows, q.FREQUENCY.head)
-    kept = thinned(frequency, _CURVE).tolist()
+    kept = in_equal_ratios(frequency, _CURVE).tolist()
     panels = [one for quantity in map(shown_as, _PANELS) if (one := _panel(rows[kept], quantity))]
     seen = rows.select(KEY).join(lines, on=KEY, how="left") if lines.height else rows.select(KEY)
     panels += [one for one in (_coherence(seen[kept]), _closure(seen[kept])) if one]
@@ -48,7 +48,7 @@ def line_body(rows: pl.DataFrame, lines: pl.DataFrame) -> dict[str, Any]:
     facts += [[name, str(first[name])] for name in ("rig", "route") if first.get(name)]
     used = np.flatnonzero((rows[q.VERDICT.head] != "rejected").to_numpy())
     every = used if used.size else np.arange(rows.height)
-    few = rows[every[thinned(frequency[every], _ROWS)].tolist()].rows(named=True)
+    few = rows[every[in_equal_ratios(frequency[every], _ROWS)].tolist()].rows(named=True)
     columns = [one for one in _TABLE if any(known(row.get(one.head)) is not None for row in few)]
     return {
         "facts": facts,

@@ -172,7 +172,7 @@ def recorded(path: Path, group: str, label: str) -> list[tuple[str, list[Signal]
 def _of_signals(signals: Sequence[Signal], lost: Sequence[str], label: str, group: str) -> Cells:
     columns = []
     for one in signals:
-        name, unit = named(one.name, one.unit)
+        name, unit = name_and_unit(one.name, one.unit)
         columns.append(Column(one.name, name, unit, one.samples))
     remarks = [f"column '{one}' holds no numbers and was left out" for one in lost]
     return Cells(label, group, tuple(columns), list(range(1, signals[0].samples.size + 1)), tuple(remarks))
@@ -183,7 +183,7 @@ def _of_text(table: TextTable, group: str) -> Cells:
     filled = [at for at, row in enumerate(zip(*table.columns, strict=True)) if not all(map(is_missing, row))]
     for head, stated, every in zip(table.headers, table.units, table.columns, strict=True):
         cells = [every[at] for at in filled]
-        name, unit = named(head, stated)
+        name, unit = name_and_unit(head, stated)
         found = [None if is_missing(cell) else number(cell, table.decimal) for cell in cells]
         bad = tuple((at, cell) for at, cell in enumerate(cells) if found[at] is None and not is_missing(cell))
         values = np.array([np.nan if one is None else one for one in found], dtype=float)
@@ -193,13 +193,13 @@ def _of_text(table: TextTable, group: str) -> Cells:
     return Cells(table.label, group, tuple(columns), [table.lines[at] for at in filled], tuple(remarks))
 
 
-def named(head: str, stated: str | None) -> tuple[str, str | None]:
+def name_and_unit(head: str, stated: str | None) -> tuple[str, str | None]:
     """The name in a head and its unit: that in brackets, or else after a solidus, as in `E'/MPa`.
 
     Examples
     --------
-    >>> named("G' [kPa]", None), named("E''/MPa", None), named("f in Hz", None), named("V1/F1", None)
-    (("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('V1/F1', None))
+    >>> [name_and_unit(head, None) for head in ("G' [kPa]", "E''/MPa", "f in Hz", "V1/F1")]
+    [("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('V1/F1', None)]
     """
     name, unit = column_unit(head)
     if stated is not None or unit is not None:
