@@ -85,6 +85,40 @@ def test_a_random_recording_has_its_band_and_a_doubt(tmp_path):
     assert test.band == pytest.approx((5, 100), rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("head", "doubt"),
+    [
+        ("Sollweg [mm]", ""),
+        ("Force command [kN]", ""),
+        ("consigne", ""),
+        ("指令 [V]", ""),
+        ("Drive [V]", "known by the word drive alone: check that it is the command signal"),
+    ],
+)
+def test_a_command_signal_is_the_drive_and_no_measured_role(tmp_path, head, doubt):
+    v1 = band_limited(5, 100)
+    columns = {"t [s]": T, head: 900 * v1, "F1 [N]": 100 * v1, "V1 [m/s]": v1, "V2 [m/s]": 0.3 * v1}
+    record(tmp_path, "mount_random_a", columns)
+    record(tmp_path, "mount_random_b", columns)
+    guess = guess_campaign(tmp_path)
+    roles = {role: one.column for role, one in guess.roles.items()}
+    name = head.partition(" [")[0]
+    assert roles == {"force_in": "F1", "motion_in": "V1", "motion_out": "V2", "drive": name}
+    doubts = [one.text for one in guess.doubts if one.about == "drive"]
+    assert doubts == ([f"drive, column '{name}': {doubt}"] if doubt else [])
+    guess.write()
+    assert read_campaign(tmp_path).stated.channels.drive.column == name
+
+
+def test_a_command_signal_beside_sinusoids_is_no_drive(tmp_path):
+    record(tmp_path, "mount_10Hz", {"Sollkraft [N]": 3 * sine(10.0)["F1 [N]"], **sine(10.0)})
+    assert {role: one.column for role, one in guess_campaign(tmp_path).roles.items()} == {
+        "force_in": "F1",
+        "motion_in": "V1",
+        "motion_out": "V2",
+    }
+
+
 def test_a_stated_band_counts_and_one_that_is_not_there_is_doubted(tmp_path):
     v1 = band_limited(5, 100)
     for name in ("a_random_4-110Hz", "a_random_50-240Hz"):

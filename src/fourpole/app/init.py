@@ -16,7 +16,14 @@ from fourpole.report.digits import spread
 from fourpole.study.identified import no_rig, possible_route
 
 _MOST_LISTED = 40
-_ROLES = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2", "load": "load", "deflection": "deflection"}
+_ROLES = {
+    "force_in": "F1",
+    "motion_in": "V1",
+    "motion_out": "V2",
+    "drive": "drive",
+    "load": "load",
+    "deflection": "deflection",
+}
 
 
 def run_init(folder: Path, patterns: Sequence[str], *, force: bool, as_json: bool) -> None:

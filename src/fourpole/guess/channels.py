@@ -12,7 +12,7 @@ from fourpole import units
 from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import UnitError
 from fourpole.guess.signals import SignalShape
-from fourpole.guess.words import IN, MAIN, MINOR, NAMES, NUMBERED, OUT
+from fourpole.guess.words import COMMAND, IN, MAIN, MINOR, NAMES, NUMBERED, OUT
 from fourpole.units import MOTIONS, shown
 
 _KINDS = ("force", *MOTIONS, "voltage", "time", "pressure", "frequency", "angle")
@@ -84,8 +84,10 @@ def column_of(name: str, unit: str | None) -> Column:
     """
     words = _words(name)
     named, stated = _named(words, name), _quantity(unit)
-    aside = named in ("reference", "temperature", "pressure") and stated == "displacement"
+    aside = named in ("reference", "drive", "temperature", "pressure") and stated == "displacement"
     quantity = named if aside or stated in ("", "voltage") else stated
+    if is_command(name) and not {named, stated} & {"temperature", "pressure", "frequency", "time"}:
+        quantity = "drive"
     if NUMBERED & set(words):
         words = [word for word in words if not word.isdigit() and word not in ("input", "output")]
     sides = [side for side, known in (("in", IN), ("out", OUT)) if known & set(words)]
@@ -109,14 +111,23 @@ def _named(words: Sequence[str], name: str) -> str:
         for word in words
         if word in known or _contains(word, known)
     ]
-    if (True, "reference") in hits and not _driven_motion(words, {quantity for _, quantity in hits}):
+    if (True, "reference") in hits:
         return "reference"
-    return max(hits, key=lambda hit: hit[0])[1] if hits else ""
+    measured = {quantity for _, quantity in hits} & {"force", *MOTIONS}
+    if (True, "drive") in hits and not measured:
+        return "drive"
+    return max((hit for hit in hits if hit[1] != "drive"), key=lambda hit: hit[0], default=(False, ""))[1]
 
 
-def _driven_motion(words: Sequence[str], hits: set[str]) -> bool:
-    """Whether the only word of a reference is "drive", beside that of a force or a motion."""
-    return bool(hits & {"force", *MOTIONS}) and NAMES["reference"].intersection(words) <= {"drive"}
+def is_command(name: str) -> bool:
+    """Whether a column is a command signal by its name, rather than a measured one.
+
+    Examples
+    --------
+    >>> is_command("Sollweg [mm]"), is_command("変位指令"), is_command("Drive")
+    (True, True, False)
+    """
+    return COMMAND.search(" ".join(_words(name))) is not None
 
 
 def _contains(word: str, known: frozenset[str]) -> bool:
@@ -235,6 +246,18 @@ def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> d
         if column is not None:
             found[role] = _dynamic_role(role, column, shapes, *doubts)
     return _signs(found, shapes)
+
+
+def drive_role(tests: Sequence[Sequence[Column]], shapes: Sequence[SignalShape]) -> Role | None:
+    """The role of the command signal that all random tests and sweeps have recorded; None without such a column."""
+    shared = set.intersection(*({one.name for one in columns} for columns in tests)) if tests else set()
+    drives = [one for columns in tests[:1] for one in columns if one.quantity == "drive" and one.name in shared]
+    moving = [one for one in drives if any(shape.span(one.name) > 0 for shape in shapes)]
+    if not moving:
+        return None
+    best = max(moving, key=lambda one: (is_command(one.name), one.likely))
+    word = "" if is_command(best.name) else "known by the word drive alone: check that it is the command signal"
+    return Role("drive", best.name, best.unit, "drive", doubts=tuple(filter(None, (word, _others(best, moving)))))
 
 
 def _sinusoids(shapes: Sequence[SignalShape]) -> list[SignalShape]:

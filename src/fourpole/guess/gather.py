@@ -304,7 +304,7 @@ def _tokens(name: str, group: str) -> tuple[Token, ...]:
 
 
 #: Quantities whose channels do not decide on kind and frequency of a test.
-_ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference", "ratio"})
+_ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference", "drive", "ratio"})
 #: Recorded conditions, with the range of plausible means in SI.
 _RECORDED = {"pressure": (3e4, 2e6), "temperature": (-60.0, 150.0)}
 

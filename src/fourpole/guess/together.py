@@ -19,6 +19,7 @@ from fourpole.guess.channels import (
     Column,
     Role,
     channel_scale,
+    drive_role,
     dynamic_roles,
     force_scale,
     motion_share,
@@ -45,6 +46,7 @@ _STILL = 0.03
 _ONE_LOAD = 0.02
 #: Likely range of |K*| over the static stiffness.
 _LIKELY = (0.3, 12.0)
+_TURNING = ("reference", "drive")
 #: Roles that each kind of test needs, with what follows where one is missing.
 _NEEDED = {
     "dynamic": {
@@ -319,6 +321,9 @@ class _Together:
         static = self._voted(("static",), static_roles)
         dynamic = self._scaled(self._voted(MOVING_KINDS, dynamic_roles), static)
         roles = {**dynamic, **static}
+        spread = self._of_kind("random", "sweep")
+        if drive := drive_role([self.recordings[index].columns for index in spread], self._shapes(spread)):
+            roles["drive"] = drive
         for role, one in roles.items():
             for doubt in one.doubts:
                 text = f"{role}, column {shown(one.column, 40)}: {doubt}"
@@ -406,7 +411,7 @@ class _Together:
         """A tacho of all dynamic tests with a constant number of pulses per cycle: column, unit and this number."""
         tested = self._of_kind("dynamic", "calibration")
         columns = [
-            {column.name: column for column in self.recordings[index].columns if column.quantity == "reference"}
+            {column.name: column for column in self.recordings[index].columns if column.quantity in _TURNING}
             for index in tested
         ]
         for name, column in columns[0].items() if columns else ():

@@ -162,13 +162,18 @@ NAMES: dict[str, frozenset[str]] = {
     ),
     "time": _words("t time zeit temps tiempo tempo timestamp timestamps times uhrzeit"),
     "reference": _words(
-        "ref reference referenz tacho tachometer trigger trig encoder keyphasor drive command cmd soll sollwert "
-        "setpoint drehgeber winkel angle"
+        "ref reference referenz tacho tachometer trigger trig encoder keyphasor drehgeber winkel angle"
     ),
+    "drive": _words("drive"),
     "temperature": _words("temp temperature temperatur tc thermo pt100"),
     "pressure": _words("p pressure druck pression reifendruck luftdruck inflation"),
     "frequency": _words("freq frequency frequenz drehzahl rpm"),
 }  # fmt: skip
+#: What the name of a command signal contains, in small letters: none of them names a measured quantity.
+COMMAND = re.compile(
+    r"(?<![^\W\d_])(?:commands?|cmd|set[ _-]?point|demand|cola(?![^\W\d_])|soll(?!icit))"
+    r"|f(?:ü|ue)hrungsgr(?:ö|oe)(?:ss|ß)e|sollwert|setpoint|consigne|consigna|指令|目標|目标|设定值|給定|给定"
+)
 #: Words in the name of a channel at the contact, and in that of a channel at the moving mass.
 IN = _words(
     "1 in input lower bottom unten unter untere contact road base shaker exciter platform plate actuator kontakt "

@@ -187,6 +187,8 @@ def _channels(guess: GuessedCampaign) -> str:
             lines.append(_channel(guess.roles[role]))
         elif kinds & ({"static"} if role in ("load", "deflection") else set(MOVING_KINDS)):
             lines.append(f'# {role:<10} = {{ column = "...", unit = "..." }}\n')
+    if "drive" in guess.roles:
+        lines += [_doubts(guess, "drive"), f"drive      = {quoted(guess.roles['drive'].column)}\n"]
     if guess.reference is not None:
         name, unit, pulses = guess.reference
         lines.append(_doubts(guess, "reference"))
