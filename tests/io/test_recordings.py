@@ -39,6 +39,7 @@ def refused(path: Path) -> str:
         (b"<?xml version='1.0'?>\n<usi:tdm xmlns:usi='x' version='1.0'>", "is a header of DIAdem (.tdm)"),
         (b"<?xml version='1.0'?><a/>", "is XML; export its table as CSV"),
         (b"DIAEXTENDED  {@:ENGLISH\n#BEGINGLOBALHEADER\n", "is a header of DIAdem"),
+        (b"PK\x03\x04" + bytes(22) + b"\x05\0\0\0a.tdmpacked", "is a packed recording of DIAdem (.tdm)"),
         (b"{\\rtf1\\ansi t\tF1\n0\t1\n}", "is a document (RTF)"),
         (b"7z\xbc\xaf\x27\x1c\0\4", "is a 7z archive"),
         (b"SQLite format 3\0" + bytes(100), "is a data base (SQLite)"),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 
+_ZIP = b"PK\x03\x04"
 #: First bytes that only this kind has.
 _STARTS = (
     (b"\x1f\x8b", "is packed by gzip; unpack it"),
-    (b"PK\x03\x04", "is a zip archive; unpack it, and name a file in it"),
+    (_ZIP, "is a zip archive; unpack it, and name a file in it"),
     (b"PK\x05\x06", "is a zip archive without files; pack it again"),
     (b"7z\xbc\xaf\x27\x1c", "is a 7z archive; unpack it, and name a file in it"),
     (b"Rar!\x1a\x07", "is a rar archive; unpack it, and name a file in it"),
@@ -50,6 +51,8 @@ _ENDINGS = {
 def named_by_start(head: bytes) -> str | None:
     """What a file is and what to do, by its first bytes; None if they are of no kind that is known here."""
     head = head.removeprefix(b"\xef\xbb\xbf")
+    if head.startswith(_ZIP) and _first_member(head).lower().endswith((b".tdm", b".tdx")):
+        return "is a packed recording of DIAdem (.tdm); save the recording from DIAdem as TDMS or CSV"
     for start, says in _STARTS:
         if head.startswith(start):
             return says
@@ -60,6 +63,11 @@ def named_by_start(head: bytes) -> str | None:
     if _PAGE.match(head):
         return "is a web page, perhaps one for logging in; save the file that it leads to"
     return "is XML; export its table as CSV" if _XML.match(head) else None
+
+
+def _first_member(head: bytes) -> bytes:
+    """Name of the first file in a zip archive."""
+    return head[30 : 30 + int.from_bytes(head[26:28], "little")]
 
 
 def named_by_ending(ending: str) -> str | None:
