@@ -350,3 +350,31 @@ def test_a_text_in_utf_16_whose_last_line_end_is_one_byte(tmp_path: Path) -> Non
     path = tmp_path / "k.csv"
     path.write_bytes("f [Hz]\tK' [N/m]\tK'' [N/m]\n10\t2\t1\n20\t3\t1".encode("utf-16") + b"\n")
     np.testing.assert_allclose(read_k_star(path).stiffness, [2 + 1j, 3 + 1j])
+
+
+def test_dyn_is_dynamic_and_a_word_beside_k_star_is_k_star(tmp_path):
+    file = tmp_path / "bench.txt"
+    file.write_text("Frequency [Hz]\tDyn. Stiffness K* [N/mm]\tLoss Angle [deg]\n10\t200\t90\n")
+    assert read_k_star(file).stiffness == pytest.approx([2e5j])
+    file.write_text("Frequenz [Hz];Dyn. Steifigkeit [N/mm];Verlustwinkel [°]\n10;200;90\n", encoding="utf-8")
+    assert read_k_star(file).stiffness == pytest.approx([2e5j])
+
+
+@pytest.mark.parametrize(
+    ("heads", "motion", "phase"),
+    [("V1 [m/s],phase F1-x1 [deg]", 2 * np.pi * 10 * 1e-3, 30.0), ("x1 [mm],phase F1-V1 [deg]", 1.0, -60.0),
+     ("V1 [m/s],phase [deg]", 2 * np.pi * 10 * 1e-3, -60.0)],
+)  # fmt: skip
+def test_a_phase_is_that_of_the_motion_that_its_head_names(tmp_path, heads, motion, phase):
+    file = tmp_path / "amplitudes.csv"
+    file.write_text(f"f [Hz],F1 [N],{heads}\n10,200,{motion!r},{phase}\n")
+    frame = read_k_star(file, TableOptions(ratio=True)).frame()
+    assert frame["Re K* [N/m]"][0] + 1j * frame["Im K* [N/m]"][0] == pytest.approx(2e5 * np.exp(1j * np.pi / 6))
+
+
+@pytest.mark.parametrize("rows", ["0,5;150.059,2;2.008,8", "0,5;150.059;2.009\n1,0;150.236;4.006"])
+def test_thousands_are_named_where_they_hide_the_columns(tmp_path, rows):
+    file = tmp_path / "bench.csv"
+    file.write_text(f"Frequenz [Hz];K' [N/m];K'' [N/m]\n{rows}\n")
+    with pytest.raises(TableError, match=r"no numbers, but cells as '.*separator of thousands"):
+        read_k_star(file)

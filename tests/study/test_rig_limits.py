@@ -138,7 +138,7 @@ def test_a_drift_is_in_the_uncertainty_of_k1(static):
         rig_name="", rig=rig, channels=ChannelUncertainty(), k1=180e3 * every, k1_std=500.0 * every, added=0 * every,
         added_std=0 * every, family=np.zeros(12, dtype=int), nominal=no, specimen=("radial",) * 12,
         time=7200.0 * place, static_time=no if static is None else 7200.0 * static * every, order=RunOrder.TIME,
-        apart=0 * every, lines=every,
+        apart=0 * every, lines=every, recording=np.arange(12),
     )  # fmt: skip
     joint = _solved(setup, phasors)
     assert [source.of for source in joint.misfit.drifts] == ["radial", "radial"]

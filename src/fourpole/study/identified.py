@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -73,8 +73,8 @@ class Setup(ByValue):
         Where the times are from.
     apart : (N,) float array [1]
         Standard uncertainty of log K* for the temperature of the test apart from the mean of its condition.
-    lines : (N,) float array [1]
-        Number of lines of the recording that are used.
+    lines, recording : (N,) float array [1], (N,) int array
+        Number of lines of the recording that are used, and the number of the recording.
     """
 
     rig_name: str
@@ -92,10 +92,11 @@ class Setup(ByValue):
     order: RunOrder
     apart: FloatArray
     lines: FloatArray
+    recording: np.ndarray
 
     def part(self, rows: BoolArray) -> Setup:
         """The inputs for some of the tests."""
-        names = ("k1", "k1_std", "added", "added_std", "family", "nominal", "time", "static_time", "apart", "lines")
+        names = {one.name for one in fields(self)} - {"rig_name", "rig", "channels", "specimen", "order"}
         specimen = tuple(name for name, kept in zip(self.specimen, rows, strict=True) if kept)
         taken = {name: getattr(self, name)[rows] for name in names}
         return replace(self, channels=self.channels.part(rows), specimen=specimen, **taken)
@@ -323,6 +324,7 @@ def setup_of(campaign: Campaign, rig_name: str, tests: Sequence[Test], stiffness
         order=order,
         apart=temperatures_apart(tests, family, campaign.stated.conditions),
         lines=lines[at].astype(float),
+        recording=at,
     )
 
 
@@ -385,6 +387,7 @@ def _solved(setup: Setup, phasors: Phasors) -> Joint:
         time=setup.time,
         apart=setup.apart,
         lines=setup.lines,
+        recording=setup.recording,
     )
 
 

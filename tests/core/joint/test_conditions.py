@@ -156,3 +156,9 @@ def test_a_value_without_conditions_has_no_curve():
     label = np.full(2, -1)
     conditions = JointConditions(label, label, np.array([11.0, 21.0]), np.full(2, np.nan))
     assert conditions.off_curve(np.array([1.0, 2.0])).tolist() == [0.0, 0.0]
+
+
+def test_lines_of_one_recording_are_no_repeats_of_each_other():
+    frequency = np.array([100.0, 101.0, 102.0, 100.0, 101.0, 102.0])
+    label = group_conditions(np.zeros(6, int), frequency, recording=np.array([0, 0, 0, 1, 1, 1]))
+    assert label.tolist() == [0, 1, 2, 0, 1, 2]

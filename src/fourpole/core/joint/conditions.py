@@ -17,10 +17,13 @@ _SAME = 1.0005
 _SOFT_ARM = 1e-3
 
 
-def group_conditions(family: np.ndarray, frequency: FloatArray, nominal: FloatArray | None = None) -> np.ndarray:
+def group_conditions(
+    family: np.ndarray, frequency: FloatArray, nominal: FloatArray | None = None, recording: np.ndarray | None = None
+) -> np.ndarray:
     """Number the conditions: tests of a family at the same nominal frequency, or within about 1 % of each other.
 
-    Only nominal frequencies distinguish a sweep in finer steps from repeats.
+    Only nominal frequencies distinguish a sweep in finer steps from repeats. Two lines of one recording are never
+    repeats: the one above begins another condition.
 
     Parameters
     ----------
@@ -30,6 +33,8 @@ def group_conditions(family: np.ndarray, frequency: FloatArray, nominal: FloatAr
         Frequency as found.
     nominal : (N,) float array, optional [Hz]
         Frequency as stated, or not-a-number. It is used in families for which it is stated for all tests.
+    recording : (N,) int array, optional
+        Number of the recording of which each test is a line; by default each test has its own.
 
     Returns
     -------
@@ -40,20 +45,26 @@ def group_conditions(family: np.ndarray, frequency: FloatArray, nominal: FloatAr
     --------
     >>> group_conditions(np.array([0, 0, 0, 1, -1]), np.array([10.0, 12.0, 10.05, 10.0, 10.0])).tolist()
     [0, 1, 0, 2, -1]
+    >>> group_conditions(np.zeros(3, int), np.array([100.0, 101.0, 100.5]), recording=np.array([0, 0, 1])).tolist()
+    [0, 1, 0]
     """
+    own = np.arange(family.size) if recording is None else recording
     named = _named(family, nominal)
     places = frequency if nominal is None else np.where(named, nominal, frequency)
     order = np.lexsort((frequency, places, family))
     labels = np.full(family.size, -1)
     current, first, last, label = -1, 0.0, 0.0, -1
+    present: set[int] = set()
     for at in order:
         if family[at] < 0:
             continue
         f = float(places[at])
         step, width = (_SAME, _SAME) if named[at] else (_STEP, _WIDTH)
-        if family[at] != current or f > step * last or f > width * first:
+        if family[at] != current or f > step * last or f > width * first or int(own[at]) in present:
             label, first, current = label + 1, f, family[at]
+            present.clear()
         last = f
+        present.add(int(own[at]))
         labels[at] = label
     return labels
 

@@ -30,6 +30,7 @@ def identify_joint(
     time: ArrayLike | None = None,
     apart: ArrayLike = 0.0,
     lines: ArrayLike = 1.0,
+    recording: ArrayLike | None = None,
 ) -> Identification:
     r"""Find K* of every condition, the rig's values and the channels' gains from all tests of a rig together.
 
@@ -62,6 +63,8 @@ def identify_joint(
         Standard deviation of log K* of each test about that of its condition, as from another temperature.
     lines : (N,) float array [1]
         Number of lines of the recording that a test is one of: their K* scatters together.
+    recording : (N,) int array, optional
+        Number of the recording that a test is a line of: each of its lines has a K* of its own.
 
     Returns
     -------
@@ -105,5 +108,6 @@ def identify_joint(
         time=time,
         apart=apart,
         lines=lines,
+        recording=recording,
     )
     return identification(joint, phasors, k1, k1_std)

@@ -104,6 +104,7 @@ def solve_joint(
     time: ArrayLike | None = None,
     apart: ArrayLike = 0.0,
     lines: ArrayLike = 1.0,
+    recording: ArrayLike | None = None,
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
     if rig.blocked:
@@ -114,7 +115,8 @@ def solve_joint(
     channels = channels or ChannelUncertainty()
 
     nominal = np.broadcast_to(np.asarray(nominal_frequency, dtype=float), count)
-    label = group_conditions(family, phasors.frequency, nominal)
+    own = None if recording is None else np.asarray(recording, dtype=int)
+    label = group_conditions(family, phasors.frequency, nominal, own)
     order = np.lexsort((np.arange(count), label))
     masses, mass_at, masses_std = _distinct(added, added_std)
     names, number = np.unique(np.array(specimen or [""] * count), return_inverse=True)

@@ -11,6 +11,7 @@ import numpy as np
 from fourpole import units
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError, UnitError
+from fourpole.io.layout import is_missing
 from fourpole.io.names import listed, named
 from fourpole.io.tables.cells import Cells, Column
 from fourpole.io.tables.vocabulary import ALIASES, ROLES, TURNING, UNCLEAR, plain, readings
@@ -254,6 +255,17 @@ def chosen(cells: Cells, candidates: Sequence[Taken]) -> Taken:
 def in_si(one: Taken) -> FloatArray:
     """The values of a column in SI."""
     return units.to_si(one.column.values, one.unit or "", one.kind)
+
+
+def unread(cells: Cells) -> str:
+    """What to do about columns that are known by their heads but hold words, such as 1.234,5; empty without any."""
+    lost = [one for one in cells.columns if one.words and {role for role, _ in readings(one.name)} - {"tyre"}]
+    if not lost:
+        return ""
+    cell = next(one for one in lost[0].words if not is_missing(one))
+    heads = ", ".join(shown(one.head) for one in lost[:5])
+    numbers = "write numbers with one decimal sign, and without a separator of thousands"
+    return f"; no numbers, but cells as {shown(cell)}, are in {heads}: {numbers}"
 
 
 def unclear(cells: Cells) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells, tables_in
-from fourpole.io.tables.columns import Statement, check_units, chosen, in_si, statements, taken, where_of
+from fourpole.io.tables.columns import Statement, check_units, chosen, in_si, statements, taken, unread, where_of
 from fourpole.io.tables.vocabulary import ROLES
 from fourpole.units import shown
 
@@ -95,7 +95,7 @@ def _understood(cells: Cells, stated: Sequence[Statement]) -> CurveTable:
             one = ROLES[role]
             raise TableError(
                 f"{where_of(cells)}: no column is understood as the {role} among {heads}: name it "
-                f"'{one.symbol} [{one.unit}]', or state --column \"{role}=NAME [{one.unit}]\""
+                f"'{one.symbol} [{one.unit}]', or state --column \"{role}=NAME [{one.unit}]\"{unread(cells)}"
             )
         used.append(chosen(cells, some))
     check_units(cells, used)

@@ -17,8 +17,8 @@ from fourpole.core.recording import DERIVATIVES
 from fourpole.core.wording import first_of
 from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells
-from fourpole.io.tables.columns import Taken, chosen, in_si, unclear, where_of
-from fourpole.io.tables.vocabulary import ROLES
+from fourpole.io.tables.columns import Taken, chosen, in_si, unclear, unread, where_of
+from fourpole.io.tables.vocabulary import ROLES, plain
 from fourpole.units import shown
 
 LEVELS = (("storage", "loss"), ("storage", "tan"), ("storage", "damping"), ("storage", "angle"), ("magnitude", "angle"),
@@ -27,6 +27,8 @@ RATIOS = (("R", "I"), ("force", "motion", "angle"))
 #: Roles of which K* may be made.
 QUANTITIES = ("storage", "loss", "magnitude", "tan", "angle", "damping", "R", "I", "force", "motion")
 _SHARED = ("tan", "angle", "damping")
+#: Heads of a phase that name its motion, and the derivatives from this motion to a velocity.
+_PHASES = {"phasef1v1": 0, "phasefv": 0, "phasef1x1": 1, "phasefx": 1}
 #: Largest relative difference of two forms of one table that is not said.
 _ALIKE = 0.02
 #: Largest number of rows that a remark names.
@@ -90,8 +92,10 @@ def _lacking(cells: Cells, found: Sequence[Taken], stated: set[str]) -> str:
     else:
         heads = [column.head for column in cells.columns if not column.words]
         text += f"; the columns are {', '.join(shown(one)[1:-1] for one in heads[:20])}: state which is what, as in "
-        text += '--column "storage=NAME [kN/m]"'
-    return text
+        roles_of = {one.role for one in roles}
+        likely = [one for one in ("magnitude", "storage") if one == "storage" or roles_of & {"angle", "tan"}]
+        text += " or ".join(f'--column "{one}=NAME [kN/m]"' for one in likely)
+    return text + unread(cells)
 
 
 def value(form: Form, frequency: FloatArray) -> ComplexArray:
@@ -103,6 +107,7 @@ def value(form: Form, frequency: FloatArray) -> ComplexArray:
         if "force" in si:
             turns = DERIVATIVES[form.columns["motion"].kind]
             velocity = si["motion"] * (2 * np.pi * frequency) ** turns
+            turns = _PHASES.get(plain(form.columns["angle"].column.name), turns)
             return Phasors.from_polar(frequency, si["force"], velocity, si["angle"] - turns * np.pi / 2).mobility
         if "magnitude" in si:
             angle = si["angle"] if "angle" in si else np.arctan(si["tan"])

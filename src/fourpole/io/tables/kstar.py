@@ -29,6 +29,7 @@ from fourpole.io.tables.columns import (
     option_of,
     statements,
     taken,
+    unread,
     where_of,
 )
 from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
@@ -281,7 +282,7 @@ def _no_frequency(cells: Cells) -> str:
     because = "" if not numbered else f"; {numbered[0]}"
     return (
         f"no column is understood as the frequency among {heads}: name it 'frequency [Hz]', or state "
-        f'--column "frequency=NAME [Hz]"{because}'
+        f'--column "frequency=NAME [Hz]"{because}{unread(cells)}'
     )
 
 

@@ -91,9 +91,11 @@ _WORDS = {
         変位振幅""",
     "tyre": "tyre tire specimen sample probe prüfling reifen pneu éprouvette échantillon 试样 样品 試料 試験片",
     "load": """
-        load force f fz f1 kraft last radlast radialload verticalload charge effort 载荷 力 荷重 負荷""",
+        load force axialforce f fz f1 kraft axialkraft
+        last radlast radialload verticalload charge effort 载荷 力 荷重 負荷""",
     "deflection": """
-        deflection displacement x x1 z d s travel weg δ einfederung compression flèche déplacement enfoncement 位移 变形
+        deflection displacement axialdisplacement extension x x1 z d s travel weg axialweg δ
+        einfederung compression flèche déplacement enfoncement 位移 变形
         挠度 変位 たわみ""",
 }  # fmt: skip
 #: Heads of a stiffness or a modulus, without letter: K for a stiffness, M for a modulus that may be G or E.
@@ -113,8 +115,8 @@ _LEVELS = {
     },
     "magnitude": {
         "K": """
-            dynamicstiffness dynamischesteifigkeit kdyn cdyn rigiditédynamique raideurdynamique 动刚度 动态刚度
-            動ばね定数 動的ばね定数 絶対ばね定数""",
+            dynamicstiffness dynstiffness dynamischesteifigkeit dynsteifigkeit dynamischefedersteifigkeit kdyn cdyn
+            rigiditédynamique raideurdynamique 动刚度 动态刚度 動ばね定数 動的ばね定数 絶対ばね定数""",
         "M": "complexmodulus komplexermodul modulecomplexe 复数模量 复模量 複素弾性率",
         "G": "complexshearmodulus komplexerschubmodul 复数剪切模量 複素せん断弾性率",
         "E": "",
