@@ -200,3 +200,14 @@ def test_tests_are_named_after_their_files(tmp_path):
         "1.7 bar Reifen A größer 10Hz",
         "2.4 bar Reifen A größer 10Hz",
     ]
+
+
+@pytest.mark.parametrize(
+    ("signal", "kind", "cycles"),
+    [(band_limited(0.7, 100), "random", 66.0), (swept(0.6, 100, logarithmic=True), "sweep", 84.0)],
+)
+def test_the_band_begins_where_the_recording_is_long_enough_for_its_analysis(signal, kind, cycles):
+    found = excitation_of(signal, RATE)
+    assert found is not None
+    assert found[0] == kind
+    assert cycles < found[1][0] * 60 < 1.15 * cycles

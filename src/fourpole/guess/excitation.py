@@ -6,6 +6,7 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.tracks import Track
+from fourpole.core.spectra import random, sweep
 from fourpole.core.spectra.average import bins_of, hann, lines_of, starts_of
 from fourpole.core.spectra.excited import RESOLVED
 from fourpole.core.spectra.motion import fine_spectrum, motion_of, segment_of
@@ -19,6 +20,8 @@ _POWER, _FLOOR = 1e-4, 10.0
 _GAP = 3
 #: Fewest cycles of the lowest frequency in a recording of many frequencies.
 _CYCLES = 30.0
+#: Least ratio of the ends of a band, and margin for the round-off of the sampling rate.
+_WIDE, _MARGIN = 1.5, 1.01
 #: Least share of the recording in which the power of a sweep lies [1]: an impact has far less.
 _LASTING = 0.3
 
@@ -39,16 +42,26 @@ def excitation_of(samples: FloatArray, rate: float, derivative: int = 0) -> tupl
     length = signal.size / rate
     try:
         band = _band(track, derivative)
-        if band is None or length * band[0] < _CYCLES or band[1] < 1.5 * band[0]:
+        if band is None or length * band[0] < _CYCLES or band[1] < _WIDE * band[0]:
             return None
         motion = motion_of(track, segment_of(length, band[0]), band, fine_spectrum(track))
     except FourpoleError:
         return None
     if not motion.is_swept:
-        return None if motion.has_sines else ("random", band)
+        band = _resolved(band, random.SHORTEST, length)
+        return None if motion.has_sines or band is None else ("random", band)
     parts = np.array([np.mean(part**2) for part in np.array_split(signal, _FINE)])
     lasting = parts.sum() ** 2 / (parts.size * max(float(np.sum(parts**2)), 1e-300))
-    return ("sweep", band) if lasting > _LASTING else None
+    band = _resolved(band, sweep.SHORTEST, length)
+    return ("sweep", band) if lasting > _LASTING and band is not None else None
+
+
+def _resolved(band: tuple[float, float], cycles: float, length: float) -> tuple[float, float] | None:
+    """The part of a band [Hz] of whose lowest frequency a recording [s] has enough cycles; None if it is too narrow."""
+    lowest = _MARGIN * cycles / length
+    digits = 1 - int(np.floor(np.log10(lowest)))
+    low = max(band[0], float(np.ceil(lowest * 10.0**digits) / 10.0**digits))
+    return (low, band[1]) if band[1] > _WIDE * low else None
 
 
 def _band(track: Track, derivative: int) -> tuple[float, float] | None:

@@ -13,6 +13,8 @@ from fourpole.errors import RecordingError, TooShortError
 
 #: Fewest segments that are taken for finer lines.
 _FEW = 32
+#: Fewest cycles of the lowest frequency in a recording.
+SHORTEST = 0.5 * CYCLES * (_FEW + 1.0)
 #: Segments are made longer while the mean square of the closure phase over its variance is above the first number, and
 #: falls below this share of what it was.
 _LEAKS, _BETTER = 1.5, 0.8
@@ -53,10 +55,10 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     length = track.time.size / track.rate
     if segment is not None:
         return segment_amplitudes(recording, track, inside, segment)
-    if length * inside[0] < 0.5 * CYCLES * (_FEW + 1.0):
+    if length * inside[0] < SHORTEST:
         raise TooShortError(
             f"{recording.label} is {length:.4g} s long, which is too short for lines from {band[0]:.4g} Hz on: record "
-            f"{0.5 * CYCLES * (_FEW + 1.0) / band[0]:.3g} s or more, or start the band higher"
+            f"{SHORTEST / band[0]:.3g} s or more, or start the band higher"
         )
     fine = fine_spectrum(track)
     segment = segment_of(length, inside[0])

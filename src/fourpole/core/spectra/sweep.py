@@ -24,6 +24,8 @@ _AT_A_TIME = 100_000
 _MISSES = 4.0
 #: Largest width of the lowest band over its frequency.
 _WIDEST = 0.25
+#: Fewest cycles of the lowest frequency in a recording.
+SHORTEST = BINS / _WIDEST
 
 
 def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited:
