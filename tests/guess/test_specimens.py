@@ -76,7 +76,16 @@ def test_what_splits_equal_conditions_is_the_specimen(scheme, specimens):
 @pytest.mark.parametrize(
     ("scheme", "specimens", "doubt"),
     [
-        (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("left", "right"), "may be a place, a direction or a state"),
+        (
+            ("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"),
+            ("left", "right"),
+            "may be a place, a direction, a state or a condition",
+        ),
+        (
+            ("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"),
+            ("camber0", "camber2"),
+            "may be a place, a direction, a state or a condition",
+        ),
         (("mount_{s}_2026_{p}bar_static", "mount_{s}_2026_{p}bar_1kN_{f}Hz"), ("L", "R"), "L, R may be a place"),
         (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("MK", "JB"), "initials"),
         (("{s}_{p}bar_static", "{s}_{p}bar_1kN_{f}Hz"), ("1", "2", "3"), "or are they repeats"),

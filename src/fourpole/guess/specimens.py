@@ -20,6 +20,8 @@ from fourpole.units import shown
 
 #: Characters of the longest name of a specimen.
 _LONGEST = 60
+#: Longest word of a state that may be letters of a name: X1 is a name.
+_SHORT = 3
 #: Names of a few words or numbers in a doubt.
 _MOST_LISTED = 5
 #: Share of the tests that a mark must have, and largest number of its values per such test: beyond it counts them.
@@ -234,13 +236,13 @@ def _doubt_words(tests: Sequence[_Test]) -> None:
     vary = {word for word, count in often.items() if count < len(names)}
     listed = _listed(list(names.values()))
     why = ""
-    states = [word for name in names.values() for word in name.split() if plain(word) in vary & STATES]
+    states = [word for name in names.values() for word in name.split() if plain(word) in vary and _of_state(word)]
     initials = [name for name in names.values() if re.fullmatch(r"[A-Z]{2,3}", name)]
     if len(names) >= 4 and any(len(name.split()) > 1 for name in names.values()) and max(often.values()) > 1:
         why = f"{len(names)} tyres by the words that vary ({listed}): if some of them are not of a tyre, take them out"
     elif states:
         some = _listed(list(dict.fromkeys(states)))
-        why = f"taken as tyres: {listed}; {some} may be a place, a direction or a state of one tyre"
+        why = f"taken as tyres: {listed}; {some} may be a place, a direction, a state or a condition of one tyre"
     elif len(initials) == len(names):
         why = f"taken as tyres: {listed}; or are they initials of persons?"
     elif not any(map(_telling, names.values())) and not _overlap(tests):
@@ -248,6 +250,13 @@ def _doubt_words(tests: Sequence[_Test]) -> None:
     if why:
         for _, conditions in tests:
             conditions.doubt("tyre", why)
+
+
+def _of_state(word: str) -> bool:
+    """Whether a word is that of a state, or of a condition with its number, as in "camber2"."""
+    bare = plain(word)
+    stem = bare.rstrip("0123456789")
+    return bare in STATES or (len(stem) > _SHORT and stem in STATES)
 
 
 def _telling(name: str) -> bool:

@@ -93,13 +93,13 @@ PASSED_OVER = _words(
     "campaign sn no nr deg c essai mesure rpm pression précharge fréquence charge éprouvette "
     "試験 测试 試験結果 数据 データ 結果 タイヤ 轮胎 试样 試料"
 )
-#: Words that rather name a place, a direction, or a state of a specimen than a specimen.
+#: Words that rather name a place, a direction, a state or a condition of a specimen than a specimen.
 STATES = _words(
     "left right links rechts gauche droite izquierda derecha izq der li re l r vl vr hl hr fl fr rl rr lh rh "
     "front rear vorne hinten vorn avant arrière oben unten top bottom inner outer innen aussen außen warm "
     "kalt hot cold chaud froid worn used before after vorher nachher vor nach pre post up down auf ab dry wet "
     "trocken nass lateral vertical vertikal horizontal axial longitudinal x y z low high lo hi slow fast min "
-    "max day night tag woche week "
+    "max day night tag woche week camber sturz slip schlupf amplitude amplitud speed cycle zyklus "
     "左 右 前 後 后 上 下 新 旧 冷 热 熱 新品 中古"
 )
 
