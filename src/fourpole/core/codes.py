@@ -111,7 +111,7 @@ class Code(Enum):
     )
     BESIDE = (
         "beside a line",
-        "",
+        "whether a line has power of its own",
         "the power at a frequency is that of another frequency",
         "at {hertz:.4g} Hz the spectrum has no power but that of another frequency beside it; ",
         "excite all frequencies of the band, or test the frequency of the sine as a dynamic test",

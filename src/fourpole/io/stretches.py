@@ -305,7 +305,7 @@ class _Scan:
         self._runs.append(run)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Lines:
     """The lines of a part of a file, by their index."""
 

@@ -48,7 +48,7 @@ class LocalRatios(ByValue):
     averages: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Band:
     """The fit of one band: ratios (R,), covariance of their logarithms, that of the residuals, and mean products; the
     error of the logarithms by third and fourth order in the ratio (R, 2); transients (R,), and the same for them.
