@@ -1,7 +1,7 @@
 r"""Forms in which a table may give K* or V1/F1, and the complex values that each gives.
 
-K* = K' + jK'' = |K*| e^{jδ}, with K'' = K' tan δ = ω C; the same for the moduli G* and E*. From amplitudes of force and
-motion and the phase φ of the force ahead of it, V1/F1 is known.
+K* = K' + jK'' = \|K*\| e^{jδ}, with K'' = K' tan δ = ω C; the same for the moduli G* and E*. From amplitudes of force
+and motion and the phase φ of the force ahead of it, V1/F1 is known.
 """
 
 from __future__ import annotations
