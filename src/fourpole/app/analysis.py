@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from fourpole.app import events
 from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say, warn
 from fourpole.app.options import RunOptions, Wanted
@@ -25,6 +26,7 @@ from fourpole.app.standing import (
     show,
 )
 from fourpole.campaign import Campaign, read_campaign
+from fourpole.core.checks import worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FileError, TableError
@@ -36,6 +38,7 @@ from fourpole.study.record import NAME, note_results, without_hashes
 
 if TYPE_CHECKING:
     from fourpole.study import Study
+    from fourpole.study.outcome import Reduced
     from fourpole.study.results import Results
 
 
@@ -176,7 +179,15 @@ def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, opt
             executor=executor,
             time_limit=options.time_limit or SECONDS,
             progress=advance,
+            arrived=_tell if events.wanted() else None,
         )
+
+
+def _tell(test: str, reduced: Reduced) -> None:
+    """The verdict on a recording by itself, as an event."""
+    checks = [check for point in reduced.points for check in point.checks]
+    said = {check.remark: None for check in checks if check.verdict != "ok"}
+    events.tell(test=test, verdict=worst_verdict([check.verdict for check in checks]), remarks=list(said))
 
 
 def _executor(options: RunOptions) -> AbstractContextManager[Executor | None]:

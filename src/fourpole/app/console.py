@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
 
 import typer
 
+from fourpole.app import events
 from fourpole.errors import FourpoleError, UnitError
 
 if TYPE_CHECKING:
@@ -384,10 +385,14 @@ def _once_more(ignored: sys.UnraisableHookArgs) -> None:
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Progress with the time left; the callable takes the number done and the number of all.
 
-    It is a bar on a terminal. In a log it is a line every ten seconds, and none for shorter work.
+    It is a bar on a terminal. In a log it is a line every ten seconds, and none for shorter work. For a program that
+    asked for events, it is these.
     """
     part = _PART.get()
     named = f"{part}, {what}" if part else what
+    if events.wanted():
+        yield events.Task(named)
+        return
     if not sys.stderr.isatty():
         yield _Log(named)
         return

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from importlib import resources
 from typing import Any
 
-from jinja2 import DictLoader, Environment, StrictUndefined
+from jinja2 import BaseLoader, DictLoader, Environment, StrictUndefined
 
 #: Characters that a page must not contain: control characters and lone surrogates.
 _UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
@@ -30,12 +30,19 @@ def rendered(templates: Mapping[str, str], *, place: Callable[[str, str], str] =
     Each template may import "head", the head of a page with the policy that lets it load nothing from elsewhere.
     `place` gives the address to which the name of a test leads, from the key of its card and its name.
     """
-    loader = DictLoader({"head": packaged("head.html"), **templates})
-    environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.globals["place"] = place
-    return _UNFIT.sub("\ufffd", environment.get_template("page").render(**shown))
+    made = environment(DictLoader({"head": packaged("head.html"), **templates}))
+    made.globals["place"] = place
+    return fit(made.get_template("page").render(**shown))
+
+
+def environment(loader: BaseLoader) -> Environment:
+    """Where templates become pages: texts are escaped, and a name that is not there is an error."""
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+def fit(page: str) -> str:
+    """A page without the characters that it must not contain."""
+    return _UNFIT.sub("\ufffd", page)
 
 
 def svg_address(svg: bytes) -> str:

@@ -304,6 +304,7 @@ def analyse(
     executor: Executor | None = None,
     time_limit: float = SECONDS,
     progress: Callable[[int, int], None] | None = None,
+    arrived: Callable[[str, Reduced], None] | None = None,
 ) -> Study:
     """Analyse a campaign: static curves, demodulation, identification, tables.
 
@@ -332,6 +333,8 @@ def analyse(
         Time after which a recording is given up; a large file has 1 s per MB more. It holds in worker processes.
     progress : callable, optional
         Called with the number of reduced recordings and the number of all recordings.
+    arrived : callable, optional
+        Called with the name of each test of these recordings and what its recording gives by itself, as it is reduced.
 
     Returns
     -------
@@ -371,6 +374,7 @@ def analyse(
         cache=cached,
         settings=Settings(workers, executor, time_limit),
         progress=progress,
+        arrived=arrived,
     )
     analysed, remarks = _analysed(campaign, statics, reduced, route, (monte_carlo, seed))
     assumed = (*campaign.stated.assumptions(), *_assumed(dynamic))

@@ -207,9 +207,10 @@ def reduce_tests(
     cache: Cache | None = None,
     settings: Settings | None = None,
     progress: Callable[[int, int], None] | None = None,
+    arrived: Callable[[str, Reduced], None] | None = None,
 ) -> list[Reduced]:
     """Results of the jobs in the order of the jobs, from the cache where it has them."""
-    run = _Run(jobs, cache, settings or Settings(), progress)
+    run = _Run(jobs, cache, settings or Settings(), progress, arrived)
     left = run.recalled()
     try:
         with run.executor(left) as executor:
@@ -231,9 +232,11 @@ class _Run:
         cache: Cache | None,
         settings: Settings,
         progress: Callable[[int, int], None] | None,
+        arrived: Callable[[str, Reduced], None] | None,
     ) -> None:
         self.results: dict[int, Reduced] = {}
-        self._jobs, self._cache, self._settings, self._progress = jobs, cache, settings, progress
+        self._jobs, self._cache, self._settings = jobs, cache, settings
+        self._progress, self._arrived = progress, arrived
         self._identities: list[Identity | None] = _identities(jobs)
         shared: dict[int, list[object]] = {}
         for job in jobs:
@@ -343,6 +346,8 @@ class _Run:
 
     def _have(self, index: int, done: Demodulated) -> None:
         self.results[index] = reduced_of(self._jobs[index], done)
+        if self._arrived is not None:
+            self._arrived(self._jobs[index].test.name, self.results[index])
         if self._progress is not None:
             self._progress(len(self.results), len(self._jobs))
 

@@ -1,0 +1,52 @@
+"""The application: its pages, its guard, and its end."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.routing import Route
+
+from fourpole.errors import FourpoleError
+from fourpole.served.guard import Guard
+from fourpole.served.jobs import Jobs
+from fourpole.served.pages import home, recording, results, run
+from fourpole.served.site import Site, static
+from fourpole.served.uploads import Uploads
+from fourpole.served.workspace import Workspace
+from fourpole.study.workers import processors
+
+_PAGES = (home, run, results, recording)
+
+
+def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Starlette:
+    """The application for the campaigns below a folder.
+
+    Parameters
+    ----------
+    root : Path
+        The folder.
+    host : str
+        The address that the server listens at.
+    token : str
+        What a caller must show; empty for none.
+    """
+    workspace = Workspace(root)
+    site = Site(workspace, Jobs(processors()), Uploads(workspace))
+
+    @asynccontextmanager
+    async def life(_: Starlette) -> AsyncIterator[None]:
+        yield
+        site.uploads.close()
+        await site.jobs.close()
+
+    return Starlette(
+        routes=[Route("/static/{name}", static), *(route for page in _PAGES for route in page.routes(site))],
+        middleware=[Middleware(Guard, host=host, token=token)],
+        exception_handlers={FourpoleError: site.fault, HTTPException: site.fault},
+        lifespan=life,
+    )

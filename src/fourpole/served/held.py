@@ -1,0 +1,86 @@
+"""Results that are held in memory while nothing on disk has changed, with what the components of the report show."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from fourpole.findings import by_size, findings
+from fourpole.plot import FIGURES
+from fourpole.report.page import ReportFigure, page_parts
+from fourpole.report.wanted import in_units
+from fourpole.report.words.sentence import sentences
+from fourpole.served.workspace import Place
+from fourpole.study.results import Results, read_results
+
+#: Number of campaigns whose results are held.
+_MOST = 6
+
+
+@dataclass(eq=False)
+class Shown:
+    """The results of a campaign, and what the report shows of them."""
+
+    place: Place
+    results: Results
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    @cached_property
+    def parts(self) -> dict[str, Any]:
+        """What the templates of the report show."""
+        folder = self.place.results / "figures"
+        figures = {
+            key: ReportFigure(key, spec.title, spec.caption, (folder / f"{key}.svg").read_text(encoding="utf-8"))
+            for key, spec in FIGURES.items()
+            if (folder / f"{key}.svg").is_file()
+        }
+        found = sentences(by_size(findings(self.results)), self.results.shown)
+        with in_units(self.results.shown):
+            return page_parts(self.results, findings=found, figures=figures)
+
+    @cached_property
+    def cards(self) -> dict[str, Any]:
+        """The card of each test, by the name of the test, in their order."""
+        return {card.test: card for card in self.parts["cards"]}
+
+
+class Held:
+    """The results that were asked for last."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._shown: OrderedDict[str, tuple[Any, Shown]] = OrderedDict()
+
+    def of(self, place: Place) -> Shown | None:
+        """The results of a campaign; None if it has none yet."""
+        path = place.results / "study.json"
+        try:
+            stat = path.stat()
+        except OSError:
+            return None
+        mark = (stat.st_mtime_ns, stat.st_size, stat.st_ino, _mark(place))
+        with self._lock:
+            found = self._shown.get(place.key)
+            if found is not None and found[0] == mark:
+                self._shown.move_to_end(place.key)
+                return found[1]
+        shown = Shown(place, read_results(place.results))
+        with self._lock:
+            self._shown[place.key] = (mark, shown)
+            while len(self._shown) > _MOST:
+                self._shown.popitem(last=False)
+        return shown
+
+
+def _mark(place: Place) -> tuple[int, ...]:
+    """When the models and maps beside the results changed."""
+    times = []
+    for name in ("model.json", "map.json"):
+        try:
+            times.append((place.results / name).stat().st_mtime_ns)
+        except OSError:
+            times.append(0)
+    return tuple(times)

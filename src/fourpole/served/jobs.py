@@ -1,0 +1,200 @@
+"""Work that takes longer than a page: commands in processes of their own, with their events, one per campaign."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import sys
+from collections import deque
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from fourpole.served.workspace import Place
+
+#: The sign before an event, and the variable that asks for events; see fourpole.app.events.
+_MARK, _EVENTS = "\x1e", "FOURPOLE_EVENTS"
+#: Messages and tests that are kept, largest document of a command [byte], and finished jobs that are kept.
+_MOST_MESSAGES, _MOST_TESTS, _MOST_DOCUMENT, _MOST_DONE = 200, 20_000, 20_000_000, 100
+#: Longest line of a command [byte].
+_LINE = 4_000_000
+
+
+class Phase(StrEnum):
+    """How far a job is."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    DONE = "done"
+    STOPPED = "stopped"
+    FAILED = "failed"
+
+
+@dataclass(eq=False)
+class Job:
+    """A command of a campaign.
+
+    Attributes
+    ----------
+    place : Place
+        The campaign.
+    words : tuple of str
+        The command's arguments, the name of the command first.
+    task : dict
+        The last progress: task, done, total, left [s].
+    tests : dict of str to dict
+        Each test as it was reduced: verdict and remarks.
+    messages : deque of str
+        What the command said on standard error.
+    document : dict
+        The JSON document that it printed.
+    code : int or None
+        Its exit code.
+    """
+
+    place: Place
+    words: tuple[str, ...]
+    phase: Phase = Phase.WAITING
+    task: dict[str, Any] = field(default_factory=dict)
+    tests: dict[str, dict[str, Any]] = field(default_factory=dict)
+    messages: deque[str] = field(default_factory=lambda: deque(maxlen=_MOST_MESSAGES))
+    document: Any = None
+    code: int | None = None
+    _changed: asyncio.Condition = field(default_factory=asyncio.Condition, repr=False)
+    _process: asyncio.subprocess.Process | None = field(default=None, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the command."""
+        return self.words[0]
+
+    @property
+    def over(self) -> bool:
+        """Whether it has ended."""
+        return self.phase not in (Phase.WAITING, Phase.RUNNING)
+
+    async def changes(self) -> AsyncIterator[None]:
+        """A step for each change, until the job is over; the first at once."""
+        yield
+        while not self.over:
+            async with self._changed:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self._changed.wait(), 15)
+            yield
+
+    async def tell(self) -> None:
+        """Wake those who wait for a change."""
+        async with self._changed:
+            self._changed.notify_all()
+
+    def stop(self) -> None:
+        """End it as Ctrl-C does: nothing is half-written, and what is done is kept."""
+        if self.phase is Phase.WAITING:
+            self.phase = Phase.STOPPED
+        elif self._process is not None and self._process.returncode is None:
+            with suppress(ProcessLookupError):
+                self._process.send_signal(signal.SIGINT)
+
+
+class Jobs:
+    """The jobs of a server: as many at a time as it has processors, the others wait their turn."""
+
+    def __init__(self, at_once: int) -> None:
+        self._turn = asyncio.Semaphore(at_once)
+        self._jobs: dict[str, Job] = {}
+        self._running: set[asyncio.Task[None]] = set()
+
+    def of(self, place: Place) -> Job | None:
+        """The last job of a campaign."""
+        return self._jobs.get(place.key)
+
+    def before(self, job: Job) -> int:
+        """Number of jobs that were asked for before a waiting one and are not over."""
+        others = list(self._jobs.values())
+        return sum(not one.over for one in others[: others.index(job)])
+
+    def start(self, place: Place, *words: str) -> Job:
+        """Start a command on a campaign; where one is running there, that job."""
+        former = self._jobs.pop(place.key, None)
+        if former is not None and not former.over:
+            self._jobs[place.key] = former
+            return former
+        job = self._jobs[place.key] = Job(place, words)
+        for key in [key for key, one in self._jobs.items() if one.over][:-_MOST_DONE]:
+            del self._jobs[key]
+        task = asyncio.create_task(self._run(job))
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+        return job
+
+    async def close(self) -> None:
+        """End all jobs, and wait for them."""
+        for job in self._jobs.values():
+            job.stop()
+        if self._running:
+            await asyncio.wait(self._running, timeout=10)
+
+    async def _run(self, job: Job) -> None:
+        async with self._turn:
+            if job.phase is Phase.WAITING:
+                job.phase = Phase.RUNNING
+                await job.tell()
+                await _run(job)
+        await job.tell()
+
+
+async def _run(job: Job) -> None:
+    """Run the command of a job to its end."""
+    environment = {**os.environ, _EVENTS: "1", "NO_COLOR": "1"}
+    try:
+        process = job._process = await asyncio.create_subprocess_exec(  # noqa: SLF001 - the job is this module's own
+            sys.executable, "-m", "fourpole", *job.words, str(job.place.folder), "--json",
+            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+            env=environment, limit=_LINE, start_new_session=True,
+        )  # fmt: skip
+        printed, _ = await asyncio.gather(_printed(process), _said(process, job))
+        job.code = await process.wait()
+    except (OSError, ValueError) as error:
+        job.messages.append(f"error: the command could not be run: {error}")
+        job.phase = Phase.FAILED
+        return
+    with suppress(ValueError):
+        job.document = json.loads(printed)
+    stopped = job.code in (130, 143) or job.code < 0
+    job.phase = Phase.DONE if job.code in (0, 3) else Phase.STOPPED if stopped else Phase.FAILED
+
+
+async def _printed(process: asyncio.subprocess.Process) -> bytes:
+    """What a command prints, up to a limit; the rest is read and forgotten."""
+    assert process.stdout is not None
+    parts: list[bytes] = []
+    size = 0
+    while part := await process.stdout.read(1 << 16):
+        size += len(part)
+        if size <= _MOST_DOCUMENT:
+            parts.append(part)
+    return b"".join(parts)
+
+
+async def _said(process: asyncio.subprocess.Process, job: Job) -> None:
+    """Take the events and messages of a command as they come."""
+    assert process.stderr is not None
+    async for line in process.stderr:
+        text = line.decode(errors="replace").rstrip()
+        if text.startswith(_MARK):
+            with suppress(ValueError, KeyError):
+                _take(job, json.loads(text[1:]))
+        elif text:
+            job.messages.append(text[:2000])
+        await job.tell()
+
+
+def _take(job: Job, event: dict[str, Any]) -> None:
+    if "task" in event:
+        job.task = event
+    elif "test" in event and len(job.tests) < _MOST_TESTS:
+        job.tests[str(event["test"])] = {"verdict": event["verdict"], "remarks": event["remarks"]}

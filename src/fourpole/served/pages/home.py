@@ -1,0 +1,70 @@
+"""Home: the campaigns of the workspace, and files that are dropped to become one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from fourpole.errors import FileError
+from fourpole.served.site import Site, address, body_of
+from fourpole.served.uploads import MOST_BYTES, MOST_FILES
+from fourpole.served.workspace import state_of
+
+
+def routes(site: Site) -> list[Route]:
+    """The page, and the steps of an upload."""
+
+    async def page(_: Request) -> Response:
+        return await site.page("home.html", lambda: _shown(site))
+
+    async def begin(request: Request) -> Response:
+        asked = await body_of(request)
+        try:
+            files = [(str(one["name"]), int(one["size"])) for one in asked["files"]]
+            name = str(asked["name"])
+        except (KeyError, TypeError, ValueError):
+            raise FileError("the list of files is not whole") from None
+        ticket = await run_in_threadpool(site.uploads.begin, name, files)
+        return JSONResponse({"ticket": ticket})
+
+    async def file(request: Request) -> Response:
+        await site.uploads.take(request.path_params["ticket"], request.path_params["number"], request.stream())
+        return JSONResponse({})
+
+    async def finish(request: Request) -> Response:
+        folder = await run_in_threadpool(site.uploads.finish, request.path_params["ticket"])
+        place = site.workspace.place_of(folder)
+        if not (folder / "campaign.toml").is_file():
+            site.jobs.start(place, "init")
+            return JSONResponse({"next": address(place, "run")})
+        return JSONResponse({"next": address(place)})
+
+    async def drop(request: Request) -> Response:
+        await run_in_threadpool(site.uploads.drop, request.path_params["ticket"])
+        return JSONResponse({})
+
+    return [
+        Route("/", page),
+        Route("/upload", begin, methods=["POST"]),
+        Route("/upload/{ticket}/{number:int}", file, methods=["PUT"]),
+        Route("/upload/{ticket}", finish, methods=["POST"]),
+        Route("/upload/{ticket}", drop, methods=["DELETE"]),
+    ]
+
+
+def _shown(site: Site) -> dict[str, Any]:
+    rows = []
+    for place in site.workspace.campaigns():
+        job = site.jobs.of(place)
+        rows.append({"place": place, "state": state_of(place), "job": None if job is None or job.over else job})
+    return {
+        "campaign": None,
+        "rows": rows,
+        "root": str(site.workspace.root),
+        "most_files": MOST_FILES,
+        "most_bytes": MOST_BYTES,
+    }

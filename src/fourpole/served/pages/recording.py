@@ -1,0 +1,153 @@
+"""Recording: one test with its whole signals to zoom into, the fit, the checks, and what was made of it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from fourpole import quantities as q
+from fourpole.campaign import read_campaign
+from fourpole.campaign.place import inside
+from fourpole.core.phasor import CHANNELS
+from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.child import read_apart
+from fourpole.io.identity import identity_of
+from fourpole.report.cards import embedded
+from fourpole.served.held import Shown
+from fourpole.served.signals import Kept, fresh_name, keep, kept_in, part_of
+from fourpole.served.site import Site
+from fourpole.served.workspace import Place, state_of
+from fourpole.study.load import group_of
+
+#: Least and largest number of steps of a picture.
+_WIDTHS = (100, 4000)
+_KEEPING = threading.Lock()
+
+
+def routes(site: Site) -> list[Route]:
+    """The list of tests, a test, and parts of its signals."""
+
+    async def every(request: Request) -> Response:
+        place = site.place(request)
+
+        def made() -> dict[str, Any]:
+            shown = site.held.of(place)
+            parts = {} if shown is None else shown.parts
+            return {**parts, "campaign": place, "state": state_of(place), "analysed": shown is not None}
+
+        return await site.page("tests.html", made)
+
+    async def page(request: Request) -> Response:
+        place, name = site.place(request), request.path_params["test"]
+        return await site.page("recording.html", lambda: _shown(site, place, name))
+
+    async def signals(request: Request) -> Response:
+        place, name = site.place(request), request.path_params["test"]
+        asked = request.query_params
+        try:
+            first, last = (float(asked[one]) if one in asked else None for one in ("from", "to"))
+            width = min(max(int(asked.get("width", 800)), _WIDTHS[0]), _WIDTHS[1])
+        except ValueError:
+            raise CampaignError("the part of the recording is not stated in numbers") from None
+        return JSONResponse(await run_in_threadpool(_part, place, name, first, last, width))
+
+    return [
+        Route("/c/{key}/tests", every),
+        Route("/c/{key}/tests/{test}", page),
+        Route("/c/{key}/tests/{test}/signals", signals),
+    ]
+
+
+def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
+    campaign = read_campaign(place.folder)
+    names = [test.name for test in campaign.tests]
+    if name not in names:
+        raise CampaignError("there is no such test in tests.csv: it was renamed or removed")
+    at, shown = names.index(name), site.held.of(place)
+    card = None if shown is None else shown.cards.get(name)
+    return {
+        "campaign": place,
+        "state": state_of(place),
+        "test": campaign.tests[at],
+        "at": at + 1,
+        "count": len(names),
+        "before": names[at - 1] if at else None,
+        "after": names[at + 1] if at + 1 < len(names) else None,
+        "card": card,
+        "data": Markup(embedded(card.body)) if card is not None else "",
+        "checks": [] if shown is None else _checks(shown, name),
+    }
+
+
+def _checks(shown: Shown, name: str) -> list[dict[str, Any]]:
+    """The rows of checks.csv of a test, the worst first."""
+    table = shown.results.checks
+    if table.is_empty():
+        return []
+    rows = [row for row in table.rows(named=True) if row[q.TEST.head] == name]
+    order = ["rejected", "warning", "ok"]
+    return sorted(rows, key=lambda row: order.index(row[q.VERDICT.head]))
+
+
+def _part(place: Place, name: str, first: float | None, last: float | None, width: int) -> dict[str, Any]:
+    """A part of all channels of a test; the whole without ends [s]."""
+    kept = _kept(place, name)
+    starts = [one["start"] for one in kept.channels]
+    ends = [one["start"] + (one["count"] - 1) / one["rate"] for one in kept.channels]
+    low = min(starts) if first is None else first
+    high = max(ends) if last is None else last
+    if not high > low:
+        raise CampaignError("the part of the recording is empty")
+    return {
+        "from": low,
+        "to": high,
+        "whole": [min(starts), max(ends)],
+        "timed": all(one["even"] for one in kept.channels),
+        "channels": [
+            {"name": one["name"], "unit": one["unit"], **part_of(kept, number, low, high, width)}
+            for number, one in enumerate(kept.channels)
+        ],
+    }
+
+
+def _kept(place: Place, name: str) -> Kept:
+    """The samples of a test, collected once for each state of its file."""
+    campaign = read_campaign(place.folder)
+    test = next((one for one in campaign.tests if one.name == name), None)
+    if test is None or not test.file:
+        raise CampaignError("this test names no recording")
+    path = inside(place.folder, test.file)
+    roles = ("load", "deflection") if test.kind == "static" else CHANNELS
+    stated = [campaign.stated.channels.named(role) for role in roles]
+    names = [one.column for one in stated if one is not None]
+    identity = identity_of(path)
+    mark = json.dumps([test.file, names, *map(str, identity.parts)])
+    return _collected(place, path, group_of(path, test), names, mark)
+
+
+def _collected(place: Place, path: Path, group: str, names: list[str], mark: str) -> Kept:
+    from hashlib import sha256
+
+    folder = place.results / "cache" / "signals" / sha256(mark.encode()).hexdigest()[:24]
+    with _KEEPING:
+        if not (folder / "about.json").is_file():
+            new = folder.with_name(fresh_name())
+            try:
+                folder.parent.mkdir(parents=True, exist_ok=True)
+                read_apart(keep, path, group, names, new, progress=lambda *_: None)
+                new.rename(folder)
+            except (OSError, FourpoleError) as error:
+                shutil.rmtree(new, ignore_errors=True)
+                if isinstance(error, FourpoleError):
+                    raise
+                raise CampaignError(f"the recording cannot be shown: {error.strerror or error}") from None
+    return kept_in(folder)

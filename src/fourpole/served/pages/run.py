@@ -1,0 +1,99 @@
+"""Run: a command on a campaign, with progress, each test as it is reduced, messages, and a way to stop it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator
+from typing import Any
+
+from markupsafe import Markup
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from fourpole.errors import CampaignError
+from fourpole.report.cards import embedded
+from fourpole.served.jobs import Job, Phase
+from fourpole.served.site import Site, address, body_of
+from fourpole.served.workspace import Place, state_of
+from fourpole.units import shown
+
+#: The commands that a page may start, with the options that it may give.
+COMMANDS = {"analyse": ("--models", "--no-models"), "init": ("--force",), "fit": (), "map": ()}
+#: What a command is called on the page while it runs.
+_DOING = {"analyse": "Analysing", "init": "Looking at the files", "fit": "Fitting models", "map": "Fitting the map"}
+
+
+def routes(site: Site) -> list[Route]:
+    """The page, its events, and the buttons."""
+
+    async def page(request: Request) -> Response:
+        place = site.place(request)
+        job = site.jobs.of(place)
+        return await site.page(
+            "run.html",
+            lambda: {
+                "campaign": place,
+                "state": state_of(place),
+                "job": job,
+                "doing": _DOING.get(job.name, job.name) if job else "",
+                "document": Markup(embedded(_document(site, place, job))) if job else "",
+            },
+        )
+
+    async def start(request: Request) -> Response:
+        place, form = site.place(request), await body_of(request)
+        command = form.get("command") if isinstance(form, dict) else None
+        options = form.get("options", []) if isinstance(form, dict) else []
+        if command not in COMMANDS or not all(one in COMMANDS[command] for one in options):
+            raise CampaignError(f"no command {shown(str(command))} with these options can be started here")
+        site.jobs.start(place, command, *options)
+        return Response(status_code=204)
+
+    async def stop(request: Request) -> Response:
+        job = site.jobs.of(site.place(request))
+        if job is not None:
+            job.stop()
+            await job.tell()
+        return Response(status_code=204)
+
+    async def events(request: Request) -> Response:
+        place = site.place(request)
+        job = site.jobs.of(place)
+        if job is None:
+            return RedirectResponse(address(place, "run"))
+        return StreamingResponse(
+            _events(site, place, job), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+        )
+
+    return [
+        Route("/c/{key}/run", page),
+        Route("/c/{key}/run", start, methods=["POST"]),
+        Route("/c/{key}/run", stop, methods=["DELETE"]),
+        Route("/c/{key}/run/events", events),
+    ]
+
+
+async def _events(site: Site, place: Place, job: Job) -> AsyncIterator[str]:
+    """The state of a job whenever it changes, each test once."""
+    told = 0
+    async for _ in job.changes():
+        document = _document(site, place, job, told)
+        told = len(job.tests)
+        yield f"data: {json.dumps(document)}\n\n"
+    yield f"data: {json.dumps(_document(site, place, job, told))}\n\n"
+
+
+def _document(site: Site, place: Place, job: Job, told: int = 0) -> dict[str, Any]:
+    """What the page shows of a job, with the tests that it does not have yet."""
+    tests = list(job.tests.items())[told:]
+    done = job.phase is Phase.DONE
+    following = address(place, "statement") if job.name == "init" else address(place)
+    return {
+        "phase": job.phase,
+        "before": site.jobs.before(job) if job.phase is Phase.WAITING else 0,
+        "task": job.task,
+        "tests": [{"test": name, **said, "address": address(place, "tests", name)} for name, said in tests],
+        "messages": list(job.messages),
+        "next": following if done else "",
+    }

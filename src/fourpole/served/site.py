@@ -1,0 +1,112 @@
+"""What all pages have in common: the workspace, the jobs, the templates, and answers to errors."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import resources
+from typing import Any
+from urllib.parse import quote
+
+from jinja2 import ChoiceLoader, DictLoader, Environment, PackageLoader, pass_context
+from jinja2.runtime import Context
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+
+from fourpole.errors import FourpoleError
+from fourpole.report.html import environment, fit
+from fourpole.report.page import PARTS
+from fourpole.served.held import Held
+from fourpole.served.jobs import Jobs
+from fourpole.served.uploads import Uploads
+from fourpole.served.workspace import NoCampaignError, Place, Workspace
+from fourpole.version import VERSION
+
+#: Files that pages load, with the package that has them and their kind.
+STATIC = {
+    "page.css": ("fourpole.report", "text/css"),
+    "tables.js": ("fourpole.report", "text/javascript"),
+    "draw.js": ("fourpole.report", "text/javascript"),
+    "app.css": ("fourpole.served.static", "text/css"),
+    **dict.fromkeys(("app.js", "home.js", "run.js", "recording.js"), ("fourpole.served.static", "text/javascript")),
+}
+#: Largest body of a form or of a list of files [byte].
+MOST_BODY = 20_000_000
+
+
+@dataclass(eq=False)
+class Site:
+    """The state of a server; no page keeps anything of its own."""
+
+    workspace: Workspace
+    jobs: Jobs
+    uploads: Uploads
+    held: Held = field(default_factory=Held)
+    #: Figures are drawn one at a time: their style is a setting of matplotlib.
+    drawing: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self) -> None:
+        loader = ChoiceLoader([PackageLoader("fourpole.served", "templates"), DictLoader(PARTS)])
+        self._templates: Environment = environment(loader)
+        self._templates.globals |= {"place": _place, "address": address, "version": VERSION}
+
+    def place(self, request: Request) -> Place:
+        """The campaign that the address names."""
+        return self.workspace.find(str(request.path_params["key"]))
+
+    async def page(self, template: str, make: Callable[[], dict[str, Any]], status: int = 200) -> Response:
+        """A page, whose content is made in a thread, so that other pages answer meanwhile."""
+
+        def filled() -> str:
+            return fit(self._templates.get_template(template).render(**make()))
+
+        return HTMLResponse(await run_in_threadpool(filled), status)
+
+    async def fault(self, request: Request, error: Exception) -> Response:
+        """The answer to a user's mistake: a page, or a document for a script."""
+        status = 404 if isinstance(error, NoCampaignError) else 400
+        text = str(error)
+        if isinstance(error, HTTPException):
+            status = error.status_code
+            text = error.detail if status != 404 else "there is no such page: the address may not be whole"
+        if "text/html" not in request.headers.get("accept", ""):
+            return JSONResponse({"error": text}, status)
+        return await self.page("fault.html", lambda: {"text": text, "campaign": None}, status)
+
+
+@pass_context
+def _place(context: Context, card: str, test: str) -> str:  # noqa: ARG001 - the report leads to the card
+    """Where the name of a test leads: to its recording."""
+    return address(context["campaign"], "tests", test)
+
+
+def address(place: Place, *parts: str) -> str:
+    """The address of a page of a campaign."""
+    return "/".join(["/c", quote(place.key, safe=""), *(quote(part, safe="") for part in parts)])
+
+
+async def body_of(request: Request) -> Any:
+    """The JSON document that a script sent; FourpoleError if there is none, or it is too long."""
+    content = bytearray()
+    async for part in request.stream():
+        content += part
+        if len(content) > MOST_BODY:
+            raise FourpoleError("the request is too long")
+    try:
+        return json.loads(content)
+    except (ValueError, RecursionError):
+        raise FourpoleError("the request is no JSON document") from None
+
+
+def static(request: Request) -> Response:
+    """A style sheet or a script."""
+    name = str(request.path_params["name"])
+    if name not in STATIC:
+        raise HTTPException(404)
+    package, kind = STATIC[name]
+    content = resources.files(package).joinpath(name).read_bytes()
+    return Response(content, media_type=kind, headers={"Cache-Control": "no-cache"})

@@ -1,0 +1,89 @@
+"use strict";
+// The whole recording: the server reduces any part of it so that peaks stay; and the card of the report.
+(() => {
+  const byId = (id) => document.getElementById(id);
+  const box = byId("signals"), height = 170;
+  let part = null, whole = null, asked = 0;
+
+  const picture = (channel, shown, width) => {
+    const ends = channel.high ? [channel.low, channel.high] : [channel.low];
+    const values = ends.map((list) => list.map((value) => value ?? NaN));
+    const across = draw.axis("time", "s", [[shown.from, shown.to]], { pad: 0 });
+    const up = draw.axis(channel.name, "", values);
+    up.label = channel.unit ? `${channel.name} [${channel.unit}]` : channel.name;
+    const series = values.length === 1
+      ? [{ kind: "line", xs: channel.t, ys: values[0] }]
+      : [{ kind: "line", xs: channel.t.flatMap((t) => [t, t]), ys: channel.t.flatMap((_, i) => [values[0][i], values[1][i]]) }];
+    return draw.plot("", across, up, series, { width, height });
+  };
+  const show = (shown, width) => {
+    part = [shown.from, shown.to];
+    whole = shown.whole;
+    box.replaceChildren(...shown.channels.map((channel) => {
+      const figure = document.createElement("figure");
+      const svg = picture(channel, shown, width);
+      svg.setAttribute("aria-label", `${channel.name}, ${shown.from.toPrecision(6)} to ${shown.to.toPrecision(6)} s`);
+      figure.append(svg);
+      return figure;
+    }));
+    byId("part").textContent = `${shown.from.toPrecision(6)} to ${shown.to.toPrecision(6)} s`;
+  };
+  const ask = async (from, to) => {
+    const number = ++asked, width = Math.max(320, Math.round(box.clientWidth));
+    box.setAttribute("aria-busy", "true");
+    try {
+      const query = new URLSearchParams({ width });
+      if (from !== undefined) { query.set("from", from); query.set("to", to); }
+      const shown = await app.call(`${box.dataset.address}?${query}`);
+      if (number === asked) show(shown, width);
+    } catch (error) {
+      const text = document.createElement("p");
+      text.className = "misfit";
+      text.textContent = error.message;
+      box.replaceChildren(text);
+    }
+    box.setAttribute("aria-busy", "false");
+  };
+  const move = (low, high) => {
+    const span = Math.min(high - low, whole[1] - whole[0]), start = Math.min(Math.max(low, whole[0]), whole[1] - span);
+    ask(start, start + span);
+  };
+  const zooms = {
+    in: ([low, high]) => [low + (high - low) / 4, high - (high - low) / 4],
+    out: ([low, high]) => [low - (high - low) / 2, high + (high - low) / 2],
+    left: ([low, high]) => [low - (high - low) / 2, high - (high - low) / 2],
+    right: ([low, high]) => [low + (high - low) / 2, high + (high - low) / 2],
+    all: () => whole,
+  };
+  for (const button of document.querySelectorAll("[data-zoom]")) {
+    button.addEventListener("click", () => { if (part) move(...zooms[button.dataset.zoom](part)); });
+  }
+
+  // Dragging across a picture chooses a part.
+  let from = null;
+  const timeAt = (event) => {
+    const svg = event.target.closest("svg"), place = svg.getBoundingClientRect(), scale = place.width / svg.viewBox.baseVal.width;
+    const left = place.left + 46 * scale, right = place.right - 8 * scale; // as draw.plot leaves free
+    const share = Math.min(Math.max((event.clientX - left) / (right - left), 0), 1);
+    return part[0] + share * (part[1] - part[0]);
+  };
+  box.addEventListener("pointerdown", (event) => { if (part && event.target.closest("svg")) from = timeAt(event); });
+  box.addEventListener("pointerup", (event) => {
+    if (from === null || !event.target.closest("svg")) { from = null; return; }
+    const ends = [from, timeAt(event)].sort((a, b) => a - b);
+    from = null;
+    if (ends[1] - ends[0] > (part[1] - part[0]) / 200) move(...ends);
+  });
+
+  addEventListener("keydown", (event) => {
+    if (event.target.closest("input, select, textarea, [role=group]") || event.ctrlKey || event.altKey || event.metaKey) return;
+    const link = { ArrowLeft: byId("before"), ArrowRight: byId("after") }[event.key];
+    if (link) link.click();
+  });
+  const data = byId("card-data");
+  if (data) {
+    const place = byId("card");
+    place.append(draw.card(JSON.parse(data.textContent), place.clientWidth));
+  }
+  ask();
+})();
