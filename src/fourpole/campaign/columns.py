@@ -23,7 +23,7 @@ QUANTITIES: dict[str, tuple[str, str]] = {
     "temperature": ("temperature", "any"),
 }
 #: Columns of texts, and all columns with a defined meaning.
-_TEXTS = ("test", "file", "kind", "tyre", "rig")
+_TEXTS = ("test", "file", "kind", "tyre", "rig", "excluded")
 _NAMES = (*_TEXTS, *QUANTITIES, "window", "time")
 #: Roles of the columns that pass through to the results unchanged.
 PASSED = ("extra", "time")

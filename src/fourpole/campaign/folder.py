@@ -51,8 +51,8 @@ _OF_BAND = ("random", "sweep")
 class Test:
     """One row of tests.csv in SI units; `problem` is the reason why the row cannot be used, or empty.
 
-    `fixed` says that the specimen is held on both sides and can be pulled; `band` has the lowest and the highest
-    frequency [Hz] of random excitation.
+    A test whose column `excluded` has a reason is left out, and that is its problem. `fixed` says that the specimen is
+    held on both sides and can be pulled; `band` has the lowest and the highest frequency [Hz] of random excitation.
     """
 
     name: str
@@ -65,6 +65,7 @@ class Test:
     window: tuple[float, float] | None = None
     extra: dict[str, str] = field(default_factory=dict)
     problem: str = ""
+    excluded: bool = False
     fixed: bool = False
     band: tuple[float, float] | None = None
 
@@ -253,7 +254,11 @@ def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFil
     rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
     file, tyre = texts.get("file", ""), texts.get("tyre", "")
     problem = "; ".join(f"{where}: {problem}" for problem in problems)
-    return replace(test, name=texts["test"], file=file, kind=texts["kind"], tyre=tyre, rig=rig, problem=problem)
+    excluded = texts.get("excluded", "")
+    return replace(
+        test, name=texts["test"], file=file, kind=texts["kind"], tyre=tyre, rig=rig, excluded=bool(excluded),
+        problem=f"{where}: excluded: {units.shown(excluded, 300)[1:-1]}" if excluded else problem,
+    )  # fmt: skip
 
 
 def _can_have(preload: float | None, specimen: str, stated: CampaignFile) -> bool:

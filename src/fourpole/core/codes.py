@@ -210,6 +210,7 @@ class Code(Enum):
         "record a tacho or encoder and state it as [channels] reference",
     )
     STATEMENT = ("tests.csv", "the row of the test in tests.csv", "", "{why}")
+    EXCLUDED = ("excluded", "whether the row of the test excludes it", "excluded by hand", "{why}")
     RECORDING = ("recording", "whether the recording can be read and used", "", "{why}")
     CONSTANT = ("constant channel", "whether a channel moves at all", "a channel is constant", "{why}")
     TOO_SHORT = ("length", "the cycles in the recording", "the recording is too short", "{why}")

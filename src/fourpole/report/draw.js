@@ -54,17 +54,17 @@ const draw = (() => {
     return /[1-9]/.test(text) ? text : text.replace("−", "");
   };
 
-  // An axis: SI values, a unit to be prefixed, a name.
-  const axis = (name, unit, values, { from = null, pad = 0.05 } = {}) => {
+  // An axis: values, a name, and a unit, which is prefixed if it is one of SI.
+  const axis = (name, unit, values, { from = null, pad = 0.05, prefixed = true } = {}) => {
     let [low, high] = from || extremes(...values);
     if (low === high) [low, high] = low ? [low - Math.abs(low), high + Math.abs(high)] : [-1, 1];
     const gap = pad * (high - low);
-    const [factor, prefix] = scaled(unit, Math.max(Math.abs(low), Math.abs(high)));
-    return { label: `${name} [${prefix}${unit}]`, factor, low: (low - gap) / factor, high: (high + gap) / factor };
+    const [factor, prefix] = prefixed ? scaled(unit, Math.max(Math.abs(low), Math.abs(high))) : [1, ""];
+    return { label: unit ? `${name} [${prefix}${unit}]` : name, factor, low: (low - gap) / factor, high: (high + gap) / factor };
   };
   const plot = (title, x, y, series, { width, height }) => {
     const left = 46, right = width - 8, top = 18, bottom = height - 30;
-    const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title });
+    const svg = element("svg", { class: "plot", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title });
     const px = (value) => left + (value / x.factor - x.low) / (x.high - x.low) * (right - left);
     const clip = (where) => y.clip && !isNaN(where) ? Math.max(top, Math.min(bottom, where)) : where;
     const py = (value) => clip(bottom - (value / y.factor - y.low) / (y.high - y.low) * (bottom - top));

@@ -123,12 +123,17 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Job]:
     return [Job(folder, test, channels, rigs.get(test.rig), needed, responses) for test in tests]
 
 
+def _problem_code(test: Test) -> Code:
+    """The check that a row of tests.csv fails: excluded by hand, or faulty."""
+    return Code.EXCLUDED if test.excluded else Code.STATEMENT
+
+
 def demodulated(job: Job) -> Demodulated:
     """The heavy part of a job: all that the recording gives, whatever the rig; an error is a check that rejects it."""
     sha256 = ""
     try:
         if job.test.problem:
-            return Demodulated(checks=(reported(Code.STATEMENT, "rejected", why=job.test.problem),))
+            return Demodulated(checks=(reported(_problem_code(job.test), "rejected", why=job.test.problem),))
         with at_hand(job.folder, job.test.file) as path:
             sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=job.test.file)
             return replace(demodulated_part(job, path), sha256=sha256, began=recorded_at(path))

@@ -169,12 +169,18 @@ def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     return _Choice(names, warning=warning)
 
 
+class _ExcludedError(LoadCurveError):
+    """The row of the test excludes it."""
+
+
 def _evaluated(
     campaign: Campaign, test: Test, preloads: list[float], read: Callable[[Test], CurveOfFile]
 ) -> StaticTest:
     nowhere = float("nan")
     sha256 = ""
     try:
+        if test.excluded:
+            raise _ExcludedError(test.problem)
         if test.problem:
             raise LoadCurveError(test.problem)
         found = read(test)
@@ -182,6 +188,8 @@ def _evaluated(
         if curve is None:
             raise LoadCurveError(found.reason)
         whole = _whole(campaign, test, curve)
+    except _ExcludedError as error:
+        why = reported(Code.EXCLUDED, "rejected", why=error)
     except FourpoleError as error:
         why = reported(Code.LOAD_CURVE, "rejected", why=error)
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -129,9 +130,11 @@ def _kept(place: Place, name: str) -> Kept:
     roles = ("load", "deflection") if test.kind == "static" else CHANNELS
     stated = [campaign.stated.channels.named(role) for role in roles]
     names = [one.column for one in stated if one is not None]
+    units = {one.column: one.unit for one in stated if one is not None and one.unit}
     identity = identity_of(path)
     mark = json.dumps([test.file, names, *map(str, identity.parts)])
-    return _collected(place, path, group_of(path, test), names, mark)
+    kept = _collected(place, path, group_of(path, test), names, mark)
+    return replace(kept, channels=[{**one, "unit": one["unit"] or units.get(one["name"], "")} for one in kept.channels])
 
 
 def _collected(place: Place, path: Path, group: str, names: list[str], mark: str) -> Kept:

@@ -8,9 +8,8 @@
   const picture = (channel, shown, width) => {
     const ends = channel.high ? [channel.low, channel.high] : [channel.low];
     const values = ends.map((list) => list.map((value) => value ?? NaN));
-    const across = draw.axis("time", "s", [[shown.from, shown.to]], { pad: 0 });
-    const up = draw.axis(channel.name, "", values);
-    up.label = channel.unit ? `${channel.name} [${channel.unit}]` : channel.name;
+    const across = draw.axis(shown.timed ? "time" : "sample", shown.timed ? "s" : "", [[shown.from, shown.to]], { pad: 0, prefixed: false });
+    const up = draw.axis(channel.name, channel.unit, values, { prefixed: false });
     const series = values.length === 1
       ? [{ kind: "line", xs: channel.t, ys: values[0] }]
       : [{ kind: "line", xs: channel.t.flatMap((t) => [t, t]), ys: channel.t.flatMap((_, i) => [values[0][i], values[1][i]]) }];
@@ -26,7 +25,7 @@
       figure.append(svg);
       return figure;
     }));
-    byId("part").textContent = `${shown.from.toPrecision(6)} to ${shown.to.toPrecision(6)} s`;
+    byId("part").textContent = `${shown.from.toPrecision(6)} to ${shown.to.toPrecision(6)}${shown.timed ? " s" : ", counted in samples"}`;
   };
   const ask = async (from, to) => {
     const number = ++asked, width = Math.max(320, Math.round(box.clientWidth));

@@ -1,0 +1,336 @@
+"""campaign.toml and tests.csv as a form fills them in: comments and what the form does not show stay as they are."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import InlineTable, Table
+
+from fourpole.campaign import read_campaign
+from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.source import decode, read_bytes
+from fourpole.io.staging import staged
+from fourpole.io.write import write_text
+from fourpole.served.workspace import version_of
+
+#: The roles of [channels] with what they are, and the keys of a channel that the form shows.
+ROLES = {
+    "force_in": "F1, the force that drives the specimen",
+    "motion_in": "V1, the motion at the contact",
+    "motion_out": "V2, the motion on the far side",
+    "load": "load of static tests",
+    "deflection": "deflection of static tests",
+}
+KEYS = ("column", "unit", "sensitivity", "gain", "invert", "delay", "range", "std_gain", "std_phase")
+#: Values of the rig.
+RIG = {"moving_mass": "moving mass", "preload_stiffness": "preload spring", "preload_damping": "preload damper"}
+_MOST_BYTES = 20_000_000
+_DOUBT = re.compile(r"^\s*#\s*doubt:\s*(.*)$")
+_ROW = re.compile(r"(?:^|; )tests\.csv row (\d+): ")
+_PLACE = re.compile(r"^campaign\.toml: \[?([\w.\-]+)\]? ?([\w]*)")
+
+
+class ConflictError(CampaignError):
+    """Someone else has changed the statement meanwhile."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What the form shows.
+
+    Attributes
+    ----------
+    version : str
+        A mark of the files as they were read.
+    text : str
+        campaign.toml as it is.
+    title : str
+    channels : dict of str to dict of str to str
+        Keys of each channel as texts, by role.
+    clock : dict of str to str
+        column and unit of the times, and sample_rate.
+    rig : dict of str to (str, str, str)
+        Value, unit and standard uncertainty of each value of [rig].
+    blocked : bool
+        Whether the far side of the specimen is held.
+    simple : bool
+        Whether the form can show the rig: there is one, or none.
+    doubts : tuple of str
+        The doubts that stand in campaign.toml as comments.
+    heads : list of str
+        Heads of tests.csv.
+    rows : list of list of str
+        Its cells.
+    """
+
+    version: str
+    text: str
+    title: str
+    channels: dict[str, dict[str, str]]
+    clock: dict[str, str]
+    rig: dict[str, tuple[str, str, str]]
+    blocked: bool
+    simple: bool
+    doubts: tuple[str, ...]
+    heads: list[str]
+    rows: list[list[str]]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is wrong, in the words of the command line, and where: a path in campaign.toml, or row and column."""
+
+    text: str
+    path: str = ""
+    row: int | None = None
+    column: str = ""
+
+
+def read_statement(folder: Path) -> Statement:
+    """The statement of a folder; empty where a file is missing."""
+    version, text, table = version_of(folder), _text(folder / "campaign.toml"), _text(folder / "tests.csv")
+    try:
+        stated: dict[str, Any] = tomlkit.parse(text).unwrap()
+    except TOMLKitError:
+        stated = {}
+    channels, rig = _table(stated, "channels"), _table(stated, "rig")
+    heads, rows = _cells(table)
+    return Statement(
+        version=version,
+        text=text,
+        title=str(stated.get("title", "")),
+        channels={role: _channel(channels.get(role)) for role in ROLES},
+        clock={**_channel(channels.get("time")), "sample_rate": str(channels.get("sample_rate", ""))},
+        rig={name: _value(rig.get(name)) for name in RIG},
+        blocked=rig.get("output") == "blocked",
+        simple="rigs" not in stated,
+        doubts=tuple(found[1] for line in text.splitlines() if (found := _DOUBT.match(line))),
+        heads=heads,
+        rows=rows,
+    )
+
+
+def save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
+    """Write what the form states, both files together or none; returns the mark of the new files.
+
+    Parameters
+    ----------
+    folder : Path
+    version : str
+        The mark of the files that the form was made of.
+    form : mapping
+        `text`, the whole of campaign.toml; or `title`, `channels`, `clock`, `rig`, `blocked`. `heads` and `rows` of
+        tests.csv.
+
+    Raises
+    ------
+    ConflictError
+        If a file has changed since.
+    CampaignError
+        If campaign.toml is no TOML, or the form is not whole.
+    """
+    if version != version_of(folder):
+        raise ConflictError(
+            "someone else, or an editor, has changed this campaign since the page was opened: load it again"
+        )
+    try:
+        text = _stated(_text(folder / "campaign.toml"), form)
+        table = _written(form["heads"], form["rows"]) if "heads" in form else None
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise CampaignError("the form is not whole: load the page again") from None
+    with staged(folder) as new:
+        write_text(new / "campaign.toml", text)
+        if table is not None:
+            write_text(new / "tests.csv", table)
+    return version_of(folder)
+
+
+def problems_of(folder: Path) -> list[Problem]:
+    """What is wrong with the statement as it is, each with its place; the doubts of the command line last."""
+    try:
+        campaign = read_campaign(folder)
+    except FourpoleError as error:
+        return [_placed(str(error))]
+    found = [one for test in campaign.tests if test.problem and not test.excluded for one in _of_row(test.problem)]
+    return [*found, *(_placed(doubt) for doubt in campaign.doubts)]
+
+
+def _placed(text: str) -> Problem:
+    rows = _of_row(text)
+    if rows:
+        return rows[0]
+    found = _PLACE.match(text)
+    path = "" if found is None else found[1] if "." in found[1] or not found[2] else f"{found[1]}.{found[2]}"
+    return Problem(text, path)
+
+
+def _of_row(text: str) -> list[Problem]:
+    """The faults of a row, each at the cell that its words begin with."""
+    marks = list(_ROW.finditer(text))
+    found = []
+    for at, mark in enumerate(marks):
+        end = marks[at + 1].start() if at + 1 < len(marks) else len(text)
+        said = text[mark.end() : end]
+        column = re.match(r"([\w()]+)[: ]", said)
+        found.append(Problem(f"tests.csv row {mark[1]}: {said}", row=int(mark[1]), column=column[1] if column else ""))
+    return found
+
+
+def _text(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    return decode(read_bytes(path, max_bytes=_MOST_BYTES), path.name)[0].lstrip("\ufeff")
+
+
+def _table(stated: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = stated.get(name)
+    return found if isinstance(found, dict) else {}
+
+
+def _channel(stated: Any) -> dict[str, str]:
+    """The keys of a channel as texts."""
+    if not isinstance(stated, dict):
+        return dict.fromkeys(KEYS, "")
+    return {key: _shown(stated.get(key)) for key in KEYS}
+
+
+def _value(stated: Any) -> tuple[str, str, str]:
+    """Value, unit and uncertainty of a value of the rig, however it is written."""
+    if isinstance(stated, dict):
+        return _shown(stated.get("value")), _shown(stated.get("unit")), _shown(stated.get("std"))
+    number, _, unit = _shown(stated).partition(" ")
+    return number, unit, ""
+
+
+def _shown(value: Any) -> str:
+    if value is None or value is False:
+        return ""
+    return "yes" if value is True else f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def _cells(text: str) -> tuple[list[str], list[list[str]]]:
+    """Heads and cells of tests.csv, every row as long as the heads."""
+    head = text.split("\n", 1)[0]
+    delimiter = max(",;\t", key=head.count)
+    rows = [row for row in csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True) if row]
+    if not rows:
+        return ["test", "file", "kind", "tyre", "pressure [bar]", "preload [N]", "frequency [Hz]"], []
+    width = max(map(len, rows))
+    heads, *cells = [row + [""] * (width - len(row)) for row in rows]
+    return [one.strip() for one in heads], [[one.strip() for one in row] for row in cells if any(map(str.strip, row))]
+
+
+def _written(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([str(one) for one in heads])
+    for row in rows:
+        cells = [str(one) for one in row]
+        if any(cell.strip() for cell in cells):
+            writer.writerow(cells)
+    return text.getvalue()
+
+
+def _stated(former: str, form: Mapping[str, Any]) -> str:
+    """The text of campaign.toml with what the form states."""
+    if "text" in form:
+        text = str(form["text"])
+        try:
+            tomlkit.parse(text)
+        except TOMLKitError as error:
+            raise CampaignError(f"campaign.toml: is no TOML: {error}") from None
+        return text
+    if "channels" not in form:
+        return former
+    try:
+        document = tomlkit.parse(former)
+    except TOMLKitError as error:
+        raise CampaignError(f"campaign.toml: is no TOML: {error}; mend its text below") from None
+    if form.get("title") or "title" in document:
+        document["title"] = str(form.get("title", ""))
+    _fill_rig(document, form)
+    channels = _made(document, "channels")
+    for role in ROLES:
+        _fill(channels, role, form["channels"].get(role, {}))
+    clock = {key: value for key, value in form["clock"].items() if key in ("column", "unit")}
+    _fill(channels, "time", clock)
+    _put(channels, "sample_rate", str(form["clock"].get("sample_rate", "")).strip())
+    return _without_settled(tomlkit.dumps(document), form.get("settled", []))
+
+
+def _fill_rig(document: tomlkit.TOMLDocument, form: Mapping[str, Any]) -> None:
+    if "rigs" in document or not (form["blocked"] or any(value for value, _, _ in form["rig"].values())):
+        if "rigs" not in document:
+            document.pop("rig", None)
+        return
+    rig = _made(document, "rig")
+    if form["blocked"]:
+        rig["output"] = "blocked"
+    else:
+        rig.pop("output", None)
+    for name in RIG:
+        value, unit, std = (str(one).strip() for one in form["rig"].get(name, ("", "", "")))
+        if not value:
+            rig.pop(name, None)
+        elif _value(rig.unwrap().get(name)) != (value, unit, std):
+            if std:
+                table = tomlkit.inline_table()
+                table |= {"value": _typed(value), "unit": unit, "std": _typed(std)}
+                rig[name] = table
+            else:
+                rig[name] = f"{value} {unit}".strip()
+
+
+def _made(document: tomlkit.TOMLDocument, name: str) -> Table:
+    if name not in document:
+        document[name] = tomlkit.table()
+    found = document[name]
+    assert isinstance(found, Table)
+    return found
+
+
+def _fill(channels: Table, role: str, keys: Mapping[str, str]) -> None:
+    """Set the keys of a channel that the form shows; a channel without a column is taken out."""
+    wanted = {key: str(keys.get(key, "")).strip() for key in KEYS if key in keys}
+    if not wanted.get("column"):
+        channels.pop(role, None)
+        return
+    if role not in channels:
+        channels[role] = tomlkit.inline_table()
+    channel = channels[role]
+    assert isinstance(channel, InlineTable | Table)
+    for key, text in wanted.items():
+        _put(channel, key, text)
+
+
+def _put(table: Table | InlineTable, key: str, text: str) -> None:
+    """Set a key to a text, a number or yes; the same value is left as it is written."""
+    if _shown(table.unwrap().get(key)) == text:
+        return
+    if not text:
+        table.pop(key, None)
+    else:
+        table[key] = True if key == "invert" else text if key in ("column", "unit") else _typed(text)
+
+
+def _typed(text: str) -> float | int | str:
+    """A number where the text is one."""
+    try:
+        return int(text) if re.fullmatch(r"[+-]?\d+", text) else float(text)
+    except ValueError:
+        return text
+
+
+def _without_settled(text: str, settled: Sequence[str]) -> str:
+    """The text without the comments of doubts that were settled."""
+    gone = {str(one) for one in settled}
+    lines = text.splitlines(keepends=True)
+    return "".join(line for line in lines if not ((found := _DOUBT.match(line)) and found[1].rstrip("\n") in gone))
