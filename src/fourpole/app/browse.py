@@ -19,11 +19,11 @@ def run_open(folder: Path) -> None:
     if not page.is_file():
         raise CampaignError(f"{folder}: has no report yet: run fourpole report {folder}")
     out(f"report: {page}")
-    if not _shown(page.resolve().as_uri()):
+    if not shown_in_browser(page.resolve().as_uri()):
         say("no browser could be started: open this file in one")
 
 
-def _shown(address: str) -> bool:
+def shown_in_browser(address: str) -> bool:
     """Whether a browser was started; without a screen none is, for one in the terminal would take it over."""
     screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     try:

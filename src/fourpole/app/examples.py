@@ -4,7 +4,7 @@ from __future__ import annotations
 
 #: Commands by the heading of their group.
 GROUPS = {
-    "Start here": ("demo", "init", "analyse", "open"),
+    "Start here": ("demo", "init", "analyse", "open", "app"),
     "Results": ("report", "plot", "rig", "compare", "export", "lab"),
     "Models": ("fit", "map", "query", "causality", "shift", "verify"),
     "Before and beside the analysis": ("check", "plan", "static", "identify", "predict"),
@@ -17,6 +17,7 @@ EXAMPLES = {
     "init": "fourpole init my-recordings",
     "analyse": "fourpole analyse my-campaign",
     "open": "fourpole open my-campaign",
+    "app": "fourpole app my-campaigns",
     "report": "fourpole report my-campaign --png",
     "plot": "fourpole plot my-campaign arm --out k2-and-c.pdf",
     "rig": "fourpole rig my-campaign",

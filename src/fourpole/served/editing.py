@@ -32,6 +32,8 @@ ROLES = {
 KEYS = ("column", "unit", "sensitivity", "gain", "invert", "delay", "range", "std_gain", "std_phase")
 #: Values of the rig.
 RIG = {"moving_mass": "moving mass", "preload_stiffness": "preload spring", "preload_damping": "preload damper"}
+#: The column of tests.csv with the reason why a test is left out.
+EXCLUDED = "excluded"
 _MOST_BYTES = 20_000_000
 _DOUBT = re.compile(r"^\s*#\s*doubt:\s*(.*)$")
 _ROW = re.compile(r"(?:^|; )tests\.csv row (\d+): ")
@@ -143,7 +145,8 @@ def save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
         )
     try:
         text = _stated(_text(folder / "campaign.toml"), form)
-        table = _written(form["heads"], form["rows"]) if "heads" in form else None
+        former = _text(folder / "tests.csv")
+        table = _written(form["heads"], form["rows"], _delimiter(former)) if "heads" in form else None
     except (KeyError, TypeError, ValueError, AttributeError):
         raise CampaignError("the form is not whole: load the page again") from None
     with staged(folder) as new:
@@ -151,6 +154,27 @@ def save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
         if table is not None:
             write_text(new / "tests.csv", table)
     return version_of(folder)
+
+
+def exclude(folder: Path, test: str, reason: str) -> None:
+    """Write the reason why a test is left out into its row of tests.csv; an empty one takes it in again.
+
+    Raises
+    ------
+    CampaignError
+        If tests.csv has no such test.
+    """
+    stated = read_statement(folder)
+    heads, rows = stated.heads, stated.rows
+    if EXCLUDED not in heads:
+        heads, rows = [*heads, EXCLUDED], [[*row, ""] for row in rows]
+    name, column = heads.index("test"), heads.index(EXCLUDED)
+    chosen = [row for row in rows if row[name] == test]
+    if not chosen:
+        raise CampaignError("there is no such test in tests.csv: it was renamed or removed")
+    for row in chosen:
+        row[column] = " ".join(reason.split())
+    save(folder, stated.version, {"heads": heads, "rows": rows})
 
 
 def problems_of(folder: Path) -> list[Problem]:
@@ -216,11 +240,14 @@ def _shown(value: Any) -> str:
     return "yes" if value is True else f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
+def _delimiter(text: str) -> str:
+    return max(",;\t", key=text.split("\n", 1)[0].count)
+
+
 def _cells(text: str) -> tuple[list[str], list[list[str]]]:
     """Heads and cells of tests.csv, every row as long as the heads."""
-    head = text.split("\n", 1)[0]
-    delimiter = max(",;\t", key=head.count)
-    rows = [row for row in csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True) if row]
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=_delimiter(text), skipinitialspace=True)
+    rows = [row for row in reader if row]
     if not rows:
         return ["test", "file", "kind", "tyre", "pressure [bar]", "preload [N]", "frequency [Hz]"], []
     width = max(map(len, rows))
@@ -228,9 +255,9 @@ def _cells(text: str) -> tuple[list[str], list[list[str]]]:
     return [one.strip() for one in heads], [[one.strip() for one in row] for row in cells if any(map(str.strip, row))]
 
 
-def _written(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _written(heads: Sequence[str], rows: Sequence[Sequence[str]], delimiter: str) -> str:
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    writer = csv.writer(text, lineterminator="\n", delimiter=delimiter)
     writer.writerow([str(one) for one in heads])
     for row in rows:
         cells = [str(one) for one in row]

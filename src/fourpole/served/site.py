@@ -76,6 +76,8 @@ class Site:
         if isinstance(error, HTTPException):
             status = error.status_code
             text = error.detail if status != 404 else "there is no such page: the address may not be whole"
+        elif not isinstance(error, FourpoleError):
+            status, text = 500, f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it"
         if "text/html" not in request.headers.get("accept", ""):
             return JSONResponse({"error": text}, status)
         return await self.page("fault.html", lambda: {"text": text, "campaign": None}, status)

@@ -23,14 +23,17 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.child import read_apart
 from fourpole.io.identity import identity_of
 from fourpole.report.cards import embedded
+from fourpole.served.editing import EXCLUDED, exclude, read_statement
 from fourpole.served.held import Shown
 from fourpole.served.signals import Kept, fresh_name, keep, kept_in, part_of
-from fourpole.served.site import Site
+from fourpole.served.site import Site, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.study.load import group_of
 
 #: Least and largest number of steps of a picture.
 _WIDTHS = (100, 4000)
+#: Longest reason why a test is left out.
+_LONGEST = 300
 _KEEPING = threading.Lock()
 
 
@@ -61,9 +64,18 @@ def routes(site: Site) -> list[Route]:
             raise CampaignError("the part of the recording is not stated in numbers") from None
         return JSONResponse(await run_in_threadpool(_part, place, name, first, last, width))
 
+    async def leave_out(request: Request) -> Response:
+        place, form = site.place(request), await body_of(request)
+        reason = form.get("reason") if isinstance(form, dict) else None
+        if not isinstance(reason, str) or len(reason) > _LONGEST:
+            raise CampaignError(f"the reason must be a text of at most {_LONGEST} characters")
+        await run_in_threadpool(exclude, place.folder, request.path_params["test"], reason)
+        return JSONResponse({})
+
     return [
         Route("/c/{key}/tests", every),
         Route("/c/{key}/tests/{test}", page),
+        Route("/c/{key}/tests/{test}/excluded", leave_out, methods=["PUT"]),
         Route("/c/{key}/tests/{test}/signals", signals),
     ]
 
@@ -83,10 +95,20 @@ def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
         "count": len(names),
         "before": names[at - 1] if at else None,
         "after": names[at + 1] if at + 1 < len(names) else None,
+        "reason": _reason(place, name),
         "card": card,
         "data": Markup(embedded(card.body)) if card is not None else "",
         "checks": [] if shown is None else _checks(shown, name),
     }
+
+
+def _reason(place: Place, name: str) -> str:
+    """Why a test is left out; empty if it is not."""
+    stated = read_statement(place.folder)
+    if EXCLUDED not in stated.heads:
+        return ""
+    test, column = stated.heads.index("test"), stated.heads.index(EXCLUDED)
+    return next((row[column] for row in stated.rows if row[test] == name), "")
 
 
 def _checks(shown: Shown, name: str) -> list[dict[str, Any]]:

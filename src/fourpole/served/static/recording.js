@@ -74,6 +74,15 @@
     if (ends[1] - ends[0] > (part[1] - part[0]) / 200) move(...ends);
   });
 
+  const form = byId("exclude");
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    try {
+      await app.send(form.dataset.address, { reason: form.elements.reason.value.trim() }, "PUT");
+      location.reload();
+    } catch (error) { app.say(error.message); }
+  });
+
   addEventListener("keydown", (event) => {
     if (event.target.closest("input, select, textarea, [role=group]") || event.ctrlKey || event.altKey || event.metaKey) return;
     const link = { ArrowLeft: byId("before"), ArrowRight: byId("after") }[event.key];

@@ -1,0 +1,63 @@
+"""The command that serves the app on this machine."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from contextlib import suppress
+from pathlib import Path
+
+from fourpole.app.browse import shown_in_browser
+from fourpole.app.console import out, say
+from fourpole.errors import CampaignError
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+#: Time that open pages are given when the server ends [s].
+_FAREWELL = 2
+
+
+def run_app(folder: Path, host: str, port: int, *, no_browser: bool) -> None:
+    """Serve the campaigns below a folder until Ctrl-C."""
+    if not folder.is_dir():
+        raise CampaignError(f"{folder}: there is no such folder; name the one that has your campaigns")
+    try:
+        import uvicorn
+
+        from fourpole.served.application import application
+    except ImportError as error:
+        raise CampaignError(f"the app needs {error.name}: pip install 'fourpole[app]'") from None
+    token = "" if host in _LOOPBACK else secrets.token_urlsafe(24)
+    listening = _listening(host, port)
+    shown = "127.0.0.1" if host in _LOOPBACK else _reachable(host)
+    address = f"http://{shown}:{listening.getsockname()[1]}/{f'?token={token}' if token else ''}"
+    out(f"app: {address}")
+    if token:
+        say("everyone who has this address, with its token, can read and change the campaigns in it")
+    say("Ctrl-C ends it; what is saved stays")
+    if not no_browser and not shown_in_browser(address):
+        say("no browser could be started: open this address in one")
+    settings = uvicorn.Config(
+        application(folder, host=host, token=token), log_level="warning", timeout_graceful_shutdown=_FAREWELL,
+        server_header=False, date_header=False,
+    )  # fmt: skip
+    with suppress(KeyboardInterrupt):
+        uvicorn.Server(settings).run(sockets=[listening])
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """A socket at this port, or at the next free one where none was asked for."""
+    try:
+        family = socket.getaddrinfo(host, None)[0][0]
+        one = socket.socket(family, socket.SOCK_STREAM)
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        one.bind((host, port))
+        one.listen(128)
+    except OSError as error:
+        why = error.strerror or error
+        raise CampaignError(f"--host {host}, --port {port}: {why}; choose another, or leave --port out") from None
+    return one
+
+
+def _reachable(host: str) -> str:
+    """The name under which others reach a server that listens at all addresses."""
+    return socket.gethostname() if host in ("0.0.0.0", "::") else host

@@ -1,0 +1,32 @@
+"""A small analysed campaign, made once, and servers of copies of it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from tests.served.server import Server, serving
+
+from fourpole.app.analysis import run_analysis
+from fourpole.app.options import RunOptions, Wanted
+from fourpole.virtual import simulate_campaign
+
+
+@pytest.fixture(scope="session")
+def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign with its results; tests copy it."""
+    folder = tmp_path_factory.mktemp("made") / "campaign"
+    simulate_campaign(folder, pressures=[170e3, 240e3], preloads=[1000.0], frequencies=[10.0, 12.0, 14.0, 16.0, 20.0])
+    run_analysis(folder, None, "joint", 0, RunOptions(workers=1), Wanted(models=True), as_json=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def server(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server with one campaign."""
+    root = tmp_path_factory.mktemp("root")
+    shutil.copytree(analysed, root / "radial and cross")
+    with serving(root) as running:
+        yield running

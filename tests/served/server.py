@@ -1,0 +1,75 @@
+"""A server of the app in a process of its own, as a user starts it, and plain requests to it."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+
+@dataclass(frozen=True)
+class Server:
+    """Where a server listens, and the folder that it serves."""
+
+    address: str
+    root: Path
+
+    @property
+    def host(self) -> str:
+        return urlsplit(self.address).netloc
+
+    def ask(
+        self,
+        path: str,
+        method: str = "GET",
+        body: Any = None,
+        *,
+        headers: dict[str, str] | None = None,
+        own: bool = True,
+    ) -> tuple[int, bytes, dict[str, str]]:
+        """Status, body and headers of an answer; `own`: as a page of this server asks."""
+        there = urlsplit(self.address)
+        sent = {"Accept": "text/html" if method == "GET" else "application/json"}
+        if own:
+            sent |= {"Origin": f"http://{there.netloc}", "Sec-Fetch-Site": "same-origin"}
+        sent |= headers or {}
+        content = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
+        connection = http.client.HTTPConnection(there.hostname or "", there.port, timeout=60)
+        try:
+            connection.request(method, path, content, sent)
+            answer = connection.getresponse()
+            return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
+        finally:
+            connection.close()
+
+    def document(self, path: str, method: str = "GET", body: Any = None) -> Any:
+        """The JSON document of an answer that must be good."""
+        status, content, _ = self.ask(path, method, body, headers={"Accept": "application/json"})
+        assert status < 300, content
+        return json.loads(content) if content else None
+
+
+@contextmanager
+def serving(root: Path, *options: str) -> Iterator[Server]:
+    """`fourpole app` on a folder, ended as Ctrl-C ends it."""
+    command = [sys.executable, "-m", "fourpole", "app", str(root), "--no-browser", *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    assert process.stdout is not None
+    try:
+        line = process.stdout.readline()
+        assert line.startswith("app: http://"), line
+        yield Server(line.removeprefix("app: ").strip(), root)
+    finally:
+        process.send_signal(signal.SIGINT)
+        code = process.wait(30)
+        process.stdout.close()
+        assert code == 0

@@ -1,0 +1,218 @@
+"""What the server refuses: other hosts, other origins, callers without the token, paths, and too much."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from tests.served.server import Server, serving
+
+
+def files_below(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if "cache" not in path.parts}
+
+
+def test_every_answer_has_the_policy(server: Server) -> None:
+    for path in ("/", "/static/app.js", "/nowhere", "/c/nothing"):
+        _, _, headers = server.ask(path)
+        policy = headers["content-security-policy"]
+        assert "script-src 'self';" in policy
+        assert "unsafe-eval" not in policy
+        for name in ("object-src", "base-uri", "frame-ancestors"):
+            assert f"{name} 'none'" in policy
+        assert headers["x-content-type-options"] == "nosniff"
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "10.0.0.1", "", "[::1"])
+def test_another_host_is_refused(server: Server, host: str) -> None:
+    assert server.ask("/", headers={"Host": host})[0] == 421
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example", "Sec-Fetch-Site": "cross-site"},
+        {"Origin": "null"},
+        {"Origin": "http://localhost:1"},
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},
+        {},
+    ],
+)
+def test_another_site_can_change_nothing(server: Server, headers: dict[str, str]) -> None:
+    key = "radial-and-cross~"
+    for method, path in (("POST", "/upload"), ("PUT", f"/c/{key}/statement"), ("POST", f"/c/{key}/run")):
+        assert server.ask(path, method, {}, headers=headers, own=False)[0] == 403
+
+
+def test_another_site_cannot_use_an_answer(server: Server) -> None:
+    assert server.ask("/", headers={"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}, own=False)[0] == 403
+    opened = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
+    assert server.ask("/", headers=opened, own=False)[0] == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/c/..",
+        "/c/../../etc/passwd",
+        "/c/%2e%2e%2f%2e%2e",
+        "/static/../guard.py",
+        "/static/%2e%2e%2fguard.py",
+        "/c/%00",
+        "/c/radial and cross/files/campaign.toml".replace(" ", "%20"),
+    ],
+)
+def test_a_path_leads_nowhere(server: Server, path: str) -> None:
+    status, content, _ = server.ask(path)
+    assert status in (400, 404)
+    assert b"root:" not in content
+    assert b"Traceback" not in content
+
+
+def test_only_files_of_the_report_are_given(server: Server) -> None:
+    address = campaign_address(server)
+    assert server.ask(f"{address}/files/report.html")[0] == 200
+    for name in ("study.json", "..%2Fcampaign.toml", "../campaign.toml", "%2Fetc%2Fpasswd"):
+        assert server.ask(f"{address}/files/{name}")[0] in (400, 404)
+
+
+def campaign_address(server: Server) -> str:
+    page = server.ask("/")[1].decode()
+    start = page.index('href="/c/') + len('href="')
+    return page[start : page.index('"', start)]
+
+
+def test_text_of_a_campaign_stays_text(server: Server, analysed: Path) -> None:
+    folder = server.root / "hostile <b>bold<b>"
+    shutil.copytree(analysed, folder, ignore=shutil.ignore_patterns("results"))
+    text = (folder / "campaign.toml").read_text()
+    (folder / "campaign.toml").write_text(text.replace("title = ", 'title = "<script>alert(1)</script>" #', 1))
+    tests = (folder / "tests.csv").read_text()
+    (folder / "tests.csv").write_text(tests.replace("S1,", "</script><img src=x onerror=alert(1)>,", 1))
+    try:
+        for part in ("", "/statement", "/tests", "/run"):
+            page = server.ask("/" if not part else f"{hostile_address(server)}{part}")[1].decode()
+            assert "<script>alert" not in page
+            assert "<img src=x" not in page
+            assert "<b>bold" not in page
+    finally:
+        shutil.rmtree(folder)
+
+
+def hostile_address(server: Server) -> str:
+    page = server.ask("/")[1].decode()
+    start = page.index('href="/c/hostile') + len('href="')
+    return page[start : page.index('"', start)]
+
+
+class TestUploads:
+    """Files that should not come."""
+
+    def test_they_become_a_campaign(self, server: Server, analysed: Path) -> None:
+        recordings = sorted((analysed / "recordings").glob("*.csv"))[:4]
+        ticket = begin(server, "new <one>", [(path.name, path.stat().st_size) for path in recordings])
+        for number, path in enumerate(recordings):
+            assert server.ask(f"/upload/{ticket}/{number}", "PUT", path.read_bytes())[0] == 200
+        following = server.document(f"/upload/{ticket}", "POST")["next"]
+        assert following.endswith("/run")
+        folder = server.root / "new -one"
+        wait_for(folder / "tests.csv")
+        assert (folder / recordings[0].name).read_bytes() == recordings[0].read_bytes()
+        assert not list(server.root.glob(".fourpole-upload-*"))
+        shutil.rmtree(folder)
+
+    @pytest.mark.parametrize(
+        "name",
+        ["../out.csv", "/etc/out.csv", "a/../../out.csv", "..\\out.csv", "a\x00b.csv", "", ".hidden", "a/./b", "x" * 300,
+         "a:b.csv", "/".join("abcdefghijk")],
+    )  # fmt: skip
+    def test_a_name_that_is_a_path_is_refused(self, server: Server, name: str) -> None:
+        before = files_below(server.root.parent)
+        status, content, _ = server.ask("/upload", "POST", {"name": "x", "files": [{"name": name, "size": 1}]})
+        assert status == 400
+        assert "cannot be the name" in json.loads(content)["error"]
+        assert files_below(server.root.parent) == before
+
+    def test_too_many_and_too_much_are_refused(self, server: Server) -> None:
+        files = [{"name": f"{at}.csv", "size": 1} for at in range(20_000)]
+        status, content, _ = server.ask("/upload", "POST", {"name": "many", "files": files})
+        assert status == 400
+        assert "at most 10000" in json.loads(content)["error"]
+        large = {"name": "large", "files": [{"name": "a.csv", "size": 3 * 1024**3}]}
+        assert server.ask("/upload", "POST", large)[0] == 400
+        assert server.ask("/upload", "POST", b"[" * 100_000)[0] == 400
+        assert not list(server.root.glob(".fourpole-upload-*"))
+
+    def test_a_file_larger_than_announced_leaves_nothing(self, server: Server) -> None:
+        ticket = begin(server, "grows", [("a.csv", 10)])
+        assert server.ask(f"/upload/{ticket}/0", "PUT", b"x" * 11)[0] == 400
+        assert server.ask(f"/upload/{ticket}/1", "PUT", b"x")[0] == 400
+        assert server.ask(f"/upload/{ticket}", "POST")[0] == 400
+        server.ask(f"/upload/{ticket}", "DELETE")
+        assert not list(server.root.glob(".fourpole-upload-*"))
+        assert not (server.root / "grows").exists()
+
+    def test_one_cut_half_way_leaves_nothing(self, server: Server) -> None:
+        ticket = begin(server, "cut", [("a.csv", 1_000_000)])
+        there = urlsplit(server.address)
+        connection = http.client.HTTPConnection(there.hostname or "", there.port)
+        connection.putrequest("PUT", f"/upload/{ticket}/0")
+        connection.putheader("Origin", f"http://{there.netloc}")
+        connection.putheader("Content-Length", "1000000")
+        connection.endheaders(b"half")
+        connection.close()
+        hidden = next(server.root.glob(".fourpole-upload-*"))
+        for _ in range(50):
+            if not list(hidden.rglob("*.csv")):
+                break
+            time.sleep(0.1)
+        assert not list(hidden.rglob("*.csv"))
+        server.ask(f"/upload/{ticket}", "DELETE")
+        assert not hidden.exists()
+
+    def test_uploads_of_a_former_server_are_deleted(self, tmp_path: Path) -> None:
+        (tmp_path / ".fourpole-upload-old").mkdir()
+        with serving(tmp_path) as running:
+            begin(running, "left", [("a.csv", 5)])
+        assert os.listdir(tmp_path) == []
+
+
+def begin(server: Server, name: str, files: list[tuple[str, int]]) -> str:
+    listed = [{"name": one, "size": size} for one, size in files]
+    ticket: str = server.document("/upload", "POST", {"name": name, "files": listed})["ticket"]
+    return ticket
+
+
+def wait_for(path: Path, seconds: float = 60.0) -> None:
+    until = time.monotonic() + seconds
+    while not path.exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    assert path.exists()
+
+
+class TestToken:
+    """A server that others can reach."""
+
+    def test_it_is_needed_once(self, tmp_path: Path) -> None:
+        with serving(tmp_path, "--host", "0.0.0.0") as running:
+            port, token = urlsplit(running.address).port, urlsplit(running.address).query.removeprefix("token=")
+            local = Server(f"http://127.0.0.1:{port}", tmp_path)
+            assert len(token) > 20
+            assert local.ask("/")[0] == 401
+            assert local.ask("/?token=wrong")[0] == 401
+            assert local.ask("/static/app.js")[0] == 401
+            assert local.ask("/upload?token=" + token, "POST", {})[0] == 401
+            assert local.ask("/", headers={"Host": "evil.example"})[0] == 421
+            status, _, headers = local.ask(f"/?token={token}")
+            assert (status, headers["location"]) == (303, "/")
+            assert "HttpOnly" in headers["set-cookie"]
+            assert "SameSite=strict" in headers["set-cookie"]
+            cookie = headers["set-cookie"].split(";")[0]
+            assert local.ask("/", headers={"Cookie": cookie})[0] == 200
