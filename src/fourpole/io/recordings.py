@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -32,6 +33,13 @@ def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> 
             return found
     says = named_by_ending(Path(path).suffix) or "is binary, not text; export it as CSV, in UTF-8 (no reader knows it)"
     raise TableError(f"{name_of(path, label)}: {says}")
+
+
+@cache
+def endings() -> frozenset[str]:
+    """Usual endings of the names of recordings, in lower case, with the dot."""
+    formats: list[Format] = [import_module(f"fourpole.io.formats.{module}").FORMAT for module in _MODULES]
+    return frozenset(ending for one in formats for ending in one.endings)
 
 
 def survey(path: str | Path, *, max_bytes: int = 4_000_000_000, label: str | None = None) -> FileInfo:

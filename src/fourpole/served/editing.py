@@ -37,7 +37,8 @@ EXCLUDED = "excluded"
 _MOST_BYTES = 20_000_000
 _DOUBT = re.compile(r"^\s*#\s*doubt:\s*(.*)$")
 _ROW = re.compile(r"(?:^|; )tests\.csv row (\d+): ")
-_PLACE = re.compile(r"^campaign\.toml: \[?([\w.\-]+)\]? ?([\w]*)")
+_PLACE = re.compile(r"^campaign\.toml: \[?([\w.\-]+)\]?:?(?: ([\w.]+)(?=[: ]))?")
+_QUOTED = re.compile(r"'([^']*)'")
 
 
 class ConflictError(CampaignError):
@@ -179,20 +180,27 @@ def exclude(folder: Path, test: str, reason: str) -> None:
 
 def problems_of(folder: Path) -> list[Problem]:
     """What is wrong with the statement as it is, each with its place; the doubts of the command line last."""
+    stated = read_statement(folder)
     try:
         campaign = read_campaign(folder)
     except FourpoleError as error:
-        return [_placed(str(error))]
+        return [_placed(str(error), stated)]
     found = [one for test in campaign.tests if test.problem and not test.excluded for one in _of_row(test.problem)]
-    return [*found, *(_placed(doubt) for doubt in campaign.doubts)]
+    return [*found, *(_placed(doubt, stated) for doubt in campaign.doubts)]
 
 
-def _placed(text: str) -> Problem:
+def _placed(text: str, stated: Statement) -> Problem:
+    """A fault with the place that its words name."""
     rows = _of_row(text)
     if rows:
         return rows[0]
     found = _PLACE.match(text)
-    path = "" if found is None else found[1] if "." in found[1] or not found[2] else f"{found[1]}.{found[2]}"
+    path = "" if found is None else ".".join(part for part in found.groups() if part)
+    section, _, role = path.partition(".")
+    if section == "channels" and role in stated.channels:
+        quoted = _QUOTED.findall(text)
+        keys = [key for key, value in stated.channels[role].items() if value in quoted]
+        path = f"{path}.{keys[0]}" if keys else path
     return Problem(text, path)
 
 

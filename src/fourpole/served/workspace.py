@@ -7,14 +7,16 @@ import json
 import re
 import secrets
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.recordings import endings
 from fourpole.io.source import sha256_of
 
 #: Levels of folders in which campaigns are looked for, and their largest number.
@@ -57,12 +59,15 @@ class State:
         When its results were written.
     changed : tuple of str
         Statements that are not those of the results.
+    stated : bool
+        Whether it has a statement; otherwise it is a folder of recordings.
     """
 
     title: str
     verdicts: dict[str, int]
     analysed: datetime | None
     changed: tuple[str, ...]
+    stated: bool
 
 
 class Workspace:
@@ -78,13 +83,8 @@ class Workspace:
         self.root = root.resolve()
 
     def campaigns(self) -> list[Place]:
-        """The campaigns, by their names."""
-        found = []
-        for folder in _folders(self.root, _DEPTH):
-            if any((folder / name).is_file() for name in _STATEMENT):
-                found.append(self._place(folder))
-                if len(found) == _MOST:
-                    break
+        """The campaigns, and the folders of recordings that may become one, by their names."""
+        found = [self._place(folder) for folder in islice(_campaigns(self.root, _DEPTH), _MOST)]
         return sorted(found, key=lambda one: one.name.casefold())
 
     def find(self, key: str) -> Place:
@@ -128,7 +128,8 @@ def state_of(place: Place) -> State:
     changed: tuple[str, ...] = ()
     if isinstance(hashes, dict):
         changed = tuple(name for name in _STATEMENT if _hash(place.folder / name) != hashes.get(name))
-    return State(title, verdicts if isinstance(verdicts, dict) else {}, analysed, changed)
+    stated = (place.folder / _STATEMENT[0]).is_file()
+    return State(title, verdicts if isinstance(verdicts, dict) else {}, analysed, changed, stated)
 
 
 def version_of(folder: Path) -> str:
@@ -145,16 +146,23 @@ def _hash(path: Path) -> str:
     return ""
 
 
-def _folders(root: Path, depth: int) -> Iterator[Path]:
-    """A folder and those below it; hidden ones, links and those of results are left out."""
-    yield root
-    if not depth:
+def _campaigns(folder: Path, depth: int) -> Iterator[Path]:
+    """The campaigns in a folder or below it; hidden folders, links and folders of results are left out."""
+    try:
+        inside = sorted(folder.iterdir())
+    except OSError:
         return
-    with suppress(OSError):
-        for path in sorted(root.iterdir()):
-            if path.name.startswith(".") or path.name == "results" or path.is_symlink() or not path.is_dir():
-                continue
-            yield from _folders(path, depth - 1)
+    if _may_be_one(inside):
+        yield folder
+        return
+    for path in inside:
+        if depth and not (path.name.startswith(".") or path.name == "results" or path.is_symlink()) and path.is_dir():
+            yield from _campaigns(path, depth - 1)
+
+
+def _may_be_one(inside: Sequence[Path]) -> bool:
+    """Whether a folder states a campaign, or holds recordings."""
+    return any((path.name in _STATEMENT or path.suffix.lower() in endings()) and path.is_file() for path in inside)
 
 
 def _key(name: str) -> str:

@@ -23,6 +23,7 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.child import read_apart
 from fourpole.io.identity import identity_of
 from fourpole.report.cards import embedded
+from fourpole.report.digits import number
 from fourpole.served.editing import EXCLUDED, exclude, read_statement
 from fourpole.served.held import Shown
 from fourpole.served.signals import Kept, fresh_name, keep, kept_in, part_of
@@ -118,7 +119,12 @@ def _checks(shown: Shown, name: str) -> list[dict[str, Any]]:
         return []
     rows = [row for row in table.rows(named=True) if row[q.TEST.head] == name]
     order = ["rejected", "warning", "ok"]
-    return sorted(rows, key=lambda row: order.index(row[q.VERDICT.head]))
+    shown_rows = [{**row, **{name: _number(row[name]) for name in ("statistic", "limit")}} for row in rows]
+    return sorted(shown_rows, key=lambda row: order.index(row[q.VERDICT.head]))
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None or value != value else number(value, 3)
 
 
 def _part(place: Place, name: str, first: float | None, last: float | None, width: int) -> dict[str, Any]:

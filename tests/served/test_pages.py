@@ -1,0 +1,247 @@
+"""The app in a real browser: from dropped files to results, by mouse and by keyboard, in both themes."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, expect
+from tests.report.browser import launched
+from tests.served.server import Server, serving
+
+#: Time that an analysis on a busy machine may take [ms].
+LONG = 120_000
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with launched() as one:
+        yield one
+
+
+@contextmanager
+def visiting(browser: Browser, server: Server, **context: object) -> Iterator[Page]:
+    """A page of a session of its own, whose console must stay empty."""
+    said: list[str] = []
+    with browser.new_context(
+        base_url=server.address, **{"viewport": {"width": 1280, "height": 800}, **context}
+    ) as room:
+        page = room.new_page()
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        yield page
+    assert said == []
+
+
+def campaign(page: Page) -> str:
+    """Address of the first campaign of the home page."""
+    page.goto("/")
+    return str(page.locator("tbody th a").first.get_attribute("href"))
+
+
+def test_dropped_files_become_results(browser: Browser, analysed: Path, tmp_path: Path) -> None:
+    recordings = sorted((analysed / "recordings").iterdir())
+    with serving(tmp_path) as server, visiting(browser, server) as page:
+        page.goto("/")
+        expect(page.get_by_text("There is no campaign yet")).to_be_visible()
+        page.fill("#name", "first")
+        page.set_input_files("#files", [str(path) for path in recordings])
+        page.wait_for_url("**/run", timeout=LONG)
+        expect(page.locator("#next")).to_be_visible(timeout=LONG)
+        page.click("#next")
+        expect(page.get_by_role("heading", name="Statement")).to_be_visible()
+        # The stated campaign is pasted as text, as one who has it would do.
+        page.click("summary:has-text('campaign.toml as text')")
+        page.fill("#text", (analysed / "campaign.toml").read_text())
+        page.click("#save-text")
+        expect(page.locator("[data-path='channels.force_in.unit']")).to_have_value("kN")
+        text = (tmp_path / "first" / "tests.csv").read_text()
+        assert "D1.csv" in text
+
+
+def test_a_wrong_entry_is_marked_in_the_words_of_the_command(browser: Browser, server: Server) -> None:
+    with visiting(browser, server) as page:
+        page.goto(f"{campaign(page)}/statement")
+        toml = next(server.root.rglob("campaign.toml"))
+        before, comment = toml.read_text(), "# the force cell was changed in May\n"
+        toml.write_text(comment + before)
+        page.reload()
+        cell = page.locator("#tests tbody tr").nth(3).locator("input").nth(4)
+        good = cell.input_value()
+        cell.fill("much")
+        page.click("#save")
+        expect(page.locator("#problems")).to_contain_text("tests.csv row 5: pressure:")
+        assert cell.get_attribute("aria-invalid") == "true"
+        unit = page.locator("[data-path='channels.force_in.unit']")
+        stated = unit.input_value()
+        cell.fill(good)
+        unit.fill("furlong")
+        page.click("#save")
+        expect(page.locator("#problems")).to_contain_text("furlong")
+        assert unit.get_attribute("aria-invalid") == "true"
+        unit.fill(stated)
+        page.click("#save")
+        expect(page.locator("#kept")).to_have_text("Saved.")
+        assert toml.read_text() == comment + before
+        toml.write_text(before)
+
+
+def test_rows_are_pasted_from_a_spreadsheet(browser: Browser, server: Server) -> None:
+    with visiting(browser, server) as page:
+        page.goto(f"{campaign(page)}/statement")
+        page.locator("#tests tbody tr").nth(0).locator("input").nth(3).focus()
+        page.evaluate(
+            """() => {
+              const data = new DataTransfer();
+              data.setData("text/plain", "one\\t1.5\\r\\ntwo\\t2.5\\r\\n");
+              const paste = new ClipboardEvent("paste", { clipboardData: data, bubbles: true, cancelable: true });
+              document.activeElement.dispatchEvent(paste);
+            }"""
+        )
+        rows = page.locator("#tests tbody tr")
+        assert [rows.nth(at).locator("input").nth(3).input_value() for at in (0, 1)] == ["one", "two"]
+        assert [rows.nth(at).locator("input").nth(4).input_value() for at in (0, 1)] == ["1.5", "2.5"]
+        page.on("dialog", lambda dialog: dialog.accept())
+        page.goto("/")
+
+
+def test_two_who_edit_are_told(browser: Browser, server: Server) -> None:
+    with visiting(browser, server) as first:
+        address = f"{campaign(first)}/statement"
+        first.goto(address)
+        tests = next(server.root.rglob("tests.csv"))
+        before = tests.read_text()
+        tests.write_text(before + "\n")
+        said: list[str] = []
+        first.on("console", lambda message: said.append(message.text))
+        status, content, _ = server.ask(address, "PUT", {"version": "old", "heads": [], "rows": []})
+        assert status == 400
+        assert b"someone else" in content
+        tests.write_text(before)
+
+
+def test_a_test_is_excluded_with_a_reason_and_taken_in_again(browser: Browser, server: Server) -> None:
+    with visiting(browser, server) as page:
+        address = campaign(page)
+        page.goto(f"{address}/tests/D1")
+        page.get_by_label("Exclude this test, because").fill("the tyre slipped on its rim")
+        page.get_by_role("button", name="Exclude", exact=True).click()
+        expect(page.get_by_text("Excluded: the tyre slipped on its rim.")).to_be_visible()
+        page.goto(f"{address}/run")
+        page.click("#start")
+        expect(page.locator("#next")).to_be_visible(timeout=LONG)
+        page.goto(address)
+        expect(page.locator("#front .verdict")).to_contain_text("1 rejected")
+        page.goto(f"{address}/tests/D1")
+        page.get_by_role("button", name="Take it in again").click()
+        expect(page.get_by_role("button", name="Exclude", exact=True)).to_be_visible()
+        page.goto(f"{address}/run")
+        page.click("#start")
+        expect(page.locator("#next")).to_be_visible(timeout=LONG)
+        page.goto(address)
+        expect(page.locator("#front .verdict")).to_contain_text("0 rejected")
+
+
+def test_a_recording_is_looked_at_closer(browser: Browser, server: Server) -> None:
+    with visiting(browser, server) as page:
+        page.goto(f"{campaign(page)}/tests/D2")
+        pictures = page.locator("#signals svg")
+        expect(pictures).to_have_count(3)
+        whole = page.locator("#part").inner_text()
+        page.get_by_role("button", name="Closer").click()
+        expect(page.locator("#part")).not_to_have_text(whole)
+        page.get_by_role("button", name="All").click()
+        expect(page.locator("#part")).to_have_text(whole)
+        box = pictures.first.bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 50)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 50)
+        page.mouse.up()
+        expect(page.locator("#part")).not_to_have_text(whole)
+        expect(page.locator("#card svg")).not_to_have_count(0)
+
+
+def test_results_by_keyboard_alone(browser: Browser, server: Server) -> None:
+    with visiting(browser, server) as page:
+        page.goto("/")
+        for _ in range(12):
+            page.keyboard.press("Tab")
+            if page.evaluate("document.activeElement.closest('tbody th') !== null"):
+                break
+        page.keyboard.press("Enter")
+        page.wait_for_url("**/c/*")
+        page.keyboard.press("Tab")
+        page.keyboard.press("Enter")
+        assert page.evaluate("document.activeElement.id") in ("main", "")
+        page.goto(f"{page.url}/tests/D1")
+        page.keyboard.press("ArrowRight")
+        page.wait_for_url("**/tests/D2")
+        page.keyboard.press("ArrowLeft")
+        page.wait_for_url("**/tests/D1")
+
+
+def test_a_point_of_a_figure_leads_to_its_recording(browser: Browser, server: Server) -> None:
+    with visiting(browser, server) as page:
+        page.goto(campaign(page))
+        link = page.locator("#front .drawing a").first
+        address = link.get_attribute("xlink:href")
+        assert address is not None
+        assert "/tests/" in address
+        page.goto(address)
+        expect(page.locator("#signals svg")).not_to_have_count(0)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("part", ["", "/tests", "/tests/D1", "/statement", "/run", None, "/nowhere"])
+def test_no_page_keeps_anyone_out(browser: Browser, server: Server, part: str | None, theme: str) -> None:
+    sizes = ({"width": 1280, "height": 800}, {"width": 820, "height": 1180})
+    with visiting(browser, server, color_scheme=theme) as page:
+        address = "/" if part is None else f"{campaign(page)}{part}"
+        if part == "/nowhere":
+            address = "/c/nowhere"
+        status = server.ask(address)[0]
+        assert status == (404 if part == "/nowhere" else 200)
+        if part == "/nowhere":
+            return
+        for size in sizes:
+            page.set_viewport_size(size)
+            page.goto(address)
+            page.wait_for_load_state("networkidle")
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        found = Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]})
+        bad = [one for one in found.response["violations"] if one["impact"] in ("serious", "critical")]
+        assert bad == [], [(one["id"], [node["html"][:200] for node in one["nodes"][:3]]) for one in bad]
+
+
+def test_sessions_do_not_disturb_each_other(analysed: Path, tmp_path: Path) -> None:
+    for number in range(4):
+        shutil.copytree(analysed, tmp_path / f"campaign {number}", ignore=shutil.ignore_patterns("results"))
+        text = (tmp_path / f"campaign {number}" / "campaign.toml").read_text()
+        (tmp_path / f"campaign {number}" / "campaign.toml").write_text(
+            "\n".join(f'title = "number {number}"' if line.startswith("title") else line for line in text.splitlines())
+        )
+    with serving(tmp_path) as server:
+        page = server.ask("/")[1].decode()
+        addresses = sorted({part.split('"')[0] for part in page.split('href="')[1:] if part.startswith("/c/")})
+        assert len(addresses) == 4
+        for address in addresses:
+            assert server.ask(f"{address}/run", "POST", {"command": "analyse"})[0] == 204
+        began = time.monotonic()
+        assert server.ask("/")[0] == 200
+        assert time.monotonic() - began < 5
+        for number, address in enumerate(addresses):
+            wait_for(tmp_path / f"campaign {number}" / "results" / "report.html")
+            assert f"number {number}" in server.ask(address)[1].decode()
+
+
+def wait_for(path: Path) -> None:
+    until = time.monotonic() + LONG / 1000
+    while not path.exists() and time.monotonic() < until:
+        time.sleep(0.2)
+    assert path.exists()
