@@ -421,6 +421,8 @@ def plot(
 ) -> None:
     """Draw one figure from the result tables: of all tests, or of a specimen, a condition or a test.
 
+    With --over, the figure is any quantity over any axis: fourpole plot results K2 --over pressure.
+
     Example: fourpole plot results tr --pressure "2.1 bar" --size journal --out tr.png
     """
     from fourpole.io.folders import results_in

@@ -279,6 +279,10 @@ class ShiftOptions(TableChoice):
 class PlotOptions:
     """What a figure shows, as text, and how it looks; a repeated option names several."""
 
+    over: str | None = _given(
+        "FIGURE is a quantity, as K2, TR or 'loss factor', and is shown over this axis: frequency, pressure, preload, "
+        "temperature, amplitude or order, the order of the tests."
+    )
     specimen: list[str] | None = _given("Only this specimen.", "--specimen", "--tyre")
     pressure: list[str] | None = _given('Only tests at this pressure, as "2.1 bar".')
     preload: list[str] | None = _given('Only tests at this preload, as "1000 N".')

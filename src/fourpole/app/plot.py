@@ -27,13 +27,18 @@ _SIZE = re.compile(r"\s*([0-9.,]+)\s*([a-z]*)\s*[x×]\s*([0-9.,]+)\s*([a-z]+)\s*
 def run_plot(results: Results, folder: Path, key: str | None, file: Path | None, options: PlotOptions) -> None:
     """Draw one figure, or those of the paper, or list the figures there are."""
     from fourpole.plot import FIGURES, PAPER, draw, figures_of, save_figures, write_figure
-    from fourpole.plot.catalogue import ON_REQUEST
+    from fourpole.plot.catalogue import ON_REQUEST, spec_of
     from fourpole.plot.notebook import OF_QUANTITY
+    from fourpole.plot.over import key_over
     from fourpole.plot.part import Selection, select
 
     selection, style = _selection(options), _style(options)
     if selection != Selection():
         results = select(results, selection)
+    if options.over is not None:
+        if key is None:
+            raise CampaignError("--over: name the quantity, as in fourpole plot RESULTS K2 --over pressure")
+        key = key_over(key, options.over)
     if key is None and options.paper:
         if file is not None:
             raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
@@ -47,7 +52,7 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
         key = OF_QUANTITY.get(key, key)
         figure = draw(results, key, style)
         if figure is None:
-            raise CampaignError(f"the results in {folder} hold no data for {key}: {FIGURES[key].title}")
+            raise CampaignError(f"the results in {folder} hold no data for {key}: {spec_of(key).title}")
         path = file if file is not None else folder / "figures" / f"{key}.svg"
         path.parent.mkdir(parents=True, exist_ok=True)
         out(f"figure: {write_figure(figure, key, path, style)}")

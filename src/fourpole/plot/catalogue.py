@@ -17,6 +17,7 @@ from fourpole.io.write import write_bytes
 from fourpole.plot.data import FigureData
 from fourpole.plot.figure import FORMATS, figure_bytes
 from fourpole.plot.frequency import FIRST
+from fourpole.plot.over import spec_over
 from fourpole.plot.part import own_colours, part_of
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.spec import FigureSpec
@@ -89,7 +90,7 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
     results : Results
         The tables of an analysed campaign.
     key : str
-        One of `FIGURES`.
+        One of `FIGURES`, or what `fourpole.plot.over.key_over` makes of a quantity and an axis.
     style : Style, optional
         Theme and limits.
 
@@ -104,7 +105,7 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
     CampaignError
         If there is no such figure.
     """
-    spec = _spec(key)
+    spec = spec_of(key)
     style = style or Style()
     results = strided(results)
     part = part_of(results)
@@ -129,7 +130,7 @@ def figure_data(results: Results, key: str) -> FigureData | None:
     >>> figure_data(Results(none, none, none), "stiffness") is None
     True
     """
-    spec = _spec(key)
+    spec = spec_of(key)
     if spec.data is None:
         with_data = ", ".join(one.key for one in FIGURES.values() if one.data is not None)
         raise CampaignError(f"the figure {key!r} is drawn, not made of data: choose one of {with_data}")
@@ -160,7 +161,7 @@ def render(figure: Figure, key: str, form: str = "svg", style: Style | None = No
     CampaignError
         If there is no such figure or format.
     """
-    return figure_bytes(figure, key, _spec(key).title, form, style)
+    return figure_bytes(figure, key, spec_of(key).title, form, style)
 
 
 def write_figure(figure: Figure, key: str, path: str | Path, style: Style | None = None) -> Path:
@@ -239,7 +240,7 @@ def save_figures(
     """
     wanted = list(dict.fromkeys(figures_of(results) if keys is None else keys))
     for key in wanted:
-        _spec(key)
+        spec_of(key)
     unknown = [form for form in formats if form not in FORMATS]
     if unknown or not formats:
         raise CampaignError(f"no format {(unknown or [''])[0]!r} of a figure: choose of {', '.join(FORMATS)}")
@@ -301,8 +302,10 @@ def figure_files(keys: Sequence[str] | None = None, formats: Sequence[str] = ("s
     return [f"{key}.{form}" for key in (FIGURES if keys is None else keys) for form in formats]
 
 
-def _spec(key: str) -> FigureSpec:
+def spec_of(key: str) -> FigureSpec:
     """The entry of a figure; CampaignError if there is none."""
+    if (over := spec_over(str(key))) is not None:
+        return over
     if key not in FIGURES:
         near = get_close_matches(str(key), FIGURES, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"choose one of {', '.join(FIGURES)}"

@@ -56,7 +56,7 @@ class Shown:
 
 
 #: The curves of each specimen, the colour scale, and the line styles that the key explains.
-_Chosen: TypeAlias = tuple[dict[int, list[Shown]], Scale | None, tuple[tuple[int, str], ...]]
+Chosen: TypeAlias = tuple[dict[int, list[Shown]], Scale | None, tuple[tuple[int, str], ...]]
 
 
 def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData | None:
@@ -74,8 +74,7 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
     if len(shown) < len(tyres):
         notes.append(f"{len(shown)} of {len(tyres)} specimens shown")
     by_tyre = {tyre: [one for one in found if one.tyre == tyre] for tyre in shown}
-    many = max(map(len, by_tyre.values())) > MOST_LABELLED
-    chosen, scale, dashes = _scaled(results, by_tyre, notes) if many else _labelled(results, by_tyre)
+    chosen, scale, dashes = chosen_curves(results, by_tyre, notes)
     log = _logarithmic([one for each in chosen.values() for one in each], sheet)
     columns = next((n for n in (_MOST_COLUMNS, 2) if len(shown) % n == 0), min(len(shown), _MOST_COLUMNS))
     panels = []
@@ -85,8 +84,8 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
                 made = condition_panel(results, quantity, chosen[tyre], known, log=log)
                 headed = quantity is quantities[0]
                 panels.append(replace(made, title=title_of(results, sheet, tyre), tyre=tyre) if headed else made)
-    common = _common(results, [one.state for each in chosen.values() for one in each])
-    said = [*([f"at {common}"] if common else []), *_models_said(results, sheet, panels, shown), *notes]
+    alike = common(results, [one.state for each in chosen.values() for one in each])
+    said = [*([f"at {alike}"] if alike else []), *_models_said(results, sheet, panels, shown), *notes]
     return FigureData(
         panels=tuple(panels), columns=columns, names=sheet.labels, scale=scale, dashes=dashes,
         notes=(*said, *_tests_said(sheet, known, quantities[0])), panel_height=2.1 if len(shown) <= columns else 1.6,
@@ -115,13 +114,13 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
             curves.append(Shown(one, label, shade(at, len(own))))
     log = _logarithmic(curves, sheet)
     panels = [condition_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
-    common = _common(results, chosen)
+    alike = common(results, chosen)
     # The page has the models in words; a hint stands where there is none.
     hint = (
         [] if any(one.role is Role.MODEL for one in panels[0].series) else _models_said(results, sheet, panels, tyres)
     )
     bare = ["without the tests with an added mass"] if left_out else []
-    said = [*([f"at {common}"] if common else []), *hint, *notes, *bare]
+    said = [*([f"at {alike}"] if alike else []), *hint, *notes, *bare]
     return FigureData(
         panels=tuple(panels), columns=len(panels), names=sheet.labels, shared=False, notes=tuple(said),
         keyed=tuple(tyres) if len(tyres) > 1 and not alone else (), height=_COMPACT,
@@ -137,7 +136,7 @@ def parts(results: Results) -> FigureData | None:
     return data and replace(data, notes=(*data.notes, *residuals_said(results, found)), panel_height=1.5)
 
 
-def _common(results: Results, found: Sequence[State]) -> str:
+def common(results: Results, found: Sequence[State]) -> str:
     """The stated values that all conditions share."""
     differ = set(differing(found))
     place = {column: value for column, value in found[0].place.items() if column not in differ and not np.isnan(value)}
@@ -189,7 +188,13 @@ def condition_panel(
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(seen), tuple(series))
 
 
-def _labelled(results: Results, by_tyre: dict[int, list[State]]) -> _Chosen:
+def chosen_curves(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
+    """The curves of each specimen: few with the condition at their ends, many on a colour scale."""
+    many = max(map(len, by_tyre.values())) > MOST_LABELLED
+    return _scaled(results, by_tyre, notes) if many else _labelled(results, by_tyre)
+
+
+def _labelled(results: Results, by_tyre: dict[int, list[State]]) -> Chosen:
     """Few curves per panel: the colour of the specimen, and the condition at the end of each curve."""
     made = {}
     for tyre, each in by_tyre.items():
@@ -202,7 +207,7 @@ def _labelled(results: Results, by_tyre: dict[int, list[State]]) -> _Chosen:
     return made, None, ()
 
 
-def _scaled(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> _Chosen:
+def _scaled(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
     """Many curves per panel: a colour scale over the axis with the most values, line styles over the next axis."""
     every = [one for each in by_tyre.values() for one in each]
     colour, *others = differing(every)

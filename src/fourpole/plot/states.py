@@ -196,6 +196,8 @@ def curve_of(results: Results, state: State, quantity: Quantity) -> tuple[FloatA
         made = _arm(results, state, found, quantity)
     elif quantity in (q.TR_MEASURED, q.TR_PREDICTED):
         made = _transmissibility(results, found)
+    elif quantity not in (q.MODULUS, q.LOSS_ANGLE, q.STORAGE, q.LOSS):
+        return None
     else:
         value, by = _part(quantity, k)
         made = value, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", by, covariance, by), 0.0))

@@ -26,16 +26,23 @@ from fourpole.served.uploads import Uploads
 from fourpole.served.workspace import NoCampaignError, Place, Workspace
 from fourpole.version import VERSION
 
-_SCRIPTS = ("app.js", "home.js", "run.js", "recording.js", "statement.js")
+_SCRIPTS = (
+    "app.js",
+    "home.js",
+    "run.js",
+    "recording.js",
+    "statement.js",
+    "explore.js",
+    "model.js",
+    "plan.js",
+)
 #: Files that pages load, with the package that has them and their kind.
 STATIC = {
     "page.css": ("fourpole.report", "text/css"),
     "tables.js": ("fourpole.report", "text/javascript"),
     "draw.js": ("fourpole.report", "text/javascript"),
     "app.css": ("fourpole.served.static", "text/css"),
-    **dict.fromkeys(
-        ("app.js", "home.js", "run.js", "recording.js", "statement.js"), ("fourpole.served.static", "text/javascript")
-    ),
+    **dict.fromkeys(_SCRIPTS, ("fourpole.served.static", "text/javascript")),
 }
 #: Largest body of a form or of a list of files [byte].
 MOST_BODY = 20_000_000

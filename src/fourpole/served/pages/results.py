@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
-from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from fourpole.errors import CampaignError
-from fourpole.report.page import ReportFigure
+from fourpole.served.figures import LinkedFigure
 from fourpole.served.held import Shown
 from fourpole.served.site import Site, address
 from fourpole.served.workspace import state_of
 
 #: Files of the results that a page offers, with their kinds.
 _FILES = {"report.html": "text/html", "report.pdf": "application/pdf"}
-#: A link in a figure to the card of a test.
-_CARD = re.compile(r'xlink:href="#([\w-]+)"')
 
 
 def routes(site: Site) -> list[Route]:
@@ -48,28 +44,8 @@ def routes(site: Site) -> list[Route]:
     return [Route("/c/{key}", page), Route("/c/{key}/files/{name}", file)]
 
 
-class _LinkedFigure:
-    """A figure of the report whose points lead to the recordings of their tests."""
-
-    def __init__(self, figure: ReportFigure, shown: Shown) -> None:
-        self.title, self.caption, self.address, self.size = figure.title, figure.caption, figure.address, figure.size
-        drawing = figure.inline
-        self.inline = None if drawing is None else linked(drawing, shown)
-
-
-def linked(drawing: Markup, shown: Shown) -> Markup:
-    """A drawing whose links to cards of tests are links to their recordings."""
-    tests = {card.key: card.test for card in shown.cards.values()}
-
-    def place_of(found: re.Match[str]) -> str:
-        test = tests.get(found[1])
-        return found[0] if test is None else f'xlink:href="{address(shown.place, "tests", test)}"'
-
-    return Markup(_CARD.sub(place_of, drawing))
-
-
 def _linked(shown: Shown) -> dict[str, Any]:
     return {
-        "front_figures": [_LinkedFigure(one, shown) for one in shown.parts["front_figures"]],
-        "figures": [(heading, _LinkedFigure(one, shown)) for heading, one in shown.parts["figures"]],
+        "front_figures": [LinkedFigure(one, shown) for one in shown.parts["front_figures"]],
+        "figures": [(heading, LinkedFigure(one, shown)) for heading, one in shown.parts["figures"]],
     }

@@ -1,0 +1,157 @@
+"""Figures: any quantity over any axis, and the figures of the catalogue, of all tests or of some; with their values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import QueryParams
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import Route
+
+from fourpole import quantities as q
+from fourpole.core.condition import AXES, Axis
+from fourpole.errors import CampaignError, FourpoleError
+from fourpole.plot import FIGURES, PAPER, figures_of
+from fourpole.plot.catalogue import spec_of
+from fourpole.plot.figure import FORMATS
+from fourpole.plot.over import ORDER, OVER, SHOWN, key_over
+from fourpole.plot.part import Selection, select
+from fourpole.plot.sheet import floats
+from fourpole.plot.states import place_text
+from fourpole.served.figures import drawn, figure_of, values_of
+from fourpole.served.held import Shown
+from fourpole.served.site import Site, address
+from fourpole.served.workspace import Place, state_of
+from fourpole.study.results import Results
+from fourpole.units import quantity
+
+#: The axes by which tests are selected, with the kind of quantity of their values.
+_SELECTED = dict(zip(("pressure", "preload", "temperature"), ("pressure", "force", "temperature"), strict=True))
+_KINDS = {"svg": "image/svg+xml", "png": "image/png", "pdf": "application/pdf"}
+_NAMES = {"amplitude": "deflection amplitude", ORDER: "order of the tests"}
+
+
+def routes(site: Site) -> list[Route]:
+    """The page, and the figure as a file."""
+
+    async def page(request: Request) -> Response:
+        place = site.place(request)
+        if not (place.results / "study.json").is_file():
+            return RedirectResponse(address(place, "run"), 303)
+        return await site.page("explore.html", lambda: _shown(site, place, request.query_params))
+
+    async def file(request: Request) -> Response:
+        place, form = site.place(request), request.path_params["form"]
+        if form not in FORMATS:
+            raise CampaignError(f"a figure is {', '.join(FORMATS)}")
+        key, content = await run_in_threadpool(_file, site, place, request.query_params, form)
+        name = f"{place.key}-{key}.{form}"
+        return Response(
+            content, media_type=_KINDS[form], headers={"Content-Disposition": f'attachment; filename="{name}"'}
+        )
+
+    return [Route("/c/{key}/explore", page), Route("/c/{key}/figure.{form}", file)]
+
+
+def _results(site: Site, place: Place) -> Shown:
+    shown = site.held.of(place)
+    if shown is None:
+        raise CampaignError("the results were deleted a moment ago: run the analysis again")
+    return shown
+
+
+def _file(site: Site, place: Place, asked: QueryParams, form: str) -> tuple[str, bytes]:
+    results = _results(site, place).results
+    key = _key(asked)
+    content = drawn(site, _part(results, asked), key, form)
+    if content is None:
+        raise CampaignError(f"the results hold nothing that this figure shows: {spec_of(key).title}")
+    return key, content
+
+
+def _shown(site: Site, place: Place, asked: QueryParams) -> dict[str, Any]:
+    shown = _results(site, place)
+    results = shown.results
+    made: dict[str, Any] = {
+        "campaign": place,
+        "state": state_of(place),
+        "figure": None,
+        "values": [],
+        "fault": "",
+        "query": str(asked),
+        "asked": _choices(asked),
+        "quantities": _known(results),
+        "axes": {name: _NAMES.get(name, name) for name in OVER if name == ORDER or _is_stated(results, OVER[name])},
+        "questions": {key: FIGURES[key].title for key in figures_of(results) if not key.startswith("first-")},
+        "paper": {key: spec.title for key, spec in PAPER.items()},
+        "selects": _selects(results),
+    }
+    try:
+        key, part = _key(asked), _part(results, asked)
+        made["figure"] = figure_of(site, shown, part, key)
+        made["values"] = values_of(part, key)
+        if made["figure"] is None:
+            made["fault"] = f"The results hold nothing that this figure shows: {spec_of(key).title}."
+    except FourpoleError as error:
+        made["fault"] = str(error)
+    return made
+
+
+def _choices(asked: QueryParams) -> dict[str, str]:
+    """What the form shows as chosen."""
+    chosen = {name: asked.get(name, "") for name in ("figure", "quantity", "over", "specimen", *_SELECTED)}
+    return {**chosen, "quantity": chosen["quantity"] or q.STORAGE.key, "over": chosen["over"] or "frequency"}
+
+
+def _key(asked: QueryParams) -> str:
+    """Key of the figure that is asked for."""
+    chosen = _choices(asked)
+    return spec_of(chosen["figure"]).key if chosen["figure"] else key_over(chosen["quantity"], chosen["over"])
+
+
+def _part(results: Results, asked: QueryParams) -> Results:
+    """The tests that are asked for."""
+    values = {
+        name: tuple(quantity(one, kind) for one in asked.getlist(name) if one) for name, kind in _SELECTED.items()
+    }
+    selection = Selection(
+        specimens=tuple(one for one in asked.getlist("specimen") if one),
+        pressures=values["pressure"],
+        preloads=values["preload"],
+        temperatures=values["temperature"],
+    )
+    return results if selection == Selection() else select(results, selection)
+
+
+def _known(results: Results) -> dict[str, str]:
+    """The quantities that some test has, by key: name and symbol."""
+    derived = {q.MODULUS: q.STORAGE, q.LOSS_ANGLE: q.STORAGE}
+    tables = (results.dynamic, results.static)
+    known = {
+        key: one
+        for key, one in SHOWN.items()
+        if any(np.isfinite(floats(table, derived.get(one, one).head)).any() for table in tables)
+    }
+    return {key: one.column if one.column == one.name else f"{one.name}, {one.column}" for key, one in known.items()}
+
+
+def _is_stated(results: Results, axis: Axis | None) -> bool:
+    tables = (results.dynamic, results.static)
+    return axis is not None and any(np.isfinite(floats(table, axis.column)).any() for table in tables)
+
+
+def _selects(results: Results) -> Mapping[str, list[str]]:
+    """The values of specimen, pressure, preload and temperature that tests have, where they are several."""
+    tables = (results.dynamic, results.static)
+    found = {"specimen": list(dict.fromkeys(n for t in tables if "tyre" in t.columns for n in t["tyre"] if n))}
+    for axis in AXES:
+        values = np.concatenate([floats(table, axis.column) for table in tables])
+        values = values[np.isfinite(values)]
+        groups = axis.groups(values.tolist())
+        middles = [float(np.median(values[groups == at])) for at in np.unique(groups)]
+        found[axis.name] = list(dict.fromkeys(place_text(results, axis.column, one) for one in middles))
+    return {name: values for name, values in found.items() if len(values) > 1}
