@@ -52,6 +52,7 @@
     });
   };
   start.addEventListener("click", async () => {
+    following.hidden = true;
     try {
       await app.send(part.dataset.address, { command: start.dataset.command });
       follow();
