@@ -193,6 +193,18 @@ RUNS["app"] = app_
 
 
 @_command
+def watch(campaign: CampaignFolder, as_json: JsonFlag = False) -> None:
+    """Judge each recording as a logger writes it into a campaign's folder, while the specimen is on the rig.
+
+    A recording is judged by itself, and with the rig as the last analysis found it. One that tests.csv does not name
+    gets a row of it, as init would guess it. Recordings that are there but not in tests.csv are judged, too.
+    """
+    from fourpole.app.watching import run_watch
+
+    run_watch(campaign, as_json=as_json)
+
+
+@_command
 def check(
     campaign: CampaignFolder,
     route: Annotated[str, typer.Option(help="Route of the analysis to come; see analyse.")] = "joint",

@@ -7,7 +7,7 @@ GROUPS = {
     "Start here": ("demo", "init", "analyse", "open", "app"),
     "Results": ("report", "plot", "rig", "compare", "export", "lab"),
     "Models": ("fit", "map", "query", "causality", "shift", "verify"),
-    "Before and beside the analysis": ("check", "plan", "static", "identify", "predict"),
+    "Before and beside the analysis": ("check", "plan", "watch", "static", "identify", "predict"),
     "Files": ("info", "convert", "simulate"),
     "This installation": ("selftest",),
 }
@@ -32,6 +32,7 @@ EXAMPLES = {
     "verify": "fourpole verify my-campaign",
     "check": "fourpole check my-campaign",
     "plan": 'fourpole plan my-campaign --k1 "180 kN/m" --k2 "120 kN/m" --c "700 N s/m" --wanted "1 %"',
+    "watch": "fourpole watch my-campaign",
     "static": 'fourpole static curve.csv --load "3 kN"',
     "identify": 'fourpole identify amplitudes.csv --k1 "180 kN/m" --mass "15 kg" --preload-stiffness "12.44 kN/m"',
     "predict": (

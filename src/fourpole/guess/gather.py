@@ -107,16 +107,38 @@ def gather(folder: Path, progress: Callable[[int, int], None] | None = None) -> 
     paths = _paths(folder, found)
     notes: dict[str, tuple[Token, ...]] = {}
     for done, path in enumerate(paths, 1):
-        try:
-            name = path.relative_to(folder).as_posix()
-            _read_one(path, name, found, notes)
-        except FourpoleError as error:
-            found.left_out.append((name, _without_name(str(error), name)))
+        _try_one(folder, path, found, notes)
         if progress is not None:
             progress(done, len(paths))
     found.notes = [token for tokens in notes.values() for token in tokens]
     found.recordings = [_noted(one, notes) for one in found.recordings]
     return found
+
+
+def gather_more(folder: Path, paths: Sequence[Path]) -> FolderContents:
+    """The contents of some files of a folder, such as those that were written since it was looked at."""
+    found = FolderContents()
+    for path in paths:
+        trouble = _trouble(folder, path)
+        if trouble:
+            found.left_out.append((path.relative_to(folder).as_posix(), trouble))
+        else:
+            _try_one(folder, path, found, {})
+    return found
+
+
+def recording_files(folder: Path) -> list[Path]:
+    """The files of a folder that may be recordings, sorted by name with D2 before D10."""
+    return [path for path in _paths(folder, FolderContents()) if not _NOTES.search(path.name)]
+
+
+def _try_one(folder: Path, path: Path, found: FolderContents, notes: dict[str, tuple[Token, ...]]) -> None:
+    """Add the recordings or notes of a file to `found`; one that cannot be read is left out, with the reason."""
+    name = path.relative_to(folder).as_posix()
+    try:
+        _read_one(path, name, found, notes)
+    except FourpoleError as error:
+        found.left_out.append((name, _without_name(str(error), name)))
 
 
 def _paths(folder: Path, found: FolderContents) -> list[Path]:

@@ -121,6 +121,13 @@ def guess_campaign(
     return _Together(folder, gathered, unmatched).guess()
 
 
+def guess_more(folder: Path, known: FolderContents, more: FolderContents) -> list[Row]:
+    """The rows of tests.csv of further recordings of a folder, guessed together with those that are known."""
+    together = FolderContents([*known.recordings, *more.recordings], notes=[*known.notes, *more.notes])
+    files = {one.file for one in more.recordings}
+    return [row for row in _Together(folder, together).guess().rows if row.file in files]
+
+
 class _Together:
     """The steps from the contents of a folder to a guess; each step adds its doubts."""
 

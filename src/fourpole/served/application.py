@@ -14,13 +14,13 @@ from starlette.routing import Route
 from fourpole.errors import FourpoleError
 from fourpole.served.guard import Guard
 from fourpole.served.jobs import Jobs
-from fourpole.served.pages import explore, home, recording, results, run, statement
+from fourpole.served.pages import explore, home, recording, results, run, statement, watch
 from fourpole.served.site import Site, static
 from fourpole.served.uploads import Uploads
 from fourpole.served.workspace import Workspace
 from fourpole.study.workers import processors
 
-_PAGES = (home, run, results, recording, statement, explore)
+_PAGES = (home, run, results, recording, statement, explore, watch)
 
 
 def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Starlette:
@@ -42,6 +42,7 @@ def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Star
     async def life(_: Starlette) -> AsyncIterator[None]:
         yield
         site.uploads.close()
+        await site.watches.close()
         await site.jobs.close()
 
     return Starlette(

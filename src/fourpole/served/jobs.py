@@ -18,8 +18,8 @@ from fourpole.served.workspace import Place
 
 #: The sign before an event, and the variable that asks for events; see fourpole.app.events.
 _MARK, _EVENTS = "\x1e", "FOURPOLE_EVENTS"
-#: Messages and tests that are kept, largest document of a command [byte], and finished jobs that are kept.
-_MOST_MESSAGES, _MOST_TESTS, _MOST_DOCUMENT, _MOST_DONE = 200, 20_000, 20_000_000, 100
+#: Messages and tests that are kept, largest document of a command [byte], finished jobs, and judgements.
+_MOST_MESSAGES, _MOST_TESTS, _MOST_DOCUMENT, _MOST_DONE, _MOST_JUDGED = 200, 20_000, 20_000_000, 100, 500
 #: Longest line of a command [byte].
 _LINE = 4_000_000
 
@@ -48,6 +48,8 @@ class Job:
         The last progress: task, done, total, left [s].
     tests : dict of str to dict
         Each test as it was reduced: verdict and remarks.
+    judged : deque of dict
+        Judgements of a watch, the last ones.
     messages : deque of str
         What the command said on standard error.
     document : dict
@@ -61,6 +63,7 @@ class Job:
     phase: Phase = Phase.WAITING
     task: dict[str, Any] = field(default_factory=dict)
     tests: dict[str, dict[str, Any]] = field(default_factory=dict)
+    judged: deque[dict[str, Any]] = field(default_factory=lambda: deque(maxlen=_MOST_JUDGED))
     messages: deque[str] = field(default_factory=lambda: deque(maxlen=_MOST_MESSAGES))
     document: Any = None
     code: int | None = None
@@ -195,6 +198,10 @@ async def _said(process: asyncio.subprocess.Process, job: Job) -> None:
 
 def _take(job: Job, event: dict[str, Any]) -> None:
     if "task" in event:
+        job.task = event
+    elif "judged" in event:
+        job.judged.append(event["judged"])
+    elif "watching" in event:
         job.task = event
     elif "test" in event and len(job.tests) < _MOST_TESTS:
         job.tests[str(event["test"])] = {"verdict": event["verdict"], "remarks": event["remarks"]}

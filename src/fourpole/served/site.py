@@ -32,6 +32,7 @@ _SCRIPTS = (
     "run.js",
     "recording.js",
     "statement.js",
+    "watch.js",
     "explore.js",
     "model.js",
     "plan.js",
@@ -44,6 +45,8 @@ STATIC = {
     "app.css": ("fourpole.served.static", "text/css"),
     **dict.fromkeys(_SCRIPTS, ("fourpole.served.static", "text/javascript")),
 }
+#: Largest number of folders that are watched at a time.
+MOST_WATCHES = 8
 #: Largest body of a form or of a list of files [byte].
 MOST_BODY = 20_000_000
 
@@ -56,6 +59,8 @@ class Site:
     jobs: Jobs
     uploads: Uploads
     held: Held = field(default_factory=Held)
+    #: Watches, which run beside the other jobs.
+    watches: Jobs = field(default_factory=lambda: Jobs(MOST_WATCHES))
     #: Figures are drawn one at a time: their style is a setting of matplotlib.
     drawing: threading.Lock = field(default_factory=threading.Lock)
 

@@ -1,0 +1,103 @@
+"""The command that judges each recording as a logger writes it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from fourpole import quantities as q
+from fourpole.app import events
+from fourpole.app.console import out, print_json, say
+from fourpole.report.rows import DYNAMIC, STATIC, condition, words
+from fourpole.study.watch import Judged, Watch
+
+#: Time between two looks [s].
+_EVERY = 0.5
+#: Time without a new recording after which all tests are analysed together [s].
+_QUIET = 5.0
+_MARKS = {"ok": "ok", "warning": "WARNING", "rejected": "REJECTED"}
+
+
+def run_watch(folder: Path, *, as_json: bool) -> None:
+    """Print the judgement on each new recording until Ctrl-C."""
+    watch = Watch(folder)
+    watch.warm()
+    if events.wanted():
+        events.tell(watching=str(folder))
+    say(f"watching {folder}; Ctrl-C ends it")
+    joint = _Joint(folder)
+    try:
+        while True:
+            judged = watch.look()
+            for one in judged:
+                if events.wanted():
+                    events.tell(judged=document(one))
+                elif as_json:
+                    print_json(document(one))
+                else:
+                    _print(one)
+            for text in joint.follow(bool(judged)):
+                say(text)
+            time.sleep(_EVERY)
+    finally:
+        joint.stop()
+
+
+class _Joint:
+    """The analysis of all tests, in a process of its own whenever new ones are judged and no more come."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._last, self._due = folder, 0.0, False
+        self._process: subprocess.Popen[str] | None = None
+
+    def follow(self, new: bool) -> list[str]:
+        """Start it when it is time; its last line when it is done."""
+        now = time.monotonic()
+        if new:
+            self._last, self._due = now, True
+        if self._process is not None and self._process.poll() is not None:
+            said, _ = self._process.communicate()
+            self._process = None
+            lines = [line for line in said.splitlines() if line.strip()]
+            return [f"all tests together: {line}" for line in lines if " tests, " in line or "report:" in line]
+        if self._process is None and self._due and now - self._last > _QUIET:
+            self._due = False
+            command = [sys.executable, "-m", "fourpole", "analyse", str(self._folder)]
+            self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        return []
+
+    def stop(self) -> None:
+        """End it as Ctrl-C does."""
+        if self._process is not None:
+            self._process.send_signal(signal.SIGINT)
+            self._process.communicate()
+
+
+def document(one: Judged) -> dict[str, Any]:
+    """A judgement as plain data, with its results in words."""
+    return {**asdict(one), "condition": _condition(one), "results": _results(one)}
+
+
+def _condition(one: Judged) -> str:
+    if not one.row:
+        return ""
+    where = condition(one.row, dynamic=q.FREQUENCY.head in one.row)
+    return ", ".join(part for part in (str(one.row.get("tyre") or ""), where) if part)
+
+
+def _results(one: Judged) -> list[str]:
+    """The results of the test in words, each with its unit."""
+    shown = DYNAMIC if q.FREQUENCY.head in one.row else STATIC
+    return [f"{column.symbol} {said}" for column in shown[4:8] if one.row and (said := words(column, one.row))]
+
+
+def _print(one: Judged) -> None:
+    where = _condition(one)
+    out(f"{_MARKS[one.verdict]:<9} {one.test}{f': {where}' if where else ''}")
+    for text in (*one.remarks, *_results(one), *(f"guessed: {text}" for text in one.doubts)):
+        out(f"          {text}")

@@ -1,0 +1,289 @@
+"""A folder that a logger writes into: each recording that is all there is judged by itself and with the rig as found.
+
+The judgement is that of `analyse` on the recording, the static tests, and the last tests at its condition, with the rig
+as the last analysis found it. The joint answer of all tests is a new analysis.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import time
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.schema import RigFile, Stated
+from fourpole.core.checks import worst_verdict
+from fourpole.core.sources import Kind
+from fourpole.errors import FourpoleError
+from fourpole.guess.gather import FolderContents, gather_more, recording_files
+from fourpole.guess.together import guess_more
+from fourpole.guess.write import Row, quoted, tests_csv
+from fourpole.io.source import decode, read_bytes
+from fourpole.io.staging import staged
+from fourpole.io.write import write_text
+from fourpole.study.results import Results, read_results
+from fourpole.study.study import Study, analyse
+from fourpole.units import column_unit
+
+#: Time for which a file must not change before it counts as all there [s].
+SETTLED = 1.0
+#: Time after which a file that cannot be read is answered as such, in case that it is still being written [s].
+_PATIENCE = 3.0
+#: Number of former tests at the condition of a recording with which it is compared.
+_FORMER = 4
+_MOST_BYTES = 200_000_000
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The judgement on one recording.
+
+    Attributes
+    ----------
+    test, file : str
+    verdict : {"ok", "warning", "rejected"}
+    remarks : tuple of str
+        The reasons, with what to do.
+    row : dict of str to value
+        Its first row of static.csv or dynamic.csv, by the heads of the columns; empty if it was not analysed.
+    doubts : tuple of str
+        What was guessed of the test, and may be wrong.
+    """
+
+    test: str
+    file: str
+    verdict: str
+    remarks: tuple[str, ...] = ()
+    row: dict[str, Any] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass
+class _File:
+    """A file as it was last seen, since when it has been so, and whether that was answered."""
+
+    state: tuple[int, int]
+    since: float
+    answered: bool = False
+
+
+class Watch:
+    """Looks at a campaign's folder again and again.
+
+    Parameters
+    ----------
+    folder : Path
+        A campaign; its tests.csv may name recordings that are not there yet. Recordings that it does not name get a
+        row of it, as `init` would guess it.
+    clock : callable
+        The time now [s].
+
+    Raises
+    ------
+    CampaignError
+        If the folder has no campaign.
+    """
+
+    def __init__(self, folder: Path, *, clock: Any = time.monotonic) -> None:
+        self.folder, self._clock = folder, clock
+        campaign = read_campaign(folder)
+        named = {test.file for test in campaign.tests}
+        self._files: dict[Path, _File] = {}
+        self._known = FolderContents()
+        for path, state in self._present():
+            # What stands in tests.csv when the watch begins was there before; the rest is new.
+            known = path.relative_to(folder).as_posix() in named
+            self._files[path] = _File(state, clock() - (0 if not known else SETTLED), answered=known)
+
+    def warm(self) -> None:
+        """Judge a test that is there already, so that the first new one does not wait for libraries to load."""
+        campaign = read_campaign(self.folder)
+        there = [test for test in campaign.tests if test.kind != "static" and (self.folder / test.file).is_file()]
+        for test in there[-1:]:
+            gather_more(self.folder, [self.folder / test.file])
+            self._judged(campaign, test, ())
+
+    def look(self) -> list[Judged]:
+        """The judgements on recordings that have been all there since the last look, each once for each content."""
+        now = self._clock()
+        ready = [path for path, state in self._present() if self._is_ready(path, state, now)]
+        judged: list[Judged] = []
+        for path in ready:
+            found = self._judge(path)
+            if found:
+                judged += found
+                self._files[path].answered = True
+        return judged
+
+    def _present(self) -> Iterable[tuple[Path, tuple[int, int]]]:
+        for path in recording_files(self.folder):
+            with suppress(OSError):
+                stat = path.stat()
+                yield path, (stat.st_size, stat.st_mtime_ns)
+
+    def _is_ready(self, path: Path, state: tuple[int, int], now: float) -> bool:
+        seen = self._files.get(path)
+        if seen is None or seen.state != state:
+            self._files[path] = _File(state, now)
+            return False
+        return not seen.answered and now - seen.since >= SETTLED
+
+    def _judge(self, path: Path) -> list[Judged]:
+        """The judgements on the tests of a file; none if it may still be written."""
+        name = path.relative_to(self.folder).as_posix()
+        waited = self._clock() - self._files[path].since
+        campaign = read_campaign(self.folder)
+        tests = [test for test in campaign.tests if test.file.partition("#")[0] == name or test.file == name]
+        doubts: dict[str, tuple[str, ...]] = {}
+        if not tests:
+            more = gather_more(self.folder, [path])
+            why = [one.problem for one in more.recordings if one.problem] + [reason for _, reason in more.left_out]
+            if why or not more.recordings:
+                said = f"{why[0] if why else 'it is no recording'}; it is judged again when the file changes"
+                return [Judged(path.stem, name, "rejected", (said,))] if waited >= _PATIENCE else []
+            rows = guess_more(self.folder, self._known, more)
+            self._known.recordings += more.recordings
+            doubts = add_rows(self.folder, campaign, rows)
+            campaign = read_campaign(self.folder)
+            tests = [test for test in campaign.tests if test.name in doubts]
+        judged = [self._judged(campaign, test, doubts.get(test.name, ())) for test in tests]
+        cut = any(one.verdict == "rejected" for one in judged) and waited < _PATIENCE
+        return [] if cut else judged
+
+    def _judged(self, campaign: Campaign, test: Test, doubts: tuple[str, ...]) -> Judged:
+        former = _former(self.folder)
+        compared = [*(one for one in campaign.tests if one.kind == "static"), *_alike(campaign, test, former)]
+        tests = tuple(dict.fromkeys([one.name for one in (*compared, test)]))
+        some = tuple(one for one in campaign.tests if one.name in tests)
+        try:
+            study = analyse(
+                replace(_with_rig(campaign, former), tests=some), cache=self.folder / "results" / "cache", workers=1
+            )
+        except FourpoleError as error:
+            return Judged(test.name, test.file, "rejected", (str(error),), doubts=doubts)
+        return _judgement(study, test, doubts)
+
+
+def _judgement(study: Study, test: Test, doubts: tuple[str, ...]) -> Judged:
+    one = study.tests[test.name]
+    rows = one.rows
+    return Judged(
+        test=test.name,
+        file=test.file,
+        verdict=worst_verdict(rows[q.VERDICT.head].to_list()),
+        remarks=one.remarks,
+        row=rows.row(0, named=True),
+        doubts=doubts,
+    )
+
+
+def _former(folder: Path) -> Results | None:
+    """The results of the last analysis, if there are any that can be read."""
+    with suppress(FourpoleError):
+        return read_results(folder / "results")
+    return None
+
+
+def _with_rig(campaign: Campaign, former: Results | None) -> Campaign:
+    """The campaign with its one rig as the last analysis found it, where that fits."""
+    rigs = campaign.stated.all_rigs
+    if former is None or list(rigs) != [""] or not former.rigs or not former.rigs[0].fits:
+        return campaign
+    found = dict(rigs[""].values)
+    for value in former.rigs[0].values:
+        name = value.source.of if value.source.kind is Kind.RIG_VALUE else ""
+        if name in found and value.found is not None and value.found_std is not None:
+            found[name] = Stated(value.found, value.found_std, assumed=False)
+    rig = RigFile.model_construct(values=found, output=rigs[""].output)
+    return replace(campaign, stated=campaign.stated.model_copy(update={"rig": rig}))
+
+
+def _alike(campaign: Campaign, test: Test, former: Results | None) -> list[Test]:
+    """The last tests that were used at the condition of a test."""
+    used: set[str] = set()
+    if former is not None and not former.dynamic.is_empty():
+        used = set(former.dynamic.filter(pl.col(q.VERDICT.head) != "rejected")[q.TEST.head].to_list())
+    names = ("pressure", "preload", "frequency", "temperature", "added_mass")
+    found = [
+        one
+        for one in campaign.tests
+        if one.name in used
+        and (one.kind, one.tyre, one.rig, one.band) == (test.kind, test.tyre, test.rig, test.band)
+        and all(_near(one.value(name), test.value(name)) for name in names)
+    ]
+    return found[-_FORMER:]
+
+
+def _near(one: float | None, other: float | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return abs(one - other) <= 0.01 * max(abs(one), abs(other))
+
+
+def add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
+    """Write further rows into tests.csv, and specimens that are new into campaign.toml; returns the doubts of each.
+
+    A specimen that the names do not tell is the campaign's, if it has one; else that of the last test.
+    """
+    text = decode(read_bytes(folder / "tests.csv", max_bytes=_MOST_BYTES), "tests.csv")[0].lstrip("\ufeff")
+    taken = {test.name for test in campaign.tests}
+    last = next((test.tyre for test in reversed(campaign.tests) if test.tyre), "")
+    specimens = list(campaign.stated.all_specimens)
+    named: list[Row] = []
+    for row in rows:
+        told = row.tyre not in ("", "unnamed", Path(row.file).stem)
+        tyre = row.tyre if told or not last else specimens[0] if len(specimens) == 1 else last
+        name, number = row.name, 2
+        while name in taken:
+            name, number = f"{row.name}-{number}", number + 1
+        taken.add(name)
+        named.append(replace(row, name=name, tyre="" if row.kind == "calibration" else tyre))
+    new = [one for one in dict.fromkeys(row.tyre for row in named) if one and one not in specimens]
+    with staged(folder) as place:
+        write_text(place / "tests.csv", _joined(text, tests_csv(named)))
+        if new:
+            stated = decode(read_bytes(folder / "campaign.toml", max_bytes=_MOST_BYTES), "campaign.toml")[0]
+            tables = "".join(f"\n[tyres.{_key(name)}]\n" for name in new)
+            write_text(place / "campaign.toml", f"{stated.rstrip()}\n{tables}")
+    return {row.name: tuple(text for _, text in row.doubts) for row in named}
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
+
+
+def _joined(text: str, more: str) -> str:
+    """A table with the rows of another below it; columns that it lacks are added at its end."""
+    delimiter = max(",;\t", key=text.split("\n", 1)[0].count)
+    (heads, *rows), (others, *added) = (
+        [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(one, newline=""), delimiter=by) if row]
+        for one, by in ((text, delimiter), (more, ","))
+    )
+    names = [column_unit(head)[0].casefold() for head in heads]
+    places = []
+    for head in others:
+        name = column_unit(head)[0].casefold()
+        name = "specimen" if name == "tyre" and "tyre" not in names else name
+        if name not in names:
+            heads, names = [*heads, head], [*names, name]
+        at = names.index(name)
+        # A cell may have a unit of its own, where the column has another.
+        places.append((at, "" if heads[at] == head else column_unit(head)[1] or ""))
+    table = [row + [""] * (len(heads) - len(row)) for row in rows]
+    for cells in added:
+        row = [""] * len(heads)
+        for (at, unit), cell in zip(places, cells, strict=False):
+            row[at] = f"{cell} {unit}" if cell and unit else cell
+        table.append(row)
+    made = io.StringIO()
+    csv.writer(made, lineterminator="\n", delimiter=delimiter).writerows([heads, *table])
+    return made.getvalue()
