@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from fourpole.app.shown import with_u
+from fourpole.report.digits import with_u
 
 #: A number with an exponent as a program writes it; the end of a cell that was cut.
 CUT = re.compile(r"\d[eE][+-]?\d|…")

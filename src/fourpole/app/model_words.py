@@ -8,14 +8,13 @@ from typing import Any
 
 from fourpole import quantities as q
 from fourpole.app.console import out, print_table, say, warn
-from fourpole.app.shown import PLUS_MINUS, cell, with_u
 from fourpole.core.wording import first_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import number
-from fourpole.report.words.models import discrepancy, place, verdicts
+from fourpole.report.digits import PLUS_MINUS, cell, number, with_u
+from fourpole.report.words.models import discrepancy, lacking, place, verdicts
 
 _MOST_ROWS = 40
 #: More parameters than this are listed one below the other, for the first so many conditions.
@@ -186,9 +185,5 @@ def show_row(row: Mapping[str, Any], units: ShownUnits) -> None:
         name, _, si = head.removesuffix("]").partition(" [")
         out(f"{name:<12} {cell(row, head, units)} {units.unit(si)[0]}".rstrip())
     out(PLUS_MINUS)
-    if row[q.K1.head] is None:
-        say("K1, K2 and C: none; the model states no static stiffness")
-    elif row[q.K2.head] is None:
-        say("K2 and C: none; no passive arm beside K1 has this K*")
-    if row[q.TR.head] is None:
-        say("TR: none without a rig; state --mass and --preload-stiffness")
+    for line in lacking(row):
+        say(line)

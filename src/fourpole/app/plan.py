@@ -13,30 +13,22 @@ from fourpole import quantities as q
 from fourpole.app.console import frequencies, out, print_json, print_table, say
 from fourpole.app.options import BareRig, PlanOptions
 from fourpole.campaign import read_campaign
-from fourpole.core.plan import MASSES, PLAN_ROUTES, Advice, Outcome, advise
+from fourpole.core.plan import MASSES, Advice, Outcome, advise
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError, UnitError
 from fourpole.io.staging import staged
 from fourpole.io.write import write_table
 from fourpole.planning.plan import (
-    AS_STATED,
     CampaignPlan,
     Guess,
-    RigPlan,
     Run,
     bare_plan,
     plan_campaign,
     plan_table,
 )
 from fourpole.planning.runsheet import run_sheet
-from fourpole.study.identified import NOT_LINEAR
+from fourpole.report.words.plan import AdviceInWords, advice_in_words, expected_tables
 from fourpole.study.study import make_folder
-
-_SHORT = {"mobility": "mobility", "relative": "relative", "transmissibility": "transmiss.", "joint": "joint"}
-_MOST_FREQUENCIES = 16
-_MOST_WAYS = 5
-#: A remedy that leaves more than this share of the uncertainty is shown as no gain.
-_NO_GAIN = 0.98
 
 
 def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder: Path | None, *, as_json: bool) -> None:
@@ -67,8 +59,8 @@ def _show(
     for note in planned.notes:
         say(f"note: {note}")
     _show_tables(frame)
-    for item, found in zip(planned.rigs, advice, strict=False):
-        for line in _advice(item, found, several=len(planned.rigs) > 1):
+    for found in advice_in_words(planned, advice):
+        for line in _advice(found):
             out(line)
     for path in files:
         out(f"{'run sheet' if path == files[-1] and seed is not None else 'written'}: {path}")
@@ -125,81 +117,31 @@ def _written(frame: pl.DataFrame, folder: Path, wanted: float | None) -> list[Pa
 
 def _show_tables(frame: pl.DataFrame) -> None:
     """Print a table for each of K*, K2 and C: a row per frequency, a column per route and added mass."""
-    stated = frame.filter(pl.col("plan") == AS_STATED)
-    columns = _columns(frame)
-    every = sorted(frame[q.FREQUENCY.head].unique().to_list())
-    kept = every
-    if len(every) > _MOST_FREQUENCIES:
-        kept = [every[round(at * (len(every) - 1) / (_MOST_FREQUENCIES - 1))] for at in range(_MOST_FREQUENCIES)]
-    tests = frame.select("rig", "test").n_unique()
-    out(f"Relative standard uncertainty to expect, in %: {tests} tests, median over those of one frequency")
-    for quantity in (q.K_STAR, q.K2, q.C):
+    found = expected_tables(frame)
+    out(found.heading)
+    for one in found.tables:
         out()
-        median = pl.col(quantity.relative_head).median()
-        found = [dict(one.group_by(q.FREQUENCY.head).agg(median).iter_rows()) for one in columns.values()]
-        heads = (f"u({quantity.symbol}) [%]", *columns)
-        rows = [(f"{one:.4g} Hz", *(_percent(each.get(one)) for each in found)) for one in kept]
-        print_table(heads, rows, right=heads)
-    if len(kept) < len(every):
-        out(f"({len(kept)} of {len(every)} frequencies shown; plan.csv has all)")
-    high = stated[q.K2.relative_head].max()
-    if isinstance(high, float) and high > NOT_LINEAR:
-        out("(above some 30 % the true scatter has tails that no standard uncertainty describes)")
+        print_table(one.heads, one.rows, right=one.heads)
+    for note in found.notes:
+        out(note)
 
 
-def _columns(frame: pl.DataFrame) -> dict[str, pl.DataFrame]:
-    """Rows of the plan by the head of their column: each route as stated, then the joint route with each mass."""
-    found = {}
-    for (plan, route), rows in frame.group_by("plan", "route", maintain_order=True):
-        if plan == AS_STATED:
-            found[_SHORT[str(route)]] = rows
-        elif route == "joint":
-            found[f"joint+{str(plan).removeprefix('with ')}"] = rows
-    order = [_SHORT[route] for route in PLAN_ROUTES]
-    return dict(sorted(found.items(), key=lambda item: order.index(item[0]) if item[0] in order else len(order)))
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.3g}"
-
-
-def _advice(item: RigPlan, found: Advice, *, several: bool) -> Iterator[str]:
+def _advice(found: AdviceInWords) -> Iterator[str]:
     """Lines that say which remedies reach the wanted uncertainty."""
     yield ""
-    where = f"rig {item.name}: " if several else ""
-    goal = f"{100 * found.wanted:g} % of K2 and C (median over the tests, {found.route} route)"
-    yield f"{where}wanted {goal}; the plan as it is: {_both(found.now)}"
-    if found.reached:
-        yield "reached: nothing more is needed"
+    yield found.goal
+    yield from found.remarks
+    if not found.alone:
         return
-    if found.of_k1 > found.wanted:
-        yield (
-            f"K1 alone leaves {100 * found.of_k1:.2g} %, however good the dynamic tests are: "
-            "every remedy needs better static tests"
-        )
     yield "each remedy alone:"
-    for outcome in found.alone:
-        mark = "reaches it" if outcome.worst <= found.wanted else "not enough"
-        mark = "no gain   " if outcome.worst > _NO_GAIN * found.now.worst else mark
-        yield f"  {mark}  {_line(outcome)}"
-    if found.reaching:
+    for way in found.alone:
+        yield f"  {way.mark:<10}  {way.line}"
+    if found.nearest is None:
         yield "remedies that reach it, least effort first:"
-        for outcome in found.reaching[:_MOST_WAYS]:
-            yield f"  {_line(outcome)}"
+        for way in found.reaching:
+            yield f"  {way.line}"
     else:
-        yield f"no remedy tried reaches it; nearest: {_line(found.nearest)}"
-
-
-def _line(outcome: Outcome) -> str:
-    return f"{_duration(outcome.minutes):>7}  {_both(outcome)}  {outcome.text}"
-
-
-def _duration(minutes: float) -> str:
-    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"
-
-
-def _both(outcome: Outcome) -> str:
-    return f"K2 {100 * outcome.k2:.2g} %, C {100 * outcome.c:.2g} %"
+        yield f"no remedy tried reaches it; nearest: {found.nearest.line}"
 
 
 def _document(

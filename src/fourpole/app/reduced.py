@@ -14,7 +14,6 @@ from fourpole import quantities as q
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.options import TableChoice, answered_in
-from fourpole.app.shown import PLUS_MINUS, with_u
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_resonance
@@ -24,7 +23,7 @@ from fourpole.errors import LoadCurveError, RigError
 from fourpole.io.tables.curve import read_curve
 from fourpole.io.tables.kstar import KStarTable, read_k_star
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import number
+from fourpole.report.digits import PLUS_MINUS, number, with_u
 from fourpole.study.static import branch_check
 
 

@@ -9,10 +9,10 @@ from typing import Any
 from rich.text import Text
 
 from fourpole.app.console import out, print_json, print_table, table_width, without_controls
-from fourpole.app.shown import PLUS_MINUS
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
+from fourpole.report.digits import PLUS_MINUS
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.shared_values import DASH, GROUPS, ShownValue

@@ -11,7 +11,6 @@ import numpy as np
 
 from fourpole.app.console import out, print_json, print_table, progress, say, warn
 from fourpole.app.options import ShiftOptions
-from fourpole.app.shown import PLUS_MINUS, with_u
 from fourpole.errors import UnitError
 from fourpole.fitting.measured import MASTER
 from fourpole.fitting.shifting import (
@@ -31,7 +30,7 @@ from fourpole.io.staging import staged
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.models.overlap import LEVEL, LOSS, ONE_CURVE, Overlap
 from fourpole.models.shift_law import CONSTANTS, ShiftLaw
-from fourpole.report.digits import number
+from fourpole.report.digits import PLUS_MINUS, number, with_u
 
 _DECADE = np.log(10.0)
 _MOST_ROWS = 60

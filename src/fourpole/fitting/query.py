@@ -15,6 +15,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AMPLITUDE, AXES
+from fourpole.core.polar import polar
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitudequery import (
@@ -128,6 +129,20 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         row |= {q.OUTSIDE.head: apart, "remarks": "; ".join(every)}
         rows.append({name: _finite(value) for name, value in row.items()})
     return rows
+
+
+def polar_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
+    """Modulus of K* and loss angle (N,) of the rows of an answer, with their standard uncertainties, by column."""
+    heads = (*q.STORAGE.heads, *q.LOSS.heads, q.CORR_K.head)
+    real, u_real, imag, u_imag, cross = (np.array([one[head] for one in rows], dtype=float) for head in heads)
+    values, slopes = polar(real + 1j * imag)
+    cross = np.nan_to_num(cross) * u_real * u_imag
+    covariance = np.stack([np.stack([u_real**2, cross], -1), np.stack([cross, u_imag**2], -1)], -2)
+    stds = np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", slopes, covariance, slopes), 0.0))
+    found: dict[str, FloatArray] = {}
+    for at, one in enumerate((q.MODULUS, q.LOSS_ANGLE)):
+        found |= dict(zip(one.heads, (values[:, at], stds[:, at]), strict=True))
+    return found
 
 
 @dataclass(frozen=True)

@@ -212,6 +212,8 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
             f"{first_of(bands, _NAMED)}: random tests and sweeps are not planned, their uncertainty follows from the "
             "coherence"
         )
+    if left_out := [test.name for test in planned if test.excluded]:
+        notes.append(f"tests with a reason in the column excluded are planned as the others: {first_of(left_out, _NAMED)}")
     rigs = []
     for name in dict.fromkeys(test.rig for test in planned):
         tests = tuple(test for test in planned if test.rig == name)
@@ -233,7 +235,7 @@ def _to_plan(campaign: Campaign) -> list[Test]:
     if not planned:
         raise CampaignError("tests.csv: lists no dynamic test, so there is nothing to plan")
     for test in planned:
-        if test.problem:
+        if test.problem and not test.excluded:
             raise CampaignError(test.problem)
         if test.value("frequency") is None:
             raise CampaignError(f"tests.csv row {test.row}: frequency [Hz] is blank: a plan needs one for each test")

@@ -21,7 +21,8 @@ from fourpole.plot.panels import numbered
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 
 _KEY = "plan"
-_TITLE = "Uncertainty to expect of K*, K2 and C"
+#: Title of the figure.
+PLAN_TITLE = "Uncertainty to expect of K*, K2 and C"
 _COLUMNS = ((q.K_STAR.relative_head, "K*"), (q.K2.relative_head, "K2"), (q.C.relative_head, "C"))
 #: Heads of the uncertainty that K1 contributes, and of the value that it is divided by.
 _OF_K1 = {"K2": (q.K2.u_head_from(q.K1), q.K2.head), "C": (q.C.u_head_from(q.K1), q.C.head)}
@@ -149,6 +150,11 @@ def _same_limits(panels: list[Axes], style: Style) -> None:
         numbered(ax, "y", most=5)
 
 
+def plan_figure_svg(figure: Figure) -> str:
+    """The figure that `draw_plan` returned as a whole SVG file."""
+    return figure_bytes(figure, _KEY, PLAN_TITLE, "svg").decode()
+
+
 def write_plan_figure(figure: Figure, path: str | Path, style: Style | None = None) -> Path:
     """Write the figure in one step; the same plan gives the same bytes.
 
@@ -174,5 +180,5 @@ def write_plan_figure(figure: Figure, path: str | Path, style: Style | None = No
         If the file cannot be written.
     """
     path = Path(path)
-    write_bytes(path, figure_bytes(figure, _KEY, _TITLE, path.suffix.lower().removeprefix("."), style))
+    write_bytes(path, figure_bytes(figure, _KEY, PLAN_TITLE, path.suffix.lower().removeprefix("."), style))
     return path

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import polars as pl
 from markupsafe import Markup
 
@@ -23,22 +25,29 @@ _MOST = 1000
 
 def render_compared(compared: Compared) -> str:
     """The page as text; whatever the results state is escaped, and the page loads and runs nothing."""
-    shown = _most_different(compared)
-    rows = shown_rows(compared, _MOST)
     return rendered(
-        {"page": packaged("compared.html")},
-        names=compared.names,
-        outcome=outcome(compared),
-        common=compared.common,
-        rows=rows,
-        more=compared.rows.height - len(rows),
-        differs=DIFFERS,
-        not_seen=NOT_SEEN,
-        figure=_address(shown, compared) if shown.height else "",
-        where=_state(shown, compared) if shown.height else "",
+        {"page": packaged("compared.html"), "compared": packaged("parts/compared.html")},
+        compared=compared_parts(compared),
         style=Markup(packaged("page.css")),
         version=VERSION,
     )
+
+
+def compared_parts(compared: Compared) -> dict[str, Any]:
+    """What the template "compared" shows of a comparison."""
+    shown = _most_different(compared)
+    rows = shown_rows(compared, _MOST)
+    return {
+        "names": compared.names,
+        "outcome": outcome(compared),
+        "common": compared.common,
+        "rows": rows,
+        "more": compared.rows.height - len(rows),
+        "differs": DIFFERS,
+        "not_seen": NOT_SEEN,
+        "figure": _address(shown, compared) if shown.height else "",
+        "where": _state(shown, compared) if shown.height else "",
+    }
 
 
 def _most_different(compared: Compared) -> pl.DataFrame:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,14 +12,21 @@ from fourpole.core.condition import Axis
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import fixed, known, number, with_std
 from fourpole.findings.facts import Measured
-from fourpole.quantities import Quantity
+from fourpole.quantities import Quantity, ShownUnits
 
-__all__ = ["decimals_of", "expanded", "in_unit", "known", "number", "rounded", "spread", "with_interval", "with_std"]
+__all__ = [
+    "PLUS_MINUS", "cell", "decimals_of", "expanded", "in_unit", "known", "number", "rounded", "spread", "with_interval",
+    "with_std", "with_u",
+]  # fmt: skip
 
 #: Up to this number values are listed one by one; more are given as a range.
 _LISTED = 8
 #: From this size on a number is shown with a power of ten.
 _LARGE = 1e7
+#: A relative standard uncertainty below this is not shown.
+_NEGLIGIBLE = 1e-8
+#: What stands after a number.
+PLUS_MINUS = "± is U (k = 2)"
 
 
 def expanded(value: float, std: float) -> tuple[str, str]:
@@ -82,3 +90,32 @@ def spread(values: Iterable[object], axis: Axis, unit: str, *, scale: float = 1.
     if len(found) <= _LISTED:
         return f"{', '.join(found)} {unit}"
     return f"{found[0]} to {found[-1]} {unit} ({len(found)} values)"
+
+
+def with_u(value: float | None, std: float | None, scale: float = 1.0) -> str:
+    """A value with U in the unit shown, both to the second digit of U.
+
+    Examples
+    --------
+    >>> with_u(435012.3, 59.0, 1e3), with_u(0.30366, None)
+    ('435.01 ± 0.12', '0.3037')
+    """
+    if value is None:
+        return ""
+    std = std if std is not None and std > _NEGLIGIBLE * abs(value) else None
+    text, u = with_std(value / scale, None if std is None else COVERAGE_FACTOR * std / scale)
+    return f"{text} ± {u}" if u else text
+
+
+def cell(row: Mapping[str, Any], head: str, units: ShownUnits) -> str:
+    """A value of a row by the head of its column, with U where the row has an uncertainty."""
+    value = row[head]
+    if value is None or isinstance(value, str):
+        return value or ""
+    name, _, si = head.removesuffix("]").partition(" [")
+    std = row.get(f"u({name}) [{si}]")
+    scale = units.unit(si)[1]
+    if std is not None:
+        return with_u(value, std, scale)
+    text = number(value / scale, 5)
+    return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text

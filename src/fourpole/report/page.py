@@ -38,7 +38,7 @@ PARTS = {
     name: packaged(f"parts/{name}.html")
     for name in (
         "macros", "front", "tested", "findings", "rig", "rig-as-found", "limits", "results", "remarks", "models",
-        "figures", "cards", "run",
+        "figures", "cards", "run", "compared",
     )
 }  # fmt: skip
 #: The scripts of the page, in their order: tables, curves, and what is the page's own.

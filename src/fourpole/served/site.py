@@ -63,6 +63,8 @@ class Site:
     watches: Jobs = field(default_factory=lambda: Jobs(MOST_WATCHES))
     #: Figures are drawn one at a time: their style is a setting of matplotlib.
     drawing: threading.Lock = field(default_factory=threading.Lock)
+    #: Reports are printed one at a time: each takes a browser.
+    printing: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
         loader = ChoiceLoader([PackageLoader("fourpole.served", "templates"), DictLoader(PARTS)])

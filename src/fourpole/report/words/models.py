@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -189,7 +190,7 @@ def query_command(entry: MapEntry, *, several: bool) -> str:
     parts = ["fourpole query map.json"]
     if several:
         parts.append(tyre_option(entry.tyre))
-    for axis, value in zip(entry.axes, _inside(entry), strict=True):
+    for axis, value in zip(entry.axes, inside(entry), strict=True):
         column = axis.column
         unit, scale, option = _axis(column)
         if option == "--at":
@@ -207,7 +208,7 @@ def tyre_option(name: str) -> str:
     return f"--tyre {shlex.quote(name)}"
 
 
-def _inside(entry: MapEntry) -> Sequence[float]:
+def inside(entry: MapEntry) -> Sequence[float]:
     """The middle of the tested conditions to three digits if it is inside them, otherwise a tested condition."""
     axes = map_of(entry).axes
     if not axes.names:
@@ -216,3 +217,15 @@ def _inside(entry: MapEntry) -> Sequence[float]:
     if axes.outside(middle)[0] == 0:
         return [float(value) for value in middle]
     return [float(value) for value in axes.points[len(axes.points) // 2]]
+
+
+def lacking(row: Mapping[str, Any]) -> list[str]:
+    """What an answer of a model file does not have, with the reason; `row` is one of `fourpole.fitting.query.ask`."""
+    said = []
+    if row[q.K1.head] is None:
+        said.append("K1, K2 and C: none; the model states no static stiffness")
+    elif row[q.K2.head] is None:
+        said.append("K2 and C: none; no passive arm beside K1 has this K*")
+    if row[q.TR.head] is None:
+        said.append("TR: none without a rig; state --mass and --preload-stiffness")
+    return said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import AsyncIterator
 from typing import Any
 
@@ -18,10 +19,17 @@ from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.units import shown
 
-#: The commands that a page may start, with the options that it may give.
-COMMANDS = {"analyse": ("--models", "--no-models"), "init": ("--force",), "fit": (), "map": ()}
+#: The commands that a page may start, with the options that it may give, as patterns.
+COMMANDS = {
+    "analyse": r"--models|--no-models",
+    "init": r"--force",
+    "fit": r"--(model|share|static)=[\w:.+-]{1,40}",
+    "map": r"--model=[\w:.+-]{1,40}",
+}
 #: What a command is called on the page while it runs.
 _DOING = {"analyse": "Analysing", "init": "Looking at the files", "fit": "Fitting models", "map": "Fitting the map"}
+#: The page that shows what a command made.
+_NEXT = {"init": ("statement",), "fit": ("model",), "map": ("model",)}
 
 
 def routes(site: Site) -> list[Route]:
@@ -45,9 +53,9 @@ def routes(site: Site) -> list[Route]:
         place, form = site.place(request), await body_of(request)
         command = form.get("command") if isinstance(form, dict) else None
         options = form.get("options", []) if isinstance(form, dict) else []
-        if command not in COMMANDS or not all(one in COMMANDS[command] for one in options):
+        if command not in COMMANDS or not all(re.fullmatch(COMMANDS[command], str(one)) for one in options):
             raise CampaignError(f"no command {shown(str(command))} with these options can be started here")
-        site.jobs.start(place, command, *options)
+        site.jobs.start(place, command, *map(str, options))
         return Response(status_code=204)
 
     async def stop(request: Request) -> Response:
@@ -88,7 +96,7 @@ def _document(site: Site, place: Place, job: Job, told: int = 0) -> dict[str, An
     """What the page shows of a job, with the tests that it does not have yet."""
     tests = list(job.tests.items())[told:]
     done = job.phase is Phase.DONE
-    following = address(place, "statement") if job.name == "init" else address(place)
+    following = address(place, *_NEXT.get(job.name, ()))
     return {
         "phase": job.phase,
         "before": site.jobs.before(job) if job.phase is Phase.WAITING else 0,

@@ -1,0 +1,201 @@
+"""Model: what was fitted and why, the map with sliders, and all exports; fitting and mapping run as jobs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from markupsafe import Markup
+from starlette.background import BackgroundTask
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from fourpole.errors import CampaignError, FourpoleError
+from fourpole.export.kinds import KINDS, Takes, export_results
+from fourpole.models.families import FAMILIES
+from fourpole.models.shape import shape_of
+from fourpole.report.cards import embedded
+from fourpole.report.pdf import print_page
+from fourpole.served.answers import Source, answer, sources
+from fourpole.served.figures import LinkedFigure, figure_of
+from fourpole.served.held import Shown
+from fourpole.served.site import Site, address
+from fourpole.served.workspace import Place, state_of
+
+#: Figures of models and maps, in the order of the page.
+_FIGURES = ("storage-loss", "model-choice", "spectrum", "amplitude", "map")
+#: What the address may state of a shape.
+_SHAPE = ("mode", "height", "area", "poisson", "bonded", "bulk")
+_PDF = "pdf"
+
+
+def routes(site: Site) -> list[Route]:
+    """The page, the answer at a point, and files for other programs."""
+
+    async def page(request: Request) -> Response:
+        place = site.place(request)
+        if not (place.results / "study.json").is_file():
+            return RedirectResponse(address(place, "run"), 303)
+        return await site.page("model.html", lambda: _shown(site, place, dict(request.query_params)))
+
+    async def ask(request: Request) -> Response:
+        place = site.place(request)
+        return JSONResponse(await run_in_threadpool(_answer, site, place, dict(request.query_params)))
+
+    async def export(request: Request) -> Response:
+        place, kind = site.place(request), request.path_params["kind"]
+        folder = Path(tempfile.mkdtemp(prefix="fourpole-"))
+        cleaning = BackgroundTask(shutil.rmtree, folder, ignore_errors=True)
+        try:
+            path, notes = await run_in_threadpool(_exported, site, place, kind, dict(request.query_params), folder)
+        except BaseException:
+            await cleaning()
+            raise
+        headers = {"X-Notes": quote(json.dumps(notes))}
+        return FileResponse(path, filename=f"{place.key}-{path.name}", headers=headers, background=cleaning)
+
+    return [
+        Route("/c/{key}/model", page),
+        Route("/c/{key}/model/answer", ask),
+        Route("/c/{key}/export/{kind}", export),
+    ]
+
+
+def _results(site: Site, place: Place) -> Shown:
+    shown = site.held.of(place)
+    if shown is None:
+        raise CampaignError("the results were deleted a moment ago: run the analysis again")
+    return shown
+
+
+def _shown(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
+    shown = _results(site, place)
+    results = shown.results
+    known = sources(results)
+    source = known.get(asked.get("tyre", "")) or next(iter(known.values()), None)
+    found = None if source is None else _answered(shown, source, asked)
+    return {
+        **shown.parts,
+        "campaign": place,
+        "state": state_of(place),
+        "opened": "models",
+        "specimens": list(known),
+        "source": source,
+        "asked": {} if source is None else _asked(source, asked),
+        "beyond": "beyond" in asked,
+        "answer": found,
+        "data": Markup(embedded(found["curves"] if found else None)),
+        "pictures": _figures(site, shown),
+        "fitted": results.models is not None,
+        "mapped": results.maps is not None,
+        "families": _families(),
+        "exports": _exports(shown),
+    }
+
+
+def _families() -> list[str]:
+    """Names of models; of one that needs a size, the small ones."""
+    found = [one.removesuffix("[:N]") for one in FAMILIES]
+    return [name for one in found for name in ([one.replace("N", size) for size in "234"] if ":N" in one else [one])]
+
+
+def _figures(site: Site, shown: Shown) -> list[LinkedFigure]:
+    """The figures of models and maps: those of the report, or drawn where it has none."""
+    results = shown.results
+    if results.models is None and results.maps is None:
+        return []
+    figures = {figure.key: figure for _, figure in shown.parts["figures"]}
+    made = []
+    for key in _FIGURES:
+        if key in figures:
+            made.append(LinkedFigure(figures[key], shown))
+        elif not figures and (one := figure_of(site, shown, results, key)) is not None:
+            made.append(one)
+    return made
+
+
+def _asked(source: Source, asked: Mapping[str, str]) -> dict[str, str]:
+    """The numbers that the form shows, in the units of the fields."""
+    found = {}
+    for one in source.fields:
+        number = asked.get(one.name, "").removesuffix(one.unit).strip()
+        found[one.name] = number or f"{one.value:.10g}"
+    return found
+
+
+def _answered(shown: Shown, source: Source, asked: Mapping[str, str]) -> dict[str, Any]:
+    units = {one.name: one.unit for one in source.fields}
+    # A form without script sends bare numbers, which are in the unit beside the field.
+    stated = {
+        name: f"{text} {units[name]}" if _is_bare(text) and name in units else text for name, text in asked.items()
+    }
+    return answer(shown.results, source, stated, beyond="beyond" in asked)
+
+
+def _is_bare(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _answer(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
+    shown = _results(site, place)
+    known = sources(shown.results)
+    if asked.get("tyre", "") not in known:
+        raise CampaignError("there is no model of this specimen: it was fitted again a moment ago; load the page again")
+    return _answered(shown, known[asked["tyre"]], asked)
+
+
+def _exports(shown: Shown) -> list[dict[str, Any]]:
+    """The kinds of file that these results have what they need for."""
+    has = {
+        Takes.RESULTS: True,
+        Takes.MODEL: shown.results.models is not None,
+        Takes.MAP: shown.results.maps is not None,
+    }
+    return [
+        {"kind": name, "about": kind.about, "file": kind.file, "shaped": kind.shaped}
+        for name, kind in KINDS.items()
+        if has.get(kind.takes)
+    ]
+
+
+def _exported(site: Site, place: Place, kind: str, asked: Mapping[str, str], folder: Path) -> tuple[Path, list[str]]:
+    """A file for another program in a temporary folder, and what it leaves out."""
+    if kind == _PDF:
+        return _printed(site, place, folder), []
+    if kind not in KINDS:
+        raise CampaignError("there is no such kind of file: load the page again")
+    stated: dict[str, Any] = {name: asked[name] for name in _SHAPE if asked.get(name)}
+    shape = None if not KINDS[kind].shaped else shape_of(stated)
+    made = export_results(place.results, kind, folder / KINDS[kind].file, shape=shape)
+    if not made.path.is_dir():
+        return made.path, list(made.notes)
+    return Path(shutil.make_archive(str(folder / made.path.name), "zip", made.path)), list(made.notes)
+
+
+def _printed(site: Site, place: Place, folder: Path) -> Path:
+    """The report as PDF: that of the results if it is not older than the page, else printed now."""
+    page, path = place.results / "report.html", place.results / "report.pdf"
+    try:
+        if path.is_file() and path.stat().st_mtime_ns >= page.stat().st_mtime_ns:
+            return Path(shutil.copy(path, folder / path.name))
+    except OSError:
+        pass
+    if not page.is_file():
+        raise CampaignError("these results have no report: fourpole report makes one")
+    try:
+        with site.printing:
+            print_page(page, folder / path.name)
+    except FourpoleError as error:
+        raise CampaignError(str(error).replace(", which --pdf needs", "")) from None
+    return folder / path.name

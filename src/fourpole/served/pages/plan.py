@@ -1,0 +1,165 @@
+"""Plan: the uncertainty to expect before testing, what to test next and what it gains, and the run sheet."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from fourpole.campaign import read_campaign
+from fourpole.core.plan import MASSES, advise
+from fourpole.errors import CampaignError, FourpoleError
+from fourpole.planning.plan import CampaignPlan, Guess, Run, plan_campaign, plan_table
+from fourpole.planning.runsheet import run_sheet
+from fourpole.plot.plan import PLAN_TITLE, draw_plan, plan_figure_svg
+from fourpole.report.page import ReportFigure
+from fourpole.report.words.plan import advice_in_words, expected_tables
+from fourpole.served.site import Site
+from fourpole.served.workspace import Place, state_of, version_of
+from fourpole.units import quantity
+
+#: Fields of the form: what is asked, kind of quantity, whether zero is a value, and an example.
+FIELDS = {
+    "wanted": ("Wanted uncertainty of K2 and C", "ratio", False, "1 %"),
+    "k1": ("Guessed K1", "stiffness", False, "from results"),
+    "k2": ("Guessed K2", "stiffness", False, "from results"),
+    "c": ("Guessed C", "damping", False, "from results"),
+    "std_k1": ("u(K1)", "ratio", True, "2 %, or as found"),
+    "noise": ("Noise of an amplitude at 40 cycles", "ratio", True, "0.01 %"),
+    "cycles": ("Cycles per test", "", False, "40"),
+    "eccentricity": ("Amplitude of the contact", "displacement", False, "1 mm"),
+}
+#: Largest number of repeats of a run sheet, and of added masses.
+_MOST_REPEATS, _MOST_MASSES = 100, 8
+#: Number of plans that are held.
+_MOST_HELD = 8
+
+
+def routes(site: Site) -> list[Route]:
+    """The page, what it computes, and the run sheet."""
+    held = _Held()
+
+    async def page(request: Request) -> Response:
+        place, asked = site.place(request), dict(request.query_params)
+        return await site.page(
+            "plan.html",
+            lambda: {
+                "campaign": place,
+                "state": state_of(place),
+                "fields": FIELDS,
+                "asked": {name: asked.get(name, "") for name in (*FIELDS, "added_mass")},
+                "query": str(request.query_params),
+                "masses": "; ".join(f"{one:g} kg" for one in MASSES),
+            },
+        )
+
+    async def expected(request: Request) -> Response:
+        place, asked = site.place(request), dict(request.query_params)
+        return await site.page("expected.html", lambda: held.of(site, place, asked))
+
+    async def sheet(request: Request) -> Response:
+        place, asked = site.place(request), dict(request.query_params)
+        content = await run_in_threadpool(_sheet, place, asked)
+        name = f"{place.key}-tests.csv"
+        return Response(
+            content, media_type="text/csv", headers={"Content-Disposition": f'attachment; filename="{name}"'}
+        )
+
+    return [
+        Route("/c/{key}/plan", page),
+        Route("/c/{key}/plan/expected", expected),
+        Route("/c/{key}/plan/run-sheet.csv", sheet),
+    ]
+
+
+class _Held:
+    """The plans that were made last; one is made at a time."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._found: OrderedDict[Any, dict[str, Any]] = OrderedDict()
+
+    def of(self, site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
+        """What the page shows of a plan."""
+        state = state_of(place)
+        key = (place.key, version_of(place.folder), state.analysed, tuple(sorted(asked.items())))
+        with self._lock:
+            if key not in self._found:
+                try:
+                    self._found[key] = _expected(site, place, asked)
+                except FourpoleError as error:
+                    return {"campaign": place, "fault": str(error)}
+                while len(self._found) > _MOST_HELD:
+                    self._found.popitem(last=False)
+            self._found.move_to_end(key)
+            return self._found[key]
+
+
+def _expected(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
+    planned, masses = _planned(place, asked), _masses(asked)
+    frame = plan_table(planned, masses or MASSES)
+    wanted = _stated(asked).get("wanted")
+    advice = [] if wanted is None else [advise(item.plan, wanted, masses=masses or MASSES) for item in planned.rigs]
+    with site.drawing:
+        svg = plan_figure_svg(draw_plan(frame, wanted=wanted))
+    return {
+        "campaign": place,
+        "fault": "",
+        "notes": planned.notes,
+        "advice": advice_in_words(planned, advice),
+        "expected": expected_tables(frame),
+        "figure": ReportFigure("plan", PLAN_TITLE, "", svg),
+    }
+
+
+def _planned(place: Place, asked: Mapping[str, str]) -> CampaignPlan:
+    stated = _stated(asked)
+    run = {name: stated[name] for name in ("noise", "cycles", "eccentricity") if name in stated}
+    guess = Guess(*(stated.get(name) for name in ("k1", "k2", "c", "std_k1")))
+    return plan_campaign(read_campaign(place.folder), guess, Run(**run))
+
+
+def _stated(asked: Mapping[str, str]) -> dict[str, float]:
+    """The values that the address states, in SI."""
+    found = {}
+    for name, (label, kind, zero, _) in FIELDS.items():
+        text = asked.get(name, "").strip()
+        if not text:
+            continue
+        value = quantity(text, kind) if kind else _whole(label, text, 10**9)
+        if value < 0 or (value == 0 and not zero):
+            raise CampaignError(f"{label}: {text} must be positive")
+        found[name] = value
+    return found
+
+
+def _masses(asked: Mapping[str, str]) -> tuple[float, ...]:
+    """The added masses that the address states [kg]."""
+    found = [quantity(one, "mass") for one in asked.get("added_mass", "").split(";") if one.strip()]
+    if len(found) > _MOST_MASSES or any(one <= 0 for one in found):
+        raise CampaignError(f"added masses: at most {_MOST_MASSES} positive ones, as 5 kg; 10 kg")
+    return tuple(dict.fromkeys(found))
+
+
+def _sheet(place: Place, asked: Mapping[str, str]) -> bytes:
+    """The run sheet as CSV."""
+    repeats = _whole("repeats", asked.get("repeats", "") or "1", _MOST_REPEATS)
+    seed = _whole("seed", asked.get("seed", "") or "1982", 2**32 - 1)
+    table = run_sheet(_planned(place, asked), masses=_masses(asked), repeats=repeats, seed=seed)
+    return table.write_csv().encode()
+
+
+def _whole(name: str, text: str, most: int) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if not 1 <= value <= most:
+        raise CampaignError(f"{name}: state a whole number from 1 to {most}")
+    return value
