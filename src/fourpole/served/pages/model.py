@@ -51,7 +51,7 @@ def routes(site: Site) -> list[Route]:
 
     async def export(request: Request) -> Response:
         place, kind = site.place(request), request.path_params["kind"]
-        folder = Path(tempfile.mkdtemp(prefix="fourpole-"))
+        folder = Path(tempfile.mkdtemp(prefix="fourpole-export-"))
         cleaning = BackgroundTask(shutil.rmtree, folder, ignore_errors=True)
         try:
             path, notes = await run_in_threadpool(_exported, site, place, kind, dict(request.query_params), folder)
@@ -171,6 +171,8 @@ def _exports(shown: Shown) -> list[dict[str, Any]]:
 
 def _exported(site: Site, place: Place, kind: str, asked: Mapping[str, str], folder: Path) -> tuple[Path, list[str]]:
     """A file for another program in a temporary folder, and what it leaves out."""
+    if not (place.results / "study.json").is_file():
+        raise CampaignError("nothing is analysed yet: run the analysis first")
     if kind == _PDF:
         return _printed(site, place, folder), []
     if kind not in KINDS:

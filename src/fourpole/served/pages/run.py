@@ -23,8 +23,8 @@ from fourpole.units import shown
 COMMANDS = {
     "analyse": r"--models|--no-models",
     "init": r"--force",
-    "fit": r"--(model|share|static)=[\w:.+-]{1,40}",
-    "map": r"--model=[\w:.+-]{1,40}",
+    "fit": r"--(model|share|static)=\w[\w:.+-]{0,39}",
+    "map": r"--model=\w[\w:.+-]{0,39}",
 }
 #: What a command is called on the page while it runs.
 _DOING = {"analyse": "Analysing", "init": "Looking at the files", "fit": "Fitting models", "map": "Fitting the map"}

@@ -1,0 +1,289 @@
+"""Figures, model, plan and comparison as pages: what they answer is what the commands answer."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote, urlencode
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, expect
+from tests.report.browser import launched
+from tests.served.server import Server, serving
+from tests.served.test_pages import LONG, visiting
+
+from fourpole.app.models import run_map
+from fourpole.app.options import DataOptions
+from fourpole.findings.compared import compare
+from fourpole.fitting.modelfile import read_model_file
+from fourpole.fitting.query import Query, ask
+from fourpole.report.digits import cell
+from fourpole.report.words.compared import outcome
+from fourpole.study.results import read_results
+
+POINT = {"tyre": "radial-ply", "pressure": "1.9 bar", "frequency": "13.7 Hz"}
+
+
+@pytest.fixture(scope="module")
+def mapped(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server with two campaigns, one of them with a map."""
+    root = tmp_path_factory.mktemp("mapped")
+    shutil.copytree(analysed, root / "one")
+    run_map(root / "one" / "results", "auto", DataOptions(), None, as_json=True)
+    shutil.copytree(analysed, root / "two")
+    shutil.copytree(analysed, root / "bare", ignore=shutil.ignore_patterns("results"))
+    (root / "two" / "results" / "model.json").unlink()
+    with serving(root) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with launched() as one:
+        yield one
+
+
+def page_of(server: Server, path: str, **query: str) -> str:
+    status, content, _ = server.ask(f"{path}?{urlencode(query)}" if query else path)
+    assert status == 200, content
+    return content.decode()
+
+
+def test_the_map_answers_what_the_command_answers(mapped: Server) -> None:
+    folder = mapped.root / "one" / "results"
+    state = {"pressure [Pa]": 1.9e5}
+    (row,) = ask(read_model_file(folder / "map.json"), Query([13.7], state, POINT["tyre"]))
+    shown = read_results(folder).shown
+    found = mapped.document(f"/c/one/model/answer?{urlencode(POINT)}")
+    assert found["fault"] == ""
+    texts = {one["symbol"]: one["text"] for one in found["rows"]}
+    for symbol, head in (("K′", "Re K* [N/m]"), ("K″", "Im K* [N/m]"), ("K2", "K2 [N/m]"), ("C", "C [N s/m]")):
+        assert texts[symbol] == cell(row, head, shown)
+    assert {"|K*|", "δ", "η", "K1", "TR"} <= texts.keys()
+    panels = {one["symbol"]: one for one in found["curves"]["panels"]}
+    grid = found["curves"]["frequency"]
+    near = min(range(len(grid)), key=lambda at: abs(grid[at] - 13.7))
+    (there,) = ask(read_model_file(folder / "map.json"), Query([grid[near]], state, POINT["tyre"]))
+    assert panels["K′"]["y"][near] == pytest.approx(there["Re K* [N/m]"] / 1e3, rel=1e-5)
+    assert panels["K′"]["half"][near] == pytest.approx(1.96 * there["u(Re K*) [N/m]"] / 1e3, rel=1e-3)
+    assert all(text in page_of(mapped, "/c/one/model", **POINT) for text in texts.values())
+
+
+def test_outside_the_tests_the_command_speaks(mapped: Server) -> None:
+    outside = {**POINT, "pressure": "4 bar"}
+    found = mapped.document(f"/c/one/model/answer?{urlencode(outside)}")
+    assert "4 bar is outside what was measured" in found["fault"]
+    assert found["rows"] == []
+    beyond = mapped.document(f"/c/one/model/answer?{urlencode({**outside, 'beyond': '1'})}")
+    assert beyond["fault"] == ""
+    assert "outside what was measured" in beyond["remarks"][0]
+    for wrong in ("much", "1 furlong", "nan bar", "9" * 400):
+        found = mapped.document(f"/c/one/model/answer?{urlencode({**POINT, 'pressure': wrong})}")
+        assert found["fault"]
+    assert mapped.ask("/c/one/model/answer?tyre=nobody", headers={"Accept": "*/*"})[0] == 400
+
+
+def left_over() -> set[str]:
+    """Folders of exports that were not deleted."""
+    return {path.name for path in Path(tempfile.gettempdir()).glob("fourpole-export-*")}
+
+
+@pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf"])
+def test_exports_are_sent_and_nothing_is_left(mapped: Server, kind: str, tmp_path: Path) -> None:
+    before = left_over()
+    status, content, headers = mapped.ask(f"/c/one/export/{kind}", headers={"Accept": "*/*"})
+    assert status == 200, content
+    assert len(content) > 100
+    assert 'filename="one-' in headers["content-disposition"]
+    assert isinstance(json.loads(re.sub("%..", lambda found: chr(int(found[0][1:], 16)), headers["x-notes"])), list)
+    until = time.monotonic() + 10
+    while not left_over() <= before and time.monotonic() < until:
+        time.sleep(0.05)
+    assert left_over() <= before
+    assert not (mapped.root / "one" / "results" / "results.mat").exists()
+
+
+def test_an_export_that_cannot_be_says_why(mapped: Server) -> None:
+    for address, why in (
+        ("/c/two/export/prony", "model"),
+        ("/c/one/export/nothing", "no such kind"),
+        ("/c/one/export/prony?mode=shear&height=10", "height"),
+        ("/c/bare/export/mat", "run the analysis first"),
+    ):
+        status, content, _ = mapped.ask(address, headers={"Accept": "application/json"})
+        assert status == 400
+        assert why in json.loads(content)["error"]
+
+
+def test_a_figure_of_any_quantity_over_any_axis(mapped: Server) -> None:
+    page = page_of(mapped, "/c/one/explore", quantity="k2", over="pressure")
+    assert "/c/one/tests/D1" in page
+    assert "<svg" in page
+    assert "K2 over pressure" in page
+    assert "K2 [kN/m] over pressure [bar]" in page
+    part = page_of(mapped, "/c/one/explore", quantity="k2", over="frequency", specimen="radial-ply", pressure="1.7 bar")
+    tests = read_results(mapped.root / "one" / "results").dynamic
+    for row in tests.iter_rows(named=True):
+        there = f'<th scope="row" class="name"><a href="/c/one/tests/{row["test"]}">' in part
+        assert there == (row["tyre"] == "radial-ply" and abs(row["pressure [Pa]"] / 1.7e5 - 1) < 0.02)
+    assert "<svg" in page_of(mapped, "/c/one/explore", figure="nyquist")
+
+
+def test_a_wrong_choice_is_said_on_the_page(mapped: Server) -> None:
+    for query, why in (
+        ({"quantity": "<b>"}, "no quantity &#39;&lt;b&gt;&#39;"),
+        ({"quantity": "k2", "over": "colour"}, "no axis"),
+        ({"figure": "nowhere"}, "no figure"),
+        ({"specimen": "<i>x</i>"}, "&lt;i&gt;x&lt;/i&gt;"),
+        ({"pressure": "9 bar"}, "bar"),
+        ({"quantity": "cycle_loss", "over": "frequency"}, "hold nothing that this figure shows"),
+    ):
+        page = page_of(mapped, "/c/one/explore", **query)
+        assert why in page.partition('role="alert"')[2]
+        assert "<b>'" not in page
+
+
+@pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_a_figure_is_saved(mapped: Server, form: str, begin: bytes) -> None:
+    status, content, headers = mapped.ask(f"/c/one/figure.{form}?quantity=c&over=pressure", headers={"Accept": "*/*"})
+    assert status == 200
+    assert content.startswith(begin)
+    assert f"one-c-over-pressure.{form}" in headers["content-disposition"]
+
+
+def test_the_plan_is_that_of_the_command(mapped: Server) -> None:
+    page = page_of(mapped, "/c/one/plan/expected", wanted="0.01 %")
+    assert "Wanted 0.01 % of K2 and C" in page
+    assert "Each remedy alone" in page
+    assert "u(K2) [%]" in page
+    status, content, headers = mapped.ask("/c/one/plan/run-sheet.csv?added_mass=5%20kg&repeats=2")
+    assert status == 200
+    assert content.startswith(b"test,file,kind,tyre")
+    assert b"-5kg" in content
+    assert "one-tests.csv" in headers["content-disposition"]
+    assert "is not known yet: guess it" in page_of(mapped, "/c/bare/plan/expected")
+    guessed = {"k1": "180 kN/m", "k2": "120 kN/m", "c": "700 N s/m"}
+    assert "u(K2) [%]" in page_of(mapped, "/c/bare/plan/expected", **guessed)
+    for wrong in ({"wanted": "-1 %"}, {"cycles": "many"}, {"added_mass": "5 m"}, {"k1": "<b>"}):
+        assert 'role="alert"' in page_of(mapped, "/c/one/plan/expected", **wrong)
+
+
+def test_the_comparison_is_that_of_the_command(mapped: Server) -> None:
+    page = page_of(mapped, "/compare", a="one", first="cross-ply", second="radial-ply")
+    expected = compare(mapped.root / "one", specimens=("cross-ply", "radial-ply"))
+    assert outcome(expected) in page
+    both = page_of(mapped, "/compare", a="one", b="two")
+    assert outcome(compare(mapped.root / "one", mapped.root / "two")) in both
+    assert "Choose a second campaign" in page_of(mapped, "/compare", a="one")
+    assert "there is no such campaign" in page_of(mapped, "/compare", a="nobody")
+    assert 'role="alert"' in page_of(mapped, "/compare", a="one", first="cross-ply", second="cross-ply")
+
+
+def test_options_of_a_command_are_those_that_it_has(mapped: Server) -> None:
+    for options in (["--out=/tmp/x"], ["--model=a b"], ["--model=../x"], ["--share=--out"], ["x"], [7]):
+        status, _, _ = mapped.ask("/c/two/run", "POST", {"command": "fit", "options": options})
+        assert status == 400, options
+
+
+def test_the_sliders_answer_and_stand_in_the_address(browser: Browser, mapped: Server) -> None:
+    with visiting(browser, mapped) as page:
+        page.goto("/c/one/model?tyre=radial-ply")
+        expect(page.locator("#curves svg")).to_have_count(4)
+        first = page.locator("#answers").inner_text()
+        slider = page.locator("[data-for=pressure]")
+        slider.focus()
+        for _ in range(20):
+            page.keyboard.press("ArrowRight")
+        expect(page.locator("#answers")).not_to_have_text(first)
+        page.wait_for_url("**pressure=**")
+        value = page.locator("[name=pressure]").input_value()
+        said = slider.get_attribute("aria-valuetext")
+        assert said == f"{value} bar"
+        page.wait_for_load_state("networkidle")
+        answer = page.locator("#answers").inner_text()
+        page.reload()
+        assert page.locator("[name=pressure]").input_value() == value
+        assert page.locator("#answers").inner_text() == answer
+        page.fill("[name=frequency]", "90")
+        expect(page.locator("#fault")).to_contain_text("90 Hz is outside the measured band")
+        page.get_by_label("Answer outside").check()
+        expect(page.locator("#fault")).to_be_hidden()
+        expect(page.locator("#remarks")).to_contain_text("octaves outside the measured band")
+
+
+def test_a_model_is_fitted_from_the_page(browser: Browser, mapped: Server) -> None:
+    with visiting(browser, mapped) as page:
+        page.goto("/c/two/model")
+        expect(page.get_by_text("No model was fitted yet")).to_be_visible()
+        page.select_option("[name=model]", "zener")
+        page.get_by_role("button", name="Fit", exact=True).click()
+        page.wait_for_url("**/run")
+        expect(page.locator("#next")).to_be_visible(timeout=LONG)
+        page.click("#next")
+        page.wait_for_url("**/model")
+        expect(page.locator("#h-models")).to_be_visible()
+        assert read_model_file(mapped.root / "two" / "results" / "model.json").models[0].model == "zener"
+        (mapped.root / "two" / "results" / "model.json").unlink()
+
+
+def test_an_export_is_saved_with_what_it_leaves_out(browser: Browser, mapped: Server) -> None:
+    with visiting(browser, mapped) as page:
+        page.goto("/c/one/model")
+        with page.expect_download() as saved:
+            page.get_by_role("link", name="results.mat").click()
+        assert saved.value.suggested_filename == "one-results.mat"
+        expect(page.locator("#exported")).to_contain_text("one-results.mat is saved.")
+
+
+def test_a_choice_shows_its_figure_at_once(browser: Browser, mapped: Server) -> None:
+    with visiting(browser, mapped) as page:
+        page.goto("/c/one/explore")
+        page.select_option("[name=quantity]", "c")
+        expect(page.locator("figcaption b")).to_contain_text("C over frequency")
+        page.select_option("[name=over]", "pressure")
+        expect(page.locator("figcaption b")).to_contain_text("C over pressure")
+        assert "quantity=c&over=pressure" in page.url
+        page.reload()
+        expect(page.locator("figcaption b")).to_contain_text("C over pressure")
+        page.select_option("[name=figure]", "rig-found")
+        expect(page.locator("[name=quantity]")).to_be_disabled()
+        expect(page.locator("figcaption b")).not_to_contain_text("C over")
+        page.go_back()
+        expect(page.locator("figcaption b")).to_contain_text("C over pressure")
+        address = page.locator(".drawing a").first.get_attribute("xlink:href")
+        assert "/tests/" in str(address)
+
+
+def plain(page: Page) -> list[str]:
+    """Violations that keep someone out."""
+    found = Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]})
+    bad = [one for one in found.response["violations"] if one["impact"] in ("serious", "critical")]
+    return [f"{one['id']}: {node['html'][:200]}" for one in bad for node in one["nodes"][:3]]
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize(
+    "address",
+    ["/c/one/explore?quantity=k2&over=pressure", "/c/one/model", "/c/two/model", "/c/one/plan?wanted=0.01+%25",
+     "/compare?a=one&first=cross-ply&second=radial-ply", "/c/bare/plan"],
+)  # fmt: skip
+def test_no_page_keeps_anyone_out(browser: Browser, mapped: Server, address: str, theme: str) -> None:
+    with visiting(browser, mapped, color_scheme=theme) as page:
+        for size in ({"width": 1280, "height": 800}, {"width": 820, "height": 1180}):
+            page.set_viewport_size(size)
+            page.goto(address)
+            expect(page.locator("[aria-busy=true]")).to_have_count(0, timeout=LONG)
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert plain(page) == []
+
+
+def test_a_page_without_results_leads_to_the_run(mapped: Server) -> None:
+    for part in ("explore", "model"):
+        status, _, headers = mapped.ask(f"/c/bare/{part}")
+        assert (status, headers["location"]) == (303, f"/c/{quote('bare')}/run")
