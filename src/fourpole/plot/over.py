@@ -99,10 +99,11 @@ def spec_over(key: str) -> FigureSpec | None:
     if not mark or name not in SHOWN or axis not in OVER:
         return None
     quantity = SHOWN[name]
-    abscissa = _ORDER.name if axis == ORDER else axis_shown(OVER[axis].column, q.ShownUnits())[0]  # type: ignore[union-attr]
+    over = OVER[axis]
+    abscissa = "the order of the tests" if over is None else axis_shown(over.column, q.ShownUnits())[0]
     return FigureSpec(
         key,
-        f"{quantity.column} over {abscissa}",
+        f"{quantity.start} over {abscissa}",
         f"{quantity.start}, with its standard uncertainty where it is known, over {abscissa}; "
         "lines join tests that differ in nothing else.",
         data=partial(quantity_over, quantity=quantity, over=axis),
