@@ -42,6 +42,7 @@ def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Star
     async def life(_: Starlette) -> AsyncIterator[None]:
         yield
         site.uploads.close()
+        site.collector.close()
         await site.watches.close()
         await site.jobs.close()
 

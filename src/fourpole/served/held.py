@@ -6,8 +6,11 @@ import threading
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+from fourpole.campaign import Campaign, read_campaign
+from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
 from fourpole.plot import FIGURES
 from fourpole.report.page import ReportFigure, page_parts
@@ -52,6 +55,7 @@ class Held:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
+        self._campaigns: OrderedDict[str, tuple[Any, Campaign]] = OrderedDict()
         self._shown: OrderedDict[str, tuple[Any, Shown]] = OrderedDict()
 
     def of(self, place: Place) -> Shown | None:
@@ -73,6 +77,24 @@ class Held:
             while len(self._shown) > _MOST:
                 self._shown.popitem(last=False)
         return shown
+
+    def campaign(self, place: Place) -> Campaign:
+        """The statement of a campaign, read again when its files change; CampaignError if it cannot be used."""
+        mark = tuple((path.stat().st_mtime_ns, path.stat().st_size) for path in _statement(place))
+        with self._lock:
+            found = self._campaigns.get(place.key)
+            if found is not None and found[0] == mark:
+                return found[1]
+        campaign = read_campaign(place.folder)
+        with self._lock:
+            self._campaigns[place.key] = (mark, campaign)
+            while len(self._campaigns) > _MOST:
+                self._campaigns.popitem(last=False)
+        return campaign
+
+
+def _statement(place: Place) -> list[Path]:
+    return [path for name in ("campaign.toml", "tests.csv", LIMITS) if (path := place.folder / name).is_file()]
 
 
 def _mark(place: Place) -> tuple[int, ...]:

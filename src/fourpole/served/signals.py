@@ -195,6 +195,13 @@ class _Sink:
             np.stack([np.fmin.reduce(blocks, axis=1), np.fmax.reduce(blocks, axis=1)], axis=1).tofile(self._ends)
 
 
+def warm() -> dict[str, Any]:
+    """Nothing: a worker process that was asked has loaded what `keep` needs."""
+    import fourpole.io.formats.parquet  # noqa: F401
+
+    return {}
+
+
 def fresh_name() -> str:
     """Name of a hidden folder in which samples are collected before they are all there."""
     return f".signals-{secrets.token_hex(6)}.tmp"

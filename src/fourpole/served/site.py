@@ -20,6 +20,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from fourpole.errors import FourpoleError
 from fourpole.report.html import environment, fit
 from fourpole.report.page import PARTS
+from fourpole.served.collecting import Collector
 from fourpole.served.held import Held
 from fourpole.served.jobs import Jobs
 from fourpole.served.uploads import Uploads
@@ -59,6 +60,7 @@ class Site:
     jobs: Jobs
     uploads: Uploads
     held: Held = field(default_factory=Held)
+    collector: Collector = field(default_factory=Collector)
     #: Watches, which run beside the other jobs.
     watches: Jobs = field(default_factory=lambda: Jobs(MOST_WATCHES))
     #: Figures are drawn one at a time: their style is a setting of matplotlib.

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import threading
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
@@ -16,17 +12,15 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from fourpole import quantities as q
-from fourpole.campaign import read_campaign
 from fourpole.campaign.place import inside
 from fourpole.core.phasor import CHANNELS
-from fourpole.errors import CampaignError, FourpoleError
-from fourpole.io.child import read_apart
-from fourpole.io.identity import identity_of
+from fourpole.errors import CampaignError
 from fourpole.report.cards import embedded
 from fourpole.report.digits import number
+from fourpole.served.collecting import Wanted
 from fourpole.served.editing import EXCLUDED, exclude, read_statement
 from fourpole.served.held import Shown
-from fourpole.served.signals import Kept, fresh_name, keep, kept_in, part_of
+from fourpole.served.signals import Kept, part_of
 from fourpole.served.site import Site, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.study.load import group_of
@@ -35,7 +29,6 @@ from fourpole.study.load import group_of
 _WIDTHS = (100, 4000)
 #: Longest reason why a test is left out.
 _LONGEST = 300
-_KEEPING = threading.Lock()
 
 
 def routes(site: Site) -> list[Route]:
@@ -63,7 +56,7 @@ def routes(site: Site) -> list[Route]:
             width = min(max(int(asked.get("width", 800)), _WIDTHS[0]), _WIDTHS[1])
         except ValueError:
             raise CampaignError("the part of the recording is not stated in numbers") from None
-        return JSONResponse(await run_in_threadpool(_part, place, name, first, last, width))
+        return JSONResponse(await run_in_threadpool(_part, site, place, name, first, last, width))
 
     async def leave_out(request: Request) -> Response:
         place, form = site.place(request), await body_of(request)
@@ -82,7 +75,7 @@ def routes(site: Site) -> list[Route]:
 
 
 def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
-    campaign = read_campaign(place.folder)
+    campaign = site.held.campaign(place)
     names = [test.name for test in campaign.tests]
     if name not in names:
         raise CampaignError("there is no such test in tests.csv: it was renamed or removed")
@@ -127,9 +120,11 @@ def _number(value: float | None) -> str:
     return "" if value is None or value != value else number(value, 3)
 
 
-def _part(place: Place, name: str, first: float | None, last: float | None, width: int) -> dict[str, Any]:
-    """A part of all channels of a test; the whole without ends [s]."""
-    kept = _kept(place, name)
+def _part(site: Site, place: Place, name: str, first: float | None, last: float | None, width: int) -> dict[str, Any]:
+    """A part of all channels of a test; the whole without ends [s]; or how much of a long recording is read."""
+    kept = _kept(site, place, name)
+    if isinstance(kept, float):
+        return {"read": kept}
     starts = [one["start"] for one in kept.channels]
     ends = [one["start"] + (one["count"] - 1) / one["rate"] for one in kept.channels]
     low = min(starts) if first is None else first
@@ -148,37 +143,19 @@ def _part(place: Place, name: str, first: float | None, last: float | None, widt
     }
 
 
-def _kept(place: Place, name: str) -> Kept:
+def _kept(site: Site, place: Place, name: str) -> Kept | float:
     """The samples of a test, collected once for each state of its file."""
-    campaign = read_campaign(place.folder)
+    campaign = site.held.campaign(place)
     test = next((one for one in campaign.tests if one.name == name), None)
     if test is None or not test.file:
         raise CampaignError("this test names no recording")
     path = inside(place.folder, test.file)
     roles = ("load", "deflection") if test.kind == "static" else CHANNELS
-    stated = [campaign.stated.channels.named(role) for role in roles]
-    names = [one.column for one in stated if one is not None]
-    units = {one.column: one.unit for one in stated if one is not None and one.unit}
-    identity = identity_of(path)
-    mark = json.dumps([test.file, names, *map(str, identity.parts)])
-    kept = _collected(place, path, group_of(path, test), names, mark)
+    stated = [one for role in roles if (one := campaign.stated.channels.named(role)) is not None]
+    units = {one.column: one.unit for one in stated if one.unit}
+    cache = place.results / "cache" / "signals"
+    wanted = Wanted(path, group_of(path, test), tuple(one.column for one in stated), cache)
+    kept = site.collector.get(wanted)
+    if isinstance(kept, float):
+        return kept
     return replace(kept, channels=[{**one, "unit": one["unit"] or units.get(one["name"], "")} for one in kept.channels])
-
-
-def _collected(place: Place, path: Path, group: str, names: list[str], mark: str) -> Kept:
-    from hashlib import sha256
-
-    folder = place.results / "cache" / "signals" / sha256(mark.encode()).hexdigest()[:24]
-    with _KEEPING:
-        if not (folder / "about.json").is_file():
-            new = folder.with_name(fresh_name())
-            try:
-                folder.parent.mkdir(parents=True, exist_ok=True)
-                read_apart(keep, path, group, names, new, progress=lambda *_: None)
-                new.rename(folder)
-            except (OSError, FourpoleError) as error:
-                shutil.rmtree(new, ignore_errors=True)
-                if isinstance(error, FourpoleError):
-                    raise
-                raise CampaignError(f"the recording cannot be shown: {error.strerror or error}") from None
-    return kept_in(folder)

@@ -33,7 +33,16 @@
     try {
       const query = new URLSearchParams({ width });
       if (from !== undefined) { query.set("from", from); query.set("to", to); }
-      const shown = await app.call(`${box.dataset.address}?${query}`);
+      let shown = await app.call(`${box.dataset.address}?${query}`);
+      while (shown.read !== undefined && number === asked) { // a long recording is read in the background
+        const text = document.createElement("p"), bar = document.createElement("progress");
+        text.textContent = `Reading: ${Math.round(100 * shown.read)} % `;
+        bar.value = shown.read;
+        bar.setAttribute("aria-label", "Read");
+        text.append(bar);
+        box.replaceChildren(text);
+        shown = await app.call(`${box.dataset.address}?${query}`);
+      }
       if (number === asked) show(shown, width);
     } catch (error) {
       const text = document.createElement("p");
