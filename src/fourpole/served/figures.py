@@ -9,9 +9,12 @@ from itertools import zip_longest
 
 from markupsafe import Markup
 
+from fourpole import quantities as q
 from fourpole.plot import FIGURES, draw, figure_data, render
+from fourpole.plot.cardids import dynamic_cards, static_cards
 from fourpole.plot.catalogue import spec_of
 from fourpole.plot.data import Panel, Role, Series
+from fourpole.plot.sheet import texts
 from fourpole.report.digits import number, with_std
 from fourpole.report.page import ReportFigure
 from fourpole.served.held import Shown
@@ -35,7 +38,9 @@ class LinkedFigure:
 
 def linked(drawing: Markup, shown: Shown) -> Markup:
     """A drawing whose links to cards of tests are links to their recordings."""
-    tests = {card.key: card.test for card in shown.cards.values()}
+    results = shown.results
+    tests = {card: test for test, card in static_cards(results).items()}
+    tests |= dict(zip(dynamic_cards(results), texts(results.dynamic, q.TEST.head), strict=True))
 
     def place_of(found: re.Match[str]) -> str:
         test = tests.get(found[1])

@@ -140,6 +140,7 @@
         const notes = JSON.parse(decodeURIComponent(answer.headers.get("X-Notes") ?? "%5B%5D"));
         told.textContent = [`${name} is saved.`, ...notes].join(" ");
       } catch (error) {
+        if ("shaped" in link.dataset) byId("shape").parentElement.open = true;
         told.className = "misfit";
         told.textContent = error.message;
       }
