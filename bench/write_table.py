@@ -22,6 +22,7 @@ SCRIPTS = {
     "bench_models": "Models",
     "bench_cluster": "A cluster",
     "bench_memory": "Memory",
+    "bench_app": "The app",
     "bench_start": "Start-up",
 }
 PACKAGES = ("numpy", "scipy", "polars", "lmfit", "scikit-rf", "pyvisco", "pyimpspec", "impedance", "distributed")

@@ -250,14 +250,13 @@ def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFil
             f"preload: {test.value('preload'):g} N must be positive for a specimen that only stands on the rig; one "
             "that can be pulled belongs under [specimens], with fixed = true"
         )
-    rigs = list(stated.all_rigs)
+    rigs, excluded = list(stated.all_rigs), texts.get("excluded", "")
     rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
-    file, tyre = texts.get("file", ""), texts.get("tyre", "")
-    problem = "; ".join(f"{where}: {problem}" for problem in problems)
-    excluded = texts.get("excluded", "")
+    if excluded:
+        problems = [f"excluded: {units.shown(excluded, 300)[1:-1]}"]
     return replace(
-        test, name=texts["test"], file=file, kind=texts["kind"], tyre=tyre, rig=rig, excluded=bool(excluded),
-        problem=f"{where}: excluded: {units.shown(excluded, 300)[1:-1]}" if excluded else problem,
+        test, name=texts["test"], file=texts.get("file", ""), kind=texts["kind"], tyre=texts.get("tyre", ""), rig=rig,
+        excluded=bool(excluded), problem="; ".join(f"{where}: {problem}" for problem in problems),
     )  # fmt: skip
 
 

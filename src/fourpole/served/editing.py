@@ -14,6 +14,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable, Table
 
+from fourpole import quantities as q
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.source import decode, read_bytes
@@ -257,7 +258,8 @@ def _cells(text: str) -> tuple[list[str], list[list[str]]]:
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=_delimiter(text), skipinitialspace=True)
     rows = [row for row in reader if row]
     if not rows:
-        return ["test", "file", "kind", "tyre", "pressure [bar]", "preload [N]", "frequency [Hz]"], []
+        conditions = (q.PRESSURE, q.PRELOAD, q.FREQUENCY)
+        return ["test", "file", "kind", "tyre", *(one.stated_head for one in conditions)], []
     width = max(map(len, rows))
     heads, *cells = [row + [""] * (width - len(row)) for row in rows]
     return [one.strip() for one in heads], [[one.strip() for one in row] for row in cells if any(map(str.strip, row))]

@@ -1,0 +1,94 @@
+"""Time until the app shows a long recording: python bench/bench_app.py."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from urllib.request import urlopen
+
+import h5py
+import numpy as np
+import polars as pl
+from promises import FOURPOLE, at_most, report
+
+from fourpole.io.convert import Choice, convert
+
+SAMPLES, RATE = 10_000_000, 10_000.0
+ROUNDS = 5
+#: Largest time until the first picture, and of a zoom [s].
+FIRST, ZOOM = 2.0, 0.3
+STATED = """[rig]
+moving_mass = "15 kg"
+preload_stiffness = "12 kN/m"
+[channels]
+time = { column = "t", unit = "s" }
+force_in = { column = "F1", unit = "N" }
+motion_in = { column = "V1", unit = "mm/s" }
+motion_out = { column = "V2", unit = "mm/s" }
+[tyres.a]
+"""
+
+
+def main() -> None:
+    lines = []
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "long"
+        folder.mkdir()
+        names = written(folder)
+        rows = "".join(f"{name},{file},dynamic,a,2,1000,14.3\n" for name, file in names.items())
+        (folder / "campaign.toml").write_text(STATED)
+        (folder / "tests.csv").write_text(f"test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz]\n{rows}")
+        with serving(Path(place)) as address:
+            time.sleep(5)  # its worker processes have started
+            for name in names:
+                signals = f"{address}c/long/tests/{name}/signals?width=1200"
+                first = asked(signals)
+                lines.append(at_most(f"first picture, {SAMPLES} samples x 4, {name}", "", first, FIRST, unit="s"))
+                spans = [(100.0 * at, 100.0 * at + 10.0**at) for at in range(ROUNDS)]
+                found = [asked(f"{signals}&from={low}&to={high}") for low, high in spans]
+                detail = f"largest of {ROUNDS} parts; median {median(found):.3f} s"
+                lines.append(at_most(f"a part of it, {name}", "", max(found), ZOOM, detail, unit="s"))
+    report(lines)
+
+
+def written(folder: Path) -> dict[str, str]:
+    """The same recording in three formats."""
+    t = np.arange(SAMPLES) / RATE
+    columns = {"t": (t, "s"), "F1": (100 * np.sin(90 * t), "N"), "V1": (np.cos(90 * t), "mm/s")}
+    columns["V2"] = (np.cos(90 * t - 0.2), "mm/s")
+    frame = pl.DataFrame({f"{name} [{unit}]": values for name, (values, unit) in columns.items()})
+    frame.write_parquet(folder / "long.parquet")
+    with h5py.File(folder / "long.h5", "w") as file:
+        for name, (values, unit) in columns.items():
+            file.create_dataset(name, data=values).attrs["unit"] = unit
+    convert(folder / "long.parquet", folder / "long.mf4", Choice())
+    return {"Parquet": "long.parquet", "HDF5": "long.h5", "MDF": "long.mf4"}
+
+
+@contextmanager
+def serving(root: Path) -> Iterator[str]:
+    """The app on a folder."""
+    with subprocess.Popen([*FOURPOLE, "app", str(root), "--no-browser"], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().removeprefix("app: ").strip()
+        finally:
+            process.terminate()
+
+
+def asked(address: str) -> float:
+    """Time until the samples are there, asked as the page asks [s]."""
+    start = time.perf_counter()
+    while True:
+        with urlopen(address, timeout=60) as answer:
+            if b'"channels"' in answer.read():
+                return time.perf_counter() - start
+
+
+if __name__ == "__main__":
+    main()
