@@ -239,6 +239,9 @@ def test_an_export_is_saved_with_what_it_leaves_out(browser: Browser, mapped: Se
             page.get_by_role("link", name="results.mat").click()
         assert saved.value.suggested_filename == "one-results.mat"
         expect(page.locator("#exported")).to_contain_text("one-results.mat is saved.")
+        page.get_by_role("link", name="prony.k").click()
+        expect(page.locator("#exported.misfit")).to_contain_text("no elastic moduli")
+        expect(page.get_by_label("Height")).to_be_visible()
 
 
 def test_a_choice_shows_its_figure_at_once(browser: Browser, mapped: Server) -> None:

@@ -33,6 +33,8 @@ _MOST_TYRES, _MOST_COLUMNS = 6, 3
 _OVER = "-over-"
 #: The axis that is the place of a test in tests.csv.
 ORDER = "order"
+#: What lines are, on other axes and over frequency.
+_LINES = ("lines join tests that differ in nothing else", "curves are the model's, with their 95 % band")
 _ORDER = AxisData("number of the test in its table", "1")
 #: Axes by the names that commands take.
 OVER: dict[str, Axis | None] = {one.name: one for one in (FREQUENCY, *AXES, AMPLITUDE)} | {ORDER: None}
@@ -104,8 +106,7 @@ def spec_over(key: str) -> FigureSpec | None:
     return FigureSpec(
         key,
         f"{quantity.start} over {abscissa}",
-        f"{quantity.start}, with its standard uncertainty where it is known, over {abscissa}; "
-        "lines join tests that differ in nothing else.",
+        f"Each test with its standard uncertainty where it is known; {_LINES[axis == FREQUENCY.name]}.",
         data=partial(quantity_over, quantity=quantity, over=axis),
     )
 

@@ -133,8 +133,9 @@
       told.className = "";
       told.textContent = `Making ${link.textContent} …`;
       try {
+        query.set("script", "1");
         const answer = await fetch(`${link.getAttribute("href")}?${query}`);
-        if (!answer.ok) throw new Error((await answer.json()).error);
+        if (!answer.headers.has("Content-Disposition")) throw new Error((await answer.json()).error);
         const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1] ?? link.textContent;
         save(await answer.blob(), name);
         const notes = JSON.parse(decodeURIComponent(answer.headers.get("X-Notes") ?? "%5B%5D"));
