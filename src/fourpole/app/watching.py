@@ -33,15 +33,16 @@ def run_watch(folder: Path, *, as_json: bool) -> None:
     joint = _Joint(folder)
     try:
         while True:
-            judged = watch.look()
-            for one in judged:
+            new = False
+            for one in watch.look():
+                new = True
                 if events.wanted():
                     events.tell(judged=document(one))
                 elif as_json:
                     print_json(document(one))
                 else:
                     _print(one)
-            for text in joint.follow(bool(judged)):
+            for text in joint.follow(new):
                 say(text)
             time.sleep(_EVERY)
     finally:

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -35,9 +35,9 @@ from fourpole.study.study import Study, analyse
 from fourpole.units import column_unit
 
 #: Time for which a file must not change before it counts as all there [s].
-SETTLED = 1.0
+SETTLED = 2.0
 #: Time after which a file that cannot be read is answered as such, in case that it is still being written [s].
-_PATIENCE = 3.0
+_PATIENCE = 3.5
 #: Number of former tests at the condition of a recording with which it is compared.
 _FORMER = 4
 _MOST_BYTES = 200_000_000
@@ -110,19 +110,54 @@ class Watch:
         there = [test for test in campaign.tests if test.kind != "static" and (self.folder / test.file).is_file()]
         for test in there[-1:]:
             gather_more(self.folder, [self.folder / test.file])
-            self._judged(campaign, test, ())
+            self._judged(campaign, test, _former(self.folder), ())
 
-    def look(self) -> list[Judged]:
+    def look(self) -> Iterator[Judged]:
         """The judgements on recordings that have been all there since the last look, each once for each content."""
         now = self._clock()
         ready = [path for path, state in self._present() if self._is_ready(path, state, now)]
-        judged: list[Judged] = []
+        if not ready:
+            return
+        campaign = read_campaign(self.folder)
+        named = _by_file(campaign)
+        strange = [path for path in ready if self._name(path) not in named]
+        doubts: dict[str, tuple[str, ...]] = {}
+        if strange:
+            more = gather_more(self.folder, strange)
+            yield from self._unreadable(strange, more)
+            more.recordings = [one for one in more.recordings if not one.problem]
+            if more.recordings:
+                rows = guess_more(self.folder, self._known, more)
+                self._known.recordings += more.recordings
+                doubts = add_rows(self.folder, campaign, rows)
+                campaign = read_campaign(self.folder)
+                named = _by_file(campaign)
+        former = _former(self.folder)
         for path in ready:
-            found = self._judge(path)
-            if found:
-                judged += found
+            for test in named.get(self._name(path), []):
+                judged = self._judged(campaign, test, former, doubts.get(test.name, ()))
+                if judged.verdict == "rejected" and not self._has_waited(path):
+                    break  # it may still be written
                 self._files[path].answered = True
-        return judged
+                yield judged
+
+    def _unreadable(self, paths: Sequence[Path], more: FolderContents) -> Iterator[Judged]:
+        """The judgements on files that cannot be read, when they have had time to become whole."""
+        why = dict(more.left_out) | {one.file: one.problem for one in more.recordings if one.problem}
+        good = {one.file.partition("#")[0] for one in more.recordings if not one.problem}
+        for path in paths:
+            name = self._name(path)
+            if name not in good and self._has_waited(path):
+                reason = next((text for file, text in why.items() if file.partition("#")[0] == name), "is no recording")
+                self._files[path].answered = True
+                yield Judged(path.stem, name, "rejected", (f"{reason}; it is judged again when the file changes",))
+
+    def _name(self, path: Path) -> str:
+        """Name of a file in tests.csv."""
+        return path.relative_to(self.folder).as_posix()
+
+    def _has_waited(self, path: Path) -> bool:
+        return bool(self._clock() - self._files[path].since >= _PATIENCE)
 
     def _present(self) -> Iterable[tuple[Path, tuple[int, int]]]:
         for path in recording_files(self.folder):
@@ -137,32 +172,9 @@ class Watch:
             return False
         return not seen.answered and now - seen.since >= SETTLED
 
-    def _judge(self, path: Path) -> list[Judged]:
-        """The judgements on the tests of a file; none if it may still be written."""
-        name = path.relative_to(self.folder).as_posix()
-        waited = self._clock() - self._files[path].since
-        campaign = read_campaign(self.folder)
-        tests = [test for test in campaign.tests if test.file.partition("#")[0] == name or test.file == name]
-        doubts: dict[str, tuple[str, ...]] = {}
-        if not tests:
-            more = gather_more(self.folder, [path])
-            why = [one.problem for one in more.recordings if one.problem] + [reason for _, reason in more.left_out]
-            if why or not more.recordings:
-                said = f"{why[0] if why else 'it is no recording'}; it is judged again when the file changes"
-                return [Judged(path.stem, name, "rejected", (said,))] if waited >= _PATIENCE else []
-            rows = guess_more(self.folder, self._known, more)
-            self._known.recordings += more.recordings
-            doubts = add_rows(self.folder, campaign, rows)
-            campaign = read_campaign(self.folder)
-            tests = [test for test in campaign.tests if test.name in doubts]
-        judged = [self._judged(campaign, test, doubts.get(test.name, ())) for test in tests]
-        cut = any(one.verdict == "rejected" for one in judged) and waited < _PATIENCE
-        return [] if cut else judged
-
-    def _judged(self, campaign: Campaign, test: Test, doubts: tuple[str, ...]) -> Judged:
-        former = _former(self.folder)
-        compared = [*(one for one in campaign.tests if one.kind == "static"), *_alike(campaign, test, former)]
-        tests = tuple(dict.fromkeys([one.name for one in (*compared, test)]))
+    def _judged(self, campaign: Campaign, test: Test, former: Results | None, doubts: tuple[str, ...]) -> Judged:
+        compared = [*_statics(campaign, test), *_alike(campaign, test, former)]
+        tests = {one.name for one in (*compared, test)}
         some = tuple(one for one in campaign.tests if one.name in tests)
         try:
             study = analyse(
@@ -205,6 +217,21 @@ def _with_rig(campaign: Campaign, former: Results | None) -> Campaign:
             found[name] = Stated(value.found, value.found_std, assumed=False)
     rig = RigFile.model_construct(values=found, output=rigs[""].output)
     return replace(campaign, stated=campaign.stated.model_copy(update={"rig": rig}))
+
+
+def _by_file(campaign: Campaign) -> dict[str, list[Test]]:
+    """The tests of each file, without the group of `file#group`."""
+    found: dict[str, list[Test]] = {}
+    for test in campaign.tests:
+        for name in dict.fromkeys((test.file, test.file.partition("#")[0])):
+            found.setdefault(name, []).append(test)
+    return found
+
+
+def _statics(campaign: Campaign, test: Test) -> list[Test]:
+    """The static tests that K1 of a test comes from: those of its specimen, at its pressure if there are any."""
+    own = [one for one in campaign.tests if one.kind == "static" and one.tyre == test.tyre and one is not test]
+    return [one for one in own if _near(one.value("pressure"), test.value("pressure"))] or own
 
 
 def _alike(campaign: Campaign, test: Test, former: Results | None) -> list[Test]:
