@@ -149,6 +149,8 @@ def save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
         text = _stated(_text(folder / "campaign.toml"), form)
         former = _text(folder / "tests.csv")
         table = _written(form["heads"], form["rows"], _delimiter(former)) if "heads" in form else None
+    except CampaignError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError):
         raise CampaignError("the form is not whole: load the page again") from None
     with staged(folder) as new:
