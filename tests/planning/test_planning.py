@@ -8,7 +8,7 @@ from fourpole.campaign import read_campaign
 from fourpole.core.plan import expect
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
-from fourpole.planning.plan import AS_STATED, Guess, Run, bare_plan, plan_campaign, plan_table, with_kg
+from fourpole.planning.plan import AS_STATED, Guess, Run, bare_plan, plan, plan_campaign, plan_table, with_kg
 from fourpole.study.results import Results
 
 TOML = """
@@ -58,6 +58,19 @@ def test_a_campaign_is_planned_as_it_states_itself(folder):
     assert plan.statics == 2
     assert any("preload_stiffness" in note for note in planned.notes)
     assert any("K1" in note for note in planned.notes)
+
+
+def test_an_excluded_test_is_planned_as_the_others(folder):
+    tests = folder / "tests.csv"
+    head, *rows = tests.read_text().splitlines()
+    at = next(i for i, row in enumerate(rows) if ",dynamic," in row)
+    lines = [f"{head},excluded", *(f"{row},{'the tyre slipped' if i == at else ''}" for i, row in enumerate(rows))]
+    before = plan(folder, k1=110e3, k2=100e3, c=800.0).table()
+    tests.write_text("\n".join(lines) + "\n")
+    planned = plan(folder, k1=110e3, k2=100e3, c=800.0)
+    assert planned.table().equals(before)
+    name = rows[at].partition(",")[0]
+    assert any(note.endswith(f"planned as the others: {name}") for note in planned.notes)
 
 
 def test_k1_of_tests_csv_counts_where_none_is_guessed(folder):

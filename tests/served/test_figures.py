@@ -217,6 +217,27 @@ def test_the_sliders_answer_and_stand_in_the_address(browser: Browser, mapped: S
         expect(page.locator("#remarks")).to_contain_text("octaves outside the measured band")
 
 
+def test_without_a_map_a_condition_is_chosen(browser: Browser, mapped: Server) -> None:
+    folder = mapped.root / "one" / "results"
+    shutil.move(folder / "map.json", folder / "map.away")
+    try:
+        with visiting(browser, mapped) as page:
+            page.goto("/c/one/model?tyre=radial-ply")
+            first = page.locator("#answers").inner_text()
+            chosen = page.locator("#condition option").nth(1).inner_text()
+            page.select_option("#condition", chosen)
+            page.wait_for_url("**pressure=2.4**")
+            expect(page.locator("#answers")).not_to_have_text(first)
+            page.wait_for_load_state("networkidle")
+            answer = page.locator("#answers").inner_text()
+            assert answer != first
+            page.reload()
+            assert page.locator("#condition").input_value() == chosen
+            assert page.locator("#answers").inner_text() == answer
+    finally:
+        shutil.move(folder / "map.away", folder / "map.json")
+
+
 def test_a_model_is_fitted_from_the_page(browser: Browser, mapped: Server) -> None:
     with visiting(browser, mapped) as page:
         page.goto("/c/two/model")

@@ -91,6 +91,7 @@ def _shown(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]
         "specimens": list(known),
         "source": source,
         "asked": {} if source is None else _asked(source, asked),
+        "condition": "" if source is None else _condition(source, asked),
         "beyond": "beyond" in asked,
         "answer": found,
         "data": Markup(embedded(found["curves"] if found else None)),
@@ -130,6 +131,12 @@ def _asked(source: Source, asked: Mapping[str, str]) -> dict[str, str]:
         number = asked.get(one.name, "").removesuffix(one.unit).strip()
         found[one.name] = number or f"{one.value:.10g}"
     return found
+
+
+def _condition(source: Source, asked: Mapping[str, str]) -> str:
+    """The condition that the address states, in words."""
+    known = source.conditions.items()
+    return next((text for text, one in known if all(asked.get(name) == value for name, value in one.items())), "")
 
 
 def _answered(shown: Shown, source: Source, asked: Mapping[str, str]) -> dict[str, Any]:
