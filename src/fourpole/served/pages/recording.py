@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import polars as pl
 from markupsafe import Markup
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -24,7 +25,12 @@ from fourpole.served.signals import Kept, part_of
 from fourpole.served.site import Site, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.study.load import group_of
+from fourpole.study.recording import read_recording
+from fourpole.study.residual import residual_spectrum
 
+#: What the channels of a test are called, and their units.
+SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
+UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 #: Least and largest number of steps of a picture.
 _WIDTHS = (100, 4000)
 #: Longest reason why a test is left out.
@@ -58,6 +64,10 @@ def routes(site: Site) -> list[Route]:
             raise CampaignError("the part of the recording is not stated in numbers") from None
         return JSONResponse(await run_in_threadpool(_part, site, place, name, first, last, width))
 
+    async def residual(request: Request) -> Response:
+        place, name = site.place(request), request.path_params["test"]
+        return JSONResponse(await run_in_threadpool(_residual, site, place, name))
+
     async def leave_out(request: Request) -> Response:
         place, form = site.place(request), await body_of(request)
         reason = form.get("reason") if isinstance(form, dict) else None
@@ -69,6 +79,7 @@ def routes(site: Site) -> list[Route]:
     return [
         Route("/c/{key}/tests", every),
         Route("/c/{key}/tests/{test}", page),
+        Route("/c/{key}/tests/{test}/residual", residual),
         Route("/c/{key}/tests/{test}/excluded", leave_out, methods=["PUT"]),
         Route("/c/{key}/tests/{test}/signals", signals),
     ]
@@ -159,3 +170,26 @@ def _kept(site: Site, place: Place, name: str) -> Kept | float:
     if isinstance(kept, float):
         return kept
     return replace(kept, channels=[{**one, "unit": one["unit"] or units.get(one["name"], "")} for one in kept.channels])
+
+
+def _residual(site: Site, place: Place, name: str) -> dict[str, Any]:
+    """The spectra of what a dynamic test holds beside its fundamental."""
+    campaign, shown = site.held.campaign(place), site.held.of(place)
+    test = next((one for one in campaign.tests if one.name == name), None)
+    rows = [] if shown is None else shown.results.dynamic.filter(pl.col(q.TEST.head) == name).rows(named=True)
+    if test is None or not rows or rows[0][q.FREQUENCY.head] is None or test.band is not None:
+        raise CampaignError("this test has no fundamental")
+    recording = read_recording(test.file, campaign)
+    found = {role: residual_spectrum(recording, rows[0][q.FREQUENCY.head], role) for role in recording.channels}
+    return {
+        "fundamental": rows[0][q.FREQUENCY.head],
+        "channels": [
+            {
+                "name": SYMBOLS.get(role, role),
+                "unit": UNITS.get(recording.channels[role].quantity, ""),
+                "frequency": one.frequency.tolist(),
+                "amplitude": one.amplitude.tolist(),
+            }
+            for role, one in found.items()
+        ],
+    }

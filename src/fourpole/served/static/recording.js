@@ -83,6 +83,19 @@
     if (ends[1] - ends[0] > (part[1] - part[0]) / 200) move(...ends);
   });
 
+  const residual = byId("residual");
+  if (residual) {
+    app.call(residual.dataset.address).then((found) => {
+      const width = Math.max(280, residual.clientWidth / Math.min(3, residual.clientWidth > 900 ? found.channels.length : 1) - 16);
+      residual.replaceChildren(...found.channels.map((one) => {
+        const across = draw.axis("frequency", "Hz", [one.frequency], { pad: 0, prefixed: false });
+        const up = draw.axis(one.name, one.unit, [one.amplitude], { from: [0, Math.max(...one.amplitude)] });
+        return draw.plot(`${one.name} beside ${found.fundamental.toPrecision(4)} Hz`, across, up,
+          [{ kind: "line", xs: one.frequency, ys: one.amplitude }], { width, height: 180 });
+      }));
+    }).catch((error) => { residual.textContent = error.message; });
+  }
+
   const form = byId("exclude");
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
