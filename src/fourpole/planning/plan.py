@@ -208,12 +208,12 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     if earlier is not None and not _whole(guess):
         notes.append(f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv")
     if bands := [test.name for test in campaign.tests if test.band is not None]:
-        notes.append(
-            f"{first_of(bands, _NAMED)}: random tests and sweeps are not planned, their uncertainty follows from the "
-            "coherence"
-        )
+        named = first_of(bands, _NAMED)
+        notes.append(f"{named}: random tests and sweeps are not planned, their uncertainty follows from the coherence")
     if left_out := [test.name for test in planned if test.excluded]:
-        notes.append(f"tests with a reason in the column excluded are planned as the others: {first_of(left_out, _NAMED)}")
+        notes.append(
+            f"tests with a reason in the column excluded are planned as the others: {first_of(left_out, _NAMED)}"
+        )
     rigs = []
     for name in dict.fromkeys(test.rig for test in planned):
         tests = tuple(test for test in planned if test.rig == name)
