@@ -16,6 +16,8 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 from tests.report.browser import launched
 from tests.served.server import Server, serving
+
+pytestmark = pytest.mark.thorough
 from tests.served.test_pages import LONG, visiting
 
 from fourpole.app.models import run_map

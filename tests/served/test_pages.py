@@ -14,6 +14,8 @@ from playwright.sync_api import Browser, Page, expect
 from tests.report.browser import launched
 from tests.served.server import Server, serving
 
+pytestmark = pytest.mark.thorough
+
 #: Time that an analysis on a busy machine may take [ms].
 LONG = 120_000
 
