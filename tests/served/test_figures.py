@@ -16,8 +16,6 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 from tests.report.browser import launched
 from tests.served.server import Server, serving
-
-pytestmark = pytest.mark.thorough
 from tests.served.test_pages import LONG, visiting
 
 from fourpole.app.models import run_map
@@ -28,6 +26,8 @@ from fourpole.fitting.query import Query, ask
 from fourpole.report.digits import cell
 from fourpole.report.words.compared import outcome
 from fourpole.study.results import read_results
+
+pytestmark = pytest.mark.thorough
 
 POINT = {"tyre": "radial-ply", "pressure": "1.9 bar", "frequency": "13.7 Hz"}
 
