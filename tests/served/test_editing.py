@@ -134,3 +134,35 @@ def test_a_test_is_excluded_and_taken_in_again(folder: Path) -> None:
     assert not read_campaign(folder).tests[0].excluded
     with pytest.raises(CampaignError, match="no such test"):
         exclude(folder, "D9", "x")
+
+
+def test_a_table_in_several_parts_is_filled_in(folder: Path) -> None:
+    first = "[channels.force_in]\ncolumn = 'F1'\nunit = 'N'\n\n[rig]\noutput = 'blocked'\n"
+    other = "[channels.motion_in]\ncolumn = 'V1'\nunit = 'mm'\n[channels.time]\ncolumn = 't'\n[tyres.a]\n"
+    (folder / "campaign.toml").write_text(f"{first}\n{other}")
+    stated = form(folder)
+    stated["channels"]["force_in"]["unit"] = "kN"
+    save(folder, read_statement(folder).version, stated)
+    assert read_campaign(folder).stated.channels.force_in.unit == "kN"
+
+
+@pytest.mark.parametrize("text", ["channels = 3\n", "rig = 4\n", "[channels]\nforce_in = 'F1'\n"])
+def test_a_value_in_place_of_a_table_is_told(folder: Path, text: str) -> None:
+    stated = form(folder)
+    stated["rig"]["moving_mass"] = ["15", "kg", ""]
+    (folder / "campaign.toml").write_text(text)
+    with pytest.raises(CampaignError, match="must be a table"):
+        save(folder, read_statement(folder).version, stated)
+    assert (folder / "campaign.toml").read_text() == text
+
+
+def test_half_a_character_is_refused(folder: Path) -> None:
+    with pytest.raises(CampaignError, match="not whole"):
+        save(folder, read_statement(folder).version, {"text": "title = '\ud800'"})
+    assert (folder / "campaign.toml").read_text() == TOML
+
+
+def test_a_table_without_the_column_test_is_told(folder: Path) -> None:
+    (folder / "tests.csv").write_text("name;file\nD1;d1.csv\n")
+    with pytest.raises(CampaignError, match="no column test"):
+        exclude(folder, "D1", "slipped")

@@ -28,7 +28,10 @@ def test_every_answer_has_the_policy(server: Server) -> None:
         assert headers["x-content-type-options"] == "nosniff"
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "10.0.0.1", "", "[::1"])
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "10.0.0.1", "", "[::1", "evil.example@127.0.0.1"],
+)
 def test_another_host_is_refused(server: Server, host: str) -> None:
     assert server.ask("/", headers={"Host": host})[0] == 421
 
@@ -217,3 +220,75 @@ class TestToken:
             assert "SameSite=strict" in headers["set-cookie"]
             cookie = headers["set-cookie"].split(";")[0]
             assert local.ask("/", headers={"Cookie": cookie})[0] == 200
+
+
+@pytest.mark.parametrize("form", [{"command": ["analyse"]}, {"command": {}}, {"command": "fit", "options": 5}, [], 7])
+def test_what_is_no_command_is_refused(server: Server, form: object) -> None:
+    key = server.ask("/")[1].decode().split('href="/c/')[1].split('"')[0]
+    assert server.ask(f"/c/{key}/run", "POST", form)[0] == 400
+
+
+def test_a_link_that_leads_out_is_not_followed(analysed: Path, tmp_path: Path) -> None:
+    root = tmp_path / "root"
+    for name, linked in (("statement", "campaign.toml"), ("made", "results")):
+        shutil.copytree(analysed, root / name)
+        place = root / name / linked
+        place.rename(tmp_path / f"{name}-outside")
+        place.symlink_to(tmp_path / f"{name}-outside")
+    with serving(root) as running:
+        assert b"/c/" not in running.ask("/")[1]
+        assert {
+            running.ask(f"/c/{name}{part}")[0] for name in ("statement", "made") for part in ("", "/statement")
+        } == {404}
+
+
+def test_a_statement_that_cannot_be_read_is_told_on_every_page(analysed: Path, tmp_path: Path) -> None:
+    shutil.copytree(analysed, tmp_path / "one")
+    toml = tmp_path / "one" / "campaign.toml"
+    toml.write_text("title = 'x\n" + toml.read_text())
+    test = "D1"
+    with serving(tmp_path) as running:
+        for part in ("", "/explore", "/tests", f"/tests/{test}", "/model", "/plan", "/run", "/watch"):
+            answer = running.ask(f"/c/one{part}")[1]
+            assert b'href="/c/one/statement">' in answer.partition(b"<main")[2], part
+        page = running.ask("/c/one/statement")[1]
+        assert b"Mend its text below" in page
+        assert b'<details class="text" open>' in page
+
+
+def test_recordings_without_a_statement_lead_to_the_first_step(analysed: Path, tmp_path: Path) -> None:
+    shutil.copytree(analysed / "recordings", tmp_path / "bare")
+    with serving(tmp_path) as running:
+        status, _, headers = running.ask("/c/bare/statement")
+        assert (status, headers["location"]) == (303, "/c/bare/run")
+
+
+def test_a_file_that_is_sent_twice_is_kept(tmp_path: Path) -> None:
+    with serving(tmp_path) as running:
+        files = [{"name": "a.csv", "size": 3}, {"name": "a.csv/b.csv", "size": 3}]
+        ticket = running.document("/upload", "POST", {"name": "one", "files": files})["ticket"]
+        assert running.ask(f"/upload/{ticket}/0", "PUT", b"123")[0] == 200
+        assert running.ask(f"/upload/{ticket}/0", "PUT", b"456")[0] == 400
+        assert running.ask(f"/upload/{ticket}/1", "PUT", b"789")[0] == 400
+        (kept,) = tmp_path.rglob("a.csv")
+        assert kept.read_bytes() == b"123"
+        for size in (1e400, "x", None):
+            assert running.ask("/upload", "POST", {"name": "n", "files": [{"name": "a", "size": size}]})[0] == 400
+
+
+@pytest.mark.parametrize("part", ["from=-inf", "to=inf", "from=-inf&to=inf", "from=nan", "from=1&to=0", "width=nan"])
+def test_a_part_that_is_no_part_is_refused(server: Server, part: str) -> None:
+    key = server.ask("/")[1].decode().split('href="/c/')[1].split('"')[0]
+    assert server.ask(f"/c/{key}/tests/D1/signals?{part}")[0] == 400
+
+
+def test_a_name_with_a_slash_has_a_page(analysed: Path, tmp_path: Path) -> None:
+    shutil.copytree(analysed, tmp_path / "one")
+    table = tmp_path / "one" / "tests.csv"
+    table.write_text(table.read_text().replace("\nD1,", "\nD/1,", 1))
+    with serving(tmp_path) as running:
+        assert "D/1," in table.read_text()
+        for part in ("", "/signals"):
+            assert running.ask(f"/c/one/tests/D%2F1{part}")[0] == 200
+        assert running.ask("/c/one/tests/D%2F1/excluded", "PUT", {"reason": "slipped"})[0] == 200
+        assert "slipped" in table.read_text()

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable, Table
 
@@ -148,7 +149,8 @@ def save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
     try:
         text = _stated(_text(folder / "campaign.toml"), form)
         former = _text(folder / "tests.csv")
-        table = _written(form["heads"], form["rows"], _delimiter(former)) if "heads" in form else None
+        table = _written(form["heads"], form["rows"], _delimiter(former)) if form.get("heads") else None
+        f"{text}{table}".encode()  # a text with half a character cannot be written
     except CampaignError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError):
@@ -170,6 +172,8 @@ def exclude(folder: Path, test: str, reason: str) -> None:
     """
     stated = read_statement(folder)
     heads, rows = stated.heads, stated.rows
+    if "test" not in heads:
+        raise CampaignError("tests.csv has no column test")
     if EXCLUDED not in heads:
         heads, rows = [*heads, EXCLUDED], [[*row, ""] for row in rows]
     name, column = heads.index("test"), heads.index(EXCLUDED)
@@ -328,15 +332,17 @@ def _fill_rig(document: tomlkit.TOMLDocument, form: Mapping[str, Any]) -> None:
                 rig[name] = f"{value} {unit}".strip()
 
 
-def _made(document: tomlkit.TOMLDocument, name: str) -> Table:
+def _made(document: tomlkit.TOMLDocument, name: str) -> Table | OutOfOrderTableProxy:
+    """A table of campaign.toml, new where there is none; it may stand in several parts."""
     if name not in document:
         document[name] = tomlkit.table()
     found = document[name]
-    assert isinstance(found, Table)
+    if not isinstance(found, Table | OutOfOrderTableProxy):
+        raise CampaignError(f"campaign.toml: {name}: must be a table; mend its text below")
     return found
 
 
-def _fill(channels: Table, role: str, keys: Mapping[str, str]) -> None:
+def _fill(channels: Table | OutOfOrderTableProxy, role: str, keys: Mapping[str, str]) -> None:
     """Set the keys of a channel that the form shows; a channel without a column is taken out."""
     wanted = {key: str(keys.get(key, "")).strip() for key in KEYS if key in keys}
     if not wanted.get("column"):
@@ -345,12 +351,13 @@ def _fill(channels: Table, role: str, keys: Mapping[str, str]) -> None:
     if role not in channels:
         channels[role] = tomlkit.inline_table()
     channel = channels[role]
-    assert isinstance(channel, InlineTable | Table)
+    if not isinstance(channel, InlineTable | Table):
+        raise CampaignError(f"campaign.toml: channels.{role}: must be a table; mend its text below")
     for key, text in wanted.items():
         _put(channel, key, text)
 
 
-def _put(table: Table | InlineTable, key: str, text: str) -> None:
+def _put(table: Table | InlineTable | OutOfOrderTableProxy, key: str, text: str) -> None:
     """Set a key to a text, a number or yes; the same value is left as it is written."""
     if _shown(table.unwrap().get(key)) == text:
         return

@@ -82,7 +82,7 @@ class Guard:
             name = (urlsplit(f"//{host}").hostname or "").lower()
         except ValueError:
             return False
-        return name in self._names or (self._numbers and _is_number(name))
+        return "@" not in host and (name in self._names or (self._numbers and _is_number(name)))
 
     def _entrance(self, request: Request) -> Response:
         """The first call with the token, which becomes a cookie; or a refusal."""

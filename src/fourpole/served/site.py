@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
@@ -96,7 +97,13 @@ class Site:
             status, text = 500, f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it"
         if "text/html" not in request.headers.get("accept", ""):
             return JSONResponse({"error": text}, status)
-        return await self.page("fault.html", lambda: {"text": text, "campaign": None}, status)
+        return await self.page("fault.html", lambda: {"text": text, "campaign": self._known(request)}, status)
+
+    def _known(self, request: Request) -> Place | None:
+        """The campaign that an address names, if there is one."""
+        with suppress(FourpoleError, KeyError):
+            return self.place(request)
+        return None
 
 
 @pass_context

@@ -87,10 +87,14 @@ class Uploads:
             raise FileError("this file was not announced")
         path, size = upload.files[number]
         target = upload.folder / path
-        target.parent.mkdir(parents=True, exist_ok=True)
         done = 0
         try:
-            with target.open("xb") as file:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            new = target.open("xb")
+        except OSError as error:
+            raise FileError(f"{shown(path.name)} cannot be taken: {error.strerror or error}") from None
+        try:
+            with new as file:
                 async for part in body:
                     done += len(part)
                     if done > size:

@@ -61,6 +61,8 @@ class State:
         Statements that are not those of the results.
     stated : bool
         Whether it has a statement; otherwise it is a folder of recordings.
+    fault : str
+        Why campaign.toml is no TOML; empty if it is.
     """
 
     title: str
@@ -68,6 +70,7 @@ class State:
     analysed: datetime | None
     changed: tuple[str, ...]
     stated: bool
+    fault: str = ""
 
 
 class Workspace:
@@ -121,15 +124,18 @@ def state_of(place: Place) -> State:
         record = json.loads(path.read_text(encoding="utf-8"))
         analysed = datetime.fromtimestamp(path.stat().st_mtime).astimezone()
     record = record if isinstance(record, dict) else {}
-    title = ""
-    with suppress(OSError, ValueError), (place.folder / _STATEMENT[0]).open("rb") as file:
-        title = str(tomllib.load(file).get("title", ""))
+    title = fault = ""
+    try:
+        with suppress(OSError), (place.folder / _STATEMENT[0]).open("rb") as file:
+            title = str(tomllib.load(file).get("title", ""))
+    except ValueError as error:
+        fault = str(error)
     verdicts, hashes = record.get("verdicts"), record.get("sha256")
     changed: tuple[str, ...] = ()
     if isinstance(hashes, dict):
         changed = tuple(name for name in _STATEMENT if _hash(place.folder / name) != hashes.get(name))
     stated = (place.folder / _STATEMENT[0]).is_file()
-    return State(title, verdicts if isinstance(verdicts, dict) else {}, analysed, changed, stated)
+    return State(title, verdicts if isinstance(verdicts, dict) else {}, analysed, changed, stated, fault)
 
 
 def version_of(folder: Path) -> str:
@@ -153,7 +159,8 @@ def _campaigns(folder: Path, depth: int) -> Iterator[Path]:
     except OSError:
         return
     if _may_be_one(inside):
-        yield folder
+        if not any(path.is_symlink() and path.name in (*_STATEMENT, "results") for path in inside):
+            yield folder
         return
     for path in inside:
         if depth and not (path.name.startswith(".") or path.name == "results" or path.is_symlink()) and path.is_dir():

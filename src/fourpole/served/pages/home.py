@@ -26,7 +26,7 @@ def routes(site: Site) -> list[Route]:
         try:
             files = [(str(one["name"]), int(one["size"])) for one in asked["files"]]
             name = str(asked["name"])
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             raise FileError("the list of files is not whole") from None
         ticket = await run_in_threadpool(site.uploads.begin, name, files)
         return JSONResponse({"ticket": ticket})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -60,6 +61,8 @@ def routes(site: Site) -> list[Route]:
         try:
             first, last = (float(asked[one]) if one in asked else None for one in ("from", "to"))
             width = min(max(int(asked.get("width", 800)), _WIDTHS[0]), _WIDTHS[1])
+            if not all(one is None or math.isfinite(one) for one in (first, last)):
+                raise ValueError
         except ValueError:
             raise CampaignError("the part of the recording is not stated in numbers") from None
         return JSONResponse(await run_in_threadpool(_part, site, place, name, first, last, width))
@@ -78,10 +81,11 @@ def routes(site: Site) -> list[Route]:
 
     return [
         Route("/c/{key}/tests", every),
-        Route("/c/{key}/tests/{test}", page),
-        Route("/c/{key}/tests/{test}/residual", residual),
-        Route("/c/{key}/tests/{test}/excluded", leave_out, methods=["PUT"]),
-        Route("/c/{key}/tests/{test}/signals", signals),
+        # The name of a test may have a slash.
+        Route("/c/{key}/tests/{test:path}/residual", residual),
+        Route("/c/{key}/tests/{test:path}/excluded", leave_out, methods=["PUT"]),
+        Route("/c/{key}/tests/{test:path}/signals", signals),
+        Route("/c/{key}/tests/{test:path}", page),
     ]
 
 
@@ -110,7 +114,7 @@ def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
 def _reason(place: Place, name: str) -> str:
     """Why a test is left out; empty if it is not."""
     stated = read_statement(place.folder)
-    if EXCLUDED not in stated.heads:
+    if not {"test", EXCLUDED} <= {*stated.heads}:
         return ""
     test, column = stated.heads.index("test"), stated.heads.index(EXCLUDED)
     return next((row[column] for row in stated.rows if row[test] == name), "")

@@ -37,7 +37,7 @@ def routes(site: Site) -> list[Route]:
     async def file(request: Request) -> Response:
         place, name = site.place(request), request.path_params["name"]
         path = place.results / name
-        if name not in _FILES or not path.is_file():
+        if name not in _FILES or path.is_symlink() or not path.is_file():
             raise CampaignError("there is no such file yet: run the analysis")
         return FileResponse(path, media_type=_FILES[name], filename=f"{place.key}-{name}")
 

@@ -31,6 +31,9 @@ _DOING = {"analyse": "Analysing", "init": "Looking at the files", "fit": "Fittin
 #: The page that shows what a command made.
 _NEXT = {"init": ("statement",), "fit": ("model",), "map": ("model",)}
 
+#: What the button to that page says.
+_CALLED = {"init": "Check the guess", "analyse": "Show the results"}
+
 
 def routes(site: Site) -> list[Route]:
     """The page, its events, and the buttons."""
@@ -53,7 +56,8 @@ def routes(site: Site) -> list[Route]:
         place, form = site.place(request), await body_of(request)
         command = form.get("command") if isinstance(form, dict) else None
         options = form.get("options", []) if isinstance(form, dict) else []
-        if command not in COMMANDS or not all(re.fullmatch(COMMANDS[command], str(one)) for one in options):
+        known = isinstance(command, str) and command in COMMANDS and isinstance(options, list)
+        if not known or not all(re.fullmatch(COMMANDS[command], str(one)) for one in options):
             raise CampaignError(f"no command {shown(str(command))} with these options can be started here")
         site.jobs.start(place, command, *map(str, options))
         return Response(status_code=204)
@@ -104,4 +108,6 @@ def _document(site: Site, place: Place, job: Job, told: int = 0) -> dict[str, An
         "tests": [{"test": name, **said, "address": address(place, "tests", name)} for name, said in tests],
         "messages": list(job.messages),
         "next": following if done else "",
+        "command": job.name,
+        "called": _CALLED.get(job.name, "Show the model"),
     }

@@ -8,7 +8,7 @@ from typing import Any
 from markupsafe import Markup
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from fourpole.campaign.place import inside
@@ -19,7 +19,7 @@ from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.report.cards import embedded
 from fourpole.served.editing import KEYS, RIG, ROLES, problems_of, read_statement, save
-from fourpole.served.site import Site, body_of
+from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import Place, state_of
 
 #: Largest number of columns that are shown of a recording.
@@ -31,6 +31,8 @@ def routes(site: Site) -> list[Route]:
 
     async def page(request: Request) -> Response:
         place = site.place(request)
+        if not state_of(place).stated and not (place.folder / "tests.csv").is_file():
+            return RedirectResponse(address(place, "run"), 303)  # recordings that are yet to be looked at
         return await site.page("statement.html", lambda: _shown(place))
 
     async def keep(request: Request) -> Response:

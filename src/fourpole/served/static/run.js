@@ -23,6 +23,7 @@
     made.append(name, ...cells);
     return made;
   };
+  let events = null;
   const show = (job) => {
     part.hidden = false;
     const { task, phase } = job, running = phase === "waiting" || phase === "running";
@@ -37,10 +38,16 @@
     start.hidden = running;
     stop.hidden = !running;
     following.hidden = !job.next;
-    if (job.next) byId("next").href = job.next;
+    if (job.next) {
+      byId("next").href = job.next;
+      byId("next").textContent = job.called;
+      if (events && job.command === start.dataset.command) { // it ended here: what the page said before is over
+        byId("about").hidden = true;
+        if (job.command === "init") start.hidden = true; else start.textContent = "Analyse again";
+      }
+    }
     if (!running) app.say(said[phase]);
   };
-  let events = null;
   const follow = () => {
     events?.close();
     rows.replaceChildren();

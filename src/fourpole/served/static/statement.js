@@ -120,7 +120,7 @@
       changed = false;
       show(answer.problems);
       kept.textContent = answer.problems.length ? "Saved; see below." : "Saved.";
-      for (const one of document.querySelectorAll("[name=settled]:checked")) one.closest("li").remove();
+      for (const one of document.querySelectorAll("[name=settled]:checked")) { const list = one.closest("ul"); one.closest("li").remove(); if (!list.children.length) list.closest("section").remove(); }
       return answer.problems.length === 0;
     } catch (error) {
       kept.textContent = "";
