@@ -54,11 +54,11 @@ def routes(site: Site) -> list[Route]:
 
     async def start(request: Request) -> Response:
         place, form = site.place(request), await body_of(request)
-        command = form.get("command") if isinstance(form, dict) else None
+        command = str(form.get("command")) if isinstance(form, dict) else ""
         options = form.get("options", []) if isinstance(form, dict) else []
-        known = isinstance(command, str) and command in COMMANDS and isinstance(options, list)
+        known = command in COMMANDS and isinstance(options, list)
         if not known or not all(re.fullmatch(COMMANDS[command], str(one)) for one in options):
-            raise CampaignError(f"no command {shown(str(command))} with these options can be started here")
+            raise CampaignError(f"no command {shown(command)} with these options can be started here")
         site.jobs.start(place, command, *map(str, options))
         return Response(status_code=204)
 
