@@ -69,6 +69,7 @@ class Job:
     code: int | None = None
     _changed: asyncio.Condition = field(default_factory=asyncio.Condition, repr=False)
     _process: asyncio.subprocess.Process | None = field(default=None, repr=False)
+    _asked: bool = field(default=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -96,6 +97,7 @@ class Job:
 
     def stop(self) -> None:
         """End it as Ctrl-C does: nothing is half-written, and what is done is kept."""
+        self._asked = True
         if self.phase is Phase.WAITING:
             self.phase = Phase.STOPPED
         elif self._process is not None and self._process.returncode is None:
@@ -159,6 +161,8 @@ async def _run(job: Job) -> None:
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
             env=environment, limit=_LINE, start_new_session=True,
         )  # fmt: skip
+        if job._asked:  # noqa: SLF001 - while the process was made, and has done nothing yet
+            process.kill()
         printed, _ = await asyncio.gather(_printed(process), _said(process, job))
         job.code = await process.wait()
     except (OSError, ValueError) as error:
