@@ -1,0 +1,275 @@
+"""A ride in the frequency domain: exact for a linear vehicle on a road of a known spectrum.
+
+The vehicle is condensed to its wheels once. Then the tyres, of any K*, are small algebra at each frequency, and so are
+the derivatives of all results by K*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.errors import ModelError
+from fourpole.ride.comfort import weighting
+from fourpole.ride.road import ClassRoad, check_speed
+from fourpole.ride.vehicle import Body
+
+#: Number of frequencies of a ride, even in their logarithm.
+_POINTS = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed(ByValue):
+    """A vehicle at some frequencies, as its wheels feel it.
+
+    Attributes
+    ----------
+    omega : (N,) float array [rad/s]
+    wheel : (N, W, W) complex array [N/m]
+        Forces on the wheels per motion of the wheels.
+    acceleration : (N, W) complex array [1/s²]
+        Acceleration at the seat per motion of each wheel.
+    travel : (N, W, W) complex array [1]
+        Travel of each suspension per motion of each wheel.
+    """
+
+    omega: FloatArray
+    wheel: ComplexArray
+    acceleration: ComplexArray
+    travel: ComplexArray
+
+    @classmethod
+    def of(cls, body: Body, omega: FloatArray) -> Condensed:
+        """The vehicle at angular frequencies (N,) [rad/s], > 0.
+
+        Examples
+        --------
+        >>> from fourpole.ride.vehicle import QuarterCar
+        >>> found = Condensed.of(QuarterCar(250.0, 40.0, 16e3, 0.0).body, np.array([0.08, 1e4]))
+        >>> found.acceleration[:, 0].real.round(4)  # body resonance: 8 rad/s
+        array([-6.4e-03,  6.4e+01])
+        """
+        n = len(body.mass) - body.wheels
+        w = omega[:, None, None]
+        whole = np.asarray(body.stiffness + 1j * w * body.damping - w**2 * body.mass, dtype=complex)
+        above, across = whole[:, :n, :n], whole[:, :n, n:]
+        follows = -np.linalg.solve(above, across)
+        motion = np.concatenate([follows, np.broadcast_to(np.eye(body.wheels), (omega.size, *(body.wheels,) * 2))], 1)
+        return cls(
+            omega=omega,
+            wheel=np.asarray(whole[:, n:, n:] + whole[:, n:, :n] @ follows, dtype=complex),
+            acceleration=-(omega[:, None] ** 2) * (body.seat @ motion),
+            travel=body.travel @ motion,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Transfers(ByValue):
+    """Responses per height of the road under the first axle, and their derivatives by K*.
+
+    Attributes
+    ----------
+    acceleration, acceleration_by : (..., N) complex arrays [1/s²], [1/(N s²/m)]
+    load, load_by : (..., N, W) complex arrays [N/m], [1]
+    travel, travel_by : (..., N, W) complex arrays [1], [m/N]
+    deflection, deflection_by : (..., N, W) complex arrays [1], [m/N]
+    """
+
+    acceleration: ComplexArray
+    acceleration_by: ComplexArray
+    load: ComplexArray
+    load_by: ComplexArray
+    travel: ComplexArray
+    travel_by: ComplexArray
+    deflection: ComplexArray
+    deflection_by: ComplexArray
+
+
+def transfers(vehicle: Condensed, stiffness: ComplexArray, lags: FloatArray) -> Transfers:
+    r"""Responses of a vehicle on tyres of K* to a road that each axle meets later.
+
+    With the road r and the wheels' forces D per motion, the wheels move by :math:`z = (D + K^*)^{-1} K^* r` and the
+    tyres are compressed by :math:`x = r - z = (D + K^*)^{-1} D r`; so :math:`dz/dK^* = (D + K^*)^{-1} x`.
+
+    Parameters
+    ----------
+    vehicle : Condensed
+    stiffness : (..., N) complex array [N/m]
+        K* of each tyre at the frequencies of the vehicle.
+    lags : (W,) float array [s]
+        Time after which each axle meets what the first one met.
+    """
+    w = vehicle.omega
+    road = np.exp(-1j * w[:, None] * lags)
+    k = np.asarray(stiffness, dtype=complex)[..., None]
+    inverse = _inverse(vehicle.wheel + k[..., None] * np.eye(lags.size))
+    x = _times(inverse, _times(vehicle.wheel, road))
+    z = road - x
+    by = _times(inverse, x)
+    return Transfers(
+        acceleration=np.sum(vehicle.acceleration * z, axis=-1),
+        acceleration_by=np.sum(vehicle.acceleration * by, axis=-1),
+        load=k * x,
+        load_by=x - k * by,
+        travel=_times(vehicle.travel, z),
+        travel_by=_times(vehicle.travel, by),
+        deflection=x,
+        deflection_by=-by,
+    )
+
+
+def _times(matrix: ComplexArray, vector: ComplexArray) -> ComplexArray:
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _inverse(matrix: ComplexArray) -> ComplexArray:
+    """Inverse of matrices (..., W, W); of one and two wheels without a call for each frequency."""
+    if matrix.shape[-1] == 1:
+        return np.asarray(1.0 / matrix)
+    if matrix.shape[-1] > 2:
+        return np.asarray(np.linalg.inv(matrix))
+    (a, b), (c, d) = np.moveaxis(matrix, (-2, -1), (0, 1))
+    whole = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+    return np.asarray(whole / (a * d - b * c)[..., None, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Ride(ByValue):
+    """The ride of a vehicle on a road of a known spectrum, for one set of tyres or for many.
+
+    Attributes
+    ----------
+    frequency : (N,) float array [Hz]
+    values : (..., M) float array
+        The measures of `names`: root mean squares of the weighted acceleration and of the acceleration [m/s²], of the
+        dynamic load of each wheel [N] and of the travel of each suspension [m], and the power lost in all tyres [W].
+    by_stiffness : (..., M, N) complex array
+        Change of each measure by K*: the real part of the sum of this times the change of K* over the frequencies.
+    spectrum, spectrum_by : (..., N) arrays
+        One-sided spectrum of the acceleration [m²/s³], and its change by K* at the same frequency, likewise.
+    """
+
+    frequency: FloatArray
+    values: FloatArray
+    by_stiffness: ComplexArray
+    spectrum: FloatArray
+    spectrum_by: ComplexArray
+
+    @property
+    def weighted_spectrum(self) -> FloatArray:
+        """One-sided spectrum of the weighted acceleration (..., N) [m²/s³]."""
+        return self.spectrum * np.abs(weighting(self.frequency)) ** 2
+
+    def share_outside(self, low: float, high: float) -> FloatArray:
+        """Share (...,) [1] of the mean square of the weighted acceleration below and above two frequencies [Hz]."""
+        parts = self.weighted_spectrum * _widths(self.frequency)
+        outside = (self.frequency < low) | (self.frequency > high)
+        return np.asarray(np.sum(parts * outside, axis=-1) / np.sum(parts, axis=-1))
+
+
+def names(wheels: int) -> tuple[str, ...]:
+    """Names of the measures of a ride: load and travel of each wheel between acceleration and power."""
+    places = ("",) if wheels == 1 else (" front", " rear")
+    return ("comfort", "acceleration", *(f"load{one}" for one in places), *(f"travel{one}" for one in places), "power")
+
+
+def frequencies_of(road: ClassRoad, speed: float, count: int = _POINTS) -> FloatArray:
+    """Frequencies (N,) [Hz] of a ride: those of the road at a speed [m/s], even in their logarithm."""
+    check_speed(speed)
+    return np.geomspace(*road.band(speed), count)
+
+
+def _widths(frequency: FloatArray) -> FloatArray:
+    """Weights (N,) [Hz] of an integral over frequencies that are even in their logarithm, by the trapezoidal rule."""
+    widths = frequency * np.log(frequency[-1] / frequency[0]) / (frequency.size - 1)
+    widths[[0, -1]] *= 0.5
+    return widths
+
+
+def ride(
+    body: Body, stiffness: ComplexArray, road: ClassRoad, speed: float, *, vehicle: Condensed | None = None
+) -> Ride:
+    """The ride of a vehicle on a road of a known spectrum.
+
+    Parameters
+    ----------
+    body : Body
+    stiffness : (..., N) complex array [N/m]
+        K* of each tyre at `frequencies_of(road, speed)`, or at as many frequencies between the same ends.
+    road : ClassRoad
+    speed : float [m/s]
+    vehicle : Condensed, optional
+        The vehicle at these frequencies, if it is known already, for many rides.
+
+    Returns
+    -------
+    Ride
+        Exact but for the sum over frequencies, whose error is below 1e-5 of each measure.
+
+    Raises
+    ------
+    ModelError
+        If the speed is not positive.
+
+    Examples
+    --------
+    >>> from fourpole.models import Zener
+    >>> from fourpole.ride.vehicle import QuarterCar
+    >>> road = ClassRoad.of("C")
+    >>> omega = 2 * np.pi * frequencies_of(road, speed=80 / 3.6)
+    >>> car = QuarterCar(250.0, 37.5, 15825.0, 1500.0).body
+    >>> found = ride(car, Zener().stiffness([180e3, 120e3, 700.0], omega), road, 80 / 3.6)
+    >>> dict(zip(names(1), found.values.round(4).tolist()))
+    {'comfort': 1.3396, 'acceleration': 1.5846, 'load': 778.1374, 'travel': 0.0101, 'power': 62.6548}
+    """
+    stiffness = np.asarray(stiffness, dtype=complex)
+    frequency = frequencies_of(road, speed, stiffness.shape[-1])
+    if not np.all(np.isfinite(stiffness)):
+        raise ModelError("K* is no number at some frequency of the ride")
+    omega = 2 * np.pi * frequency
+    vehicle = Condensed.of(body, omega) if vehicle is None else vehicle
+    found = transfers(vehicle, stiffness, body.behind / speed)
+    height = road.spectrum_in_time(frequency, speed)
+    weight = height * _widths(frequency)
+    comfort = weight * np.abs(weighting(frequency)) ** 2
+    load, load_by, travel, travel_by = (
+        np.moveaxis(one, -1, -2) for one in (found.load, found.load_by, found.travel, found.travel_by)
+    )
+    squares = np.concatenate([
+        _square(found.acceleration, comfort)[..., None], _square(found.acceleration, weight)[..., None],
+        _square(load, weight), _square(travel, weight),
+    ], axis=-1)  # fmt: skip
+    by = np.concatenate([
+        (comfort * _change(found.acceleration, found.acceleration_by))[..., None, :],
+        (weight * _change(found.acceleration, found.acceleration_by))[..., None, :],
+        weight * _change(load, load_by), weight * _change(travel, travel_by),
+    ], axis=-2)  # fmt: skip
+    roots = np.sqrt(squares)
+    power, power_by = _power(found, stiffness, omega * weight)
+    return Ride(
+        frequency=frequency,
+        values=np.concatenate([roots, power[..., None]], axis=-1),
+        by_stiffness=np.concatenate([by / (2.0 * roots[..., None]), power_by[..., None, :]], axis=-2),
+        spectrum=np.abs(found.acceleration) ** 2 * height,
+        spectrum_by=_change(found.acceleration, found.acceleration_by) * height,
+    )
+
+
+def _square(response: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Mean square of a response (..., N)."""
+    return np.asarray(np.sum(np.abs(response) ** 2 * weight, axis=-1))
+
+
+def _change(response: ComplexArray, by: ComplexArray) -> ComplexArray:
+    """Derivative of a squared modulus: its change is the real part of this times the change of K*."""
+    return 2.0 * np.conj(response) * by
+
+
+def _power(found: Transfers, stiffness: ComplexArray, weight: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    """Mean power lost in all tyres (...,) [W], and its derivative (..., N) by K*."""
+    size = np.sum(np.abs(found.deflection) ** 2, axis=-1)
+    change = np.sum(_change(found.deflection, found.deflection_by), axis=-1)
+    power = np.sum(stiffness.imag * size * weight, axis=-1)
+    return np.asarray(power), np.asarray(weight * (stiffness.imag * change - 1j * size))

@@ -1,0 +1,243 @@
+"""Roads: the classes of ISO 8608, measured profiles, a cleat, a pothole and a sine sweep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.errors import ModelError
+
+#: Letters of the classes of ISO 8608, from smooth to rough.
+CLASSES = "ABCDEFGH"
+#: Reference spatial frequency of ISO 8608, and the range of its classes [1/m].
+REFERENCE, RANGE = 0.1, (0.011, 2.83)
+#: Displacement spectrum of class A at the reference [m³]; each further class has four times as much.
+_OF_A = 16e-6
+#: Largest number of samples of a road.
+MOST_SAMPLES = 20_000_000
+#: A distance between two points above this multiple of the median one is a gap.
+_GAP = 3.0
+
+
+@dataclass(frozen=True)
+class ClassRoad:
+    r"""A road whose height has a power spectrum of ISO 8608: :math:`G_d(n) = G_d(n_0) (n/n_0)^{-w}`.
+
+    Attributes
+    ----------
+    level : float [m³]
+        One-sided displacement spectrum at n_0 = 0.1 cycles/m, > 0.
+    waviness : float [1]
+        Exponent w; 2 in the classes of the standard.
+    low, high : float [1/m]
+        Spatial frequencies between which the road has any height.
+
+    References
+    ----------
+    ISO 8608:2016: the geometric mean of class A is 16e-6 m³, of each further class four times as much.
+
+    Examples
+    --------
+    >>> ClassRoad.of("C").level
+    0.000256
+    """
+
+    level: float
+    waviness: float = 2.0
+    low: float = RANGE[0]
+    high: float = RANGE[1]
+
+    def __post_init__(self) -> None:
+        """Refuse impossible values."""
+        if not (self.level > 0 and np.isfinite(self.level)):
+            raise ModelError(f"a road of {self.level:g} m³ at 0.1 cycles/m is none: state a positive level")
+        if not 0 < self.low < self.high < np.inf:
+            raise ModelError(f"{self.low:g} to {self.high:g} cycles/m is no range of spatial frequencies: let it rise")
+
+    @classmethod
+    def of(cls, letter: str) -> ClassRoad:
+        """The road of a class, A to H, at its geometric mean; ModelError for another letter."""
+        at = CLASSES.find(letter.strip().upper())
+        if at < 0 or len(letter.strip()) != 1:
+            raise ModelError(f"no road class {letter!r}: choose one of {', '.join(CLASSES)}")
+        return cls(_OF_A * 4.0**at)
+
+    def spectrum(self, spatial: ArrayLike) -> FloatArray:
+        """One-sided spectrum of the height (...,) [m³] at spatial frequencies (...,) [1/m]."""
+        n = np.asarray(spatial, dtype=float)
+        inside = (n >= self.low * (1 - 1e-12)) & (n <= self.high * (1 + 1e-12))
+        return np.where(inside, self.level * (np.where(inside, n, 1.0) / REFERENCE) ** -self.waviness, 0.0)
+
+    def band(self, speed: float) -> tuple[float, float]:
+        """Lowest and highest frequency [Hz] at a speed [m/s]."""
+        return self.low * speed, self.high * speed
+
+    def spectrum_in_time(self, frequency: ArrayLike, speed: float) -> FloatArray:
+        """One-sided spectrum of the height (...,) [m²/Hz] at frequencies (...,) [Hz] and a speed [m/s]."""
+        return self.spectrum(np.asarray(frequency, dtype=float) / speed) / speed
+
+    def realisation(self, duration: float, step: float, speed: float, seed: int) -> FloatArray:
+        """Height (N,) [m] over time: a sum of sines of random phases, periodic in the duration.
+
+        Each sine at a multiple of 1/duration has the mean square of the spectrum over this line, so that the
+        periodogram over the duration is the spectrum. The phases are those of the seed.
+
+        Parameters
+        ----------
+        duration, step : float [s]
+            N = duration/step samples; the sines end below half the sampling rate.
+        speed : float [m/s]
+        seed : int
+
+        Raises
+        ------
+        ModelError
+            If the speed, the duration or the step is not possible.
+
+        Examples
+        --------
+        >>> road = ClassRoad.of("C")
+        >>> height = road.realisation(60.0, 1e-3, 20.0, seed=1)
+        >>> line = 2 * np.abs(np.fft.rfft(height)[600] / height.size) ** 2 * 60.0  # at 10 Hz
+        >>> np.allclose(line, road.spectrum_in_time(10.0, 20.0))
+        True
+        """
+        check_speed(speed)
+        count = samples(duration, step)
+        frequency = np.fft.rfftfreq(count, step)
+        amplitude = np.sqrt(2.0 * self.spectrum_in_time(frequency, speed) / (count * step))
+        if count % 2 == 0:
+            amplitude[-1] = 0.0
+        phase = np.random.default_rng(seed).uniform(0.0, 2 * np.pi, frequency.size)
+        return np.asarray(np.fft.irfft(0.5 * count * amplitude * np.exp(1j * phase), count))
+
+
+@dataclass(frozen=True, eq=False)
+class Profile(ByValue):
+    """A road by its heights over the distance, straight between its points and level before and after.
+
+    Attributes
+    ----------
+    distance, height : (N,) float arrays [m]
+        At least two points, rising in distance, without gaps.
+    name : str
+        The road in messages.
+
+    Raises
+    ------
+    ModelError
+        If the road has a gap, goes back, or has a value that is no number.
+
+    Examples
+    --------
+    >>> Profile(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.01, 0.0])).at([0.5, 5.0])
+    array([0.005, 0.   ])
+    """
+
+    distance: FloatArray
+    height: FloatArray
+    name: str = "the road"
+
+    def __post_init__(self) -> None:
+        """Refuse gaps and impossible values."""
+        x, z = self.distance, self.height
+        if x.ndim != 1 or x.shape != z.shape or x.size < 2:
+            raise ModelError(
+                f"{self.name}: {x.size} distances and {z.size} heights are no profile: at least two of each"
+            )
+        bad = np.flatnonzero(~(np.isfinite(x) & np.isfinite(z)))
+        if bad.size:
+            at = int(bad[0])
+            where = f"at {x[at]:.6g} m" if np.isfinite(x[at]) else f"in row {at + 1}"
+            raise ModelError(
+                f"{self.name}: {where} there is no number ({bad.size} such points): a ride needs a road without gaps; "
+                "fill it from a second measurement, or cut the road there"
+            )
+        steps = np.diff(x)
+        if not np.all(steps > 0):
+            at = int(np.flatnonzero(steps <= 0)[0])
+            raise ModelError(
+                f"{self.name}: the distance does not rise after {x[at]:.6g} m, point {at + 1}: sort the rows"
+            )
+        usual = float(np.median(steps))
+        if steps.max() > _GAP * usual * (1 + 1e-6):
+            at = int(np.argmax(steps))
+            raise ModelError(
+                f"{self.name}: has a gap from {x[at]:.6g} to {x[at + 1]:.6g} m, its points are {usual:.3g} m apart: "
+                "fill it from a second measurement, or cut the road there"
+            )
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return float(self.distance[-1] - self.distance[0])
+
+    def at(self, distance: ArrayLike) -> FloatArray:
+        """Height (...,) [m] at distances (...,) [m] from the first point; level beyond the ends."""
+        return np.interp(np.asarray(distance, dtype=float), self.distance - self.distance[0], self.height)
+
+    def in_time(self, speed: float, step: float, after: float = 0.0) -> FloatArray:
+        """Height (N,) [m] over time from the first point on, at a speed [m/s] and a step [s], and `after` [s] more."""
+        check_speed(speed)
+        count = samples(self.length / speed + after + step, step)
+        return self.at(speed * step * np.arange(count))
+
+
+def cleat(height: float, length: float, *, before: float = 1.0) -> Profile:
+    """A bar across the road: a level top of a height and length [m], whose edges rise over a tenth of the length.
+
+    Examples
+    --------
+    >>> cleat(0.01, 0.05).at([0.5, 1.025, 2.0])
+    array([0.  , 0.01, 0.  ])
+    """
+    if not (length > 0 and np.isfinite(height) and height != 0):
+        raise ModelError(f"a cleat of {height:g} m height and {length:g} m length is none: state both, not zero")
+    edge = 0.1 * length
+    spacing = 0.5 * edge
+    x = np.arange(0.0, 2 * before + length + 0.5 * spacing, spacing)
+    return Profile(x, np.interp(x, before + np.array([0.0, edge, length - edge, length]), [0.0, height, height, 0.0]))
+
+
+def pothole(depth: float, length: float, *, before: float = 1.0) -> Profile:
+    """A hole of a depth and length [m]: a cleat that goes down."""
+    if not depth > 0:
+        raise ModelError(f"a pothole of {depth:g} m depth is none: state a positive depth")
+    return cleat(-depth, length, before=before)
+
+
+def sine_sweep(amplitude: float, low: float, high: float, duration: float, step: float) -> FloatArray:
+    """Height (N,) [m] over time of a sine of an amplitude [m] whose frequency rises evenly in octaves from low to high.
+
+    Examples
+    --------
+    >>> sine_sweep(1e-3, 1.0, 20.0, 10.0, 1e-3).shape
+    (10000,)
+    """
+    if not (amplitude > 0 and 0 < low < high < 0.5 / step):
+        raise ModelError(
+            f"a sweep of {amplitude:g} m from {low:g} to {high:g} Hz at a step of {step:g} s is none: the frequencies "
+            f"rise and end below half the sampling rate, {0.5 / step:g} Hz"
+        )
+    time = step * np.arange(samples(duration, step))
+    rate = np.log(high / low) / duration
+    return np.asarray(amplitude * np.sin(2 * np.pi * low * np.expm1(rate * time) / rate))
+
+
+def check_speed(speed: float) -> None:
+    """ModelError unless a speed [m/s] is positive."""
+    if not (speed > 0 and np.isfinite(speed)):
+        raise ModelError(f"the speed {speed:g} m/s is not positive: a vehicle that stands has no ride")
+
+
+def samples(duration: float, step: float) -> int:
+    """Number of samples of a duration at a step [s]; ModelError if it is not possible."""
+    if not (step > 0 and duration > 0 and np.isfinite(duration)):
+        raise ModelError(f"a duration of {duration:g} s at a step of {step:g} s is none: both are positive")
+    count = round(duration / step)
+    if not 2 <= count <= MOST_SAMPLES:
+        raise ModelError(f"{duration:g} s at a step of {step:g} s are {count} samples: 2 to {MOST_SAMPLES} are taken")
+    return count
