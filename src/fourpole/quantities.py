@@ -434,6 +434,25 @@ RIG_VALUES = {one.key: one for one in (
     Quantity("input_mass", "", "input mass", "kg"),
 )}  # fmt: skip
 
+_COMFORT = Quantity(
+    "comfort", "a_w", "weighted acceleration", "m/s^2", "vertical, at the seat, weighted by Wk: r.m.s.", "m/s²"
+)  # fmt: skip
+_ACCELERATION = Quantity("acceleration", "a", "acceleration", "m/s^2", "vertical, at the seat: r.m.s.", "m/s²")
+_WHEEL_LOAD = Quantity("load", "F", "dynamic wheel load", "N", "r.m.s. about the static load")
+_TRAVEL = Quantity("travel", "", "suspension travel", "m", "r.m.s. about the rest", "mm", 1e-3)
+#: The measures of a ride by the names that rides have for them.
+RIDE_MEASURES = {one.key: one for one in (
+    _COMFORT, _ACCELERATION, _WHEEL_LOAD, _TRAVEL,
+    *(
+        replace(one, key=f"{one.key} {place}", name=f"{one.name} {place}", column=f"{one.name} {place}", u_column="")
+        for one in (_WHEEL_LOAD, _TRAVEL) for place in ("front", "rear")
+    ),
+    Quantity("power", "P", "power lost in the tyres", "W", "mean of K'' over all frequencies"),
+    Quantity("crest", "", "crest factor", "1", "peak over r.m.s. of the weighted acceleration", digits=3),
+    Quantity("vdv", "VDV", "vibration dose value", "m/s^1.75", "of the weighted acceleration", "m/s^1.75"),
+    Quantity("mtvv", "MTVV", "maximum transient vibration value", "m/s^2", "greatest running r.m.s. over 1 s", "m/s²"),
+)}  # fmt: skip
+
 #: All quantities, in the order in which this module defines them.
 QUANTITIES = tuple(one for one in list(globals().values()) if isinstance(one, Quantity))
 #: Derived quantities: each follows from other columns of dynamic.csv; their columns are the last of that table.

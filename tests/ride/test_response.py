@@ -172,7 +172,7 @@ def test_the_uncertainty_of_a_difference_is_the_spread_of_drawn_pairs():
 
 def test_a_discrepancy_counts_at_all_frequencies_at_once():
     found = of(Zener(), ZENER)
-    tyre = Tyre(Zener(), ZENER, discrepancy=0.01, name="a")
+    tyre = Tyre(Zener(), ZENER, discrepancy=(0.01, 0.02), name="a")
     (by,) = effects(found, tyre).values()
     h = 1e-5
     road = ClassRoad.of("C")
@@ -184,7 +184,7 @@ def test_a_discrepancy_counts_at_all_frequencies_at_once():
             / 2
             / h
         )
-        assert by[at] == pytest.approx(0.01 * slope, rel=1e-6, abs=1e-9)
+        assert by[at] == pytest.approx(0.01 * (at + 1) * slope, rel=1e-6, abs=1e-9)
 
 
 def test_the_share_outside_a_band_is_that_of_the_mean_square():

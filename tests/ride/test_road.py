@@ -88,6 +88,11 @@ def test_an_uneven_profile_without_a_gap_is_taken():
     Profile(np.array([0.0, 1.0, 2.5, 4.0, 6.0]), np.zeros(5))
 
 
+def test_one_missing_row_of_an_even_profile_is_a_gap():
+    with pytest.raises(ModelError, match="has a gap from 4 to 6 m"):
+        Profile(np.delete(np.arange(40.0), 5), np.zeros(39))
+
+
 def test_a_cleat_stands_and_a_pothole_lies():
     up, down = cleat(0.01, 0.1), pothole(0.01, 0.1)
     assert up.height.max() == pytest.approx(0.01)

@@ -6,7 +6,7 @@ from __future__ import annotations
 GROUPS = {
     "Start here": ("demo", "init", "analyse", "open", "app"),
     "Results": ("report", "plot", "rig", "compare", "export", "lab"),
-    "Models": ("fit", "map", "query", "causality", "shift", "verify"),
+    "Models": ("fit", "map", "query", "ride", "causality", "shift", "verify"),
     "Before and beside the analysis": ("check", "plan", "watch", "static", "identify", "predict"),
     "Files": ("info", "convert", "simulate"),
     "This installation": ("selftest",),
@@ -27,6 +27,7 @@ EXAMPLES = {
     "fit": "fourpole fit my-campaign --model maxwell",
     "map": "fourpole map my-campaign",
     "query": 'fourpole query my-campaign --pressure "2.1 bar" --preload "3 kN" --frequency "15 Hz"',
+    "ride": 'fourpole ride my-campaign --road C --speed "80 km/h"',
     "causality": "fourpole causality my-campaign",
     "shift": 'fourpole shift isotherms.csv --reference "20 degC" --out master',
     "verify": "fourpole verify my-campaign",

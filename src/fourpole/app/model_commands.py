@@ -1,4 +1,4 @@
-"""The commands on models, as the command line has them: fit, causality, map, query, verify and shift."""
+"""The commands on models, as the command line has them: fit, causality, map, query, ride, verify and shift."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from fourpole.app.options import (
     FitOptions,
     JsonFlag,
     OutFile,
+    RideOptions,
     RigOptions,
     Selection,
     ShiftOptions,
@@ -177,12 +178,37 @@ def verify(
     return run_verify(model_in(path), copy, as_json=as_json)
 
 
+def ride(
+    models: Annotated[
+        list[Path],
+        typer.Argument(metavar="MODEL...", help="Model files that fit or map wrote, or campaigns' folders."),
+    ],
+    road: Annotated[
+        str,
+        typer.Option(help='Class A to H, a file of distance and height, or as "cleat 10 mm, 50 mm".'),
+    ] = "C",
+    speed: Annotated[float | None, amount("--speed", "velocity", 'As "60 km/h"; by default "80 km/h".')] = None,
+    *,
+    options: RideOptions,
+    as_json: JsonFlag = False,
+) -> None:
+    """Drive a vehicle over a road on the tyres of models: comfort, wheel load and lost power, with their uncertainty.
+
+    Tyres are compared with the first one; errors that they have in common cancel. The weighted acceleration is that of
+    ISO 2631-1. Shown beside: what a spring and a constant damper instead of the model get wrong.
+    """
+    from fourpole.app.ride import run_ride
+
+    run_ride(models, road, 80 / 3.6 if speed is None else speed, options, as_json=as_json)
+
+
 #: Command functions by the name of the command, in the order of the help.
 COMMANDS: dict[str, Callable[..., int | None]] = {
     "fit": fit,
     "causality": causality,
     "map": map_,
     "query": query,
+    "ride": ride,
     "verify": verify,
     "shift": shift,
 }

@@ -276,6 +276,24 @@ class ShiftOptions(TableChoice):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
+class RideOptions:
+    """The vehicle, the operating points of the tyres, and how a ride in time is run."""
+
+    vehicle: str = _given("golden-car, large-car, or a TOML file.", default="golden-car")
+    at: list[str] | None = _given('Operating point, as "pressure=1.7 bar, preload=3 kN"; a repeated option adds one.')
+    tyre: str | None = _given("Only this tyre of each file.")
+    beyond: bool = _given("Go also outside the measured conditions.", "--beyond", default=False)
+    duration: float | None = _amount(
+        "--duration", "time", 'Ride over a road class in time, as "60 s", for crest factor and dose.', "positive"
+    )
+    seed: int = _given("Seed of a road class in time.", default=1)
+    step: float | None = _amount("--step", "time", 'Time step; by default "1 ms", with lift-off "0.25 ms".', "positive")
+    lift_off: bool = _given("Wheels may leave the road.", "--lift-off", default=False)
+    curve: Path | None = _given("Load-deflection curve in place of a straight static load; with lift-off.")
+    folder: Path | None = _given("Folder for table, document and figure.", "--out")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
 class PlotOptions:
     """What a figure shows, as text, and how it looks; a repeated option names several."""
 

@@ -185,6 +185,21 @@ class OperatingMap(ByValue):
         """Parameters (Q, P) from basis functions (Q, K), and their derivatives by the linked parameters."""
         return unlink_all(self.model, basis @ self.coefficients.T)
 
+    def errors(self, point: ArrayLike) -> FloatArray:
+        """Changes (P, E) of the parameters at a point (d,) by one standard uncertainty of each of E independent errors.
+
+        The errors are those of the coefficients, and of the curvature between two levels of an axis. They are the same
+        errors at all points of the map. Their variance is that of the parameters, without scatter about the surfaces.
+        """
+        place = np.asarray(point, dtype=float).reshape(1, -1)
+        values, vectors = np.linalg.eigh(self.covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        columns = [self._parameters(place)[1][0] @ root]
+        for share, *ends in bends(self.axes.scaled(place), self.axes.straight):
+            low, high = (self._unlinked(design(self.terms, one))[0][0] for one in ends)
+            columns.append((share[0] * (high - low))[:, None])
+        return np.concatenate(columns, axis=1)
+
     def octaves_beyond(self, frequency: ArrayLike) -> FloatArray:
         """Distance (Q,) of frequencies (Q,) [Hz] from the band, in octaves; 0 inside."""
         each, (low, high) = np.asarray(frequency, dtype=float), self.band

@@ -18,8 +18,9 @@ REFERENCE, RANGE = 0.1, (0.011, 2.83)
 _OF_A = 16e-6
 #: Largest number of samples of a road.
 MOST_SAMPLES = 20_000_000
-#: A distance between two points above this multiple of the median one is a gap.
-_GAP = 3.0
+#: A distance between two points above this multiple of the median one is a gap: of points that are mostly evenly
+#: spaced, as most of them within a share of the median, and of others.
+_GAP_EVEN, _GAP, _MOSTLY, _EVEN = 1.5, 3.0, 0.9, 0.02
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,8 @@ class Profile(ByValue):
                 f"{self.name}: the distance does not rise after {x[at]:.6g} m, point {at + 1}: sort the rows"
             )
         usual = float(np.median(steps))
-        if steps.max() > _GAP * usual * (1 + 1e-6):
+        even = float(np.mean(np.abs(steps - usual) <= _EVEN * usual)) > _MOSTLY
+        if steps.max() > (_GAP_EVEN if even else _GAP) * usual * (1 + 1e-6):
             at = int(np.argmax(steps))
             raise ModelError(
                 f"{self.name}: has a gap from {x[at]:.6g} to {x[at + 1]:.6g} m, its points are {usual:.3g} m apart: "

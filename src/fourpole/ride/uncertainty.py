@@ -27,9 +27,9 @@ class Tyre(ByValue):
     errors : mapping of str to (P, E) float array
         Changes of the parameters by one standard uncertainty of each of E independent errors, by their source. Tyres
         with the same source have the same errors.
-    discrepancy : float [1]
-        Relative standard uncertainty of K* that the parameters do not have: the same at all frequencies, in modulus and
-        in phase.
+    discrepancy : (float, float) [1]
+        Relative standard uncertainties of K* that the parameters do not have, in modulus and in phase: errors that are
+        the same at all frequencies, which is the worst that they can be.
     name : str
         The tyre and its operating point in words.
 
@@ -42,7 +42,7 @@ class Tyre(ByValue):
     model: Model
     values: FloatArray
     errors: Mapping[str, FloatArray] = field(default_factory=dict)
-    discrepancy: float = 0.0
+    discrepancy: tuple[float, float] = (0.0, 0.0)
     name: str = "the tyre"
 
     def __post_init__(self) -> None:
@@ -64,9 +64,9 @@ class Tyre(ByValue):
         found: dict[str, ComplexArray] = {
             source: (by @ effect).T for source, effect in self.errors.items() if effect.size
         }
-        if self.discrepancy:
-            k = self.discrepancy * self.stiffness(omega)
-            found[f"discrepancy of {self.name}"] = np.stack([k, 1j * k])
+        if any(self.discrepancy):
+            k, (along, across) = self.stiffness(omega), self.discrepancy
+            found[f"discrepancy of {self.name}"] = np.stack([along * k, 1j * across * k])
         return found
 
 

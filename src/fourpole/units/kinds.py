@@ -43,6 +43,7 @@ TABLE: dict[str, UnitKind] = {
     "receptance": UnitKind("m/N", "0.001 mm/N", ("m/N", "mm/N", "µm/N", "in/lbf")),
     "accelerance": UnitKind("m/(N s^2)", "0.5 (m/s²)/N", ("(m/s²)/N", "g/N", "(m/s^2)/N", "1/kg", "(in/s²)/lbf")),
     "voltage": UnitKind("V", "5 V", ("V", "mV", "µV", "kV")),
+    "inertia": UnitKind("kg m^2", "1200 kg m²", ("kg m²", "kg m^2", "t m²", "g cm²")),
     "energy": UnitKind("J", "3 J", ("J", "kJ", "N m", "Nm", "mJ")),
 }
 KINDS: tuple[str, ...] = tuple(TABLE)

@@ -55,6 +55,8 @@ ROLES: dict[str, Role] = {
     "tyre": Role("name of the specimen", "specimen", "", ()),
     "load": Role("load", "F", "N", ("force",)),
     "deflection": Role("deflection", "x", "mm", ("displacement",)),
+    "distance": Role("distance along the road", "distance", "m", ("displacement",)),
+    "height": Role("height of the road", "height", "mm", ("displacement",)),
 }
 #: Other names of roles that an option may use.
 ALIASES = {"phase": "angle", "loss angle": "angle", "loss factor": "tan", "tan delta": "tan", "C": "damping",
@@ -97,6 +99,9 @@ _WORDS = {
         deflection displacement axialdisplacement extension x x1 z d s travel weg axialweg δ
         einfederung compression flèche déplacement enfoncement 位移 变形
         挠度 変位 たわみ""",
+    "distance": """
+        distance x s u position station chainage way weg strecke wegstrecke distanceparcourue abscisse 距离 里程 距離""",
+    "height": "height z h elevation profile level höhe profil hauteur altitude 高度 高程 高さ 標高",
 }  # fmt: skip
 #: Heads of a stiffness or a modulus, without letter: K for a stiffness, M for a modulus that may be G or E.
 _LEVELS = {

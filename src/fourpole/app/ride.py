@@ -1,0 +1,326 @@
+"""The command ride: a vehicle drives over a road on the tyres of models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from fourpole import units
+from fourpole.app.console import option, out, print_json, print_table, progress, say, warn
+from fourpole.app.options import RideOptions
+from fourpole.app.shown import PLUS_MINUS, with_u
+from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
+from fourpole.core.arrays import FloatArray
+from fourpole.core.condition import AXES
+from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.loadcurve import LoadCurve
+from fourpole.errors import UnitError
+from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
+from fourpole.io.staging import staged
+from fourpole.io.tables.curve import read_curve
+from fourpole.io.tables.profile import read_profile
+from fourpole.io.write import write_bytes, write_table, write_text
+from fourpole.quantities import RIDE_MEASURES, TYRE, Quantity, ShownUnits
+from fourpole.report.digits import number
+from fourpole.ride.compare import Compared, compare_in_time, compare_on_class
+from fourpole.ride.contact import LoadDeflection
+from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
+from fourpole.ride.time import axles
+
+#: Step of a ride in time [s], and of one that is not linear.
+_STEP, _FINE = 1e-3, 2.5e-4
+#: Time that a ride goes on after the road [s].
+_AFTER = 3.0
+#: Share of the weighted mean square outside the tested frequencies, and relative difference of the preload from the
+#: static load of the wheel, above which a note says so.
+_OUTSIDE, _PRELOAD = 0.05, 0.1
+#: Measures of the printed table, in its order.
+_PRINTED = ("comfort", "load", "load front", "load rear", "travel", "travel front", "travel rear", "power",
+            "crest", "vdv")  # fmt: skip
+_AXES = {axis.name: (axis.column, kind) for axis, kind in zip(AXES, ("pressure", "force", "temperature"), strict=True)}
+_ROADS = (
+    'a class A to H, a file with distance and height, "cleat 10 mm, 50 mm" or "pothole 30 mm, 500 mm" (height and '
+    'length), or "sweep 1 mm, 0.5:20 Hz, 60 s"'
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Road:
+    """A road: its words, and either a spectrum, a profile, or heights over time (N,) [m] that have no speed."""
+
+    words: str
+    spectrum: ClassRoad | None = None
+    profile: Profile | None = None
+    sweep: FloatArray | None = None
+
+
+def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptions, *, as_json: bool) -> None:
+    """Drive one vehicle over one road on the tyres of all models; print the table and write the files."""
+    check_speed(speed)
+    stated, step = vehicle_named(options.vehicle), _step(options)
+    body, way = stated.vehicle.body, _road(road, step)
+    states = [_state(text) for text in options.at or ()]
+    tyres = [
+        one for path in models for one in tyres_for_ride(path, states, specimen=options.tyre, beyond=options.beyond)
+    ]
+    labels = _labels(tyres)
+    matched = [float(np.sqrt(low * high)) for low, high in (one.band for one in tyres)]
+    over_time = way.spectrum is None or options.duration is not None
+    if not over_time and (options.lift_off or options.curve is not None):
+        raise UnitError('--lift-off and --curve need a ride in time: state --duration, as "60 s"')
+    with progress("riding") as advance:
+        if over_time:
+            heights = axles(_heights(way, speed, step, options), body, speed, step)
+            found = compare_in_time(
+                body, [one.tyre for one in tyres], heights, step, matched,
+                lift=options.lift_off, curve=_curve(options.curve), progress=advance,
+            )  # fmt: skip
+        else:
+            assert way.spectrum is not None
+            found = compare_on_class(body, [one.tyre for one in tyres], way.spectrum, speed, matched)
+    asked = _Asked(stated, way.words, speed, labels, tyres, matched)
+    notes = list(_notes(asked, found))
+    files = _written(options.folder, asked, found, notes) if options.folder is not None else []
+    if as_json:
+        print_json({**_document(asked, found, notes), "written": [str(path) for path in files]})
+        return
+    _show(asked, found)
+    for note in notes:
+        warn(note)
+    for path in files:
+        out(f"written: {path}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What is compared: the vehicle, the road, the speed [m/s], the tyres, and where dampers have their K* [Hz]."""
+
+    vehicle: StatedVehicle
+    road: str
+    speed: float
+    labels: list[str]
+    tyres: list[RideTyre]
+    matched: list[float]
+
+    @property
+    def said(self) -> str:
+        return f"{self.vehicle.name}, {self.road}, {3.6 * self.speed:.4g} km/h"
+
+
+def _step(options: RideOptions) -> float:
+    if options.step is not None:
+        return options.step
+    return _FINE if options.lift_off or options.curve is not None else _STEP
+
+
+def _road(text: str, step: float) -> _Road:
+    """The road of the option ``--road``."""
+    word, _, rest = text.strip().partition(" ")
+    if text.strip().upper() in tuple(CLASSES):
+        letter = text.strip().upper()
+        return _Road(f"road class {letter}", spectrum=ClassRoad.of(letter))
+    if word in ("cleat", "pothole", "sweep") and rest:
+        parts = [part.strip() for part in rest.split(",")]
+        if len(parts) != (3 if word == "sweep" else 2):
+            raise UnitError(f"--road: {units.shown(text)} is no road: it is {_ROADS}")
+        size = option(parts[0], "displacement", "--road", "positive")
+        if word == "sweep":
+            low, high = units.frequency_band(parts[1])
+            return _Road(text, sweep=sine_sweep(size, low, high, option(parts[2], "time", "--road", "positive"), step))
+        made = cleat if word == "cleat" else pothole
+        return _Road(text, profile=made(size, option(parts[1], "displacement", "--road", "positive")))
+    path = Path(text)
+    if not path.is_file():
+        raise UnitError(f"--road: {units.shown(text)} is neither a file nor a road: it is {_ROADS}")
+    table = read_profile(path)
+    for line in table.understood:
+        say(f"understood {line}")
+    for line in table.warnings:
+        warn(line)
+    return _Road(path.name, profile=Profile(table.distance, table.height, path.name))
+
+
+def _heights(way: _Road, speed: float, step: float, options: RideOptions) -> FloatArray:
+    """Heights (N,) [m] of the road under the first axle over time."""
+    if way.sweep is not None:
+        return way.sweep
+    if way.profile is not None:
+        return way.profile.in_time(speed, step, after=_AFTER)
+    assert way.spectrum is not None
+    assert options.duration is not None
+    return way.spectrum.realisation(options.duration, step, speed, options.seed)
+
+
+def _curve(path: Path | None) -> LoadDeflection | None:
+    """The load-deflection curve of a static test: the mean of its branches, from zero load on."""
+    if path is None:
+        return None
+    table = read_curve(path)
+    deflection, load = LoadCurve(table.deflection, table.load).mean_curve(200)
+    rising = np.flatnonzero(load > 0)
+    return LoadDeflection(deflection[rising], load[rising])
+
+
+def _state(text: str) -> dict[str, float]:
+    """An operating point of the option ``--at``, by column: "pressure=1.7 bar, preload=1000 N"."""
+    found = {}
+    for part in text.split(","):
+        name, mark, value = (one.strip() for one in part.partition("="))
+        if not mark or not name:
+            raise UnitError(f"--at: {units.shown(text)} is no operating point, as in 'pressure=1.7 bar, preload=3 kN'")
+        if name in _AXES:
+            column, kind = _AXES[name]
+            found[column] = option(value, kind, f"--at {name}")
+            continue
+        try:
+            found[name] = float(value)
+        except ValueError:
+            known = ", ".join(_AXES)
+            raise UnitError(
+                f"--at: {units.shown(part.strip())}: an axis is {known} with a unit, or a column and a number, as "
+                "'camber [deg]=2'"
+            ) from None
+    return found
+
+
+def _labels(tyres: Sequence[RideTyre]) -> list[str]:
+    """A text for each tyre: its specimen and what differs between them; numbered where that is the same."""
+    columns = [column for one in tyres for column in one.state]
+    wanted = ShownUnits()
+    differing = [
+        column for column in dict.fromkeys(columns) if len({one.state.get(column) for one in tyres}) > 1
+    ]  # fmt: skip
+    texts = []
+    for one in tyres:
+        parts = [wanted.setting(column, one.state[column]) for column in differing if column in one.state]
+        texts.append(", ".join([one.specimen, *parts]))
+    return [
+        text if texts.count(text) == 1 else f"{text} ({texts[: at + 1].count(text)})" for at, text in enumerate(texts)
+    ]
+
+
+def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
+    """What a reader of the numbers must know, each once."""
+    yield from dict.fromkeys(remark for one in asked.tyres for remark in one.remarks)
+    if found.spectra:
+        shares = [
+            float(one.share_outside(*tyre.band)) for (one, _), tyre in zip(found.spectra, asked.tyres, strict=True)
+        ]
+        if max(shares) > _OUTSIDE:
+            at = int(np.argmax(shares))
+            low, high = asked.tyres[at].band
+            yield (
+                f"{100 * shares[at]:.0f} % of the mean square of a_w ({asked.labels[at]}) is from frequencies "
+                f"outside the tested ones, {low:.4g} to {high:.4g} Hz: there K* is what the model predicts"
+            )
+    loads = asked.vehicle.vehicle.body.loads
+    off = [
+        (one.preload, load)
+        for one in asked.tyres
+        for load in loads.tolist()
+        if one.preload and abs(one.preload / load - 1) > _PRELOAD
+    ]
+    if off:
+        preloads = sorted({number(preload, 4) for preload, _ in off}, key=float)
+        yield (
+            f"the static load of a wheel is {' and '.join(number(load, 4) for load in loads.tolist())} N, the preload "
+            f"of the tyres {', '.join(preloads)} N: choose an operating point at that load"
+        )
+    if found.contact:
+        air, beyond = (max(float(np.max(getattr(one, name))) for one in found.contact) for name in ("in_air", "beyond"))
+        if air > 0:
+            yield f"a wheel is in the air for up to {100 * air:.2g} % of the time"
+        if beyond > 0:
+            yield f"a tyre is beyond the curve, which goes on straight, for up to {100 * beyond:.2g} % of the time"
+
+
+def _show(asked: _Asked, found: Compared) -> None:
+    """Print the measures with U, the differences from the first tyre, and what a constant damper gets wrong."""
+    out(f"Ride: {asked.said}")
+    columns = [(found.names.index(name), RIDE_MEASURES[name]) for name in _PRINTED if name in found.names]
+    heads = ["tyre", *(f"{one.symbol or one.name}{_place(one)} [{one.suffix or '1'}]" for _, one in columns)]
+    rows = [
+        [label, *(with_u(values[at], std[at], one.scale) for at, one in columns)]
+        for label, values, std in zip(asked.labels, found.values, found.std, strict=True)
+    ]
+    print_table(heads, rows, right=heads[1:])
+    if len(asked.labels) > 1:
+        out()
+        out(f"Difference from {asked.labels[0]}, in %")
+        rows = [
+            [label, *(with_u(100 * values[at], 100 * std[at]) for at, _ in columns)]
+            for label, values, std in list(zip(asked.labels, found.difference, found.difference_std, strict=True))[1:]
+        ]
+        print_table(_percent(heads), rows, right=_percent(heads)[1:])
+    out(PLUS_MINUS)
+    out()
+    out("Error of a spring and a constant damper instead of the model, with K* of the model at one frequency, in %")
+    head = ["tyre", "frequency [Hz]", "K [kN/m]", "C [N s/m]", *_percent(heads)[1:]]
+    rows = [
+        [label, number(f, 3), number(k / 1e3, 4), number(c, 4), *(f"{100 * wrong[at]:+.2g}" for at, _ in columns)]
+        for label, f, (k, c), wrong in zip(
+            asked.labels, asked.matched, found.damper.tolist(), found.with_damper, strict=True
+        )
+    ]
+    print_table(head, rows, right=head[1:])
+
+
+def _percent(heads: Sequence[str]) -> list[str]:
+    return [heads[0], *(f"{head.partition(' [')[0]} [%]" for head in heads[1:])]
+
+
+def _place(one: Quantity) -> str:
+    return f" {one.key.rpartition(' ')[2]}" if one.symbol and one.key.endswith((" front", " rear")) else ""
+
+
+def _rows(asked: _Asked, found: Compared) -> list[dict[str, Any]]:
+    """The table in SI, a row per tyre."""
+    rows = []
+    for at, one in enumerate(asked.tyres):
+        row: dict[str, Any] = {TYRE.head: one.specimen, "label": asked.labels[at], **one.state}
+        for place, name in enumerate(found.names):
+            quantity = RIDE_MEASURES[name]
+            row |= dict(zip(quantity.heads, (found.values[at, place], found.std[at, place]), strict=True))
+            difference = f"difference in {quantity.column}"
+            row |= {f"{difference} [1]": found.difference[at, place]}
+            row |= {f"u({difference}) [1]": found.difference_std[at, place]}
+            row |= {f"error in {quantity.column} by a constant damper [1]": found.with_damper[at, place]}
+        row |= {"damper matched at [Hz]": asked.matched[at]}
+        row |= {"spring beside the damper [N/m]": found.damper[at, 0], "constant damper [N s/m]": found.damper[at, 1]}
+        if found.contact:
+            row |= {"time in the air [1]": float(np.max(found.contact[at].in_air))}
+        rows.append({name: float(value) if isinstance(value, np.floating) else value for name, value in row.items()})
+    return rows
+
+
+def _document(asked: _Asked, found: Compared, notes: Sequence[str]) -> dict[str, Any]:
+    return {
+        "vehicle": {"name": asked.vehicle.name, "source": asked.vehicle.source, **vars(asked.vehicle.vehicle)},
+        "road": asked.road,
+        "speed [m/s]": asked.speed,
+        "coverage factor of U": COVERAGE_FACTOR,
+        "rides": _rows(asked, found),
+        "notes": list(notes),
+    }
+
+
+def _written(folder: Path, asked: _Asked, found: Compared, notes: Sequence[str]) -> list[Path]:
+    """Write the table, the document and the figure. The plot room is imported here because that takes a second."""
+    import json
+
+    from fourpole.plot.ride import ride_figure, ride_figure_bytes
+    from fourpole.study.study import make_folder
+
+    folder = make_folder(folder)
+    figure = ride_figure(found, asked.labels, [asked.said])
+    with staged(folder) as new:
+        write_table(new / "ride.csv", pl.DataFrame(_rows(asked, found), infer_schema_length=None))
+        write_text(new / "ride.json", json.dumps(_document(asked, found, notes), indent=1, ensure_ascii=False) + "\n")
+        for form in ("svg", "png"):
+            write_bytes(new / f"ride.{form}", ride_figure_bytes(figure, form))
+    return [folder / f"ride.{form}" for form in ("csv", "json", "svg", "png")]

@@ -1,0 +1,80 @@
+"""The figure of rides: spectra of the acceleration with their bands, or acceleration and wheel load over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.confidence import NORMAL_95
+from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
+from fourpole.plot.drawn import figure_of
+from fourpole.plot.figure import figure_bytes
+from fourpole.plot.style import Style, drawing
+from fourpole.ride.comfort import weighting
+from fourpole.ride.compare import Compared
+
+#: Key of the figure in its files, and its title.
+KEY, TITLE = "ride", "Ride"
+#: Largest number of tyres that are drawn, of points of a curve, and range of spectra that is shown.
+_MOST, _POINTS, _DECADES = 6, 1200, 1e-3
+_FREQUENCY = AxisData("frequency", "Hz", log=True)
+_TIME = AxisData("time", "s")
+
+
+def ride_figure(found: Compared, labels: Sequence[str], notes: Sequence[str] = ()) -> FigureData:
+    """The rides as data: of spectra where the road has one, otherwise over time."""
+    shown = list(range(min(len(labels), _MOST)))
+    left_out = [f"{len(shown)} of {len(labels)} tyres shown"] if len(shown) < len(labels) else []
+    panels = _spectra(found, shown) if found.spectra else _series(found, shown)
+    return FigureData(
+        panels=panels, columns=1 if found.series else 2, names=tuple(labels), keyed=tuple(shown),
+        notes=(*notes, *left_out), panel_height=2.0 if found.series else 3.0, shared=False,
+    )  # fmt: skip
+
+
+def _spectra(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
+    """Spectra of the acceleration, as it is and weighted, with the bands that the model's uncertainty gives them."""
+    plain: list[Series] = []
+    weighted: list[Series] = []
+    for at in shown:
+        one, std = found.spectra[at]
+        weight = np.abs(weighting(one.frequency)) ** 2
+        for series, factor in ((plain, np.ones(weight.size)), (weighted, weight)):
+            y = one.spectrum * factor
+            there = y > _DECADES * y.max()
+            series.append(
+                Series(Role.MODEL, one.frequency[there], y[there], NORMAL_95 * (std * factor)[there], tyre=at)
+            )
+    names = (("acceleration at the seat", plain), ("weighted by Wk", weighted))
+    ordinate = AxisData("spectrum", "m²/s³", log=True)
+    return tuple(Panel(_FREQUENCY, ordinate, tuple(series), title=name) for name, series in names)
+
+
+def _series(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
+    """Weighted acceleration and dynamic load of the first wheel over time."""
+    acceleration, load = [], []
+    for at in shown:
+        one = found.series[at]
+        time, weighted, force = (
+            _thinned(each) for each in (one.step * np.arange(one.weighted.size), one.weighted, one.load[0])
+        )
+        acceleration.append(Series(Role.LINE, time, weighted, tyre=at))
+        load.append(Series(Role.LINE, time, force / 1e3, tyre=at))
+    return (
+        Panel(_TIME, AxisData("weighted acceleration", "m/s²", signed=True), tuple(acceleration)),
+        Panel(_TIME, AxisData("dynamic wheel load", "kN", signed=True), tuple(load)),
+    )
+
+
+def _thinned(values: FloatArray) -> FloatArray:
+    """Values with as many points as a figure shows."""
+    return values[:: max(1, values.size // (4 * _POINTS))]
+
+
+def ride_figure_bytes(data: FigureData, form: str, style: Style | None = None) -> bytes:
+    """The content of a file of the figure, as svg, png or pdf; CampaignError for another format."""
+    look = style or Style()
+    with drawing(look, KEY):
+        return figure_bytes(figure_of(data, look), KEY, TITLE, form, look)

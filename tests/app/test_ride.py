@@ -1,0 +1,160 @@
+"""fourpole ride: what is printed and written, and what is refused."""
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+from tests.fitting.test_ridetyres import table
+
+from fourpole.fitting.measured import read_measured
+from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
+from fourpole.models import Zener
+from fourpole.ride.response import frequencies_of, ride
+from fourpole.ride.road import ClassRoad
+from fourpole.ride.vehicle import QuarterCar
+
+SPEED = 80 / 3.6
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ride")
+    measured = read_measured(table(folder / "k.csv"), std=1e-3)
+    model_file(measured, fit_tyres(measured, "zener")).write(folder / "model.json")
+    model_file(measured, maps=map_tyres(measured, "zener")).write(folder / "map.json")
+    narrow = measured.only(None, (8.0, 30.0))
+    model_file(narrow, fit_tyres(narrow, "zener")).write(folder / "narrow.json")
+    one = read_measured(table(folder / "one.csv", (2e5,)), std=0.05)
+    for name in ("structural", "fractional"):
+        model_file(one, fit_tyres(one, name)).write(folder / f"{name}.json")
+    return folder
+
+
+def told(text):
+    return " ".join(text.split())
+
+
+def test_two_pressures_of_a_map_differ_by_a_number_with_its_uncertainty(run, files, tmp_path):
+    points = ("--at", "pressure=1.7 bar", "--at", "pressure=2.3 bar")
+    ran = run("ride", files / "map.json", *points, "--road", "c", "--out", tmp_path / "r")
+    assert ran.exit_code == 0, ran.stderr
+    assert "Ride: Golden car, 250 kg, road class C, 80 km/h" in ran.stdout
+    assert "Difference from a, 1.7 bar, in %" in ran.stdout
+    assert "constant damper instead of the model" in ran.stdout
+    assert ran.stderr == ""
+    narrow = run("ride", files / "narrow.json", *points[:2])
+    assert "(a) is from frequencies outside the tested ones, 8.447 to 24.55 Hz" in told(narrow.stderr)
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {"ride.csv", "ride.json", "ride.svg", "ride.png"}
+    rows = pl.read_csv(tmp_path / "r" / "ride.csv").rows(named=True)
+    road, car = ClassRoad.of("C"), QuarterCar(250.0, 37.5, 15825.0, 1500.0).body
+    omega = 2 * np.pi * frequencies_of(road, SPEED)
+    for row, p in zip(rows, (1.7e5, 2.3e5), strict=True):
+        exact = ride(car, Zener().stiffness([180e3 * p / 2e5, 120e3 * p / 2e5, 700.0], omega), road, SPEED)
+        off = row["weighted acceleration [m/s^2]"] - exact.values[0]
+        assert abs(off) < 4 * row["u(weighted acceleration) [m/s^2]"]
+    second = rows[1]
+    assert second["difference in weighted acceleration [1]"] == pytest.approx(
+        rows[1]["weighted acceleration [m/s^2]"] / rows[0]["weighted acceleration [m/s^2]"] - 1
+    )
+    alone = second["u(weighted acceleration) [m/s^2]"] / second["weighted acceleration [m/s^2]"]
+    assert 0 < second["u(difference in weighted acceleration) [1]"] < 2 * alone
+    document = json.loads((tmp_path / "r" / "ride.json").read_text())
+    assert document["speed [m/s]"] == pytest.approx(SPEED)
+    assert document["vehicle"]["source"].startswith("M. W. Sayers")
+
+
+def test_files_are_compared_in_their_order(run, files):
+    ran = run(
+        "ride",
+        files / "fractional.json",
+        files / "model.json",
+        "--json",
+        "--speed",
+        "50 km/h",
+        "--vehicle",
+        "large-car",
+    )
+    document = json.loads(ran.stdout)
+    assert [one["label"] for one in document["rides"]] == ["a, 2 bar (1)", "a, 1.7 bar", "a, 2 bar (2)", "a, 2.4 bar"]
+    assert document["rides"][0]["difference in weighted acceleration [1]"] == 0
+    assert document["vehicle"]["sprung_mass"] == 454.5
+
+
+def test_a_road_in_time_has_crest_factor_and_dose(run, files, tmp_path):
+    at = ("--at", "pressure=2 bar")
+    ran = run("ride", files / "model.json", *at, "--duration", "10 s", "--seed", 3, "--json")
+    (row,) = json.loads(ran.stdout)["rides"]
+    assert 2 < row["crest factor [1]"] < 6
+    assert row["vibration dose value [m/s^1.75]"] > row["weighted acceleration [m/s^2]"]
+    ran = run("ride", files / "model.json", *at, "--road", "cleat 30 mm, 300 mm", "--lift-off", "--out", tmp_path / "c")
+    assert ran.exit_code == 0, ran.stderr
+    assert "a wheel is in the air" in told(ran.stderr)
+    assert (tmp_path / "c" / "ride.png").is_file()
+    for road in ("pothole 20 mm, 400 mm", "sweep 1 mm, 0.5:20 Hz, 5 s"):
+        assert run("ride", files / "model.json", *at, "--road", road).exit_code == 0
+
+
+def test_a_measured_road_and_a_load_deflection_curve(run, files, tmp_path):
+    x = np.arange(0.0, 60.0, 0.05)
+    rows = zip(x.tolist(), (5 * np.sin(x)).tolist(), strict=True)
+    road = tmp_path / "road.csv"
+    road.write_text("distance [m],height [mm]\n" + "".join(f"{a:.3f},{b:.6f}\n" for a, b in rows))
+    deflection = np.concatenate([np.linspace(0, 40, 200), np.linspace(40, 0, 200)])
+    curve = tmp_path / "curve.csv"
+    load = 120.0 * deflection + 1.5 * deflection**2
+    curve.write_text(
+        "deflection [mm],load [N]\n" + "".join(f"{a},{b}\n" for a, b in zip(deflection, load, strict=True))
+    )
+    at = ("--at", "pressure=2 bar", "--road", road)
+    plain, curved = (
+        json.loads(run("ride", files / "model.json", *at, "--json", *more).stdout)["rides"][0]
+        for more in ((), ("--curve", curve))
+    )
+    assert plain["dynamic wheel load [N]"] > 0
+    ratio = curved["dynamic wheel load [N]"] / plain["dynamic wheel load [N]"]
+    assert 0.5 < ratio < 1.5
+    assert abs(ratio - 1) > 1e-4
+    gap = [line for line in road.read_text().splitlines(keepends=True) if not line.startswith("30.")]
+    road.write_text("".join(gap))
+    ran = run("ride", files / "model.json", *at)
+    assert ran.exit_code == 2
+    assert "road.csv: has a gap from 29.95 to 31 m" in told(ran.stderr)
+
+
+@pytest.mark.parametrize(
+    ("model", "more", "words"),
+    [
+        ("structural", (), "structural model of a, 2 bar is not causal: its force begins before its deflection"),
+        ("structural", (), "fit a causal one, as with fourpole fit --model prony"),
+        ("map", ("--at", "pressure=3 bar"), "3 bar is outside what was measured"),
+        ("map", (), 'state the operating point, --at "pressure=..."'),
+        ("model", ("--speed", "0 km/h"), "the speed 0 m/s is not positive"),
+        ("model", ("--duration", "10 s", "--step", "10 ms"), "a step of 0.01 s is too long"),
+        ("model", ("--road", "Z"), "--road: 'Z' is neither a file nor a road: it is a class A to H"),
+        ("model", ("--road", "cleat 10 mm"), "--road: 'cleat 10 mm' is no road"),
+        ("model", ("--lift-off",), 'need a ride in time: state --duration, as "60 s"'),
+        ("model", ("--at", "pressure"), "--at: 'pressure' is no operating point"),
+        ("model", ("--at", "camber=two"), "an axis is pressure, preload, temperature with a unit"),
+        ("model", ("--vehicle", "tank"), "no vehicle 'tank'"),
+        ("fractional", ("--road", "cleat 10 mm, 50 mm"), "no state space of finite order"),
+        ("fractional", ("--road", "cleat 10 mm, 50 mm"), "fourpole fit --model prony"),
+    ],
+)
+def test_what_is_refused_says_why(run, files, tmp_path, model, more, words):
+    ran = run("ride", files / f"{model}.json", *more, "--out", tmp_path / "no")
+    assert ran.exit_code == 2
+    assert words in told(ran.stderr)
+    assert "Traceback" not in ran.stderr
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_vehicle_of_negative_mass_is_refused(run, files, tmp_path):
+    path = tmp_path / "v.toml"
+    path.write_text(
+        'kind = "quarter car"\nsprung_mass = "-250 kg"\nunsprung_mass = "40 kg"\nsuspension_stiffness = "16 kN/m"\n'
+        'suspension_damping = "1 kN s/m"\n'
+    )
+    ran = run("ride", files / "model.json", "--vehicle", path)
+    assert ran.exit_code == 2
+    assert "v.toml: sprung_mass: -250 kg is not possible" in told(ran.stderr)
