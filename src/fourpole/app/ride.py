@@ -25,7 +25,7 @@ from fourpole.io.staging import staged
 from fourpole.io.tables.curve import read_curve
 from fourpole.io.tables.profile import read_profile
 from fourpole.io.write import write_bytes, write_table, write_text
-from fourpole.quantities import RIDE_MEASURES, TYRE, Quantity, ShownUnits
+from fourpole.quantities import FREQUENCY, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
 from fourpole.report.digits import number
 from fourpole.ride.compare import Compared, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
@@ -260,7 +260,7 @@ def _show(asked: _Asked, found: Compared) -> None:
     out(PLUS_MINUS)
     out()
     out("Error of a spring and a constant damper instead of the model, with K* of the model at one frequency, in %")
-    head = ["tyre", "frequency [Hz]", "K [kN/m]", "C [N s/m]", *_percent(heads)[1:]]
+    head = ["tyre", f"at [{FREQUENCY.unit}]", "K [kN/m]", C.head, *_percent(heads)[1:]]
     rows = [
         [label, number(f, 3), number(k / 1e3, 4), number(c, 4), *(f"{100 * wrong[at]:+.2g}" for at, _ in columns)]
         for label, f, (k, c), wrong in zip(

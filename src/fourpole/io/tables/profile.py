@@ -45,7 +45,7 @@ def read_profile(path: str | os.PathLike[str], *, label: str | None = None) -> P
     >>> import tempfile, pathlib
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder, "road.csv")
-    ...     _ = file.write_text("distance [m],height [mm]\\n0,0\\n0.1,2\\n0.2,\\n")
+    ...     _ = file.write_text("distance [m],height [mm]\n0,0\n0.1,2\n0.2,\n")
     ...     print(read_profile(file).height)
     [0.    0.002   nan]
     """

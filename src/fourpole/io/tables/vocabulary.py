@@ -100,7 +100,8 @@ _WORDS = {
         einfederung compression flèche déplacement enfoncement 位移 变形
         挠度 変位 たわみ""",
     "distance": """
-        distance x s u position station chainage way weg strecke wegstrecke distanceparcourue abscisse 距离 里程 距離""",
+        distance x s u position station chainage way weg strecke wegstrecke distanceparcourue abscisse 距离 里程
+        距離""",
     "height": "height z h elevation profile level höhe profil hauteur altitude 高度 高程 高さ 標高",
 }  # fmt: skip
 #: Heads of a stiffness or a modulus, without letter: K for a stiffness, M for a modulus that may be G or E.
