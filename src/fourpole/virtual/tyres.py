@@ -185,7 +185,7 @@ class VirtualTyre:
 
 @dataclass(frozen=True)
 class ModelTyre:
-    """A tyre that is a causal model, the same at every pressure and preload.
+    """A tyre that is a causal model, the same at every preload, and stiffer in proportion to the pressure if wanted.
 
     Its load-deflection law is linear, with the model's static stiffness. The truth has no K2 and C for such a tyre,
     because the model does not contain them.
@@ -202,6 +202,8 @@ class ModelTyre:
         A description of the tyre.
     hysteresis, conditioning : float [1]
         The same as for a `VirtualTyre`.
+    stiffening : float [1/Pa]
+        Relative rise of K* at all frequencies per pressure above 1.7 bar.
 
     Raises
     ------
@@ -224,6 +226,7 @@ class ModelTyre:
     construction: str = "a model (virtual)"
     hysteresis: float = 0.02
     conditioning: float = 0.03
+    stiffening: float = 0.0
 
     def __post_init__(self) -> None:
         if not self._at_rest > 0.0:
@@ -234,21 +237,27 @@ class ModelTyre:
         """Static stiffness of the model [N/m]."""
         return float(self.model.static_stiffness(self.values))
 
-    def load(self, deflection: ArrayLike, pressure: ArrayLike) -> FloatArray:  # noqa: ARG002
-        """Mean load F [N] at `deflection` [m]."""
-        return np.asarray(self._at_rest * np.asarray(deflection, dtype=float))
+    def _factor(self, pressure: ArrayLike) -> FloatArray:
+        """K* at a pressure over that at 1.7 bar [1]."""
+        return np.asarray(1.0 + self.stiffening * (np.asarray(pressure, dtype=float) - _PRESSURE_MID))
 
-    def deflection(self, load: ArrayLike, pressure: ArrayLike) -> FloatArray:  # noqa: ARG002
+    def load(self, deflection: ArrayLike, pressure: ArrayLike) -> FloatArray:
+        """Mean load F [N] at `deflection` [m]."""
+        return np.asarray(self._at_rest * self._factor(pressure) * np.asarray(deflection, dtype=float))
+
+    def deflection(self, load: ArrayLike, pressure: ArrayLike) -> FloatArray:
         """Deflection x [m] under `load` [N]."""
-        return np.asarray(np.asarray(load, dtype=float) / self._at_rest)
+        return np.asarray(np.asarray(load, dtype=float) / (self._at_rest * self._factor(pressure)))
 
     def static_stiffness(self, pressure: ArrayLike, preload: ArrayLike) -> FloatArray:
         """K1 [N/m]."""
-        return np.full(np.broadcast_shapes(np.shape(pressure), np.shape(preload)), self._at_rest)
+        return np.asarray(self._at_rest * self._factor(pressure) * np.ones(np.shape(preload)))
 
     def element(self, frequency: float, pressure: float, preload: float) -> StateSpace:  # noqa: ARG002
         """The model in the time domain; if it needs an approximation by arms, it holds for the cam's harmonics."""
-        return in_time(self.model, self.values, (frequency / _BEYOND, frequency * _BEYOND))
+        found = in_time(self.model, self.values, (frequency / _BEYOND, frequency * _BEYOND))
+        factor = float(self._factor(pressure))
+        return found if factor == 1.0 else replace(found, c=factor * found.c, d=factor * found.d)
 
 
 #: The tyres that a virtual campaign may test.
