@@ -20,6 +20,7 @@ SCRIPTS = {
     "bench_tables": "Many tests",
     "bench_joint": "The joint route",
     "bench_models": "Models",
+    "bench_ride": "Rides",
     "bench_cluster": "A cluster",
     "bench_memory": "Memory",
     "bench_app": "The app",

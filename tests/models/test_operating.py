@@ -11,6 +11,7 @@ from fourpole.core.routes import maxwell_arm
 from fourpole.models.choice import fit_conditions
 from fourpole.models.data import StiffnessData
 from fourpole.models.families import model_named
+from fourpole.models.linearised import Scatter
 from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.surface import Axes
 
@@ -267,3 +268,18 @@ def test_many_conditions_take_little_time():
     assert time.process_time() - begun < 8.0  # it takes 1 s
     assert found.scatter.condition == pytest.approx(2e-3, rel=0.15)
     assert len(found.terms) < 20
+
+
+def test_errors_of_the_parameters_are_those_of_an_answer_without_scatter(maps):
+    """Near one level of an axis with two, too, where the curvature between them is an error of its own."""
+    two = Axes.of(["p [Pa]"], [[1.0e5], [2.0e5]])
+    data = measured(3, 0.0)[:2]
+    few = make_map(ZENER, data, two, fitted(data))
+    # the curvature is taken as a change of the parameters, of which K* is no linear function
+    for one, point, close in ((maps[0], maps[0].axes.middle, 1e-9), (few, np.array([1.3e5]), 0.06)):
+        calm = replace(one, scatter=Scatter(), static=None)
+        values, errors = calm.parameters(point[None])[0], calm.errors(point)
+        slopes = ZENER.derivative(values, OMEGA) @ errors
+        rows = np.stack([slopes.real, slopes.imag], axis=1)
+        wanted = calm.ask(np.repeat(point[None], OMEGA.size, axis=0), OMEGA / (2 * np.pi)).stiffness_covariance
+        assert rows @ np.swapaxes(rows, 1, 2) == pytest.approx(wanted, rel=close, abs=close * np.abs(wanted).max())

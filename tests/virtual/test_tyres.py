@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole.virtual import CROSS_PLY, RADIAL_PLY
+from fourpole.models import GeneralisedMaxwell
+from fourpole.virtual import CROSS_PLY, RADIAL_PLY, ModelTyre
 
 pytestmark = pytest.mark.thorough
 
@@ -40,3 +41,16 @@ def test_laws_broadcast(tyre):
     frequency, pressure = np.linspace(10.0, 24.0, 5)[:, None], np.linspace(100e3, 240e3, 3)
     assert tyre.k2(frequency, pressure, 1000.0).shape == (5, 3)
     assert tyre.c(frequency, pressure, 1000.0)[2, 1] == tyre.c(17.0, 170e3, 1000.0)
+
+
+def test_a_model_tyre_stiffens_in_proportion_to_the_pressure():
+    tyre = ModelTyre("t", GeneralisedMaxwell(1), (150e3, 50e3, 0.01), stiffening=2.5e-6)
+    plain = ModelTyre("t", GeneralisedMaxwell(1), (150e3, 50e3, 0.01))
+    omega = np.array([60.0, 120.0])
+    for pressure, factor in ((170e3, 1.0), (210e3, 1.1), (130e3, 0.9)):
+        found, reference = (one.element(10.0, pressure, 3000.0).stiffness(omega) for one in (tyre, plain))
+        assert found == pytest.approx(factor * reference)
+        assert tyre.static_stiffness(pressure, 3000.0) == pytest.approx(factor * 150e3)
+        assert tyre.load(tyre.deflection(3000.0, pressure), pressure) == pytest.approx(3000.0)
+    assert tyre.static_stiffness([170e3, 210e3], 3000.0) == pytest.approx([150e3, 165e3])
+    assert tyre.static_stiffness(170e3, [1000.0, 3000.0]).shape == (2,)

@@ -16,27 +16,20 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.ride.linear import LinearSystem, driven
 
-#: Band limits, transition and upward step of Wk: frequencies [Hz] and quality factors [1].
+#: Band limits of Wk [Hz].
 _HIGH_PASS, _LOW_PASS = 0.4, 100.0
-_TRANSITION = 12.5
-_TRANSITION_Q = 0.63
+#: Frequencies of the upward step [Hz].
 _STEP_FROM, _STEP_TO = 2.37, 3.35
-_STEP_Q = 0.91
+#: Filters of Wk: natural frequency w [Hz], quality factor Q [1], and the factors of s², w s and w² in the numerator;
+#: the denominator is s² + w s/Q + w².
+_FILTERS = (
+    (_HIGH_PASS, np.sqrt(0.5), (1.0, 0.0, 0.0)),
+    (_LOW_PASS, np.sqrt(0.5), (0.0, 0.0, 1.0)),
+    (12.5, 0.63, (0.0, 1.0, 1.0)),
+    (_STEP_TO, 0.91, (1.0, _STEP_FROM / _STEP_TO / 0.91, (_STEP_FROM / _STEP_TO) ** 2)),
+)
 #: Time constant of the running r.m.s. value [s].
 _RUNNING = 1.0
-
-
-def _sections() -> list[tuple[list[float], list[float]]]:
-    """Numerator and denominator in s of each transfer function of Wk."""
-    w1, w2, w3 = (2 * np.pi * f for f in (_HIGH_PASS, _LOW_PASS, _TRANSITION))
-    w5, w6 = 2 * np.pi * _STEP_FROM, 2 * np.pi * _STEP_TO
-    root = np.sqrt(2.0)
-    return [
-        ([1.0, 0.0, 0.0], [1.0, root * w1, w1**2]),
-        ([w2**2], [1.0, root * w2, w2**2]),
-        ([w3, w3**2], [1.0, w3 / _TRANSITION_Q, w3**2]),
-        ([1.0, w5 / _STEP_Q, w5**2], [1.0, w6 / _STEP_Q, w6**2]),
-    ]
 
 
 def weighting(frequency: ArrayLike) -> ComplexArray:
@@ -58,21 +51,29 @@ def weighting(frequency: ArrayLike) -> ComplexArray:
     >>> np.abs(weighting([1.0, 10**0.8, 20.0])).round(3)
     array([0.482, 1.054, 0.636])
     """
-    s = 2j * np.pi * np.asarray(frequency, dtype=float)
-    found = np.ones(s.shape, dtype=complex)
-    for top, bottom in _sections():
-        found = found * np.polyval(top, s) / np.polyval(bottom, s)
+    f = np.asarray(frequency, dtype=float)
+    found = np.ones(f.shape, dtype=complex)
+    for natural, quality, top in _FILTERS:
+        s = 1j * f / natural
+        found = found * np.polyval(top, s) / (s**2 + s / quality + 1.0)
     return np.asarray(found)[()]
 
 
 def weighting_system() -> LinearSystem:
-    """Wk as a linear system from acceleration to weighted acceleration, both in [m/s²]."""
-    top: FloatArray = np.ones(1)
-    bottom: FloatArray = np.ones(1)
-    for one, other in _sections():
-        top, bottom = np.polymul(top, one), np.polymul(bottom, other)
-    a, b, c, d = scipy.signal.tf2ss(top, bottom)
-    return LinearSystem(a, b, np.zeros_like(b), c, d, np.zeros_like(d))
+    """Wk as a linear system from acceleration to weighted acceleration, both in [m/s²]: one filter after the other."""
+    n = 2 * len(_FILTERS)
+    a, b = np.zeros((n, n)), np.zeros((n, 1))
+    row, direct = np.zeros(n), 1.0  # the input of the next filter from the states before it, and from the acceleration
+    for at, (natural, quality, (square, rate, level)) in enumerate(_FILTERS):
+        first, second, w = 2 * at, 2 * at + 1, 2 * np.pi * natural
+        a[first, second] = w
+        a[second] = w * row
+        a[second, [first, second]] -= w * np.array([1.0, 1.0 / quality])
+        b[second] = w * direct
+        row, direct = square * row, square * direct
+        row[[first, second]] += [level - square, rate - square / quality]
+    none = np.zeros((1, 1))
+    return LinearSystem(a, b, np.zeros((n, 1)), row[None], none + direct, none)
 
 
 def weighted(acceleration: ArrayLike, step: float) -> FloatArray:

@@ -1,4 +1,8 @@
-"""Linear systems stepped exactly: inputs are straight between samples, each pole pair is one second-order section."""
+"""Linear systems stepped exactly: inputs are straight between samples.
+
+A recursion over all samples is done in blocks. Within a block outputs are a product of matrices; from block to block
+the states are a recursion of the same kind, and so on until few steps are left.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,8 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 
-#: Modes of a system are separated if the condition of its eigenvectors is below this: the loss is 1e-10 at most.
-_SEPARABLE = 1e6
-#: Below this modulus the functions of a step are summed as series of so many terms.
-_SMALL, _TERMS = 0.5, 18
+#: Samples of a block, and number of steps that are taken one by one.
+_BLOCK, _FEW = 24, 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,78 +62,55 @@ def driven(system: LinearSystem, inputs: FloatArray, step: float) -> FloatArray:
     array([[0.      , 0.367879, 1.135335]])
     """
     first = inputs[:, :1]
-    moved = inputs - first
     steady = (system.d - system.c @ np.linalg.solve(system.a, system.b)) @ first
-    modes = _modes(system)
-    outputs = _by_sections(modes, system, moved, step) if modes is not None else _by_steps(system, moved, step)
-    outputs += system.d @ moved + steady
+    transition, hold, slope = step_matrices(system, step)
+    # The states less slope · u follow from earlier inputs alone.
+    push = transition @ slope + hold - slope
+    direct = system.d + system.c @ slope
+    outputs = _in_blocks(transition, push, system.c, direct, (inputs - first).T)
+    if np.any(steady):
+        outputs += steady
     if np.any(system.f):
         outputs += system.f @ np.gradient(inputs, step, axis=1)
     return outputs
 
 
-def _modes(system: LinearSystem) -> tuple[ComplexArray, ComplexArray] | None:
-    """Poles (n,) and eigenvectors (n, n) of the states; None if the modes cannot be separated."""
-    balanced, (scale, _) = scipy.linalg.matrix_balance(system.a, permute=False, separate=True)
-    poles, vectors = np.linalg.eig(balanced)
-    if not np.linalg.cond(vectors) < _SEPARABLE:
-        return None
-    return poles.astype(complex), scale[:, None] * vectors.astype(complex)
+def _in_blocks(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, inputs: FloatArray) -> FloatArray:
+    """Outputs (p, N) of x' = a x + b u, y = c x + d u from x = 0, with inputs (N, m)."""
+    count, m = inputs.shape
+    blocks = -(-count // _BLOCK)
+    padded = np.zeros((blocks * _BLOCK, m))
+    padded[:count] = inputs
+    u = padded.reshape(blocks, _BLOCK * m)
+    pushed, seen = [b], [c]
+    for _ in range(_BLOCK - 1):
+        pushed.append(a @ pushed[-1])
+        seen.append(seen[-1] @ a)
+    starts = _states(np.linalg.matrix_power(a, _BLOCK), u @ np.concatenate(pushed[::-1], axis=1).T)
+    by_start = np.stack(seen).transpose(1, 2, 0)
+    responses = np.stack([d, *(c @ one for one in pushed[:-1])])
+    both = np.concatenate([by_start, _toeplitz(responses)], axis=1)
+    return np.matmul(np.hstack([starts, u]), both).reshape(len(c), -1)[:, :count]
 
 
-def _by_sections(
-    modes: tuple[ComplexArray, ComplexArray], system: LinearSystem, moved: FloatArray, step: float
-) -> FloatArray:
-    """Outputs of the states by one section of order 1 or 2 for each pole or pair of poles."""
-    poles, vectors = modes
-    seen = system.c @ vectors
-    drive, rate = (np.linalg.solve(vectors, one.astype(complex)) for one in (system.b, system.e))
-    outputs = np.zeros((len(system.c), moved.shape[1]))
-    for pole, c, b, e in zip(poles, seen.T, drive, rate, strict=True):
-        if pole.imag < 0:
-            continue  # the section of its conjugate has both
-        turn, phi1, phi2 = _step_functions(pole * step)
-        slope = step * phi2 * b + phi1 * e
-        hold = step * phi1 * b - slope
-        for place, u in enumerate(moved):
-            for at, gain in enumerate(c.tolist()):
-                if (top := _numerator(gain * slope[place], gain * hold[place], turn, pole.imag)).any():
-                    outputs[at] += scipy.signal.lfilter(top, _denominator(turn, pole.imag), u)
-    return outputs
+def _states(a: FloatArray, drives: FloatArray) -> FloatArray:
+    """States (N, n) of x' = a x + drive from x = 0."""
+    count, n = drives.shape
+    if count > _FEW:
+        return _in_blocks(a, np.eye(n), np.eye(n), np.zeros((n, n)), drives).T
+    states, turned = np.zeros((count, n)), np.ascontiguousarray(a.T)
+    for at in range(count - 1):
+        states[at + 1] = states[at] @ turned + drives[at]
+    return states
 
 
-def _numerator(now: complex, before: complex, turn: complex, imaginary: float) -> FloatArray:
-    """Numerator of a section from the residues of this input and of the one before."""
-    if imaginary == 0:
-        return np.array([now.real, before.real])
-    back = np.conj(turn)
-    return 2.0 * np.array([now.real, (before - now * back).real, -(before * back).real])
-
-
-def _denominator(turn: complex, imaginary: float) -> FloatArray:
-    return np.array([1.0, -turn.real] if imaginary == 0 else [1.0, -2.0 * turn.real, abs(turn) ** 2])
-
-
-def _step_functions(z: complex) -> tuple[complex, complex, complex]:
-    """exp(z), (exp(z) - 1)/z and (exp(z) - 1 - z)/z²."""
-    turn = complex(np.exp(z))
-    if abs(z) > _SMALL:
-        return turn, (turn - 1.0) / z, (turn - 1.0 - z) / z**2
-    phi2 = 0.0 + 0.0j
-    for k in range(_TERMS, 1, -1):
-        phi2 = 1.0 + z * phi2 / (k + 1.0)
-    phi2 *= 0.5
-    return turn, 1.0 + z * phi2, phi2
-
-
-def _by_steps(system: LinearSystem, moved: FloatArray, step: float) -> FloatArray:
-    """The same where modes cannot be separated: step by step."""
-    transition, hold, slope = step_matrices(system, step)
-    drives = hold @ moved[:, :-1] + slope @ np.diff(moved, axis=1)
-    states = np.zeros((len(system.a), moved.shape[1]))
-    for index in range(drives.shape[1]):
-        states[:, index + 1] = transition @ states[:, index] + drives[:, index]
-    return np.asarray(system.c @ states)
+def _toeplitz(responses: FloatArray) -> FloatArray:
+    """Matrices (p, L m, L) from inputs to each output of a block, of responses (L, p, m) after 0, 1 ... samples."""
+    size, p, m = responses.shape
+    whole = np.zeros((p, size, m, size))
+    for early in range(size):
+        whole[:, early, :, early:] = responses[: size - early].transpose(1, 2, 0)
+    return whole.reshape(p, size * m, size)
 
 
 def step_matrices(system: LinearSystem, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:

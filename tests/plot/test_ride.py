@@ -1,0 +1,55 @@
+"""The figure of rides: spectra with bands, or accelerations and loads over time."""
+
+import numpy as np
+import pytest
+from tests.ride.test_compare import BODY, SPEED, tyres
+
+from fourpole.core.confidence import NORMAL_95
+from fourpole.plot.data import Role
+from fourpole.plot.ride import ride_figure, ride_figure_bytes
+from fourpole.ride.compare import compare_in_time, compare_on_class
+from fourpole.ride.road import ClassRoad, cleat
+
+
+@pytest.fixture(scope="module")
+def spectra():
+    return compare_on_class(BODY, tyres(), ClassRoad.of("C"), SPEED, (10.0, 10.0))
+
+
+def test_spectra_have_the_bands_of_their_models(spectra):
+    data = ride_figure(spectra, ["one", "two"], ["a car"])
+    plain, weighted = data.panels
+    assert [one.title for one in data.panels] == ["acceleration at the seat", "weighted by Wk"]
+    assert (data.names, data.notes, data.has_band) == (("one", "two"), ("a car",), True)
+    ride, std = spectra.spectra[1]
+    series = plain.series[1]
+    at = int(np.argmax(series.y))
+    there = int(np.argmax(ride.spectrum))
+    assert (series.x[at], series.y[at]) == pytest.approx((ride.frequency[there], ride.spectrum[there]))
+    assert series.spread[at] == pytest.approx(NORMAL_95 * std[there])
+    assert weighted.series[0].y.max() == pytest.approx(spectra.spectra[0][0].weighted_spectrum.max())
+    assert plain.y.label == "spectrum [m²/s³]"
+
+
+def test_rides_in_time_are_lines():
+    heights = cleat(0.01, 0.3).in_time(SPEED, 1e-3, after=0.5)[None]
+    data = ride_figure(compare_in_time(BODY, tyres(), heights, 1e-3, (10.0, 10.0)), ["one", "two"])
+    acceleration, load = data.panels
+    assert {one.role for one in (*acceleration.series, *load.series)} == {Role.LINE}
+    assert (acceleration.y.label, load.y.label) == ("weighted acceleration [m/s²]", "dynamic wheel load [kN]")
+    assert acceleration.series[0].x[-1] == pytest.approx(1e-3 * (heights.shape[1] - 1))
+
+
+def test_of_many_tyres_the_first_ones_are_shown(spectra):
+    many = compare_on_class(BODY, tyres()[:1] * 8, ClassRoad.of("C"), SPEED, (10.0,) * 8)
+    data = ride_figure(many, [f"tyre {at}" for at in range(8)])
+    assert len(data.panels[0].series) == 6
+    assert data.notes == ("6 of 8 tyres shown",)
+
+
+@pytest.mark.parametrize("form", ["svg", "png", "pdf"])
+def test_the_file_has_each_format_and_the_same_bytes(spectra, form):
+    data = ride_figure(spectra, ["<b>one</b>", "two"])
+    made = ride_figure_bytes(data, form)
+    assert made == ride_figure_bytes(data, form)
+    assert b"<b>one" not in made
