@@ -20,6 +20,43 @@ def weighting_stage(u, state, at):
     return top[0] * x2 + top[1] * w * x1 + top[2] * w**2 * x0, (x1, x2)
 
 
+def integrate_half(car, k1, k2, tau, roads, step, fine):
+    """Seat acceleration and dynamic load of both wheels of a half car, on tyres with one arm, by Runge-Kutta.
+
+    `car` has the keys of the vehicle; coordinates are the heights of both ends of the body and of both wheels.
+    """
+    a, b = car["front_distance"], car["rear_distance"]
+    k = np.array([car[f"{side}_suspension_stiffness"] for side in ("front", "rear")])
+    c = np.array([car[f"{side}_suspension_damping"] for side in ("front", "rear")])
+    m = np.array([car[f"{side}_unsprung_mass"] for side in ("front", "rear")])
+    arms, h = np.array([a, -b]), step / fine
+
+    def rates(y, height):
+        heave, pitch, v, spin = y[:4]
+        wheels, speeds, z = y[4:6], y[6:8], y[8:10]
+        strut = k * (wheels - heave - arms * pitch) + c * (speeds - v - arms * spin)
+        x = height - wheels
+        load = k1 * x + k2 * (x - z)
+        up, turn = strut.sum() / car["sprung_mass"], arms @ strut / car["pitch_inertia"]
+        change = np.concatenate([[v, spin, up, turn], speeds, (load - strut) / m, (x - z) / tau])
+        return change, (up + car["seat_ahead"] * turn, *load)
+
+    y, out = np.zeros(10), []
+    for at in range(roads.shape[1]):
+        out.append(rates(y, roads[:, at] - roads[:, 0])[1])
+        if at == roads.shape[1] - 1:
+            break
+        rise = (roads[:, at + 1] - roads[:, at]) / fine
+        for part in range(fine):
+            low = roads[:, at] - roads[:, 0] + part * rise
+            one = rates(y, low)[0]
+            two = rates(y + h / 2 * one, low + rise / 2)[0]
+            three = rates(y + h / 2 * two, low + rise / 2)[0]
+            four = rates(y + h * three, low + rise)[0]
+            y = y + h / 6 * (one + 2 * two + 2 * three + four)
+    return np.array(out).T
+
+
 def integrate(car, k1, arms, road, step, fine, *, lift=False, static=None, damper=0.0):
     """Weighted acceleration, acceleration, tyre force and deflection at each sample of a quarter car.
 

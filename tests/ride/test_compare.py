@@ -79,7 +79,12 @@ def test_a_parameter_on_its_bound_has_a_slope_on_one_side():
     assert np.all(np.isfinite(compare_in_time(BODY, [tyre], heights, 1e-3, (10.0,)).std))
 
 
+def test_a_level_road_is_refused():
+    with pytest.raises(ModelError, match="the road is level"):
+        compare_in_time(BODY, tyres(), np.full((1, 100), 0.3), 1e-3, (10.0, 10.0))
+
+
 def test_a_model_without_a_state_space_is_refused_with_the_remedy():
     tyre = Tyre(FractionalZener(), np.array([150e3, 400e3, 1e-3, 0.4]), name="B")
     with pytest.raises(ModelError, match=r"^B: the fractional model has no state space.*--model prony$"):
-        compare_in_time(BODY, [tyre], np.zeros((1, 100)), 1e-3, (10.0,))
+        compare_in_time(BODY, [tyre], np.arange(100.0)[None], 1e-3, (10.0,))

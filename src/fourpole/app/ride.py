@@ -34,7 +34,7 @@ from fourpole.ride.time import axles
 
 #: Step of a ride in time [s], and of one that is not linear.
 _STEP, _FINE = 1e-3, 2.5e-4
-#: Time that a ride goes on after the road [s].
+#: Time that a ride goes on after a cleat or a pothole [s].
 _AFTER = 3.0
 #: Share of the weighted mean square outside the tested frequencies, and relative difference of the preload from the
 #: static load of the wheel, above which a note says so.
@@ -51,12 +51,16 @@ _ROADS = (
 
 @dataclass(frozen=True, eq=False)
 class _Road:
-    """A road: its words, and either a spectrum, a profile, or heights over time (N,) [m] that have no speed."""
+    """A road: its words, and either a spectrum, a profile, or heights over time (N,) [m] that have no speed.
+
+    `after` is the time that the ride goes on after the last point of a profile [s].
+    """
 
     words: str
     spectrum: ClassRoad | None = None
     profile: Profile | None = None
     sweep: FloatArray | None = None
+    after: float = 0.0
 
 
 def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptions, *, as_json: bool) -> None:
@@ -133,7 +137,7 @@ def _road(text: str, step: float) -> _Road:
             low, high = units.frequency_band(parts[1])
             return _Road(text, sweep=sine_sweep(size, low, high, option(parts[2], "time", "--road", "positive"), step))
         made = cleat if word == "cleat" else pothole
-        return _Road(text, profile=made(size, option(parts[1], "displacement", "--road", "positive")))
+        return _Road(text, profile=made(size, option(parts[1], "displacement", "--road", "positive")), after=_AFTER)
     path = Path(text)
     if not path.is_file():
         raise UnitError(f"--road: {units.shown(text)} is neither a file nor a road: it is {_ROADS}")
@@ -150,7 +154,7 @@ def _heights(way: _Road, speed: float, step: float, options: RideOptions) -> Flo
     if way.sweep is not None:
         return way.sweep
     if way.profile is not None:
-        return way.profile.in_time(speed, step, after=_AFTER)
+        return way.profile.in_time(speed, step, way.after)
     assert way.spectrum is not None
     assert options.duration is not None
     return way.spectrum.realisation(options.duration, step, speed, options.seed)

@@ -134,6 +134,8 @@ def compare_in_time(
     ModelError
         If a model has no state space, the step is too long, or the static load is not on the curve.
     """
+    if not np.ptp(heights):
+        raise ModelError("the road is level: nothing moves, and there is nothing to compare")
     nonlinear = lift or curve is not None
     contacts: list[ContactRide] = []
 

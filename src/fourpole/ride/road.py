@@ -17,7 +17,7 @@ REFERENCE, RANGE = 0.1, (0.011, 2.83)
 #: Displacement spectrum of class A at the reference [m³]; each further class has four times as much.
 _OF_A = 16e-6
 #: Largest number of samples of a road.
-MOST_SAMPLES = 20_000_000
+MOST_SAMPLES = 5_000_000
 #: A distance between two points above this multiple of the median one is a gap: of points that are mostly evenly
 #: spaced, as most of them within a share of the median, and of others.
 _GAP_EVEN, _GAP, _MOSTLY, _EVEN = 1.5, 3.0, 0.9, 0.02
