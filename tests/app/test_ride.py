@@ -6,6 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.fitting.test_ridetyres import table
+from tests.fitting.test_shifting import table as isotherms
+from tests.ride.integrator import integrate
 
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
@@ -158,3 +160,37 @@ def test_a_vehicle_of_negative_mass_is_refused(run, files, tmp_path):
     ran = run("ride", files / "model.json", "--vehicle", path)
     assert ran.exit_code == 2
     assert "v.toml: sprung_mass: -250 kg is not possible" in told(ran.stderr)
+
+
+def test_the_model_of_a_master_curve_is_ridden_at_its_reference(run, tmp_path):
+    isotherms(tmp_path / "isotherms.csv")
+    assert run("shift", tmp_path / "isotherms.csv", "--reference", "20 degC", "--out", tmp_path / "m").exit_code == 0
+    fitted = run("fit", tmp_path / "m" / "master.csv", "--model", "prony:1", "--out", tmp_path / "m.json")
+    assert fitted.exit_code == 0
+    ran = run("ride", tmp_path / "m.json")
+    assert ran.exit_code == 0, ran.stderr
+    assert "K* is that at 20.01 °C, the reference of its master curve" in told(ran.stderr)
+    assert run("ride", tmp_path / "m.json", "--at", "temperature=30 degC").exit_code == 2
+
+
+def test_a_measured_road_is_that_of_an_independent_integrator(run, files, tmp_path):
+    """A vehicle and a road of which Fourpole knows nothing: a_w within 0.1 %."""
+    rng = np.random.default_rng(5)
+    distance = 0.05 * np.arange(601)
+    waves = np.geomspace(0.05, 5.0, 40)
+    phases = rng.uniform(0.0, 2 * np.pi, waves.size)
+    height = np.sum(2e-3 * np.sin(2 * np.pi * np.outer(distance, waves) + phases) / (1 + 10 * waves), axis=1)
+    rows = "".join(f"{a:.2f},{1e3 * b:.12f}\n" for a, b in zip(distance.tolist(), height.tolist(), strict=True))
+    (tmp_path / "road.csv").write_text(f"distance [m],height [mm]\n{rows}")
+    (tmp_path / "car.toml").write_text(
+        'kind = "quarter car"\nsprung_mass = "331 kg"\nunsprung_mass = "52 kg"\nsuspension_stiffness = "23.7 kN/m"\n'
+        'suspension_damping = "1.31 kN s/m"\n'
+    )
+    more = ("--road", tmp_path / "road.csv", "--vehicle", tmp_path / "car.toml", "--speed", "17.3 m/s", "--json")
+    (row,) = json.loads(run("ride", files / "model.json", "--at", "pressure=2 bar", *more).stdout)["rides"]
+    k1, k2, c = json.loads((files / "model.json").read_text())["models"][0]["conditions"][1]["values"]
+    step = 2.5e-4
+    road = np.interp(17.3 * step * np.arange(round(30.0 / 17.3 / step)), distance, height)
+    weighted, *_ = integrate((331.0, 52.0, 23700.0, 1310.0), k1, [(k2, c / k2)], road, step, 1)
+    assert row["weighted acceleration [m/s^2]"] == pytest.approx(np.sqrt(np.mean(weighted**2)), rel=5e-4)
+    assert row["vibration dose value [m/s^1.75]"] == pytest.approx((step * np.sum(weighted**4)) ** 0.25, rel=5e-4)

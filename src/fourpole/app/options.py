@@ -287,7 +287,9 @@ class RideOptions:
         "--duration", "time", 'Ride over a road class in time, as "60 s", for crest factor and dose.', "positive"
     )
     seed: int = _given("Seed of a road class in time.", default=1)
-    step: float | None = _amount("--step", "time", 'Time step; by default "1 ms", with lift-off "0.25 ms".', "positive")
+    step: float | None = _amount(
+        "--step", "time", 'Time step; by default "0.5 ms", with lift-off "0.25 ms".', "positive"
+    )
     lift_off: bool = _given("Wheels may leave the road.", "--lift-off", default=False)
     curve: Path | None = _given("Load-deflection curve in place of a straight static load; with lift-off.")
     folder: Path | None = _given("Folder for table, document and figure.", "--out")

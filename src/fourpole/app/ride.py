@@ -33,7 +33,7 @@ from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, 
 from fourpole.ride.time import axles
 
 #: Step of a ride in time [s], and of one that is not linear.
-_STEP, _FINE = 1e-3, 2.5e-4
+_STEP, _FINE = 5e-4, 2.5e-4
 #: Time that a ride goes on after a cleat or a pothole [s].
 _AFTER = 3.0
 #: Share of the weighted mean square outside the tested frequencies, and relative difference of the preload from the
@@ -202,7 +202,7 @@ def _labels(tyres: Sequence[RideTyre]) -> list[str]:
     texts = []
     for one in tyres:
         parts = [wanted.setting(column, one.state[column]) for column in differing if column in one.state]
-        texts.append(", ".join([one.specimen, *parts]))
+        texts.append(", ".join(filter(None, (one.specimen, *parts))) or one.label)
     return [
         text if texts.count(text) == 1 else f"{text} ({texts[: at + 1].count(text)})" for at, text in enumerate(texts)
     ]
@@ -266,12 +266,17 @@ def _show(asked: _Asked, found: Compared) -> None:
     out("Error of a spring and a constant damper instead of the model, with K* of the model at one frequency, in %")
     head = ["tyre", f"at [{FREQUENCY.unit}]", "K [kN/m]", C.head, *_percent(heads)[1:]]
     rows = [
-        [label, number(f, 3), number(k / 1e3, 4), number(c, 4), *(f"{100 * wrong[at]:+.2g}" for at, _ in columns)]
+        [label, number(f, 3), number(k / 1e3, 4), number(c, 4), *(_signed(100 * wrong[at]) for at, _ in columns)]
         for label, f, (k, c), wrong in zip(
             asked.labels, asked.matched, found.damper.tolist(), found.with_damper, strict=True
         )
     ]
     print_table(head, rows, right=head[1:])
+
+
+def _signed(value: float) -> str:
+    """A number to two digits with its sign."""
+    return f"{'−' if value < 0 else '+'}{number(abs(value), 2)}"
 
 
 def _percent(heads: Sequence[str]) -> list[str]:

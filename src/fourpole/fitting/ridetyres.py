@@ -126,9 +126,10 @@ def _tyre_at(
     if lacking:
         raise ModelError(f'{place.name}: the map is over {_named(lacking[0])}: state --at "{_named(lacking[0])}=..."')
     point, _, remarks = place_of(file, found, dict(state), units, beyond=beyond)
+    remarks = (*remarks, *_at_reference(file, name))
     own = {**found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
     words = ", ".join(units.setting(column, value) for column, value in own.items())
-    label = f"{name}, {words}" if words else name
+    label = ", ".join(filter(None, (name, words))) or "the specimen"
     source = f"{place}: {name}" + ("" if found.axes.names else f": {words}")
     tyre = Tyre(
         model=found.model,
@@ -138,6 +139,15 @@ def _tyre_at(
         name=label,
     )
     return RideTyre(tyre, label, name, own, found.band, remarks)
+
+
+def _at_reference(file: ModelFile, name: str) -> list[str]:
+    """A remark for the model of a master curve, which a ride has at the reference temperature."""
+    laws = [entry.temperature for entry in file.models if entry.tyre == name and entry.temperature is not None]
+    return [
+        f"K* {name and f'of {name} '}is that at {law.reference:.4g} °C, the reference of its master curve"
+        for law in laws
+    ]
 
 
 def _scatter(found: OperatingMap) -> tuple[float, float]:

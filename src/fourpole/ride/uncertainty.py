@@ -50,7 +50,7 @@ class Tyre(ByValue):
         if not self.model.causal:
             raise ModelError(
                 f"the {self.model.name} model of {self.name} is not causal: its force begins before its deflection, "
-                "and no vehicle drives on it; fit a causal one, as with fourpole fit --model prony"
+                "and no vehicle drives on it; fit a causal one, as with fourpole fit --model prony or map --model zener"
             )
         self.model.checked(self.values)
 
