@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 import warnings
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import FileError, TableError
+from fourpole.io.child import Died, answer_of
+from fourpole.io.packed import pack, unpack
 from fourpole.io.source import name_of, open_regular
 
 #: Largest file [byte], and largest number of points along a road.
@@ -16,16 +20,30 @@ _LARGEST, _MOST_POINTS = 2_000_000_000, 20_000_000
 
 
 def read_crg(path: str | os.PathLike[str], label: str | None = None) -> tuple[FloatArray, FloatArray]:
-    """Distance and height (N,) [m] along the reference line of a road; not-a-number where the road has a hole."""
+    """Distance and height (N,) [m] along the reference line of a road; not-a-number where the road has a hole.
+
+    The file is read in a worker process, as every file that a library reads.
+    """
     name = name_of(path, label)
     open_regular(path, max_bytes=_LARGEST, label=label).close()
-    try:
-        import pyopencrg
-    except ImportError:
+    if find_spec("pyopencrg") is None:
         raise FileError(
             f"{name}: OpenCRG is read by PyOpenCRG: pip install PyOpenCRG, or write the road as a table with the "
             "columns 'distance [m]' and 'height [m]'"
-        ) from None
+        )
+    place = Path(path).absolute()
+    try:
+        answer = answer_of(along_line, place, name, size=place.stat().st_size)
+    except Died as death:
+        raise FileError(f"{name} {death}; it may be damaged: copy or export it again") from None
+    distance, height = unpack(bytearray(answer))
+    return distance, height
+
+
+def along_line(path: Path, name: str) -> bytes:
+    """The packed distance and height along the reference line of a road."""
+    import pyopencrg
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -37,11 +55,16 @@ def read_crg(path: str | os.PathLike[str], label: str | None = None) -> tuple[Fl
         raise TableError(f"{name}: is no road of OpenCRG that can be read ({type(error).__name__}: {error})") from None
     if distance.ndim != 1 or grid.shape != (distance.size, across.size) or not 2 <= distance.size <= _MOST_POINTS:
         raise TableError(f"{name}: has a grid of {grid.shape} heights for {distance.size} distances")
-    right = int(np.clip(np.searchsorted(across, 0.0), 1, max(across.size - 1, 1)))
+    return pack((distance, _at_zero(across, grid) + line))
+
+
+def _at_zero(across: FloatArray, grid: FloatArray) -> FloatArray:
+    """Heights (N,) [m] at the reference line from those (N, V) at lateral positions (V,) [m]."""
     if across.size == 1:
-        return distance, grid[:, 0] + line
-    part = float(np.clip((0.0 - across[right - 1]) / (across[right] - across[right - 1]), 0.0, 1.0))
-    height = grid[:, right - 1] if part == 0 else grid[:, right] if part == 1 else None
-    if height is None:
-        height = (1 - part) * grid[:, right - 1] + part * grid[:, right]
-    return distance, height + line
+        return grid[:, 0]
+    right = int(np.clip(np.searchsorted(across, 0.0), 1, across.size - 1))
+    left = right - 1
+    part = float(np.clip(-across[left] / (across[right] - across[left]), 0.0, 1.0))
+    if part in (0.0, 1.0):  # a hole beside the line is none of the line
+        return grid[:, right if part else left]
+    return np.asarray((1 - part) * grid[:, left] + part * grid[:, right])
