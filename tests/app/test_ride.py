@@ -44,6 +44,7 @@ def test_two_pressures_of_a_map_differ_by_a_number_with_its_uncertainty(run, fil
     assert "Ride: Golden car, 250 kg, road class C, 80 km/h" in ran.stdout
     assert "Difference from a, 1.7 bar, in %" in ran.stdout
     assert "constant damper instead of the model" in ran.stdout
+    assert "a, 2.3 bar is less comfortable than a, 1.7 bar: a_w differs by 10." in ran.stdout
     assert ran.stderr == ""
     narrow = run("ride", files / "narrow.json", *points[:2])
     assert "(a) is from frequencies outside the tested ones, 8.447 to 24.55 Hz" in told(narrow.stderr)
@@ -117,6 +118,9 @@ def test_a_measured_road_and_a_load_deflection_curve(run, files, tmp_path):
     ratio = curved["dynamic wheel load [N]"] / plain["dynamic wheel load [N]"]
     assert 0.5 < ratio < 1.5
     assert abs(ratio - 1) > 1e-4
+    ran = run("ride", files / "model.json", "--at", "pressure=2.4 bar", *at[2:], "--curve", curve)
+    assert "the tangent of the curve at 2819 N is 177" in told(ran.stderr)
+    assert "the model at rest has 216" in told(ran.stderr)
     gap = [line for line in road.read_text().splitlines(keepends=True) if not line.startswith("30.")]
     road.write_text("".join(gap))
     ran = run("ride", files / "model.json", *at)

@@ -39,6 +39,8 @@ _AFTER = 3.0
 #: Share of the weighted mean square outside the tested frequencies, and relative difference of the preload from the
 #: static load of the wheel, above which a note says so.
 _OUTSIDE, _PRELOAD = 0.05, 0.1
+#: Relative difference of the curve's tangent from the model at rest above which a note says so; most sentences.
+_TANGENT, _MOST_SENTENCES = 0.1, 12
 #: Measures of the printed table, in its order.
 _PRINTED = ("comfort", "load", "load front", "load rear", "travel", "travel front", "travel rear", "power",
             "crest", "vdv")  # fmt: skip
@@ -75,19 +77,20 @@ def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptio
     labels = _labels(tyres)
     matched = [float(np.sqrt(low * high)) for low, high in (one.band for one in tyres)]
     over_time = way.spectrum is None or options.duration is not None
-    if not over_time and (options.lift_off or options.curve is not None):
+    curve = _curve(options.curve)
+    if not over_time and (options.lift_off or curve is not None):
         raise UnitError('--lift-off and --curve need a ride in time: state --duration, as "60 s"')
     with progress("riding") as advance:
         if over_time:
             heights = axles(_heights(way, speed, step, options), body, speed, step)
             found = compare_in_time(
                 body, [one.tyre for one in tyres], heights, step, matched,
-                lift=options.lift_off, curve=_curve(options.curve), progress=advance,
+                lift=options.lift_off, curve=curve, progress=advance,
             )  # fmt: skip
         else:
             assert way.spectrum is not None
             found = compare_on_class(body, [one.tyre for one in tyres], way.spectrum, speed, matched)
-    asked = _Asked(stated, way.words, speed, labels, tyres, matched)
+    asked = _Asked(stated, way.words, speed, labels, tyres, matched, curve)
     notes = list(_notes(asked, found))
     files = _written(options.folder, asked, found, notes) if options.folder is not None else []
     if as_json:
@@ -110,6 +113,7 @@ class _Asked:
     labels: list[str]
     tyres: list[RideTyre]
     matched: list[float]
+    curve: LoadDeflection | None = None
 
     @property
     def said(self) -> str:
@@ -235,12 +239,39 @@ def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
             f"the static load of a wheel is {' and '.join(number(load, 4) for load in loads.tolist())} N, the preload "
             f"of the tyres {', '.join(preloads)} N: choose an operating point at that load"
         )
+    if asked.curve is not None:
+        yield from _curve_notes(asked, asked.curve)
     if found.contact:
         air, beyond = (max(float(np.max(getattr(one, name))) for one in found.contact) for name in ("in_air", "beyond"))
         if air > 0:
             yield f"a wheel is in the air for up to {100 * air:.2g} % of the time"
         if beyond > 0:
             yield f"a tyre is beyond the curve, which goes on straight, for up to {100 * beyond:.2g} % of the time"
+
+
+def _curve_notes(asked: _Asked, curve: LoadDeflection) -> Iterator[str]:
+    """Where the tangent of the curve at the static load is not the stiffness of a model at rest."""
+    for label, one in zip(asked.labels, asked.tyres, strict=True):
+        rest = float(one.tyre.model.static_stiffness(one.tyre.values))
+        for load in asked.vehicle.vehicle.body.loads.tolist():
+            tangent = curve.tangent_at(load)
+            if abs(tangent / rest - 1) > _TANGENT:
+                yield (
+                    f"{label}: the tangent of the curve at {number(load, 4)} N is {number(tangent / 1e3, 4)} kN/m, the "
+                    f"model at rest has {number(rest / 1e3, 4)} kN/m: they may be of different tyres or pressures"
+                )
+
+
+def _sentences(asked: _Asked, found: Compared) -> Iterator[str]:
+    """For each further tyre whether it is more comfortable than the first, and by how much."""
+    at, first = found.names.index("comfort"), asked.labels[0]
+    pairs = zip(asked.labels, found.difference[:, at].tolist(), found.difference_std[:, at].tolist(), strict=True)
+    for label, apart, std in list(pairs)[1 : _MOST_SENTENCES + 1]:
+        if abs(apart) <= COVERAGE_FACTOR * std:
+            yield f"{label}: no difference in a_w from {first} can be told"
+        else:
+            less = "less" if apart > 0 else "more"
+            yield f"{label} is {less} comfortable than {first}: a_w differs by {with_u(100 * apart, 100 * std)} %"
 
 
 def _show(asked: _Asked, found: Compared) -> None:
@@ -262,6 +293,8 @@ def _show(asked: _Asked, found: Compared) -> None:
         ]
         print_table(_percent(heads), rows, right=_percent(heads)[1:])
     out(PLUS_MINUS)
+    for line in _sentences(asked, found):
+        out(line)
     out()
     out("Error of a spring and a constant damper instead of the model, with K* of the model at one frequency, in %")
     head = ["tyre", f"at [{FREQUENCY.unit}]", "K [kN/m]", C.head, *_percent(heads)[1:]]
@@ -314,6 +347,7 @@ def _document(asked: _Asked, found: Compared, notes: Sequence[str]) -> dict[str,
         "speed [m/s]": asked.speed,
         "coverage factor of U": COVERAGE_FACTOR,
         "rides": _rows(asked, found),
+        "findings": list(_sentences(asked, found)),
         "notes": list(notes),
     }
 

@@ -61,6 +61,11 @@ class LoadDeflection(ByValue):
             )
         return float(np.interp(load, self.load, self.deflection))
 
+    def tangent_at(self, load: float) -> float:
+        """Stiffness [N/m] at a load [N]: the slope of the part of the curve that has it."""
+        at = min(max(bisect_right(self.load.tolist(), load) - 1, 0), self.load.size - 2)
+        return float((self.load[at + 1] - self.load[at]) / (self.deflection[at + 1] - self.deflection[at]))
+
 
 @dataclass(frozen=True)
 class _Static:
