@@ -7,6 +7,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import FloatArray
+from fourpole.core.recursion import states_of
 from fourpole.errors import ModelError
 from fourpole.models.interface import StateSpace
 
@@ -53,7 +54,8 @@ def simulate(model: StateSpace, deflection: ArrayLike, rate: ArrayLike, step: fl
     transition, push = _discrete(model, step)
     at_rest = np.linalg.solve(-model.a, model.b[:, 0] * x[0])
     drives = push @ np.stack([x[:-1], step * v[:-1], x[1:], step * v[1:]])
-    return np.asarray(direct + model.c @ _recursion(transition, drives, at_rest))
+    states = states_of(transition, np.vstack([at_rest, drives.T, np.zeros((1, size))]))[1:]
+    return np.asarray(direct + states @ model.c)
 
 
 def _discrete(model: StateSpace, step: float) -> tuple[FloatArray, FloatArray]:
@@ -68,19 +70,3 @@ def _discrete(model: StateSpace, step: float) -> tuple[FloatArray, FloatArray]:
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
     whole = scipy.linalg.expm(chain)
     return whole[:size, :size], whole[:size, size:] @ _HERMITE
-
-
-def _recursion(transition: FloatArray, drives: FloatArray, start: FloatArray) -> FloatArray:
-    """States (n, N) of the recursion z_next = T z + drive, from a start; a diagonal T is n scalar filters."""
-    diagonal = np.diag(transition)
-    if np.array_equal(transition, np.diag(diagonal)):
-        rows = [
-            scipy.signal.lfilter([1.0], [1.0, -pole], np.concatenate([[first], drive]))
-            for pole, first, drive in zip(diagonal, start, drives, strict=True)
-        ]
-        return np.stack(rows)
-    states = np.empty((start.size, drives.shape[1] + 1))
-    states[:, 0] = start
-    for index in range(drives.shape[1]):
-        states[:, index + 1] = transition @ states[:, index] + drives[:, index]
-    return states

@@ -1,8 +1,4 @@
-"""Linear systems stepped exactly: inputs are straight between samples.
-
-A recursion over all samples is done in blocks. Within a block outputs are a product of matrices; from block to block
-the states are a recursion of the same kind, and so on until few steps are left.
-"""
+"""Linear systems stepped exactly: inputs are straight between samples."""
 
 from __future__ import annotations
 
@@ -13,9 +9,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-
-#: Samples of a block, and number of steps that are taken one by one.
-_BLOCK, _FEW = 24, 48
+from fourpole.core.recursion import outputs_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,50 +61,12 @@ def driven(system: LinearSystem, inputs: FloatArray, step: float) -> FloatArray:
     # The states less slope · u follow from earlier inputs alone.
     push = transition @ slope + hold - slope
     direct = system.d + system.c @ slope
-    outputs = _in_blocks(transition, push, system.c, direct, (inputs - first).T)
+    outputs = outputs_of(transition, push, system.c, direct, (inputs - first).T)
     if np.any(steady):
         outputs += steady
     if np.any(system.f):
         outputs += system.f @ np.gradient(inputs, step, axis=1)
     return outputs
-
-
-def _in_blocks(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, inputs: FloatArray) -> FloatArray:
-    """Outputs (p, N) of x' = a x + b u, y = c x + d u from x = 0, with inputs (N, m)."""
-    count, m = inputs.shape
-    blocks = -(-count // _BLOCK)
-    padded = np.zeros((blocks * _BLOCK, m))
-    padded[:count] = inputs
-    u = padded.reshape(blocks, _BLOCK * m)
-    pushed, seen = [b], [c]
-    for _ in range(_BLOCK - 1):
-        pushed.append(a @ pushed[-1])
-        seen.append(seen[-1] @ a)
-    starts = _states(np.linalg.matrix_power(a, _BLOCK), u @ np.concatenate(pushed[::-1], axis=1).T)
-    by_start = np.stack(seen).transpose(1, 2, 0)
-    responses = np.stack([d, *(c @ one for one in pushed[:-1])])
-    both = np.concatenate([by_start, _toeplitz(responses)], axis=1)
-    return np.matmul(np.hstack([starts, u]), both).reshape(len(c), -1)[:, :count]
-
-
-def _states(a: FloatArray, drives: FloatArray) -> FloatArray:
-    """States (N, n) of x' = a x + drive from x = 0."""
-    count, n = drives.shape
-    if count > _FEW:
-        return _in_blocks(a, np.eye(n), np.eye(n), np.zeros((n, n)), drives).T
-    states, turned = np.zeros((count, n)), np.ascontiguousarray(a.T)
-    for at in range(count - 1):
-        states[at + 1] = states[at] @ turned + drives[at]
-    return states
-
-
-def _toeplitz(responses: FloatArray) -> FloatArray:
-    """Matrices (p, L m, L) from inputs to each output of a block, of responses (L, p, m) after 0, 1 ... samples."""
-    size, p, m = responses.shape
-    whole = np.zeros((p, size, m, size))
-    for early in range(size):
-        whole[:, early, :, early:] = responses[: size - early].transpose(1, 2, 0)
-    return whole.reshape(p, size * m, size)
 
 
 def step_matrices(system: LinearSystem, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
