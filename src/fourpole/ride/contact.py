@@ -145,17 +145,16 @@ def ride_with_contact(
     heights = np.asarray(heights, dtype=float)
     if heights.ndim != 2 or len(heights) != body.wheels or not np.all(np.isfinite(heights)):
         raise ModelError(f"heights of shape {heights.shape} are no road under {body.wheels} wheels without gaps")
-    wheels, count = body.wheels, heights.shape[1]
+    n, wheels, count = len(body.mass), body.wheels, heights.shape[1]
     stepper = _Stepper.of(body, tyre, step, curve)
-    loads, deflections, motions = (np.zeros((one, count)) for one in (wheels, wheels, 2 * len(body.mass)))
-    roads = (heights - heights[:, :1]).T
+    history = np.zeros((count, stepper.size))
+    roads = (heights - heights[:, :1]).T.tolist()
     for at in range(1, count):
-        stepper.go(roads[at])
-        loads[:, at], deflections[:, at], motions[:, at] = stepper.force, stepper.deflection, stepper.motion
-    n = len(body.mass)
-    q, speed = motions[:n], motions[n:]
+        history[at] = stepper.after(history[at - 1], roads[at])
+    motion, loads, deflections = (part.T for part in np.split(history, np.cumsum([2 * n, wheels, wheels]), axis=1)[:3])
     forces = np.zeros((n, count))
     forces[n - wheels :] = loads
+    q, speed = motion[:n], motion[n:]
     acceleration = body.seat @ np.linalg.solve(body.mass, forces - body.stiffness @ q - body.damping @ speed)
     found = TimeRide(step, acceleration, weighted(acceleration, step), loads, body.travel @ q, deflections)
     ends = np.array([one.x[-1] if curve is not None else np.inf for one in stepper.static])[:, None]
@@ -163,59 +162,91 @@ def ride_with_contact(
     return ContactRide(found, np.mean(air, axis=1), np.mean(deflections > ends, axis=1))
 
 
+@dataclass(frozen=True, eq=False)
 class _Stepper:
-    """The vehicle and its tyres, from one sample of the road to the next."""
+    """The step of a vehicle and its tyres from one sample of the road to the next.
 
-    def __init__(self, body: Body, tyre: StateSpace, step: float, static: list[_Static], rest: float) -> None:
-        n, wheels, size = len(body.mass), body.wheels, len(tyre.a)
-        self.static, self.weight = static, body.loads
-        inverse = np.linalg.inv(body.mass)
-        onto = np.eye(n)[:, n - wheels :]
-        a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ body.stiffness, -inverse @ body.damping]])
-        b = np.vstack([np.zeros((n, wheels)), inverse @ onto])
-        self._turn, self._hold, self._slope = step_matrices(_states(a, b, np.zeros_like(b)), step)
-        self._wheel = np.hstack([onto.T, np.zeros((wheels, n))])
-        self._gain = self._wheel @ self._slope
-        self._relax = step_matrices(_states(tyre.a, tyre.b[:, :1], tyre.b[:, 1:]), step)
-        self._c, self._rate = tyre.c, float(tyre.d[1]) / step  # the rate is a backward difference of second order
-        #: Change of the force that the model has beyond its static stiffness, per deflection at the end of the step.
-        self._stiff = float(tyre.c @ self._relax[2][:, 0]) + float(tyre.d[0]) - rest + 1.5 * self._rate
-        self.force, self.deflection, self._before = np.zeros(wheels), np.zeros(wheels), np.zeros(wheels)
-        self.motion, self._relaxed = np.zeros(2 * n), np.zeros((size, wheels))
+    A state has the motion of the vehicle, the load of each wheel, the deflection of each tyre now and one step before,
+    and the states of each tyre. The new state is `whole` times the old one, plus `by_load` and `by_deflection` times
+    the new loads and deflections. The last rows of `whole` are the height of each wheel without the new load, and the
+    force that each model has beyond its static stiffness without the new deflection, `stiff` of which is to be added.
+    """
+
+    static: list[_Static]
+    weight: list[float]
+    whole: FloatArray
+    by_load: FloatArray
+    by_deflection: FloatArray
+    gain: list[list[float]]
+    stiff: float
+    loads: slice
+    deflections: slice
+
+    @property
+    def size(self) -> int:
+        """Length of a state."""
+        return len(self.by_load)
 
     @classmethod
     def of(cls, body: Body, tyre: StateSpace, step: float, curve: LoadDeflection | None) -> _Stepper:
-        rest = float(tyre.d[0])
-        if tyre.a.size:
-            rest -= float(tyre.c @ np.linalg.solve(tyre.a, tyre.b[:, 0]))
-        static = [_Static.of(curve, rest, weight) for weight in body.loads.tolist()]
-        return cls(body, tyre, step, static, rest)
+        """The step of a length [s]."""
+        n, wheels, own = len(body.mass), body.wheels, len(tyre.a)
+        rest = float(tyre.stiffness(0.0).real)
+        inverse, onto = np.linalg.inv(body.mass), np.eye(n)[:, n - wheels :]
+        a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ body.stiffness, -inverse @ body.damping]])
+        turn, hold, slope = _step(
+            a, np.vstack([np.zeros((n, wheels)), inverse @ onto]), np.zeros((2 * n, wheels)), step
+        )
+        relax, kept, moved = _step(tyre.a, tyre.b[:, :1], tyre.b[:, 1:], step)
+        rate = float(tyre.d[1]) / step  # of a backward difference of second order
+        motion, load, now, before, arms = np.split(
+            np.arange(2 * n + wheels * (3 + own)), np.cumsum([2 * n, *[wheels] * 3])
+        )
+        size, each = 2 * n + wheels * (3 + own), np.eye(wheels)
+        whole = np.zeros((size + 2 * wheels, size))
+        whole[np.ix_(motion, motion)], whole[np.ix_(motion, load)] = turn, hold - slope
+        whole[np.ix_(before, now)] = each
+        whole[np.ix_(arms, arms)], whole[np.ix_(arms, now)] = np.kron(each, relax), np.kron(each, kept - moved)
+        whole[size : size + wheels] = np.hstack([onto.T, np.zeros((wheels, n))]) @ whole[motion]
+        whole[size + wheels :] = np.kron(each, tyre.c[None]) @ whole[arms]
+        whole[size + wheels :, now] -= 2.0 * rate * each
+        whole[size + wheels :, before] += 0.5 * rate * each
+        by_load, by_deflection = np.zeros((size, wheels)), np.zeros((size, wheels))
+        by_load[motion], by_load[load], by_deflection[now] = slope, each, each
+        by_deflection[arms] = np.kron(each, moved)
+        return cls(
+            static=[_Static.of(curve, rest, weight) for weight in body.loads.tolist()],
+            weight=body.loads.tolist(),
+            whole=whole,
+            by_load=by_load,
+            by_deflection=by_deflection,
+            gain=slope[n - wheels : n].tolist(),
+            stiff=float(tyre.c @ moved[:, 0]) + float(tyre.d[0]) - rest + 1.5 * rate,
+            loads=slice(2 * n, 2 * n + wheels),
+            deflections=slice(2 * n + wheels, 2 * n + 2 * wheels),
+        )
 
-    def go(self, road: FloatArray) -> None:
-        """One step, to these heights of the road."""
-        turn, hold, slope = self._relax
-        coming = turn @ self._relaxed + (hold - slope) * self.deflection
-        beyond = self._c @ coming - self._rate * (2.0 * self.deflection - 0.5 * self._before)
-        motion = self._turn @ self.motion + (self._hold - self._slope) @ self.force
-        free = road - self._wheel @ motion
-        force, x = self.force.copy(), self.deflection.copy()
-        for _ in range(1 if force.size == 1 else _ROUNDS):
+    def after(self, state: FloatArray, road: list[float]) -> FloatArray:
+        """The state after one step, on these heights of the road."""
+        known = self.whole @ state
+        wheels = len(road)
+        height, beyond = known[-2 * wheels : -wheels].tolist(), known[-wheels:].tolist()
+        load, x = state[self.loads].tolist(), state[self.deflections].tolist()
+        for _ in range(1 if wheels == 1 else _ROUNDS):
             for at, static in enumerate(self.static):
-                gain = self._gain[at, at]
-                others = float(self._gain[at] @ force) - gain * force[at]
-                right = (free[at] - others) / gain + self.weight[at] - beyond[at]
-                x[at] = static.solved(self._stiff + 1.0 / gain, right, x[at])
-                total = static.at(x[at])[0] + beyond[at] + self._stiff * x[at]
+                gains = self.gain[at]
+                others = sum(gains[k] * load[k] for k in range(wheels) if k != at)
+                right = (road[at] - height[at] - others) / gains[at] + self.weight[at] - beyond[at]
+                x[at] = static.solved(self.stiff + 1.0 / gains[at], right, x[at])
+                total = static.at(x[at])[0] + beyond[at] + self.stiff * x[at]
                 if total < 0:  # the road does not pull: the tyre springs back until its force is zero
-                    x[at] = static.solved(self._stiff, -beyond[at], x[at])
+                    x[at] = static.solved(self.stiff, -beyond[at], x[at])
                     total = 0.0
-                force[at] = total - self.weight[at]
-        self._relaxed = coming + slope * x
-        self.motion = motion + self._slope @ force
-        self.force, self.deflection, self._before = force, x, self.deflection
+                load[at] = total - self.weight[at]
+        return np.asarray(known[: self.size] + self.by_load @ load + self.by_deflection @ x)
 
 
-def _states(a: FloatArray, b: FloatArray, e: FloatArray) -> LinearSystem:
-    """A system of which only the states matter."""
+def _step(a: FloatArray, b: FloatArray, e: FloatArray, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Matrices of one step of x' = a x + b u + e u', by the state, the input and the change of the input."""
     none, inputs = np.zeros((0, len(a))), np.zeros((0, b.shape[1]))
-    return LinearSystem(a, b, e, none, inputs, inputs)
+    return step_matrices(LinearSystem(a, b, e, none, inputs, inputs), step)
