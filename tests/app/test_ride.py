@@ -198,3 +198,14 @@ def test_a_measured_road_is_that_of_an_independent_integrator(run, files, tmp_pa
     weighted, *_ = integrate((331.0, 52.0, 23700.0, 1310.0), k1, [(k2, c / k2)], road, step, 1)
     assert row["weighted acceleration [m/s^2]"] == pytest.approx(np.sqrt(np.mean(weighted**2)), rel=5e-4)
     assert row["vibration dose value [m/s^1.75]"] == pytest.approx((step * np.sum(weighted**4)) ** 0.25, rel=5e-4)
+
+
+def test_the_units_of_the_campaign_are_shown(run, files, tmp_path):
+    (tmp_path / "model.json").write_bytes((files / "model.json").read_bytes())
+    (tmp_path / "study.json").write_text(
+        json.dumps({"stated": {"report": {"units": {"force": "kgf", "stiffness": "N/mm"}}}})
+    )
+    ran = run("ride", tmp_path / "model.json", "--at", "pressure=2 bar")
+    assert ran.exit_code == 0, ran.stderr
+    assert "F [kgf]" in ran.stdout
+    assert "K [N/mm]" in ran.stdout

@@ -21,16 +21,18 @@ from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import UnitError
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
+from fourpole.io.folders import model_in
 from fourpole.io.staging import staged
 from fourpole.io.tables.curve import read_curve
 from fourpole.io.tables.profile import read_profile
 from fourpole.io.write import write_bytes, write_table, write_text
-from fourpole.quantities import FREQUENCY, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
+from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
 from fourpole.report.digits import number
 from fourpole.ride.compare import Compared, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
 from fourpole.ride.time import axles
+from fourpole.study.results import units_beside
 
 #: Step of a ride in time [s], and of one that is not linear.
 _STEP, _FINE = 5e-4, 2.5e-4
@@ -71,10 +73,13 @@ def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptio
     stated, step = vehicle_named(options.vehicle), _step(options)
     body, way = stated.vehicle.body, _road(road, step)
     states = [_state(text) for text in options.at or ()]
+    wanted = units_beside(model_in(models[0]))
     tyres = [
-        one for path in models for one in tyres_for_ride(path, states, specimen=options.tyre, beyond=options.beyond)
+        one
+        for path in models
+        for one in tyres_for_ride(path, states, specimen=options.tyre, beyond=options.beyond, units=wanted)
     ]
-    labels = _labels(tyres)
+    labels = _labels(tyres, wanted)
     matched = [float(np.sqrt(low * high)) for low, high in (one.band for one in tyres)]
     over_time = way.spectrum is None or options.duration is not None
     curve = _curve(options.curve)
@@ -90,7 +95,7 @@ def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptio
         else:
             assert way.spectrum is not None
             found = compare_on_class(body, [one.tyre for one in tyres], way.spectrum, speed, matched)
-    asked = _Asked(stated, way.words, speed, labels, tyres, matched, curve)
+    asked = _Asked(stated, way.words, speed, labels, tyres, matched, wanted, curve)
     notes = list(_notes(asked, found))
     files = _written(options.folder, asked, found, notes) if options.folder is not None else []
     if as_json:
@@ -113,6 +118,7 @@ class _Asked:
     labels: list[str]
     tyres: list[RideTyre]
     matched: list[float]
+    units: ShownUnits
     curve: LoadDeflection | None = None
 
     @property
@@ -196,10 +202,9 @@ def _state(text: str) -> dict[str, float]:
     return found
 
 
-def _labels(tyres: Sequence[RideTyre]) -> list[str]:
+def _labels(tyres: Sequence[RideTyre], wanted: ShownUnits) -> list[str]:
     """A text for each tyre: its specimen and what differs between them; numbered where that is the same."""
     columns = [column for one in tyres for column in one.state]
-    wanted = ShownUnits()
     differing = [
         column for column in dict.fromkeys(columns) if len({one.state.get(column) for one in tyres}) > 1
     ]  # fmt: skip
@@ -234,10 +239,11 @@ def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
         if one.preload and abs(one.preload / load - 1) > _PRELOAD
     ]
     if off:
-        preloads = sorted({number(preload, 4) for preload, _ in off}, key=float)
+        preloads = dict.fromkeys(asked.units.text(PRELOAD, preload) for preload, _ in sorted(off))
+        own = " and ".join(asked.units.text(PRELOAD, load) for load in loads.tolist())
         yield (
-            f"the static load of a wheel is {' and '.join(number(load, 4) for load in loads.tolist())} N, the preload "
-            f"of the tyres {', '.join(preloads)} N: choose an operating point at that load"
+            f"the static load of a wheel is {own}, the preload of the tyres {', '.join(preloads)}: choose an operating "
+            "point at that load"
         )
     if asked.curve is not None:
         yield from _curve_notes(asked, asked.curve)
@@ -256,9 +262,11 @@ def _curve_notes(asked: _Asked, curve: LoadDeflection) -> Iterator[str]:
         for load in asked.vehicle.vehicle.body.loads.tolist():
             tangent = curve.tangent_at(load)
             if abs(tangent / rest - 1) > _TANGENT:
+                curved, straight = (asked.units.text(K1, k) for k in (tangent, rest))
                 yield (
-                    f"{label}: the tangent of the curve at {number(load, 4)} N is {number(tangent / 1e3, 4)} kN/m, the "
-                    f"model at rest has {number(rest / 1e3, 4)} kN/m: they may be of different tyres or pressures"
+                    f"{label}: the tangent of the curve at {asked.units.text(PRELOAD, load)} is {curved}, "
+                    f"the model at rest has {straight}: they "
+                    "may be of different tyres or pressures"
                 )
 
 
@@ -277,7 +285,9 @@ def _sentences(asked: _Asked, found: Compared) -> Iterator[str]:
 def _show(asked: _Asked, found: Compared) -> None:
     """Print the measures with U, the differences from the first tyre, and what a constant damper gets wrong."""
     out(f"Ride: {asked.said}")
-    columns = [(found.names.index(name), RIDE_MEASURES[name]) for name in _PRINTED if name in found.names]
+    columns = [
+        (found.names.index(name), asked.units.of(RIDE_MEASURES[name])) for name in _PRINTED if name in found.names
+    ]
     heads = ["tyre", *(f"{one.symbol or one.name}{_place(one)} [{one.suffix or '1'}]" for _, one in columns)]
     rows = [
         [label, *(with_u(values[at], std[at], one.scale) for at, one in columns)]
@@ -297,9 +307,16 @@ def _show(asked: _Asked, found: Compared) -> None:
         out(line)
     out()
     out("Error of a spring and a constant damper instead of the model, with K* of the model at one frequency, in %")
-    head = ["tyre", f"at [{FREQUENCY.unit}]", "K [kN/m]", C.head, *_percent(heads)[1:]]
+    spring, damper = asked.units.of(K1), asked.units.of(C)
+    head = ["tyre", f"at [{FREQUENCY.unit}]", f"K [{spring.shown}]", f"C [{damper.shown}]", *_percent(heads)[1:]]
     rows = [
-        [label, number(f, 3), number(k / 1e3, 4), number(c, 4), *(_signed(100 * wrong[at]) for at, _ in columns)]
+        [
+            label,
+            number(f, 3),
+            number(k / spring.scale, 4),
+            number(c / damper.scale, 4),
+            *(_signed(100 * wrong[at]) for at, _ in columns),
+        ]
         for label, f, (k, c), wrong in zip(
             asked.labels, asked.matched, found.damper.tolist(), found.with_damper, strict=True
         )
