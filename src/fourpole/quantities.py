@@ -438,8 +438,8 @@ _COMFORT = Quantity(
     "comfort", "a_w", "weighted acceleration", "m/s^2", "vertical, at the seat, weighted by Wk: r.m.s.", "m/s²"
 )  # fmt: skip
 _ACCELERATION = Quantity("acceleration", "a", "acceleration", "m/s^2", "vertical, at the seat: r.m.s.", "m/s²")
-_WHEEL_LOAD = Quantity("load", "F", "dynamic wheel load", "N", "r.m.s. about the static load")
-_TRAVEL = Quantity("travel", "", "suspension travel", "m", "r.m.s. about the rest", "mm", 1e-3)
+_WHEEL_LOAD = Quantity("wheel load", "F", "dynamic wheel load", "N", "r.m.s. about the static load")
+_TRAVEL = Quantity("travel", "travel", "suspension travel", "m", "r.m.s. about the rest", "mm", 1e-3)
 #: The measures of a ride by the names that rides have for them.
 RIDE_MEASURES = {one.key: one for one in (
     _COMFORT, _ACCELERATION, _WHEEL_LOAD, _TRAVEL,

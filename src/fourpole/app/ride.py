@@ -44,8 +44,8 @@ _OUTSIDE, _PRELOAD = 0.05, 0.1
 #: Relative difference of the curve's tangent from the model at rest above which a note says so; most sentences.
 _TANGENT, _MOST_SENTENCES = 0.1, 12
 #: Measures of the printed table, in its order.
-_PRINTED = ("comfort", "load", "load front", "load rear", "travel", "travel front", "travel rear", "power",
-            "crest", "vdv")  # fmt: skip
+_PRINTED = ("comfort", "wheel load", "wheel load front", "wheel load rear", "travel", "travel front", "travel rear",
+            "power", "crest", "vdv")  # fmt: skip
 _AXES = {axis.name: (axis.column, kind) for axis, kind in zip(AXES, ("pressure", "force", "temperature"), strict=True)}
 _ROADS = (
     'a class A to H, a file with distance and height, "cleat 10 mm, 50 mm" or "pothole 30 mm, 500 mm" (height and '

@@ -172,7 +172,8 @@ class Ride(ByValue):
 def names(wheels: int) -> tuple[str, ...]:
     """Names of the measures of a ride: load and travel of each wheel between acceleration and power."""
     places = ("",) if wheels == 1 else (" front", " rear")
-    return ("comfort", "acceleration", *(f"load{one}" for one in places), *(f"travel{one}" for one in places), "power")
+    loads, travels = ([f"{what}{one}" for one in places] for what in ("wheel load", "travel"))
+    return ("comfort", "acceleration", *loads, *travels, "power")
 
 
 def frequencies_of(road: ClassRoad, speed: float, count: int = _POINTS) -> FloatArray:
@@ -222,7 +223,7 @@ def ride(
     >>> car = QuarterCar(250.0, 37.5, 15825.0, 1500.0).body
     >>> found = ride(car, Zener().stiffness([180e3, 120e3, 700.0], omega), road, 80 / 3.6)
     >>> dict(zip(names(1), found.values.round(4).tolist()))
-    {'comfort': 1.3396, 'acceleration': 1.5846, 'load': 778.1374, 'travel': 0.0101, 'power': 62.6548}
+    {'comfort': 1.3396, 'acceleration': 1.5846, 'wheel load': 778.1374, 'travel': 0.0101, 'power': 62.6548}
     """
     stiffness = np.asarray(stiffness, dtype=complex)
     frequency = frequencies_of(road, speed, stiffness.shape[-1])
