@@ -121,6 +121,11 @@ def test_a_measured_road_and_a_load_deflection_curve(run, files, tmp_path):
     ran = run("ride", files / "model.json", "--at", "pressure=2.4 bar", *at[2:], "--curve", curve)
     assert "the tangent of the curve at 2819 N is 177" in told(ran.stderr)
     assert "the model at rest has 216" in told(ran.stderr)
+    bare = tmp_path / "bare.csv"
+    bare.write_text(road.read_text().replace("distance [m],height [mm]", "a,b"))
+    stated = ("--road", bare, "--column", "distance=a [m]", "--column", "height=b [mm]")
+    same = json.loads(run("ride", files / "model.json", *at[:2], *stated, "--json").stdout)["rides"][0]
+    assert same["dynamic wheel load [N]"] == plain["dynamic wheel load [N]"]
     gap = [line for line in road.read_text().splitlines(keepends=True) if not line.startswith("30.")]
     road.write_text("".join(gap))
     ran = run("ride", files / "model.json", *at)

@@ -292,6 +292,9 @@ class RideOptions:
     )
     lift_off: bool = _given("Wheels may leave the road.", "--lift-off", default=False)
     curve: Path | None = _given("Load-deflection curve in place of a straight static load; with lift-off.")
+    column: list[str] | None = _given(
+        'Which column of a road or a curve is what, as "height=z [mm]" or "load=F [N]"; may be repeated.'
+    )
     folder: Path | None = _given("Folder for table, document and figure.", "--out")
 
 

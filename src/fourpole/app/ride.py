@@ -47,6 +47,8 @@ _TANGENT, _MOST_SENTENCES = 0.1, 12
 _PRINTED = ("comfort", "wheel load", "wheel load front", "wheel load rear", "travel", "travel front", "travel rear",
             "power", "crest", "vdv")  # fmt: skip
 _AXES = {axis.name: (axis.column, kind) for axis, kind in zip(AXES, ("pressure", "force", "temperature"), strict=True)}
+#: Roles of the columns of a road.
+_OF_ROAD = ("distance", "height")
 _ROADS = (
     'a class A to H, a file with distance and height, "cleat 10 mm, 50 mm" or "pothole 30 mm, 500 mm" (height and '
     'length), or "sweep 1 mm, 0.5:20 Hz, 60 s"'
@@ -71,7 +73,7 @@ def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptio
     """Drive one vehicle over one road on the tyres of all models; print the table and write the files."""
     check_speed(speed)
     stated, step = vehicle_named(options.vehicle), _step(options)
-    body, way = stated.vehicle.body, _road(road, step)
+    body, way = stated.vehicle.body, _road(road, step, _columns(options, of_road=True))
     states = [_state(text) for text in options.at or ()]
     wanted = units_beside(model_in(models[0]))
     tyres = [
@@ -82,7 +84,7 @@ def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptio
     labels = _labels(tyres, wanted)
     matched = [float(np.sqrt(low * high)) for low, high in (one.band for one in tyres)]
     over_time = way.spectrum is None or options.duration is not None
-    curve = _curve(options.curve)
+    curve = _curve(options.curve, _columns(options, of_road=False))
     if not over_time and (options.lift_off or curve is not None):
         raise UnitError('--lift-off and --curve need a ride in time: state --duration, as "60 s"')
     with progress("riding") as advance:
@@ -132,7 +134,12 @@ def _step(options: RideOptions) -> float:
     return _FINE if options.lift_off or options.curve is not None else _STEP
 
 
-def _road(text: str, step: float) -> _Road:
+def _columns(options: RideOptions, *, of_road: bool) -> list[str]:
+    """The statements of ``--column`` on a road, or the others."""
+    return [text for text in options.column or () if (text.partition("=")[0].strip() in _OF_ROAD) is of_road]
+
+
+def _road(text: str, step: float, columns: Sequence[str]) -> _Road:
     """The road of the option ``--road``."""
     word, _, rest = text.strip().partition(" ")
     if text.strip().upper() in tuple(CLASSES):
@@ -151,7 +158,7 @@ def _road(text: str, step: float) -> _Road:
     path = Path(text)
     if not path.is_file():
         raise UnitError(f"--road: {units.shown(text)} is neither a file nor a road: it is {_ROADS}")
-    table = read_profile(path)
+    table = read_profile(path, columns=columns)
     for line in table.understood:
         say(f"understood {line}")
     for line in table.warnings:
@@ -170,11 +177,11 @@ def _heights(way: _Road, speed: float, step: float, options: RideOptions) -> Flo
     return way.spectrum.realisation(options.duration, step, speed, options.seed)
 
 
-def _curve(path: Path | None) -> LoadDeflection | None:
+def _curve(path: Path | None, columns: Sequence[str]) -> LoadDeflection | None:
     """The load-deflection curve of a static test: the mean of its branches, from zero load on."""
     if path is None:
         return None
-    table = read_curve(path)
+    table = read_curve(path, columns=columns)
     deflection, load = LoadCurve(table.deflection, table.load).mean_curve(200)
     rising = np.flatnonzero(load > 0)
     return LoadDeflection(deflection[rising], load[rising])

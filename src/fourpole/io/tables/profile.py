@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fourpole.core.arrays import ByValue, FloatArray
@@ -20,7 +21,9 @@ class ProfileTable(ByValue):
     warnings: list[str]
 
 
-def read_profile(path: str | os.PathLike[str], *, label: str | None = None) -> ProfileTable:
+def read_profile(
+    path: str | os.PathLike[str], *, columns: Sequence[str] = (), label: str | None = None
+) -> ProfileTable:
     r"""Read a road profile: a table of any format with a distance and a height, or an OpenCRG file (.crg).
 
     Parameters
@@ -28,6 +31,8 @@ def read_profile(path: str | os.PathLike[str], *, label: str | None = None) -> P
     path : path
         A file of any format that recordings have; or a road of OpenCRG, of which the reference line is taken. Its
         reader is PyOpenCRG, which is installed by itself.
+    columns : sequence of str
+        Which column is what, as the option ``--column`` has it: "height=z [mm]".
     label : str, optional
         The file's name in messages.
 
@@ -51,5 +56,5 @@ def read_profile(path: str | os.PathLike[str], *, label: str | None = None) -> P
     """
     if os.fspath(path).lower().endswith(".crg"):
         return ProfileTable(*read_crg(path, label), ["OpenCRG: height along the reference line"], [])
-    found = read_pair(path, ("distance", "height"), "a road profile", label=label)
+    found = read_pair(path, ("distance", "height"), "a road profile", columns=columns, label=label)
     return ProfileTable(found.first, found.second, found.understood, found.warnings)
