@@ -53,3 +53,13 @@ def test_the_file_has_each_format_and_the_same_bytes(spectra, form):
     made = ride_figure_bytes(data, form)
     assert made == ride_figure_bytes(data, form)
     assert b"<b>one" not in made
+
+
+def test_of_a_long_ride_the_part_about_the_largest_acceleration_is_shown():
+    heights = ClassRoad.of("C").realisation(12.0, 1e-3, SPEED, seed=2)[None]
+    found = compare_in_time(BODY, tyres(), heights, 1e-3, (10.0, 10.0))
+    data = ride_figure(found, ["one", "two"])
+    series = data.panels[0].series[0]
+    assert np.ptp(series.x) == pytest.approx(3.0, abs=2e-3)
+    assert np.abs(series.y).max() == pytest.approx(np.abs(found.series[0].weighted).max())
+    assert "the 3 s about the largest weighted acceleration of the first tyre" in data.notes

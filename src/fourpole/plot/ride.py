@@ -18,7 +18,9 @@ from fourpole.ride.compare import Compared
 #: Key of the figure in its files, and its title.
 KEY, TITLE = "ride", "Ride"
 #: Largest number of tyres that are drawn, of points of a curve, and range of spectra that is shown.
-_MOST, _POINTS, _DECADES = 6, 1200, 1e-3
+_MOST, _POINTS, _DECADES = 6, 5000, 1e-3
+#: Length of a ride that is shown whole, and of the part that is shown of a longer one [s].
+_WHOLE, _PART = 6.0, 3.0
 _FREQUENCY = AxisData("frequency", "Hz", log=True)
 _TIME = AxisData("time", "s")
 
@@ -27,7 +29,10 @@ def ride_figure(found: Compared, labels: Sequence[str], notes: Sequence[str] = (
     """The rides as data: of spectra where the road has one, otherwise over time."""
     shown = list(range(min(len(labels), _MOST)))
     left_out = [f"{len(shown)} of {len(labels)} tyres shown"] if len(shown) < len(labels) else []
-    panels = _spectra(found, shown) if found.spectra else _series(found, shown)
+    part = slice(None) if found.spectra else _shown_part(found)
+    if part != slice(None):
+        left_out.append(f"the {_PART:g} s about the largest weighted acceleration of the first tyre")
+    panels = _spectra(found, shown) if found.spectra else _series(found, shown, part)
     return FigureData(
         panels=panels, columns=1 if found.series else 2, names=tuple(labels), keyed=tuple(shown),
         notes=(*notes, *left_out), panel_height=2.0 if found.series else 3.0, shared=False,
@@ -52,14 +57,24 @@ def _spectra(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
     return tuple(Panel(_FREQUENCY, ordinate, tuple(series), title=name) for name, series in names)
 
 
-def _series(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
+def _shown_part(found: Compared) -> slice:
+    """The samples to show: all of a short ride, otherwise those about the largest weighted acceleration."""
+    one = found.series[0]
+    count, wanted = one.weighted.size, round(_PART / one.step)
+    if count * one.step <= _WHOLE:
+        return slice(None)
+    first = int(np.argmax(np.abs(one.weighted))) - wanted // 2
+    first = min(max(first, 0), count - wanted)
+    return slice(first, first + wanted)
+
+
+def _series(found: Compared, shown: Sequence[int], part: slice) -> tuple[Panel, ...]:
     """Weighted acceleration and dynamic load of the first wheel over time."""
     acceleration, load = [], []
     for at in shown:
         one = found.series[at]
-        time, weighted, force = (
-            _thinned(each) for each in (one.step * np.arange(one.weighted.size), one.weighted, one.load[0])
-        )
+        time = one.step * np.arange(one.weighted.size)
+        time, weighted, force = (_thinned(each[part]) for each in (time, one.weighted, one.load[0]))
         acceleration.append(Series(Role.LINE, time, weighted, tyre=at))
         load.append(Series(Role.LINE, time, force / 1e3, tyre=at))
     return (
@@ -70,7 +85,7 @@ def _series(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
 
 def _thinned(values: FloatArray) -> FloatArray:
     """Values with as many points as a figure shows."""
-    return values[:: max(1, values.size // (4 * _POINTS))]
+    return values[:: -(-values.size // _POINTS)]
 
 
 def ride_figure_bytes(data: FigureData, form: str, style: Style | None = None) -> bytes:
