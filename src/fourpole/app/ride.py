@@ -13,7 +13,6 @@ import polars as pl
 from fourpole import units
 from fourpole.app.console import option, out, print_json, print_table, progress, say, warn
 from fourpole.app.options import RideOptions
-from fourpole.app.shown import PLUS_MINUS, with_u
 from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import AXES
@@ -27,7 +26,7 @@ from fourpole.io.tables.curve import read_curve
 from fourpole.io.tables.profile import read_profile
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
-from fourpole.report.digits import number
+from fourpole.report.digits import PLUS_MINUS, number, with_u
 from fourpole.ride.compare import Compared, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
