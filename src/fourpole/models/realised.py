@@ -1,0 +1,190 @@
+"""A model as a linear system of first-order states, for programs that take matrices or branches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.errors import ModelError
+from fourpole.models.fractional import rational
+from fourpole.models.interface import Arms, Model, StateSpace
+
+#: Largest relative error of K* of an approximation: the first of these that 60 arms reach.
+ACCURACIES = (1e-6, 1e-5, 1e-4, 1e-3)
+#: Largest relative error of K* that the change to separate states may add.
+_MOST_LOST = 1e-6
+#: Frequencies at which that error is evaluated.
+_POINTS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Realised(ByValue):
+    r"""A model as a spring and a damper parallel to branches, each with a state of its own.
+
+    .. math::
+
+        K^* = K_\mathrm{rest} + j\omega C + \sum_i k_i \frac{j\omega\tau_i}{1 + j\omega\tau_i}
+        + \frac12 \sum_m \left(\kappa_m \frac{j\omega}{j\omega + \lambda_m}
+        + \bar\kappa_m \frac{j\omega}{j\omega + \bar\lambda_m}\right)
+
+    A branch has the state z with :math:`\tau \dot z = x - z` and the force :math:`k (x - z)`. A pair of branches has a
+    complex state with :math:`\dot z = \lambda (x - z)` and the force :math:`\mathrm{Re}\,\kappa (x - z)`. Every state
+    is a length [m], and at rest it equals the deflection x.
+
+    Attributes
+    ----------
+    rest : float [N/m]
+        Stiffness at zero frequency.
+    damper : float [N s/m]
+    springs, times : (n,) float arrays [N/m], [s]
+        Stiffness and relaxation time of each branch, the times > 0 and falling.
+    pair_springs, pair_rates : (m,) complex arrays [N/m], [1/s]
+        κ and λ of each pair: Re λ > 0 is its decay, Im λ > 0 its frequency [rad/s]. Only models with inertia have
+        pairs, and branches whose stiffness is negative.
+    error : float [1]
+        Largest relative error of K* within the band; 0 if the branches are those of the model.
+    """
+
+    rest: float
+    damper: float
+    springs: FloatArray
+    times: FloatArray
+    pair_springs: ComplexArray
+    pair_rates: ComplexArray
+    error: float = 0.0
+
+    @property
+    def instantaneous(self) -> float:
+        """Stiffness of a sudden deflection [N/m], beside the damper."""
+        return float(self.rest + self.springs.sum() + self.pair_springs.real.sum())
+
+    @property
+    def space(self) -> StateSpace:
+        """The matrices: one state per branch, then two per pair, its real and imaginary part.
+
+        Examples
+        --------
+        >>> from fourpole.models import Zener
+        >>> space = realised(Zener(), [180e3, 120e3, 600.0], (5.0, 50.0)).space
+        >>> space.a, space.b, space.c, space.d
+        (array([[-200.]]), array([[200.,   0.]]), array([-120000.]), array([300000.,      0.]))
+        """
+        count, pairs = self.springs.size, self.pair_springs.size
+        a = np.zeros((count + 2 * pairs, count + 2 * pairs))
+        at, real = np.arange(count), count + 2 * np.arange(pairs)
+        a[at, at] = -1.0 / self.times
+        a[real, real] = a[real + 1, real + 1] = -self.pair_rates.real
+        a[real, real + 1], a[real + 1, real] = self.pair_rates.imag, -self.pair_rates.imag
+        drive = np.concatenate([1.0 / self.times, np.ravel([self.pair_rates.real, self.pair_rates.imag], "F")])
+        output = np.concatenate([-self.springs, np.ravel([-self.pair_springs.real, self.pair_springs.imag], "F")])
+        return StateSpace(
+            a=a,
+            b=np.stack([drive, np.zeros_like(drive)], axis=1),
+            c=output,
+            d=np.array([self.instantaneous, self.damper]),
+        )
+
+    def stiffness(self, omega: ArrayLike) -> ComplexArray:
+        """K* (...,) [N/m] at angular frequencies (...,) [rad/s]."""
+        s = 1j * np.asarray(omega, dtype=float)[..., None]
+        found = self.rest + s[..., 0] * self.damper + np.sum(self.springs * s * self.times / (1 + s * self.times), -1)
+        k, rate = self.pair_springs, self.pair_rates
+        found = found + 0.5 * np.sum(k * s / (s + rate) + k.conj() * s / (s + rate.conj()), axis=-1)
+        return np.asarray(found, dtype=complex)[()]
+
+
+def realised(model: Model, values: ArrayLike, band: tuple[float, float]) -> Realised:
+    """The linear system that a causal model is, or that approximates it within a band.
+
+    Parameters
+    ----------
+    model : Model
+    values : (P,) float array
+        Parameters of the model.
+    band : (float, float) [Hz]
+        Band in which the error is stated, and of the approximation of a model with a power of the frequency.
+
+    Returns
+    -------
+    Realised
+
+    Raises
+    ------
+    ModelError
+        If the model is not causal, has a mode without loss, or no system of 60 branches is within 0.1 % of K*.
+
+    Examples
+    --------
+    >>> from fourpole.models import FractionalZener, Zener
+    >>> realised(Zener(), [180e3, 120e3, 600.0], (5.0, 50.0)).times
+    array([0.005])
+    >>> found = realised(FractionalZener(), [150e3, 400e3, 2e-3, 0.4], (5.0, 50.0))
+    >>> found.springs.size, found.error < 1e-6
+    (11, True)
+    """
+    checked = model.checked(values)
+    if not model.causal:
+        raise ModelError(
+            f"the {model.name} model is not causal: its force would precede its deflection; "
+            "fit one that is, as with fourpole fit --model prony"
+        )
+    try:
+        return _of_arms(model.prony(checked))
+    except ModelError:  # no Prony series
+        pass
+    try:
+        space = model.state_space(checked)
+    except ModelError:  # a power of the frequency
+        return _approximated(model, checked, band)
+    return _separate(space, model.name, band)
+
+
+def _of_arms(arms: Arms, error: float = 0.0) -> Realised:
+    """A Prony series; arms without a stiffness or a relaxation time are left out."""
+    kept = (arms.springs > 0) & (arms.times > 0)
+    order = np.argsort(-arms.times[kept], kind="stable")
+    none = np.zeros(0, dtype=complex)
+    return Realised(arms.rest, 0.0, arms.springs[kept][order], arms.times[kept][order], none, none, error)
+
+
+def _approximated(model: Model, values: FloatArray, band: tuple[float, float]) -> Realised:
+    """The Prony series that approximates a model, by the smallest of `ACCURACIES` that is possible."""
+    for accuracy in ACCURACIES:
+        try:
+            maxwell, arms, error = rational(model, values, band, accuracy)
+        except ModelError:
+            if accuracy == ACCURACIES[-1]:
+                raise
+        else:
+            return _of_arms(maxwell.prony(arms), error)
+    raise AssertionError
+
+
+def _separate(space: StateSpace, name: str, band: tuple[float, float]) -> Realised:
+    """A state space with separate states, by its eigenvalues."""
+    poles, vectors = (np.asarray(one, dtype=complex) for one in np.linalg.eig(space.a))
+    if np.any(poles.real >= -1e-12 * np.abs(poles)):
+        raise ModelError(f"the {name} model has a mode without loss, which rings forever: state a loss above zero")
+    output, drive = space.c @ vectors, np.linalg.solve(vectors, space.b.astype(complex))
+    at_rest = output * drive[:, 0] / poles
+    springs = output * drive[:, 1] + at_rest
+    real, pairs = np.flatnonzero(poles.imag == 0), np.flatnonzero(poles.imag < 0)
+    real, pairs = (one[np.argsort(np.abs(poles[one]), kind="stable")] for one in (real, pairs))
+    found = Realised(
+        rest=float(space.d[0] - at_rest.sum().real),
+        damper=float(space.d[1]),
+        springs=springs[real].real,
+        times=-1.0 / poles[real].real,
+        pair_springs=2.0 * springs[pairs],
+        pair_rates=-poles[pairs],
+    )
+    if not len(space.a):
+        return found
+    omega = 2 * np.pi * np.geomspace(*band, _POINTS)
+    error = float(np.max(np.abs(found.space.stiffness(omega) / space.stiffness(omega) - 1)))
+    if not error <= _MOST_LOST:
+        raise ModelError(f"the states of the {name} model cannot be separated: K* would be wrong by {error:.2g}")
+    return replace(found, error=error)
