@@ -10,8 +10,11 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from tests.export.vehicle import table as table_of_tyre
 
 from fourpole import analyse
+from fourpole.fitting.measured import measured_of
+from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 Change = Callable[[pl.DataFrame], pl.DataFrame]
@@ -88,3 +91,13 @@ def repeated(frame: pl.DataFrame) -> pl.DataFrame:
     """The first test once more, as D1b with another K2."""
     again = frame[:1].with_columns(pl.lit("D1b").alias("test"), pl.col("K2 [N/m]") * 1.01)
     return pl.concat([frame, again])
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fits and a map of a tyre at three pressures and three preloads."""
+    folder = tmp_path_factory.mktemp("files")
+    measured = measured_of(table_of_tyre(), std=1e-3)
+    model_file(measured, fit_tyres(measured, "zener")).write(folder / "model.json")
+    model_file(measured, maps=map_tyres(measured, "zener")).write(folder / "map.json")
+    return folder

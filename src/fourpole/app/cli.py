@@ -20,10 +20,12 @@ from fourpole.app.options import (
     NamePatterns,
     PlanOptions,
     PlotOptions,
+    PointOptions,
     ResultsFolder,
     RunOptions,
     ShapeOptions,
     Wanted,
+    operating_point,
 )
 from fourpole.export.kinds import ABOUT
 from fourpole.version import VERSION
@@ -330,15 +332,26 @@ def export(
     kind: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{ABOUT}.")],
     file: Annotated[Path | None, typer.Option("--out", help="File or folder to write; by default in SOURCE.")] = None,
     *,
+    asked: PointOptions,
     specimen: ShapeOptions,
 ) -> None:
-    """Write the results for another tool, or a model's Prony series for an FE program.
+    """Write the results for another tool, or a model for an FE program or a vehicle simulation.
 
-    Results: a workbook with charts, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV.
+    Results: a workbook with charts, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV; .tir
+    and look-up tables, of maps too.
     """
     from fourpole.export import export_results
 
-    exported = export_results(folder, kind, file, shape=specimen.shape)
+    exported = export_results(
+        folder,
+        kind,
+        file,
+        shape=specimen.shape,
+        points=tuple(operating_point(text) for text in asked.at or ()),
+        specimen=asked.tyre,
+        frequency=asked.frequency,
+        radius=asked.radius,
+    )
     for note in exported.notes:
         warn(note)
     out(f"{kind}: {exported.path}")

@@ -12,10 +12,9 @@ import polars as pl
 
 from fourpole import units
 from fourpole.app.console import option, out, print_json, print_table, progress, say, warn
-from fourpole.app.options import RideOptions
+from fourpole.app.options import RideOptions, operating_point
 from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
-from fourpole.core.condition import AXES
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import UnitError
@@ -45,7 +44,6 @@ _TANGENT, _MOST_SENTENCES = 0.1, 12
 #: Measures of the printed table, in its order.
 _PRINTED = ("comfort", "wheel load", "wheel load front", "wheel load rear", "travel", "travel front", "travel rear",
             "power", "crest", "vdv")  # fmt: skip
-_AXES = {axis.name: (axis.column, kind) for axis, kind in zip(AXES, ("pressure", "force", "temperature"), strict=True)}
 #: Roles of the columns of a road.
 _OF_ROAD = ("distance", "height")
 _ROADS = (
@@ -73,7 +71,7 @@ def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptio
     check_speed(speed)
     stated, step = vehicle_named(options.vehicle), _step(options)
     body, way = stated.vehicle.body, _road(road, step, _columns(options, of_road=True))
-    states = [_state(text) for text in options.at or ()]
+    states = [operating_point(text) for text in options.at or ()]
     wanted = units_beside(model_in(models[0]))
     tyres = [
         one
@@ -184,28 +182,6 @@ def _curve(path: Path | None, columns: Sequence[str]) -> LoadDeflection | None:
     deflection, load = LoadCurve(table.deflection, table.load).mean_curve(200)
     rising = np.flatnonzero(load > 0)
     return LoadDeflection(deflection[rising], load[rising])
-
-
-def _state(text: str) -> dict[str, float]:
-    """An operating point of the option ``--at``, by column: "pressure=1.7 bar, preload=1000 N"."""
-    found = {}
-    for part in text.split(","):
-        name, mark, value = (one.strip() for one in part.partition("="))
-        if not mark or not name:
-            raise UnitError(f"--at: {units.shown(text)} is no operating point, as in 'pressure=1.7 bar, preload=3 kN'")
-        if name in _AXES:
-            column, kind = _AXES[name]
-            found[column] = option(value, kind, f"--at {name}")
-            continue
-        try:
-            found[name] = float(value)
-        except ValueError:
-            known = ", ".join(_AXES)
-            raise UnitError(
-                f"--at: {units.shown(part.strip())}: an axis is {known} with a unit, or a column and a number, as "
-                "'camber [deg]=2'"
-            ) from None
-    return found
 
 
 def _labels(tyres: Sequence[RideTyre], wanted: ShownUnits) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fourpole.errors import CampaignError
-from fourpole.io.folders import results_in
+from fourpole.io.folders import model_in, results_in
 
 if TYPE_CHECKING:
     from fourpole.models.shape import Shape
@@ -23,6 +23,7 @@ class Takes(Enum):
     RESULTS = "a results folder, as fourpole analyse writes it"
     MODEL = "a model file, as fourpole fit writes it"
     MAP = "a map file, as fourpole map writes it"
+    EITHER = "a model file or a map, as fourpole fit and fourpole map write them"
     CAMPAIGN = "a campaign folder, with campaign.toml and tests.csv"
 
 
@@ -44,8 +45,8 @@ class ExportKind:
         Source of the export.
     extra : str
         Extra of the Python package that the export needs; empty if it needs none.
-    shaped : bool
-        Whether the function takes the shape of the specimen as well.
+    options : tuple of str
+        Keys of `OPTIONS`: what the function takes besides, by keyword.
     """
 
     file: str
@@ -53,7 +54,7 @@ class ExportKind:
     about: str
     takes: Takes = Takes.RESULTS
     extra: str = ""
-    shaped: bool = False
+    options: tuple[str, ...] = ()
 
     @property
     def write(self) -> Callable[..., tuple[str, ...]]:
@@ -63,9 +64,24 @@ class ExportKind:
         return writer
 
 
+#: What may be stated for an export, and how messages name it.
+OPTIONS = {
+    "shape": "the shape of a specimen: leave out its height, area and mode",
+    "points": "an operating point: leave out --at",
+    "specimen": "a specimen of its own: leave out --tyre",
+    "frequency": "a frequency: leave out --frequency",
+    "radius": "a radius: leave out --radius",
+}
+
+
 def _material(file: str, module: str, about: str) -> ExportKind:
     """A kind that takes the Prony series of a model file."""
-    return ExportKind(file, module, about, Takes.MODEL, shaped=True)
+    return ExportKind(file, module, about, Takes.MODEL, options=("shape",))
+
+
+def _vehicle(file: str, module: str, about: str, *options: str) -> ExportKind:
+    """A kind for vehicle simulations, which takes a model file or a map."""
+    return ExportKind(file, module, about, Takes.EITHER, options=("specimen", *options))
 
 
 KINDS = {
@@ -79,6 +95,7 @@ KINDS = {
     "lsdyna": _material("prony.k", "lsdyna", "of a model: LS-DYNA *MAT_GENERAL_VISCOELASTIC"),
     "lsdyna-springs": _material("springs.k", "lsdyna.write_springs", "of a model: LS-DYNA discrete springs"),
     "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
+    "table": _vehicle("lookup.csv", "lookup", "of a model or a map: CSV of K* over frequency and operating point"),
 }
 #: All kinds with their descriptions, for the help.
 ABOUT = "; ".join(f"{name}: {kind.about}" for name, kind in KINDS.items())
@@ -101,7 +118,15 @@ class Exported:
 
 
 def export_results(
-    folder: str | Path, kind: str, file: str | Path | None = None, *, shape: Shape | None = None
+    folder: str | Path,
+    kind: str,
+    file: str | Path | None = None,
+    *,
+    shape: Shape | None = None,
+    points: Sequence[Mapping[str, float]] = (),
+    specimen: str | None = None,
+    frequency: float | None = None,
+    radius: float | None = None,
 ) -> Exported:
     """Write the results of an analysis, or a model, for another tool, in one step.
 
@@ -117,6 +142,14 @@ def export_results(
         `folder`, or beside a model file.
     shape : Shape, optional
         Shape of the specimen, for moduli in place of stiffnesses; by default the one that the model file states.
+    points : sequence of mappings of str to float, optional
+        Operating points, by column: {"pressure [Pa]": 1.85e5}. By default the tested conditions of a file of fits.
+    specimen : str, optional
+        The one specimen of a model file that is exported.
+    frequency : float, optional [Hz]
+        Frequency of a format that has one stiffness and one damping.
+    radius : float, optional [m]
+        Unloaded radius of the tyre.
 
     Returns
     -------
@@ -125,7 +158,10 @@ def export_results(
     Raises
     ------
     CampaignError
-        If there is no such kind, the kind takes another source, or the folder has no results.
+        If there is no such kind, the kind takes another source or has no use for what is stated, or the folder has no
+        results.
+    ModelError
+        If the model, or the map at an operating point, cannot be exported to the kind.
     FileError
         If a package is missing, or the file cannot be written; the message names the `pip install`.
     TableError
@@ -149,18 +185,27 @@ def export_results(
         hint = f"did you mean {near[0]}? It" if near else "it"
         raise CampaignError(f"no kind of file {shown(kind)}: {hint} is one of {', '.join(KINDS)}")
     chosen, place = KINDS[kind], Path(folder)
-    if chosen.takes is not Takes.CAMPAIGN and not (place / "model.json").is_file():
-        place = results_in(place)
-    if chosen.takes is Takes.MODEL and (place / "model.json").is_file():
-        place = place / "model.json"
-    if shape is not None and not chosen.shaped:
-        raise CampaignError(f"{kind} has no use for the shape of a specimen: leave out its height, area and mode")
+    stated = {"shape": shape, "points": points, "specimen": specimen, "frequency": frequency, "radius": radius}
+    more = {name: value for name, value in stated.items() if value is not None and value != ()}
+    if unused := [name for name in more if name not in chosen.options]:
+        raise CampaignError(f"{kind} has no use for {OPTIONS[unused[0]]}")
+    place = _source(place, chosen.takes)
     given = _given(place)
-    if given is not chosen.takes:
+    if given is not chosen.takes and not (chosen.takes is Takes.EITHER and given in (Takes.MODEL, Takes.MAP)):
         raise CampaignError(f"{kind} takes {chosen.takes.value}; {place.name} is {given.value}: give it the former")
     path = (place if place.is_dir() else place.parent) / chosen.file if file is None else Path(file)
-    more = {"shape": shape} if chosen.shaped else {}
     return Exported(path, chosen.write(_read(place, given), path, **more))
+
+
+def _source(place: Path, takes: Takes) -> Path:
+    """The results or the model file that the folder of a campaign or of results stands for."""
+    if takes is not Takes.CAMPAIGN and not (place / "model.json").is_file():
+        place = results_in(place)
+    if takes is Takes.EITHER and place.is_dir():
+        return model_in(place)
+    if takes is Takes.MODEL and (place / "model.json").is_file():
+        return place / "model.json"
+    return place
 
 
 def _given(path: Path) -> Takes:

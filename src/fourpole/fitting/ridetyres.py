@@ -10,21 +10,18 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
-from fourpole.core.condition import AXES
 from fourpole.errors import FourpoleError, ModelError
 from fourpole.fitting.measured import Measured, read_measured
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, read_model_file
-from fourpole.fitting.query import maps_of, place_of
+from fourpole.fitting.placed import PlacedModel, placed_models
 from fourpole.io.folders import model_in
 from fourpole.models.discrepancy import with_error
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
 from fourpole.ride.uncertainty import Tyre
-from fourpole.units import shown
 
 #: Largest number of tyres that one file gives.
 _MOST = 40
-_NAMES = {axis.column: axis.name for axis in AXES}
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,75 +86,33 @@ def tyres_for_ride(
     """
     place = model_in(path)
     file, wanted = read_model_file(place), ShownUnits() if units is None else units
-    if specimen is not None and specimen not in file.tyres:
-        raise ModelError(f"{place.name}: is of {', '.join(map(shown, file.tyres))}, not of {shown(specimen)}")
-    every = [specimen] if specimen is not None else file.tyres
     found = [
-        _tyre_at(file, place, name, state, wanted, beyond=beyond)
-        for name in every
-        for state in (points or _conditions(file, name, place.name))
+        _tyre(place, one, wanted)
+        for one in placed_models(file, place.name, points, specimen=specimen, beyond=beyond, units=wanted)
     ]
     if len(found) > _MOST:
         raise ModelError(f"{place.name}: has {len(found)} tyres and conditions: state --at for some of them, or --tyre")
     return _with_common_errors(found, file, place)
 
 
-def _conditions(file: ModelFile, name: str, label: str) -> list[dict[str, float]]:
-    """The conditions of a specimen in a file of fits; ModelError for a map over axes."""
-    for entry in file.maps:
-        if entry.tyre == name and entry.axes:
-            over = ", ".join(_named(axis.column) for axis in entry.axes)
-            first = "=..., ".join(_named(axis.column) for axis in entry.axes)
-            raise ModelError(f'{label}: is a map over {over}: state the operating point, --at "{first}=..."')
-    return [
-        {one.column: one.value for one in each.state}
-        for entry in file.models
-        if entry.tyre == name
-        for each in entry.conditions
-    ] or [{}]
-
-
-def _tyre_at(
-    file: ModelFile, place: Path, name: str, state: Mapping[str, float], units: ShownUnits, *, beyond: bool
-) -> RideTyre:
-    """One specimen at one operating point, with the errors that the file has."""
-    found = maps_of(file, name, state, units)
-    lacking = [column for column in found.axes.names if column not in state]
-    if lacking:
-        raise ModelError(f'{place.name}: the map is over {_named(lacking[0])}: state --at "{_named(lacking[0])}=..."')
-    point, _, remarks = place_of(file, found, dict(state), units, beyond=beyond)
-    remarks = (*remarks, *_at_reference(file, name))
-    own = {**found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
-    words = ", ".join(units.setting(column, value) for column, value in own.items())
-    label = ", ".join(filter(None, (name, words))) or "the specimen"
-    source = f"{place}: {name}" + ("" if found.axes.names else f": {words}")
+def _tyre(place: Path, one: PlacedModel, units: ShownUnits) -> RideTyre:
+    """A model at an operating point with the errors that the file has."""
+    words = ", ".join(units.setting(column, value) for column, value in one.state.items())
+    source = f"{place}: {one.specimen}" + ("" if one.map.axes.names else f": {words}")
     tyre = Tyre(
-        model=found.model,
-        values=found.parameters(point[None])[0],
-        errors={source: found.errors(point)},
-        discrepancy=_scatter(found),
-        name=label,
+        model=one.model,
+        values=one.values,
+        errors={source: one.map.errors(one.point)},
+        discrepancy=_scatter(one.map),
+        name=one.label,
     )
-    return RideTyre(tyre, label, name, own, found.band, remarks)
-
-
-def _at_reference(file: ModelFile, name: str) -> list[str]:
-    """A remark for the model of a master curve, which a ride has at the reference temperature."""
-    laws = [entry.temperature for entry in file.models if entry.tyre == name and entry.temperature is not None]
-    return [
-        f"K* {name and f'of {name} '}is that at {law.reference:.4g} °C, the reference of its master curve"
-        for law in laws
-    ]
+    return RideTyre(tyre, one.label, one.specimen, one.state, one.band, one.remarks)
 
 
 def _scatter(found: OperatingMap) -> tuple[float, float]:
     """Relative scatter of K* about the map, along and across K* [1]."""
     along, across = found.scatter.frequency
     return float(np.hypot(found.scatter.condition, along)), float(np.hypot(found.scatter.condition, across))
-
-
-def _named(column: str) -> str:
-    return _NAMES.get(column) or column
 
 
 def _with_common_errors(found: list[RideTyre], file: ModelFile, place: Path) -> list[RideTyre]:

@@ -172,7 +172,7 @@ def _exports(shown: Shown) -> list[dict[str, Any]]:
         Takes.MAP: shown.results.maps is not None,
     }
     return [
-        {"kind": name, "about": kind.about, "file": kind.file, "shaped": kind.shaped}
+        {"kind": name, "about": kind.about, "file": kind.file, "shaped": "shape" in kind.options}
         for name, kind in KINDS.items()
         if has.get(kind.takes)
     ]
@@ -187,7 +187,7 @@ def _exported(site: Site, place: Place, kind: str, asked: Mapping[str, str], fol
     if kind not in KINDS:
         raise CampaignError("there is no such kind of file: load the page again")
     stated: dict[str, Any] = {name: asked[name] for name in _SHAPE if asked.get(name)}
-    shape = None if not KINDS[kind].shaped else shape_of(stated)
+    shape = shape_of(stated) if "shape" in KINDS[kind].options else None
     made = export_results(place.results, kind, folder / KINDS[kind].file, shape=shape)
     if not made.path.is_dir():
         return made.path, list(made.notes)

@@ -1,0 +1,166 @@
+"""Models of a file at operating points: of fits the tested conditions, of a map any point inside the tested ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.condition import AXES
+from fourpole.errors import ModelError
+from fourpole.fitting.modelfile import ModelFile
+from fourpole.fitting.query import maps_of, place_of
+from fourpole.models.interface import Model
+from fourpole.models.operating import OperatingMap
+from fourpole.quantities import ShownUnits
+from fourpole.units import shown
+
+_NAMES = {axis.column: axis.name for axis in AXES}
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedModel:
+    """A model of a file at one operating point.
+
+    Attributes
+    ----------
+    specimen, label : str
+        Name of the specimen; its name and the operating point in words.
+    state : dict of str to float
+        The operating point, by column.
+    map : OperatingMap
+        The map of the specimen, or its fit at one condition as a map of one point.
+    point : (d,) float array
+        The operating point on the axes of the map.
+    values : (P,) float array
+        Values of the model's parameters; those of a fit are as its file has them.
+    remarks : tuple of str
+        What holds for the point alone: its distance from the tests, the temperature of a master curve.
+    """
+
+    specimen: str
+    label: str
+    state: dict[str, float]
+    map: OperatingMap
+    point: FloatArray
+    values: FloatArray
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model, which has no values of its own."""
+        return self.map.model
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies at which K* was measured [Hz]."""
+        return self.map.band
+
+
+def placed_models(
+    file: ModelFile,
+    name: str,
+    points: Sequence[Mapping[str, float]] = (),
+    *,
+    specimen: str | None = None,
+    beyond: bool = False,
+    units: ShownUnits | None = None,
+) -> list[PlacedModel]:
+    """The models of a file, each at its operating points.
+
+    Parameters
+    ----------
+    file : ModelFile
+    name : str
+        Name of the file in messages.
+    points : sequence of mappings of str to float
+        Operating points, by column; without them all conditions of a file of fits, which a map does not have.
+    specimen : str, optional
+        Only this one of the file.
+    beyond : bool
+        Whether to go outside the tested conditions.
+    units : ShownUnits, optional
+        Units of labels and messages.
+
+    Raises
+    ------
+    ModelError
+        If a point is not in the file or is outside the tests, a map is given no point, or there is no such specimen.
+    """
+    return [
+        placed_at(file, name, one, state, units, beyond=beyond)
+        for one in specimens(file, name, specimen)
+        for state in (points or conditions_of(file, one, name))
+    ]
+
+
+def specimens(file: ModelFile, name: str, specimen: str | None) -> list[str]:
+    """The one specimen, or all of a file; ModelError if the file has no such one."""
+    if specimen is None:
+        return file.tyres
+    if specimen not in file.tyres:
+        raise ModelError(f"{name}: is of {', '.join(map(shown, file.tyres))}, not of {shown(specimen)}")
+    return [specimen]
+
+
+def conditions_of(file: ModelFile, specimen: str, name: str) -> list[dict[str, float]]:
+    """The conditions of a specimen in a file of fits; ModelError for a map over axes."""
+    for entry in file.maps:
+        if entry.tyre == specimen and entry.axes:
+            over = ", ".join(named(axis.column) for axis in entry.axes)
+            first = "=..., ".join(named(axis.column) for axis in entry.axes)
+            raise ModelError(f'{name}: is a map over {over}: state the operating point, --at "{first}=..."')
+    return [
+        {one.column: one.value for one in each.state}
+        for entry in file.models
+        if entry.tyre == specimen
+        for each in entry.conditions
+    ] or [{}]
+
+
+def placed_at(
+    file: ModelFile,
+    name: str,
+    specimen: str,
+    state: Mapping[str, float],
+    units: ShownUnits | None = None,
+    *,
+    beyond: bool = False,
+) -> PlacedModel:
+    """The model of one specimen at one operating point; see `placed_models`."""
+    units = ShownUnits() if units is None else units
+    found = maps_of(file, specimen, state, units)
+    lacking = [column for column in found.axes.names if column not in state]
+    if lacking:
+        raise ModelError(f'{name}: the map is over {named(lacking[0])}: state --at "{named(lacking[0])}=..."')
+    point, _, remarks = place_of(file, found, dict(state), units, beyond=beyond)
+    own = {**found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
+    words = ", ".join(units.setting(column, value) for column, value in own.items())
+    label = ", ".join(filter(None, (specimen, words))) or "the specimen"
+    values = found.parameters(point[None])[0] if (fitted := _fitted(file, specimen, own)) is None else fitted
+    return PlacedModel(specimen, label, own, found, point, values, (*remarks, *_at_reference(file, specimen)))
+
+
+def _fitted(file: ModelFile, specimen: str, state: Mapping[str, float]) -> FloatArray | None:
+    """The parameters (P,) of a fit at a condition as its file has them; None for a map or a pressure between tests."""
+    for entry in file.models:
+        for one in entry.conditions if entry.tyre == specimen else ():
+            if {each.column: each.value for each in one.state} == state:
+                return np.array(one.values)
+    return None
+
+
+def _at_reference(file: ModelFile, name: str) -> list[str]:
+    """A remark for the model of a master curve, which is at the reference temperature."""
+    laws = [entry.temperature for entry in file.models if entry.tyre == name and entry.temperature is not None]
+    return [
+        f"K* {name and f'of {name} '}is that at {law.reference:.4g} °C, the reference of its master curve"
+        for law in laws
+    ]
+
+
+def named(column: str) -> str:
+    """The name of an axis in options, or the column of an axis that the campaign names."""
+    return _NAMES.get(column) or column
