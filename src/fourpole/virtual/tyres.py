@@ -239,6 +239,8 @@ class ModelTyre:
 
     def _factor(self, pressure: ArrayLike) -> FloatArray:
         """K* at a pressure over that at 1.7 bar [1]."""
+        if not self.stiffening:
+            return np.ones(np.shape(pressure))  # a mount has no pressure
         return np.asarray(1.0 + self.stiffening * (np.asarray(pressure, dtype=float) - _PRESSURE_MID))
 
     def load(self, deflection: ArrayLike, pressure: ArrayLike) -> FloatArray:
