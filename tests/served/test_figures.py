@@ -207,7 +207,7 @@ def test_the_sliders_answer_and_stand_in_the_address(browser: Browser, mapped: S
         value = page.locator("[name=pressure]").input_value()
         said = slider.get_attribute("aria-valuetext")
         assert said == f"{value} bar"
-        page.wait_for_load_state("networkidle")
+        expect(page.locator("#answers")).to_have_attribute("aria-busy", "false")
         answer = page.locator("#answers").inner_text()
         page.reload()
         assert page.locator("[name=pressure]").input_value() == value

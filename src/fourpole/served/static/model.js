@@ -72,6 +72,7 @@
     const ask = async () => {
       if (waiting) { again = true; return; }
       waiting = true;
+      byId("answers").setAttribute("aria-busy", "true");
       const number = ++asked, query = stated();
       history.replaceState(null, "", `${point.getAttribute("action")}?${query}`);
       try {
@@ -79,7 +80,7 @@
         if (number === asked) show(found);
       } catch (error) { show({ fault: error.message, remarks: [], rows: [], curves: null }); }
       waiting = false;
-      if (again) { again = false; ask(); }
+      if (again) { again = false; ask(); } else byId("answers").setAttribute("aria-busy", "false");
     };
     point.querySelector("[type=submit]").hidden = true;
     point.addEventListener("submit", (event) => event.preventDefault());
