@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: BSD-3-Clause; copyright the Fourpole developers. */
+
+/* What both versions of FMI have in common: an instance, its messages, and its saved states. */
+#ifndef INSTANCE_H
+#define INSTANCE_H
+
+#include "branches.h"
+
+#include <stddef.h>
+
+/* Writes a message to the log of the importer. */
+typedef struct Instance Instance;
+struct Instance {
+    Model model;
+    int stepped;                       /* whether it is for co-simulation */
+    char *name;
+    void *environment;
+    void (*log)(const Instance *instance, const char *message);
+    void *logger;                      /* memory with the importer's own functions */
+};
+
+/* A saved state. */
+typedef struct {
+    char token[sizeof TOKEN];
+    Values values;
+} Saved;
+
+Instance *instance_new(const char *name, const char *token, int stepped, void *environment,
+                       void (*log)(const Instance *, const char *), const void *logger, size_t size);
+void instance_free(Instance *instance);
+
+/* Each returns 1; or 0 after a message, and then nothing has changed. */
+int instance_may(Instance *instance, const char *function, int modes);
+int instance_has(Instance *instance, const char *function, size_t count, const void *one, const void *other);
+int instance_said(Instance *instance, const char *function, const char *wrong);
+int instance_said_of(Instance *instance, const char *function, unsigned int reference, const char *wrong);
+int instance_start(Instance *instance, const char *function, double start, int bounded, double stop);
+
+int instance_set(Instance *instance, const char *function, const unsigned int *references, size_t count,
+                 const double *values);
+int instance_get(Instance *instance, const char *function, const unsigned int *references, size_t count,
+                 double *values);
+int instance_time(Instance *instance, const char *function, double time);
+int instance_set_states(Instance *instance, const char *function, const double *states, size_t count);
+int instance_states(Instance *instance, const char *function, double *found, size_t count, int which);
+int instance_change(Instance *instance, const char *function, const unsigned int *unknowns, size_t count,
+                    const unsigned int *knowns, size_t known, const double *seed, double *changes);
+
+int instance_save(Instance *instance, const char *function, void **saved);
+int instance_restore(Instance *instance, const char *function, const void *saved);
+int instance_serialise(Instance *instance, const char *function, const void *saved, void *bytes, size_t size);
+int instance_deserialise(Instance *instance, const char *function, const void *bytes, size_t size, void **saved);
+
+/* What `instance_states` finds. */
+enum { THE_STATES, THE_DERIVATIVES, THE_NOMINALS };
+
+#endif
