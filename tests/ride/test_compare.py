@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fourpole.errors import ModelError
-from fourpole.models import FractionalZener, GeneralisedMaxwell, Zener
+from fourpole.models import FractionalZener, GeneralisedMaxwell, KelvinVoigt, Spring, Zener
 from fourpole.ride.compare import compare_in_time, compare_on_class
+from fourpole.ride.response import frequencies_of, ride
 from fourpole.ride.road import ClassRoad, cleat
 from fourpole.ride.time import axles, ride_in_time
 from fourpole.ride.uncertainty import Tyre
@@ -88,3 +89,23 @@ def test_a_model_without_a_state_space_is_refused_with_the_remedy():
     tyre = Tyre(FractionalZener(), np.array([150e3, 400e3, 1e-3, 0.4]), name="B")
     with pytest.raises(ModelError, match=r"^B: the fractional model has no state space.*--model prony$"):
         compare_in_time(BODY, [tyre], np.arange(100.0)[None], 1e-3, (10.0,))
+
+
+def test_a_narrow_resonance_gets_more_frequencies_and_one_without_damping_is_refused():
+    """Without a damper in the suspension, against 100 times as many frequencies."""
+    body, road = QuarterCar(250.0, 37.5, 15825.0, 0.0).body, ClassRoad.of("C")
+    narrow = Tyre(KelvinVoigt(), np.array([180e3, 500.0]))
+    found = compare_on_class(body, [narrow], road, SPEED, (10.0,))
+    omega = 2 * np.pi * frequencies_of(road, SPEED, 200_001)
+    wanted = ride(body, narrow.stiffness(omega), road, SPEED).values
+    assert found.values[0] == pytest.approx(wanted, rel=1e-4)
+    few = ride(body, narrow.stiffness(2 * np.pi * frequencies_of(road, SPEED)), road, SPEED)
+    assert few.unresolved > 0.1
+    assert abs(few.values[0] / wanted[0] - 1) > 0.01
+    with pytest.raises(ModelError, match=r"resonates at 1\.2. Hz almost without damping.*suspension damping"):
+        compare_on_class(body, [Tyre(Spring(), np.array([180e3]))], road, SPEED, (10.0,))
+
+
+def test_a_tyre_of_no_stiffness_is_refused():
+    with pytest.raises(ModelError, match="zero at all frequencies"):
+        compare_on_class(BODY, [Tyre(Spring(), np.array([0.0]))], ClassRoad.of("C"), SPEED, (10.0,))

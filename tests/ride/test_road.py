@@ -110,3 +110,19 @@ def test_a_sweep_has_its_frequencies_where_they_should_be():
     assert 1.0 / np.diff(upward) == pytest.approx(2.0 ** (middle / 2.0), rel=0.02)
     with pytest.raises(ModelError, match="sweep"):
         sine_sweep(0.002, 16.0, 1.0, 8.0, step)
+
+
+@pytest.mark.parametrize("speed", [3.0, 22.3, 36.0])
+@pytest.mark.parametrize("late", [0.0, 0.0123])
+def test_what_is_shorter_than_a_step_keeps_its_area_and_its_place(speed, late):
+    """Samples of the road itself would have a third of this cleat, or twice as much, by chance."""
+    road, step = cleat(0.02, 0.02), 5e-4
+    over = road.in_time(speed, step, after=0.1, late=late)
+    time = step * np.arange(over.size)
+    assert np.sum(over) * step * speed == pytest.approx(0.02 * 0.018)
+    assert np.sum(time * over) / np.sum(over) == pytest.approx(1.01 / speed + late, rel=1e-9)
+
+
+def test_a_step_too_long_for_a_sweep_is_refused():
+    with pytest.raises(ModelError, match=r"too long for a sweep up to 20 Hz: state at most 0\.0025 s"):
+        sine_sweep(0.002, 1.0, 20.0, 8.0, 2.6e-3)

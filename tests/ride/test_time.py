@@ -135,3 +135,37 @@ def test_a_step_too_long_and_a_road_with_a_gap_are_refused():
         ride_in_time(car, tyre, np.array([[0.0, np.nan, 0.0]]), 1e-3)
     with pytest.raises(ModelError, match="not those of 1 wheels"):
         ride_in_time(car, tyre, np.zeros((2, 100)), 1e-3)
+
+
+@pytest.mark.parametrize("speed", [14.0, 22.2])
+def test_a_cleat_shorter_than_two_steps_has_its_comfort(speed):
+    """Against the integrator on samples that have every edge of the cleat."""
+    made, fine = cleat(0.02, 0.02), 0.001 / speed / 2
+    edges = np.interp(np.arange(round((made.length + 0.4 * speed) / speed / fine)) * fine * speed,
+                      made.distance, made.height)  # fmt: skip
+    weighted, *_ = integrate(CAR, 180e3, [(120e3, 700.0 / 120e3)], edges, fine, 1)
+    found = ride_in_time(
+        QuarterCar(*CAR).body, Zener().state_space(ZENER), made.in_time(speed, 5e-4, after=0.4)[None], 5e-4
+    )
+    assert found.comfort.rms == pytest.approx(np.sqrt(np.mean(weighted**2)), rel=1e-3)
+    assert found.comfort.vdv == pytest.approx((fine * np.sum(weighted**4)) ** 0.25, rel=1e-3)
+
+
+def test_a_damper_feels_each_change_of_slope():
+    """Load and energy of a damper on a road with a kink at each sample, by sums over 20 times as many samples."""
+    step, fine, damper = 1e-3, 20, 300.0
+    road = 1e-3 * np.cumsum(np.random.default_rng(3).normal(size=400)) * np.hanning(400)
+    found = ride_in_time(QuarterCar(*CAR).body, KelvinVoigt().state_space((180e3, damper)), road[None], step)
+    many = np.interp(np.arange((road.size - 1) * fine + 1) / fine, np.arange(road.size), road)
+    x = integrate(CAR, 180e3, [], many, step / fine, 1, damper=damper)[3]
+    rate = np.diff(x) * fine / step
+    load = 180e3 * 0.5 * (x[1:] + x[:-1]) + damper * rate
+    assert found.energy == pytest.approx(np.sum(load * np.diff(x)), rel=2e-3)
+    assert found.values[2] == pytest.approx(np.sqrt(np.mean(load**2)), rel=5e-3)
+
+
+def test_a_tyre_without_a_stiffness_at_rest_can_be_ridden():
+    road = cleat(0.02, 0.5).in_time(15.0, 1e-3, after=0.5)
+    found = ride_in_time(QuarterCar(*CAR).body, Zener().state_space((0.0, *ZENER[1:])), road[None], 1e-3)
+    weighted, *_ = integrate(CAR, 0.0, [(120e3, 700.0 / 120e3)], road, 1e-3, 4)
+    assert found.comfort.rms == pytest.approx(np.sqrt(np.mean(weighted**2)), rel=1e-4)

@@ -288,7 +288,10 @@ class RideOptions:
     )
     seed: int = _given("Seed of a road class in time.", default=1)
     step: float | None = _amount(
-        "--step", "time", 'Time step; by default "0.5 ms", with lift-off "0.25 ms".', "positive"
+        "--step",
+        "time",
+        'Time step; by default "0.5 ms", with lift-off "0.25 ms", or that of the points of the road.',
+        "positive",
     )
     lift_off: bool = _given("Wheels may leave the road.", "--lift-off", default=False)
     curve: Path | None = _given("Load-deflection curve in place of a straight static load; with lift-off.")

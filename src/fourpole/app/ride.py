@@ -30,10 +30,13 @@ from fourpole.ride.compare import Compared, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
 from fourpole.ride.time import axles
+from fourpole.ride.vehicle import Body
 from fourpole.study.results import units_beside
 
 #: Step of a ride in time [s], and of one that is not linear.
 _STEP, _FINE = 5e-4, 2.5e-4
+#: Samples per cycle of a sweep at its highest frequency, and most samples of a measured road, unless a step is stated.
+_PER_CYCLE, _MOST_BY_ITSELF = 50.0, 1_000_000
 #: Time that a ride goes on after a cleat or a pothole [s].
 _AFTER = 3.0
 #: Share of the weighted mean square outside the tested frequencies, and relative difference of the preload from the
@@ -54,7 +57,8 @@ _ROADS = (
 
 @dataclass(frozen=True, eq=False)
 class _Road:
-    """A road: its words, and either a spectrum, a profile, or heights over time (N,) [m] that have no speed.
+    """A road: its words, and either a spectrum, a profile, or a sweep: amplitude [m], lowest and highest frequency
+    [Hz] and duration [s].
 
     `after` is the time that the ride goes on after the last point of a profile [s].
     """
@@ -62,15 +66,16 @@ class _Road:
     words: str
     spectrum: ClassRoad | None = None
     profile: Profile | None = None
-    sweep: FloatArray | None = None
+    sweep: tuple[float, float, float, float] | None = None
     after: float = 0.0
 
 
 def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptions, *, as_json: bool) -> None:
     """Drive one vehicle over one road on the tyres of all models; print the table and write the files."""
     check_speed(speed)
-    stated, step = vehicle_named(options.vehicle), _step(options)
-    body, way = stated.vehicle.body, _road(road, step, _columns(options, of_road=True))
+    stated, way = vehicle_named(options.vehicle), _road(road, _columns(options, of_road=True))
+    step = _step(options, way, speed)
+    body = stated.vehicle.body
     states = [operating_point(text) for text in options.at or ()]
     wanted = units_beside(model_in(models[0]))
     tyres = [
@@ -86,7 +91,7 @@ def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptio
         raise UnitError('--lift-off and --curve need a ride in time: state --duration, as "60 s"')
     with progress("riding") as advance:
         if over_time:
-            heights = axles(_heights(way, speed, step, options), body, speed, step)
+            heights = _heights(way, body, speed, step, options)
             found = compare_in_time(
                 body, [one.tyre for one in tyres], heights, step, matched,
                 lift=options.lift_off, curve=curve, progress=advance,
@@ -125,10 +130,17 @@ class _Asked:
         return f"{self.vehicle.name}, {self.road}, {3.6 * self.speed:.4g} km/h"
 
 
-def _step(options: RideOptions) -> float:
+def _step(options: RideOptions, way: _Road, speed: float) -> float:
+    """The time step [s]: the usual one, or a shorter one that has a sample for each point of the road."""
     if options.step is not None:
         return options.step
-    return _FINE if options.lift_off or options.curve is not None else _STEP
+    usual = _FINE if options.lift_off or options.curve is not None else _STEP
+    if way.sweep is not None:
+        return min(usual, 1.0 / (_PER_CYCLE * way.sweep[2]))
+    if way.profile is None:
+        return usual
+    duration = way.profile.length / speed + way.after
+    return min(usual, max(way.profile.spacing / speed, duration / _MOST_BY_ITSELF))
 
 
 def _columns(options: RideOptions, *, of_road: bool) -> list[str]:
@@ -136,7 +148,7 @@ def _columns(options: RideOptions, *, of_road: bool) -> list[str]:
     return [text for text in options.column or () if (text.partition("=")[0].strip() in _OF_ROAD) is of_road]
 
 
-def _road(text: str, step: float, columns: Sequence[str]) -> _Road:
+def _road(text: str, columns: Sequence[str]) -> _Road:
     """The road of the option ``--road``."""
     word, _, rest = text.strip().partition(" ")
     if text.strip().upper() in tuple(CLASSES):
@@ -149,7 +161,7 @@ def _road(text: str, step: float, columns: Sequence[str]) -> _Road:
         size = option(parts[0], "displacement", "--road", "positive")
         if word == "sweep":
             low, high = units.frequency_band(parts[1])
-            return _Road(text, sweep=sine_sweep(size, low, high, option(parts[2], "time", "--road", "positive"), step))
+            return _Road(text, sweep=(size, low, high, option(parts[2], "time", "--road", "positive")))
         made = cleat if word == "cleat" else pothole
         return _Road(text, profile=made(size, option(parts[1], "displacement", "--road", "positive")), after=_AFTER)
     path = Path(text)
@@ -163,15 +175,16 @@ def _road(text: str, step: float, columns: Sequence[str]) -> _Road:
     return _Road(path.name, profile=Profile(table.distance, table.height, path.name))
 
 
-def _heights(way: _Road, speed: float, step: float, options: RideOptions) -> FloatArray:
-    """Heights (N,) [m] of the road under the first axle over time."""
-    if way.sweep is not None:
-        return way.sweep
+def _heights(way: _Road, body: Body, speed: float, step: float, options: RideOptions) -> FloatArray:
+    """Heights (W, N) [m] of the road under each axle over time."""
     if way.profile is not None:
-        return way.profile.in_time(speed, step, way.after)
+        lags = (body.behind / speed).tolist()
+        return np.stack([way.profile.in_time(speed, step, way.after, late) for late in lags])
+    if way.sweep is not None:
+        return axles(sine_sweep(*way.sweep, step), body, speed, step)
     assert way.spectrum is not None
     assert options.duration is not None
-    return way.spectrum.realisation(options.duration, step, speed, options.seed)
+    return axles(way.spectrum.realisation(options.duration, step, speed, options.seed), body, speed, step)
 
 
 def _curve(path: Path | None, columns: Sequence[str]) -> LoadDeflection | None:

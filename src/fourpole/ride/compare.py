@@ -11,7 +11,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.interface import StateSpace
 from fourpole.ride.contact import ContactRide, LoadDeflection, ride_with_contact
-from fourpole.ride.response import Condensed, Ride, frequencies_of, names, ride
+from fourpole.ride.response import POINTS, Condensed, Ride, frequencies_of, names, ride
 from fourpole.ride.road import ClassRoad
 from fourpole.ride.time import TimeRide, ride_in_time
 from fourpole.ride.uncertainty import (
@@ -27,6 +27,8 @@ from fourpole.ride.vehicle import Body
 
 #: Relative change of a parameter for a difference.
 _CHANGE = 1e-3
+#: Factors of the usual number of frequencies, tried until the rides are resolved, and the largest `Ride.unresolved`.
+_FINER, _RESOLVED = (1, 8, 32), 1e-2
 #: Measures that a ride in time has besides those of a spectrum.
 IN_TIME = ("crest", "vdv", "mtvv")
 
@@ -84,19 +86,35 @@ def compare_on_class(
     Raises
     ------
     ModelError
-        If the speed is not positive.
+        If the speed is not positive, or a resonance has too little damping for a sum over frequencies.
     """
-    omega = 2 * np.pi * frequencies_of(road, speed)
+    for finer in _FINER:
+        found, worst = _on_class(body, tyres, road, speed, matched, finer * (POINTS - 1) + 1)
+        if worst.unresolved <= _RESOLVED:
+            return found
+    raise ModelError(
+        f"the vehicle resonates at {worst.frequency[np.argmax(worst.spectrum)]:.3g} Hz almost without damping, so that "
+        "its ride on a spectrum is not known: state a suspension damping, or a ride in time"
+    )
+
+
+def _on_class(
+    body: Body, tyres: Sequence[Tyre], road: ClassRoad, speed: float, matched: Sequence[float], count: int
+) -> tuple[Compared, Ride]:
+    """The comparison at a number of frequencies, and the ride that these resolve least."""
+    omega = 2 * np.pi * frequencies_of(road, speed, count)
     vehicle = Condensed.of(body, omega)
+    every: list[Ride] = []
 
     def ridden(tyre: Tyre) -> Ride:
-        return ride(body, tyre.stiffness(omega), road, speed, vehicle=vehicle)
+        every.append(ride(body, tyre.stiffness(omega), road, speed, vehicle=vehicle))
+        return every[-1]
 
     rides = [ridden(one) for one in tyres]
     of = [effects(one, tyre) for one, tyre in zip(rides, tyres, strict=True)]
     found = _compared(names(body.wheels), [one.values for one in rides], of, tyres, matched, lambda t: ridden(t).values)
     spectra = tuple((one, spectrum_std(one, tyre)) for one, tyre in zip(rides, tyres, strict=True))
-    return replace(found, spectra=spectra)
+    return replace(found, spectra=spectra), max(every, key=lambda one: float(one.unresolved))
 
 
 def compare_in_time(
@@ -137,20 +155,21 @@ def compare_in_time(
     if not np.ptp(heights):
         raise ModelError("the road is level: nothing moves, and there is nothing to compare")
     nonlinear = lift or curve is not None
-    contacts: list[ContactRide] = []
+    contact: list[ContactRide] = []
 
-    def ridden(space: StateSpace) -> TimeRide:
+    def ridden(space: StateSpace, kept: list[ContactRide] | None = None) -> TimeRide:
         if not nonlinear:
             return ride_in_time(body, space, heights, step)
-        contacts.append(ride_with_contact(body, space, heights, step, curve))
-        return contacts[-1].ride
+        found = ride_with_contact(body, space, heights, step, curve)
+        if kept is not None:
+            kept.append(found)
+        return found.ride
 
-    series, of, contact = [], [], []
+    series, of = [], []
     for at, tyre in enumerate(tyres):
         if progress is not None:
             progress(at, len(tyres))
-        series.append(ridden(_space(tyre)))
-        contact += contacts[-1:]
+        series.append(ridden(_space(tyre), contact))
         of.append(_by_differences(tyre, lambda space: _measures(ridden(space)), _measures(series[-1])))
     values = [_measures(one) for one in series]
     measures = (*names(body.wheels), *IN_TIME)

@@ -156,7 +156,9 @@ def ride_with_contact(
     forces[n - wheels :] = loads
     q, speed = motion[:n], motion[n:]
     acceleration = body.seat @ np.linalg.solve(body.mass, forces - body.stiffness @ q - body.damping @ speed)
-    found = TimeRide(step, acceleration, weighted(acceleration, step), loads, body.travel @ q, deflections)
+    found = TimeRide(
+        step, acceleration, weighted(acceleration, step), loads, body.travel @ q, deflections, np.zeros(loads.shape)
+    )
     ends = np.array([one.x[-1] if curve is not None else np.inf for one in stepper.static])[:, None]
     air = loads <= -body.loads[:, None] * (1 - 1e-12)
     return ContactRide(found, np.mean(air, axis=1), np.mean(deflections > ends, axis=1))

@@ -56,7 +56,9 @@ def driven(system: LinearSystem, inputs: FloatArray, step: float) -> FloatArray:
     array([[0.      , 0.367879, 1.135335]])
     """
     first = inputs[:, :1]
-    steady = (system.d - system.c @ np.linalg.solve(system.a, system.b)) @ first
+    steady = np.zeros((len(system.c), 1))
+    if np.any(first):
+        steady = (system.d - system.c @ np.linalg.solve(system.a, system.b)) @ first
     transition, hold, slope = step_matrices(system, step)
     # The states less slope · u follow from earlier inputs alone.
     push = transition @ slope + hold - slope

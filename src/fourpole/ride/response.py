@@ -17,7 +17,7 @@ from fourpole.ride.road import ClassRoad, check_speed
 from fourpole.ride.vehicle import Body
 
 #: Number of frequencies of a ride, even in their logarithm.
-_POINTS = 2048
+POINTS = 2049
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +149,9 @@ class Ride(ByValue):
         Change of each measure by K*: the real part of the sum of this times the change of K* over the frequencies.
     spectrum, spectrum_by : (..., N) arrays
         One-sided spectrum of the acceleration [m²/s³], and its change by K* at the same frequency, likewise.
+    unresolved : (...,) float array [1]
+        Largest relative change of a mean square or of the power if every second frequency is left out. Below 1 % the
+        error of the measures is below 1e-4, because a sum over a smooth peak converges with the square.
     """
 
     frequency: FloatArray
@@ -156,6 +159,7 @@ class Ride(ByValue):
     by_stiffness: ComplexArray
     spectrum: FloatArray
     spectrum_by: ComplexArray
+    unresolved: FloatArray
 
     @property
     def weighted_spectrum(self) -> FloatArray:
@@ -176,7 +180,7 @@ def names(wheels: int) -> tuple[str, ...]:
     return ("comfort", "acceleration", *loads, *travels, "power")
 
 
-def frequencies_of(road: ClassRoad, speed: float, count: int = _POINTS) -> FloatArray:
+def frequencies_of(road: ClassRoad, speed: float, count: int = POINTS) -> FloatArray:
     """Frequencies (N,) [Hz] of a ride: those of the road at a speed [m/s], even in their logarithm."""
     check_speed(speed)
     return np.geomspace(*road.band(speed), count)
@@ -207,12 +211,12 @@ def ride(
     Returns
     -------
     Ride
-        Exact but for the sum over frequencies, whose error is below 1e-5 of each measure.
+        Exact but for the sum over frequencies; `unresolved` says whether they are close enough.
 
     Raises
     ------
     ModelError
-        If the speed is not positive.
+        If the speed is not positive, or K* is no number or zero.
 
     Examples
     --------
@@ -229,6 +233,8 @@ def ride(
     frequency = frequencies_of(road, speed, stiffness.shape[-1])
     if not np.all(np.isfinite(stiffness)):
         raise ModelError("K* is no number at some frequency of the ride")
+    if not np.all(np.any(stiffness, axis=-1)):
+        raise ModelError("K* is zero at all frequencies: such a tyre carries no vehicle")
     omega = 2 * np.pi * frequency
     vehicle = Condensed.of(body, omega) if vehicle is None else vehicle
     found = transfers(vehicle, stiffness, body.behind / speed)
@@ -238,29 +244,35 @@ def ride(
     load, load_by, travel, travel_by = (
         np.moveaxis(one, -1, -2) for one in (found.load, found.load_by, found.travel, found.travel_by)
     )
-    squares = np.concatenate([
-        _square(found.acceleration, comfort)[..., None], _square(found.acceleration, weight)[..., None],
-        _square(load, weight), _square(travel, weight),
-    ], axis=-1)  # fmt: skip
+    parts = np.concatenate([
+        (np.abs(found.acceleration) ** 2 * comfort)[..., None, :],
+        (np.abs(found.acceleration) ** 2 * weight)[..., None, :],
+        np.abs(load) ** 2 * weight, np.abs(travel) ** 2 * weight,
+    ], axis=-2)  # fmt: skip
     by = np.concatenate([
         (comfort * _change(found.acceleration, found.acceleration_by))[..., None, :],
         (weight * _change(found.acceleration, found.acceleration_by))[..., None, :],
         weight * _change(load, load_by), weight * _change(travel, travel_by),
     ], axis=-2)  # fmt: skip
-    roots = np.sqrt(squares)
+    roots = np.sqrt(np.sum(parts, axis=-1))
     power, power_by = _power(found, stiffness, omega * weight)
     return Ride(
         frequency=frequency,
-        values=np.concatenate([roots, power[..., None]], axis=-1),
+        values=np.concatenate([roots, np.sum(power, axis=-1, keepdims=True)], axis=-1),
         by_stiffness=np.concatenate([by / (2.0 * roots[..., None]), power_by[..., None, :]], axis=-2),
         spectrum=np.abs(found.acceleration) ** 2 * height,
         spectrum_by=_change(found.acceleration, found.acceleration_by) * height,
+        unresolved=np.max(_thinning(np.concatenate([parts, power[..., None, :]], axis=-2)), axis=-1),
     )
 
 
-def _square(response: ComplexArray, weight: FloatArray) -> FloatArray:
-    """Mean square of a response (..., N)."""
-    return np.asarray(np.sum(np.abs(response) ** 2 * weight, axis=-1))
+def _thinning(parts: FloatArray) -> FloatArray:
+    """Relative change (...,) of a sum by the trapezoidal rule of parts (..., N) if every second one is left out."""
+    last = parts.shape[-1] - (parts.shape[-1] + 1) % 2
+    used = parts[..., :last]
+    whole, thin = np.sum(used, axis=-1), 2.0 * np.sum(used[..., ::2], axis=-1)
+    # both ends have half a weight already: that of the thinned rule
+    return np.abs(np.divide(thin, whole, out=np.ones_like(whole), where=whole != 0) - 1.0)
 
 
 def _change(response: ComplexArray, by: ComplexArray) -> ComplexArray:
@@ -269,8 +281,8 @@ def _change(response: ComplexArray, by: ComplexArray) -> ComplexArray:
 
 
 def _power(found: Transfers, stiffness: ComplexArray, weight: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """Mean power lost in all tyres (...,) [W], and its derivative (..., N) by K*."""
+    """Parts (..., N) [W] of the mean power lost in all tyres, and the derivative (..., N) by K* of their sum."""
     size = np.sum(np.abs(found.deflection) ** 2, axis=-1)
     change = np.sum(_change(found.deflection, found.deflection_by), axis=-1)
-    power = np.sum(stiffness.imag * size * weight, axis=-1)
+    power = stiffness.imag * size * weight
     return np.asarray(power), np.asarray(weight * (stiffness.imag * change - 1j * size))

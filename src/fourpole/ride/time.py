@@ -28,6 +28,9 @@ class TimeRide(ByValue):
         Dynamic load of each wheel, positive above the static load.
     travel, deflection : (W, N) float arrays [m]
         Of each suspension and each tyre, positive in compression, from the rest under the vehicle's weight.
+    jump : (W, N) float array [N]
+        Half the jump of the load where the slope of the road changes, which a damper alone feels; the load there is
+        the mean of both sides.
     """
 
     step: float
@@ -36,6 +39,7 @@ class TimeRide(ByValue):
     load: FloatArray
     travel: FloatArray
     deflection: FloatArray
+    jump: FloatArray
 
     @property
     def comfort(self) -> Comfort:
@@ -45,13 +49,14 @@ class TimeRide(ByValue):
     @property
     def energy(self) -> float:
         """Energy that the tyres took over the ride [J]; lost, if they end as they began."""
-        middle = 0.5 * (self.load[:, 1:] + self.load[:, :-1])
+        after, before = self.load + self.jump, self.load - self.jump
+        middle = 0.5 * (after[:, :-1] + before[:, 1:])
         return float(np.sum(middle * np.diff(self.deflection, axis=1)))
 
     @property
     def values(self) -> FloatArray:
         """The measures of `response.names`: rms of acceleration, loads and travels, and mean power lost."""
-        mean_square = [np.mean(one**2, axis=-1) for one in (self.load, self.travel)]
+        mean_square = [np.mean(one, axis=-1) for one in (self.load**2 + self.jump**2, self.travel**2)]
         acceleration = [np.mean(one**2) for one in (self.weighted, self.acceleration)]
         power = self.energy / (self.step * (self.acceleration.size - 1))
         return np.concatenate([np.sqrt([*acceleration, *mean_square[0], *mean_square[1]]), [power]])
@@ -156,10 +161,12 @@ def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float)
     if not np.all(np.isfinite(heights)):
         raise ModelError("the road has a height that is no number: a ride needs a road without gaps")
     system, w = whole_system(body, tyre), body.wheels
-    inputs = heights - heights[:1, :1]
+    inputs = heights - heights[:, :1]
     found = driven(with_weighting(system), inputs, step)
     acceleration, load, travel, deflection, weighted = np.split(found, np.cumsum([1, w, w, w]))
-    return TimeRide(step, acceleration[0], weighted[0], load, travel, deflection)
+    jump = np.zeros(inputs.shape)
+    jump[:, 1:-1] = 0.5 * tyre.d[1] / step * np.diff(inputs, n=2, axis=1)
+    return TimeRide(step, acceleration[0], weighted[0], load, travel, deflection, jump)
 
 
 def axles(height: FloatArray, body: Body, speed: float, step: float) -> FloatArray:
