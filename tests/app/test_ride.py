@@ -28,7 +28,7 @@ def files(tmp_path_factory):
     narrow = measured.only(None, (8.0, 30.0))
     model_file(narrow, fit_tyres(narrow, "zener")).write(folder / "narrow.json")
     one = read_measured(table(folder / "one.csv", (2e5,)), std=0.05)
-    for name in ("structural", "fractional"):
+    for name in ("structural", "fractional", "spring", "kelvin"):
         model_file(one, fit_tyres(one, name)).write(folder / f"{name}.json")
     return folder
 
@@ -79,9 +79,47 @@ def test_files_are_compared_in_their_order(run, files):
         "large-car",
     )
     document = json.loads(ran.stdout)
-    assert [one["label"] for one in document["rides"]] == ["a, 2 bar (1)", "a, 1.7 bar", "a, 2 bar (2)", "a, 2.4 bar"]
+    assert [one["label"] for one in document["rides"]] == [
+        "a, 2 bar, fractional",
+        "a, 1.7 bar",
+        "a, 2 bar, zener",
+        "a, 2.4 bar",
+    ]
     assert document["rides"][0]["difference in weighted acceleration [1]"] == 0
     assert document["vehicle"]["sprung_mass"] == 454.5
+
+
+def test_the_same_tyre_of_two_files_is_told_by_its_file(run, files, tmp_path):
+    at = ("--at", "pressure=2 bar", "--json")
+    places = [tmp_path / name / "model.json" for name in ("spring", "autumn")]
+    for place in places:
+        place.parent.mkdir()
+        place.write_bytes((files / "model.json").read_bytes())
+    document = json.loads(run("ride", *places, *at).stdout)
+    assert [one["label"] for one in document["rides"]] == ["a, spring/model.json", "a, autumn/model.json"]
+    document = json.loads(run("ride", places[0], places[0], *at).stdout)
+    assert [one["label"] for one in document["rides"]] == ["a (1)", "a (2)"]
+    assert document["rides"][1]["u(difference in weighted acceleration) [1]"] == 0
+
+
+def test_errors_of_two_files_are_independent(run, files):
+    """Discrepancies of models of one tyre in two files do not cancel."""
+    at = ("--at", "pressure=2 bar", "--json")
+    alone, apart = (
+        json.loads(run("ride", *each, *at).stdout)["rides"][-1]
+        for each in ((files / "kelvin.json",), (files / "spring.json", files / "kelvin.json"))
+    )
+    own = alone["u(weighted acceleration) [m/s^2]"] / alone["weighted acceleration [m/s^2]"]
+    assert own > 0.05  # mostly discrepancy
+    assert apart["u(difference in weighted acceleration) [1]"] > own
+
+
+def test_a_spring_that_loses_nothing_has_no_relative_power(run, files, tmp_path):
+    ran = run("ride", files / "spring.json", files / "kelvin.json", "--at", "pressure=2 bar", "--out", tmp_path / "r")
+    assert ran.exit_code == 0, ran.stderr
+    assert "Warning" not in ran.stderr
+    rides = json.loads((tmp_path / "r" / "ride.json").read_text(), parse_constant=pytest.fail)["rides"]
+    assert [one["difference in power lost in the tyres [1]"] for one in rides] == [None, None]
 
 
 def test_a_road_in_time_has_crest_factor_and_dose(run, files, tmp_path):

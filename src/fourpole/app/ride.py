@@ -44,6 +44,10 @@ _AFTER = 3.0
 _OUTSIDE, _PRELOAD = 0.05, 0.1
 #: Relative difference of the curve's tangent from the model at rest above which a note says so; most sentences.
 _TANGENT, _MOST_SENTENCES = 0.1, 12
+#: Most parts of a path in a label.
+_MOST_PARTS = 6
+#: Percentage that is shown as zero.
+_NOTHING = 1e-6
 #: Measures of the printed table, in its order.
 _PRINTED = ("comfort", "wheel load", "wheel load front", "wheel load rear", "travel", "travel front", "travel rear",
             "power", "crest", "vdv")  # fmt: skip
@@ -198,7 +202,10 @@ def _curve(path: Path | None, columns: Sequence[str]) -> LoadDeflection | None:
 
 
 def _labels(tyres: Sequence[RideTyre], wanted: ShownUnits) -> list[str]:
-    """A text for each tyre: its specimen and what differs between them; numbered where that is the same."""
+    """A text for each tyre: its specimen and what differs between them.
+
+    Where that is the same, the model or the file is added; what is still the same is numbered.
+    """
     columns = [column for one in tyres for column in one.state]
     differing = [
         column for column in dict.fromkeys(columns) if len({one.state.get(column) for one in tyres}) > 1
@@ -207,9 +214,23 @@ def _labels(tyres: Sequence[RideTyre], wanted: ShownUnits) -> list[str]:
     for one in tyres:
         parts = [wanted.setting(column, one.state[column]) for column in differing if column in one.state]
         texts.append(", ".join(filter(None, (one.specimen, *parts))) or one.label)
+    for words in ([one.tyre.model.name for one in tyres], _files(tyres)):
+        kinds = set(zip(texts, words, strict=True))
+        texts = [
+            f"{text}, {word}" if sum(other == text for other, _ in kinds) > 1 else text
+            for text, word in zip(texts, words, strict=True)
+        ]
     return [
         text if texts.count(text) == 1 else f"{text} ({texts[: at + 1].count(text)})" for at, text in enumerate(texts)
     ]
+
+
+def _files(tyres: Sequence[RideTyre]) -> list[str]:
+    """The file of each tyre, by as much of its path as tells it from the others."""
+    parts = [one.place.resolve().parts for one in tyres]
+    enough = (n for n in range(1, _MOST_PARTS) if len({each[-n:] for each in parts}) == len(set(parts)))
+    depth = next(enough, _MOST_PARTS)
+    return [str(Path(*each[-depth:])) for each in parts]
 
 
 def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
@@ -320,7 +341,10 @@ def _show(asked: _Asked, found: Compared) -> None:
 
 
 def _signed(value: float) -> str:
-    """A number to two digits with its sign."""
+    """A percentage to two digits with its sign; blank if it is no number."""
+    if not np.isfinite(value):
+        return ""
+    value = 0.0 if abs(value) < _NOTHING else value
     return f"{'−' if value < 0 else '+'}{number(abs(value), 2)}"
 
 
@@ -348,8 +372,13 @@ def _rows(asked: _Asked, found: Compared) -> list[dict[str, Any]]:
         row |= {"spring beside the damper [N/m]": found.damper[at, 0], "constant damper [N s/m]": found.damper[at, 1]}
         if found.contact:
             row |= {"time in the air [1]": float(np.max(found.contact[at].in_air))}
-        rows.append({name: float(value) if isinstance(value, np.floating) else value for name, value in row.items()})
+        rows.append({name: _finite(value) for name, value in row.items()})
     return rows
+
+
+def _finite(value: Any) -> Any:
+    """A value of a table as a plain one; None for a number that is none."""
+    return (float(value) if np.isfinite(value) else None) if isinstance(value, (float, np.floating)) else value
 
 
 def _document(asked: _Asked, found: Compared, notes: Sequence[str]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,8 @@ class RideTyre:
         The operating point, by column.
     band : (float, float) [Hz]
         Frequencies at which K* was measured.
+    place : path
+        The file.
     remarks : tuple of str
     """
 
@@ -46,6 +48,7 @@ class RideTyre:
     specimen: str
     state: dict[str, float]
     band: tuple[float, float]
+    place: Path
     remarks: tuple[str, ...] = ()
 
     @property
@@ -105,8 +108,9 @@ def _tyre(place: Path, one: PlacedModel, units: ShownUnits) -> RideTyre:
         errors={source: one.map.errors(one.point)},
         discrepancy=_scatter(one.map),
         name=one.label,
+        origin=str(place),
     )
-    return RideTyre(tyre, one.label, one.specimen, one.state, one.band, one.remarks)
+    return RideTyre(tyre, one.label, one.specimen, one.state, one.band, place, one.remarks)
 
 
 def _scatter(found: OperatingMap) -> tuple[float, float]:
@@ -144,8 +148,7 @@ def _split(one: RideTyre, file: ModelFile, measured: Sequence[Measured], place: 
                 values, vectors = np.linalg.eigh(rest)
                 own = vectors * np.sqrt(np.maximum(values, 0.0))
                 errors = {next(iter(one.tyre.errors)): own, f"{place.parent}: sensors and rig": shared}
-                tyre = Tyre(one.tyre.model, one.tyre.values, errors, one.tyre.discrepancy, one.tyre.name)
-                return RideTyre(tyre, one.label, one.specimen, one.state, one.band, one.remarks)
+                return replace(one, tyre=replace(one.tyre, errors=errors))
     return one
 
 

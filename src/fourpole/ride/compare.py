@@ -210,7 +210,7 @@ def _by_differences(
     if tyre.discrepancy[0]:
         space = _space(tyre)
         stiffer = measured(StateSpace(space.a, space.b, (1 + _CHANGE) * space.c, (1 + _CHANGE) * space.d))
-        found[f"discrepancy of {tyre.name}"] = tyre.discrepancy[0] * (stiffer - here)[None] / _CHANGE
+        found[tyre.source_of_discrepancy] = tyre.discrepancy[0] * (stiffer - here)[None] / _CHANGE
     return found
 
 
@@ -225,6 +225,7 @@ def _compared(
     """The comparison, without the rides themselves."""
     apart = [relative_difference((values[0], of[0]), pair) for pair in zip(values, of, strict=True)]
     dampers = [constant_damper(tyre, frequency) for tyre, frequency in zip(tyres, matched, strict=True)]
+    wrong = [relative_difference((value, {}), (ridden(one), {})) for one, value in zip(dampers, values, strict=True)]
     return Compared(
         names=measures,
         values=np.stack(values),
@@ -232,5 +233,5 @@ def _compared(
         difference=np.stack([one for one, _ in apart]),
         difference_std=np.stack([std for _, std in apart]),
         damper=np.stack([one.values for one in dampers]),
-        with_damper=np.stack([ridden(one) / value - 1.0 for one, value in zip(dampers, values, strict=True)]),
+        with_damper=np.stack([one for one, _ in wrong]),
     )

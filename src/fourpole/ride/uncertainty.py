@@ -32,6 +32,8 @@ class Tyre(ByValue):
         the same at all frequencies, which is the worst that they can be.
     name : str
         The tyre and its operating point in words.
+    origin : str
+        What the tyre is from, such as its file: tyres of the same name and origin have the same discrepancy.
 
     Raises
     ------
@@ -44,6 +46,7 @@ class Tyre(ByValue):
     errors: Mapping[str, FloatArray] = field(default_factory=dict)
     discrepancy: tuple[float, float] = (0.0, 0.0)
     name: str = "the tyre"
+    origin: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a model that is not causal."""
@@ -53,6 +56,11 @@ class Tyre(ByValue):
                 "and no vehicle drives on it; fit a causal one, as with fourpole fit --model prony or map --model zener"
             )
         self.model.checked(self.values)
+
+    @property
+    def source_of_discrepancy(self) -> str:
+        """The source of the errors that the parameters do not have."""
+        return f"{self.origin}: discrepancy of {self.name}"
 
     def stiffness(self, omega: FloatArray) -> ComplexArray:
         """K* (N,) [N/m] at angular frequencies (N,) [rad/s]."""
@@ -66,7 +74,7 @@ class Tyre(ByValue):
         }
         if any(self.discrepancy):
             k, (along, across) = self.stiffness(omega), self.discrepancy
-            found[f"discrepancy of {self.name}"] = np.stack([along * k, 1j * across * k])
+            found[self.source_of_discrepancy] = np.stack([along * k, 1j * across * k])
         return found
 
 
@@ -118,7 +126,8 @@ def relative_difference(
 ) -> tuple[FloatArray, FloatArray]:
     """Relative differences (M,) [1] of the second ride from the first, and their standard uncertainties.
 
-    Each ride is its values (M,) and their effects. Errors of the same source act on both.
+    Each ride is its values (M,) and their effects. Errors of the same source act on both. A measure that is zero in the
+    first ride has no relative difference: not-a-number.
 
     Examples
     --------
@@ -128,6 +137,6 @@ def relative_difference(
     (array([0.1]), array([0.]))
     """
     (a, of_a), (b, of_b) = first, second
-    none = np.zeros(a.size)
-    joint = {one: of_b.get(one, none) / a - of_a.get(one, none) * (b / a**2) for one in {**of_a, **of_b}}
+    a, none = np.where(a == 0, np.nan, a), np.zeros(a.size)
+    joint = {one: (of_b.get(one, none) - of_a.get(one, none) * (b / a)) / a for one in {**of_a, **of_b}}
     return b / a - 1.0, standard({source: np.atleast_2d(one) for source, one in joint.items()}, a.size)
