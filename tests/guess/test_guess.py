@@ -17,6 +17,7 @@ from fourpole.guess import guess_campaign
 from fourpole.guess.channels import column_of
 from fourpole.guess.conditions import Entry, read_conditions
 from fourpole.guess.names import read_header, read_name
+from fourpole.guess.write import campaign_toml
 from fourpole.study import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
@@ -482,6 +483,7 @@ def test_what_is_no_recording_is_left_out_and_told(origin, tmp_path, content):
     guess = guess_campaign(tmp_path)
     assert [name for name, _ in guess.left_out] == ["broken.csv"]
     assert any("broken.csv was left out" in doubt.text for doubt in guess.doubts)
+    assert "# doubt: broken.csv was left out: " in campaign_toml(guess)
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path):

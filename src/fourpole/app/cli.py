@@ -11,6 +11,7 @@ import typer
 
 from fourpole.app import model_commands, table_commands
 from fourpole.app.console import end_in_order, out, progress, rising, say, warn
+from fourpole.app.events import end_with_caller
 from fourpole.app.group import group_of
 from fourpole.app.options import (
     BareRig,
@@ -466,6 +467,7 @@ def main() -> None:
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     end_in_order()
+    end_with_caller()
     app()
 
 

@@ -1,14 +1,18 @@
 """What a command says to a program that runs it: one JSON document a line on standard error, after a record separator.
 
 A program that sets FOURPOLE_EVENTS=1 gets the progress of each task, and each test as its recording is reduced. Lines
-without the separator are the messages that a person would see.
+without the separator are the messages that a person would see. If it gives the command a pipe as standard input, the
+end of that pipe ends the command as Ctrl-C does: so no command stays behind when the program is killed.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import signal
+import stat
 import sys
+import threading
 import time
 from typing import Any
 
@@ -23,6 +27,19 @@ _EVERY = 0.2
 def wanted() -> bool:
     """Whether a program asked for events."""
     return os.environ.get(VARIABLE) == "1"
+
+
+def end_with_caller() -> None:
+    """End this process as Ctrl-C does when the program that asked for events, and holds its input open, is gone."""
+    if wanted() and not stat.S_ISCHR(os.fstat(0).st_mode):
+        threading.Thread(target=_wait_for_caller, name="caller", daemon=True).start()
+
+
+def _wait_for_caller() -> None:
+    with open(0, "rb", buffering=0, closefd=False) as told:
+        while told.read(4096):
+            pass
+    os.kill(os.getpid(), signal.SIGINT)
 
 
 def tell(**event: Any) -> None:

@@ -14,6 +14,8 @@ from fourpole.errors import CampaignError
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: Time that open pages are given when the server ends [s].
 _FAREWELL = 2
+#: Connections at a time; further ones are refused.
+_MOST_CONNECTIONS = 300
 
 
 def run_app(folder: Path, host: str, port: int, *, no_browser: bool) -> None:
@@ -24,6 +26,7 @@ def run_app(folder: Path, host: str, port: int, *, no_browser: bool) -> None:
         import uvicorn
 
         from fourpole.served.application import application
+        from fourpole.served.patience import PatientProtocol
     except ImportError as error:
         raise CampaignError(f"the app needs {error.name}: pip install 'fourpole[app]'") from None
     token = "" if host in _LOOPBACK else secrets.token_urlsafe(24)
@@ -37,8 +40,8 @@ def run_app(folder: Path, host: str, port: int, *, no_browser: bool) -> None:
     if not no_browser and not shown_in_browser(address):
         say("no browser could be started: open this address in one")
     settings = uvicorn.Config(
-        application(folder, host=host, token=token), log_level="warning", timeout_graceful_shutdown=_FAREWELL,
-        server_header=False, date_header=False,
+        application(folder, host=host, token=token), http=PatientProtocol, limit_concurrency=_MOST_CONNECTIONS,
+        log_level="warning", timeout_graceful_shutdown=_FAREWELL, server_header=False, date_header=False,
     )  # fmt: skip
     with suppress(KeyboardInterrupt):
         uvicorn.Server(settings).run(sockets=[listening])

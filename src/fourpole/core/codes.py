@@ -466,6 +466,11 @@ class Code(Enum):
         words = (short, cause, remedy)
         self._words = {"warning": words, "rejected": (*rejected, *words[len(rejected) :])}
 
+    @property
+    def limit_is_least(self) -> bool:
+        """Whether the limit is the least good statistic; it is the largest one of every other code."""
+        return self in (Code.MAINS, Code.PASSIVE_ARM)
+
     def short(self, verdict: str) -> str:
         """Cause in a few words; empty if only the whole sentence gives the cause."""
         return self._words["rejected" if verdict == "rejected" else "warning"][0]

@@ -451,7 +451,7 @@ class _Together:
                 "rig",
                 "rig: its moving mass and preload spring are stated nowhere; with them the joint route also finds "
                 f"their errors and those of the sensors, and predicts the transmissibility. Without: {without}",
-                "fill in [rig] in campaign.toml and remove its # signs",
+                "state both in [rig] of campaign.toml",
             )
         return rig
 
@@ -459,7 +459,7 @@ class _Together:
         """Add doubts on the files that are no recordings."""
         left_out = self.gathered.left_out
         for name, why in left_out[:3]:
-            text = f"{shown(name, 100)[1:-1]} was left out: {why}"
+            text = f"{shown(name, 100)[1:-1]} was left out: it {why}"
             self._doubt("files", text, "export it again if it is a recording")
         if len(left_out) > 3:
             self._doubt("files", f"{len(left_out) - 3} more files were left out", "see fourpole info FILE")

@@ -142,7 +142,8 @@ def campaign_toml(guess: GuessedCampaign) -> str:
     head = (
         f"guessed by `fourpole init` from {len(guess.rows)} recordings, {statics} of them static; correct what is wrong"
     )
-    parts = [comment(head) + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess), *_tyres(guess)]
+    files = "".join(_doubts(guess, about) for about in ("files", "names"))
+    parts = [comment(head) + files + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess), *_tyres(guess)]
     return "\n".join(part for part in parts if part)
 
 
@@ -161,7 +162,8 @@ def _rig(guess: GuessedCampaign) -> str:
         return ""
     whole = {"moving_mass", "preload_stiffness"} <= guess.rig.keys()
     sign = "" if whole else "# "
-    lines = [_doubts(guess, "rig"), f"{sign}[rig]\n"]
+    hint = "" if whole else "    # remove the # signs of this table when its values are yours"
+    lines = [_doubts(guess, "rig"), f"{sign}[rig]{hint}\n"]
     for name, (scale, unit, example) in RIG_VALUES.items():
         value = guess.rig.get(name)
         if value is not None:

@@ -23,7 +23,7 @@ from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.served.workspace import version_of
 
-#: The roles of [channels] with what they are, and the keys of a channel that the form shows.
+#: The roles of [channels] with what they are.
 ROLES = {
     "force_in": "F1, the force that drives the specimen",
     "motion_in": "V1, the motion at the contact",
@@ -31,7 +31,18 @@ ROLES = {
     "load": "load of static tests",
     "deflection": "deflection of static tests",
 }
-KEYS = ("column", "unit", "sensitivity", "gain", "invert", "delay", "range", "std_gain", "std_phase")
+#: The keys of a channel that the form shows, with their names and what they are.
+KEYS = {
+    "column": ("column", "its name in the recordings"),
+    "unit": ("unit", "of what the recordings hold, as kN"),
+    "sensitivity": ("sensitivity", "of a sensor in volts, as 10 mV/N"),
+    "gain": ("gain", "by which the recorded values are multiplied"),
+    "invert": ("inverted", "whether the sign is changed"),
+    "delay": ("delay", "how late its samples are, as 0.2 ms"),
+    "range": ("range", "full scale, as 5 kN"),
+    "std_gain": ("u(gain)", "standard uncertainty of the gain, as 1 %"),
+    "std_phase": ("u(phase)", "standard uncertainty of the phase, as 0.5 deg"),
+}
 #: Values of the rig.
 RIG = {"moving_mass": "moving mass", "preload_stiffness": "preload spring", "preload_damping": "preload damper"}
 #: The column of tests.csv with the reason why a test is left out.

@@ -42,7 +42,8 @@ class Shown:
         }
         found = sentences(by_size(findings(self.results)), self.results.shown)
         with in_units(self.results.shown):
-            return page_parts(self.results, findings=found, figures=figures)
+            parts = page_parts(self.results, findings=found, figures=figures)
+        return {**parts, "lacks_models": False}  # the page Model says so, and fits them
 
     @cached_property
     def cards(self) -> dict[str, Any]:

@@ -158,7 +158,7 @@ async def _run(job: Job) -> None:
     try:
         process = job._process = await asyncio.create_subprocess_exec(  # noqa: SLF001 - the job is this module's own
             sys.executable, "-m", "fourpole", *job.words, str(job.place.folder), "--json",
-            stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
             env=environment, limit=_LINE, start_new_session=True,
         )  # fmt: skip
         if job._asked:  # noqa: SLF001 - while the process was made, and has done nothing yet

@@ -47,6 +47,8 @@ STATIC = {
     "app.css": ("fourpole.served.static", "text/css"),
     **dict.fromkeys(_SCRIPTS, ("fourpole.served.static", "text/javascript")),
 }
+#: The header of a request of a page's script, which shows an error in the page.
+_ASKED_BY = "x-asked-by"
 #: Largest number of folders that are watched at a time.
 MOST_WATCHES = 8
 #: Largest body of a form or of a list of files [byte].
@@ -95,6 +97,9 @@ class Site:
             text = error.detail if status != 404 else "there is no such page: the address may not be whole"
         elif not isinstance(error, FourpoleError):
             status, text = 500, f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it"
+        if _ASKED_BY in request.headers:
+            # A browser writes every other status into its console, as if the page had a fault.
+            return JSONResponse({"error": text}, status if status == 500 else 200)
         if "text/html" not in request.headers.get("accept", ""):
             return JSONResponse({"error": text}, status)
         return await self.page("fault.html", lambda: {"text": text, "campaign": self._known(request)}, status)

@@ -55,10 +55,8 @@ def routes(site: Site) -> list[Route]:
         cleaning = BackgroundTask(shutil.rmtree, folder, ignore_errors=True)
         try:
             path, notes = await run_in_threadpool(_exported, site, place, kind, dict(request.query_params), folder)
-        except BaseException as error:
+        except BaseException:
             await cleaning()
-            if isinstance(error, FourpoleError) and "script" in request.query_params:
-                return JSONResponse({"error": str(error)})
             raise
         headers = {"X-Notes": quote(json.dumps(notes))}
         return FileResponse(path, filename=f"{place.key}-{path.name}", headers=headers, background=cleaning)

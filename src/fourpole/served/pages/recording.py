@@ -14,7 +14,9 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from fourpole import quantities as q
+from fourpole.campaign import Test
 from fourpole.campaign.place import inside
+from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError
 from fourpole.report.cards import embedded
@@ -43,13 +45,7 @@ def routes(site: Site) -> list[Route]:
 
     async def every(request: Request) -> Response:
         place = site.place(request)
-
-        def made() -> dict[str, Any]:
-            shown = site.held.of(place)
-            parts = {} if shown is None else shown.parts
-            return {**parts, "campaign": place, "state": state_of(place), "analysed": shown is not None}
-
-        return await site.page("tests.html", made)
+        return await site.page("tests.html", lambda: _every(site, place))
 
     async def page(request: Request) -> Response:
         place, name = site.place(request), request.path_params["test"]
@@ -89,6 +85,19 @@ def routes(site: Site) -> list[Route]:
     ]
 
 
+def _every(site: Site, place: Place) -> dict[str, Any]:
+    """The tests in the order of tests.csv, each with its cards; those of the results where the statement is broken."""
+    state, shown = state_of(place), site.held.of(place)
+    cards: dict[str, list[Any]] = {}
+    for card in [] if shown is None else shown.parts["cards"]:
+        cards.setdefault(card.test, []).append(card)
+    names = {name: some[0].tyre for name, some in cards.items()}
+    if not state.fault:
+        names = {test.name: test.tyre for test in site.held.campaign(place).tests}
+    tests = [(name, tyre, cards.get(name, [])) for name, tyre in names.items()]
+    return {"campaign": place, "state": state, "tests": tests, "analysed": shown is not None}
+
+
 def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
     campaign = site.held.campaign(place)
     names = [test.name for test in campaign.tests]
@@ -106,6 +115,7 @@ def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
         "after": names[at + 1] if at + 1 < len(names) else None,
         "reason": _reason(place, name),
         "card": card,
+        "fundamental": _fundamental(shown, campaign.tests[at]),
         "data": Markup(embedded(card.body)) if card is not None else "",
         "checks": [] if shown is None else _checks(shown, name),
     }
@@ -127,12 +137,22 @@ def _checks(shown: Shown, name: str) -> list[dict[str, Any]]:
         return []
     rows = [row for row in table.rows(named=True) if row[q.TEST.head] == name]
     order = ["rejected", "warning", "ok"]
-    shown_rows = [{**row, **{name: _number(row[name]) for name in ("statistic", "limit")}} for row in rows]
-    return sorted(shown_rows, key=lambda row: order.index(row[q.VERDICT.head]))
+    return [_check(row) for row in sorted(rows, key=lambda row: order.index(row[q.VERDICT.head]))]
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None or value != value else number(value, 3)
+def _check(row: dict[str, Any]) -> dict[str, Any]:
+    """A row of checks.csv with its numbers as text, the side of the limit, and what the check compares."""
+    code = Code.read(row["code"])
+    found, limit = (
+        "" if row[name] is None or row[name] != row[name] else number(row[name], 3) for name in ("statistic", "limit")
+    )
+    side = "≥" if code is not None and code.limit_is_least else "≤"
+    return {
+        **row,
+        "about": "" if code is None else code.about,
+        "statistic": found,
+        "limit": f"{side} {limit}" if limit else "",
+    }
 
 
 def _part(site: Site, place: Place, name: str, first: float | None, last: float | None, width: int) -> dict[str, Any]:
@@ -176,17 +196,25 @@ def _kept(site: Site, place: Place, name: str) -> Kept | float:
     return replace(kept, channels=[{**one, "unit": one["unit"] or units.get(one["name"], "")} for one in kept.channels])
 
 
+def _fundamental(shown: Shown | None, test: Test) -> float | None:
+    """The frequency that was found in a test of a single sine [Hz]; None for any other, or one that was not reduced."""
+    if shown is None or test.band is not None:
+        return None
+    rows = shown.results.dynamic.filter(pl.col(q.TEST.head) == test.name)
+    return None if rows.is_empty() else rows[q.FREQUENCY.head][0]
+
+
 def _residual(site: Site, place: Place, name: str) -> dict[str, Any]:
     """The spectra of what a dynamic test holds beside its fundamental."""
-    campaign, shown = site.held.campaign(place), site.held.of(place)
+    campaign = site.held.campaign(place)
     test = next((one for one in campaign.tests if one.name == name), None)
-    rows = [] if shown is None else shown.results.dynamic.filter(pl.col(q.TEST.head) == name).rows(named=True)
-    if test is None or not rows or rows[0][q.FREQUENCY.head] is None or test.band is not None:
+    fundamental = None if test is None else _fundamental(site.held.of(place), test)
+    if test is None or fundamental is None:
         raise CampaignError("this test has no fundamental")
     recording = read_recording(test.file, campaign)
-    found = {role: residual_spectrum(recording, rows[0][q.FREQUENCY.head], role) for role in recording.channels}
+    found = {role: residual_spectrum(recording, fundamental, role) for role in recording.channels}
     return {
-        "fundamental": rows[0][q.FREQUENCY.head],
+        "fundamental": fundamental,
         "channels": [
             {
                 "name": SYMBOLS.get(role, role),

@@ -134,8 +134,7 @@
       told.className = "";
       told.textContent = `Making ${link.textContent} …`;
       try {
-        query.set("script", "1");
-        const answer = await fetch(`${link.getAttribute("href")}?${query}`);
+        const answer = await app.ask(`${link.getAttribute("href")}?${query}`);
         if (!answer.headers.has("Content-Disposition")) throw new Error((await answer.json()).error);
         const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1] ?? link.textContent;
         save(await answer.blob(), name);

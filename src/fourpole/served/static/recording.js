@@ -17,15 +17,16 @@
   };
   const show = (shown, width) => {
     part = [shown.from, shown.to];
+    const ends = `${Number(shown.from.toPrecision(6))} to ${Number(shown.to.toPrecision(6))}${shown.timed ? " s" : ", counted in samples"}`;
     whole = shown.whole;
     box.replaceChildren(...shown.channels.map((channel) => {
       const figure = document.createElement("figure");
       const svg = picture(channel, shown, width);
-      svg.setAttribute("aria-label", `${channel.name}, ${shown.from.toPrecision(6)} to ${shown.to.toPrecision(6)} s`);
+      svg.setAttribute("aria-label", `${channel.name}, ${ends}`);
       figure.append(svg);
       return figure;
     }));
-    byId("part").textContent = `${shown.from.toPrecision(6)} to ${shown.to.toPrecision(6)}${shown.timed ? " s" : ", counted in samples"}`;
+    byId("part").textContent = ends;
   };
   const ask = async (from, to) => {
     const number = ++asked, width = Math.max(320, Math.round(box.clientWidth));
@@ -86,9 +87,10 @@
   const residual = byId("residual");
   if (residual) {
     app.call(residual.dataset.address).then((found) => {
-      const width = Math.max(280, residual.clientWidth / Math.min(3, residual.clientWidth > 900 ? found.channels.length : 1) - 16);
+      const room = residual.clientWidth + 16, beside = Math.max(1, Math.min(found.channels.length, Math.floor(room / 368)));
+      const width = room / beside - 16;
       residual.replaceChildren(...found.channels.map((one) => {
-        const across = draw.axis("frequency", "Hz", [one.frequency], { pad: 0, prefixed: false });
+        const across = draw.axis("frequency", "Hz", [one.frequency], { prefixed: false, pad: 0, prefixed: false });
         const up = draw.axis(one.name, one.unit, [one.amplitude], { from: [0, Math.max(...one.amplitude)] });
         return draw.plot(`${one.name} beside ${found.fundamental.toPrecision(4)} Hz`, across, up,
           [{ kind: "line", xs: one.frequency, ys: one.amplitude }], { width, height: 180 });

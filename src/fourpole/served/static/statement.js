@@ -18,7 +18,6 @@
   const cell = (value, head, row) => {
     const box = made("td"), input = made("input", "", { type: "text", "aria-label": `${head}, row ${row}` });
     input.value = value;
-    input.size = Math.max(4, Math.min(24, (value || nameOf(head)).length));
     box.append(input);
     return box;
   };
@@ -29,12 +28,19 @@
     return row;
   };
   const head = (name) => made("th", name, { scope: "col", "data-head": name });
+  const widen = () => { // a column is as wide as its longest entry
+    const rows = cells();
+    [...table.tHead.rows[0].cells].forEach((one, at) => {
+      one.style.minWidth = `${Math.min(32, Math.max(6, ...rows.map((row) => row[at].length)) + 3)}ch`;
+    });
+  };
   const fill = () => {
     const line = made("tr");
     line.append(...data.heads.map(head));
     table.tHead.replaceChildren(line);
     table.tBodies[0].replaceChildren();
     for (const row of data.rows) addRow(row);
+    widen();
   };
   const cells = () => [...table.tBodies[0].rows].map((row) => [...row.cells].map((one) => one.firstElementChild.value.trim()));
   table.addEventListener("paste", (event) => {
@@ -50,6 +56,7 @@
       });
     });
     changed = true;
+    widen();
   });
   table.addEventListener("keydown", (event) => { // up and down go through a column, as in a spreadsheet
     const step = { ArrowUp: -1, ArrowDown: 1, Enter: 1 }[event.key], box = event.target.closest("td");
@@ -57,12 +64,14 @@
     event.preventDefault();
     table.tBodies[0].rows[box.parentElement.sectionRowIndex + step]?.cells[box.cellIndex].firstElementChild.focus();
   });
+  table.addEventListener("change", widen);
   byId("more-row").addEventListener("click", () => addRow([]).cells[0].firstElementChild.focus());
   byId("more-column").addEventListener("click", () => {
     const name = byId("new-column").value.trim();
     if (!name || heads().includes(name)) return;
     table.tHead.rows[0].append(head(name));
     [...table.tBodies[0].rows].forEach((row, at) => row.append(cell("", name, at + 1)));
+    widen();
     byId("new-column").value = "";
     changed = true;
   });
@@ -75,6 +84,7 @@
       return row?.cells[Math.max(at, 0)]?.firstElementChild;
     }
     const fields = [...form.querySelectorAll("[data-path]")];
+    if (form.hidden) return byId("text");
     return fields.find((one) => one.dataset.path === problem.path) ?? fields.find((one) => problem.path && one.dataset.path.startsWith(`${problem.path}.`));
   };
   const show = (list) => {
@@ -142,12 +152,14 @@
   addEventListener("beforeunload", (event) => { if (changed) event.preventDefault(); });
 
   // ---- the columns of a recording, with their outlines
-  const outline = (column, width = 150, height = 34) => {
+  const number = (value) => String(Number(value.toPrecision(3))).replace("-", "−");
+  const extent = (column, unit) => `${number(column.least)} to ${number(column.greatest)} ${unit}`.trim();
+  const outline = (column, unit, width = 150, height = 34) => {
     const ns = "http://www.w3.org/2000/svg", svg = document.createElementNS(ns, "svg"), path = document.createElementNS(ns, "path");
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     svg.setAttribute("class", "plot small");
     svg.setAttribute("role", "img");
-    svg.setAttribute("aria-label", `${column.name}: ${column.least.toPrecision(3)} to ${column.greatest.toPrecision(3)} ${column.unit}`);
+    svg.setAttribute("aria-label", `${column.name}: ${extent(column, unit)}`);
     const [low, high] = [column.least, column.greatest], span = high - low || 1, count = column.low.length;
     const y = (v) => (2 + (height - 4) * (1 - (v - low) / span)).toFixed(1);
     let line = "";
@@ -165,8 +177,8 @@
       if (!box) continue;
       box.replaceChildren();
       if (found && !found.why) {
-        const line = found.frequency ? `, ${found.frequency.toPrecision(4)} Hz` : "";
-        box.append(outline(found), made("small", `${found.least.toPrecision(3)} to ${found.greatest.toPrecision(3)} ${found.unit}${line}`));
+        const unit = found.unit || value(row, "unit"), line = found.frequency ? `, ${Number(found.frequency.toPrecision(4))} Hz` : "";
+        box.append(outline(found, unit), made("small", extent(found, unit) + line));
       }
     }
   };
