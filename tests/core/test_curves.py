@@ -96,3 +96,11 @@ def test_another_curve_does_not_reach_beyond_its_frequencies():
     data = campaign()
     data.frequency[8] = 40.0
     assert curves_of(data).distance(8, 1) == np.inf
+
+
+def test_a_test_without_a_lever_is_left_out():
+    data = campaign()
+    data.shared[4] = np.nan
+    curves = curves_of(data)
+    assert not curves.judged[4]
+    assert curves.judged.sum() == data.frequency.size - 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import polars as pl
 import pytest
@@ -156,3 +158,26 @@ def test_a_drive_is_used_where_it_can_be(folder, tmp_path, column, left):
     said = " ".join(found.dynamic["remarks"].to_list())
     assert ("drive was left out" in said) is bool(left)
     assert left in said
+
+
+def signals_of(what, signals, rng):
+    """The signals of a random test with one channel that is wired wrong."""
+    f1, v1, v2 = signals
+    return {"V2 off": (f1, v1, 1e-6 * rng.normal(size=v2.size)), "V2 is V1": (f1, v1, v1)}[what]
+
+
+@pytest.mark.parametrize(
+    ("what", "said"), [("V2 off", "V2 (motion_out) has nothing in common"), ("V2 is V1", "have the same samples")]
+)
+def test_a_channel_that_is_wired_wrong_is_named_and_the_other_test_goes_on(folder, tmp_path, what, said):
+    table = pl.read_parquet(folder / "R0.parquet")
+    table.write_parquet(tmp_path / "R0.parquet")
+    wrong = signals_of(what, [table[name].to_numpy() for name in ("F1", "V1", "V2")], np.random.default_rng(5))
+    table.with_columns(F1=wrong[0], V1=wrong[1], V2=wrong[2]).write_parquet(tmp_path / "R1.parquet")
+    shutil.copy(folder / "tests.csv", tmp_path)
+    (tmp_path / "campaign.toml").write_text(STATED)
+    found = analyse(tmp_path, monte_carlo=0)
+    assert found.counts["rejected"] == 1
+    of = dict(zip(found.dynamic["test"], found.dynamic["remarks"], strict=True))
+    assert said in of["R1"]
+    assert found.dynamic.filter(pl.col("test") == "R0").height > 100

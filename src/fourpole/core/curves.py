@@ -146,6 +146,7 @@ class _Solution:
 def curves_of(data: Samples) -> Curves | None:
     """The curves of some tests; None if there are too few."""
     used = np.isfinite(data.stiffness) & (data.stiffness != 0) & np.isfinite(data.noise)
+    used &= np.isfinite(data.shared).all(axis=1)
     for family in np.unique(data.family):
         rows = used & (data.family == family)
         if _distinct(data.frequency[rows]) < _POWERS[0]:

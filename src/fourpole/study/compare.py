@@ -256,10 +256,11 @@ def _curves(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> Cu
     rule = campaign.stated.sameness
     specimens = list(dict.fromkeys(test.tyre for test in tests))
     frequency = np.array([one.frequency for one in own])
-    deflection = np.log([max(one.deflection, 1e-300) for one in own])
-    lever = np.array([one.lever for one in own])
+    deflection = np.log([one.deflection if one.deflection > 0 else np.nan for one in own])
+    deflection -= np.mean(deflection[np.isfinite(deflection)]) if np.isfinite(deflection).any() else 0.0
+    lever = np.array([one.lever if np.isfinite(one.lever) else complex(np.nan) for one in own])
     place = _places(tests)
-    shared = [lever, 1j * lever * frequency / frequency.mean(), place + 0j, deflection - deflection.mean() + 0j]
+    shared = [lever, 1j * lever * frequency / frequency.mean(), place + 0j, deflection + 0j]
     gain = _gain(campaign)
     return curves_of(
         Samples(

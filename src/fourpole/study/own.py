@@ -45,7 +45,7 @@ def own_of(phasors: Phasors | None, rig: Rig | None, added: float) -> Own:
     """K* and deflection of a test by itself; `added` is its added mass [kg]."""
     assert phasors is not None
     omega = float(phasors.omega)
-    f1, v1, v2 = (complex(one) for one in phasors.amplitudes)
+    f1, v1, v2 = phasors.amplitudes
     force = f1 - (0.0 if rig is None else 1j * omega * rig.input_mass * v1)
     blocked = rig is not None and rig.blocked
     with np.errstate(all="ignore"):
@@ -61,7 +61,8 @@ def own_of(phasors: Phasors | None, rig: Rig | None, added: float) -> Own:
             lever = complex(np.divide(v1, v1 - v2))
             slopes = np.array([1 / f1, -1 / (v1 - v2), 1 / (v1 - v2)])
         moved = deflection_amplitude(force, v1, v2, omega, stiffness=stiffness, blocked=blocked)
-    return Own(stiffness, _noise(phasors, slopes), float(moved), float(phasors.frequency), lever)
+        noise = _noise(phasors, slopes)
+    return Own(stiffness, noise, float(moved), float(phasors.frequency), lever)
 
 
 def _noise(phasors: Phasors, slopes: ComplexArray) -> float:

@@ -500,3 +500,9 @@ def test_a_drift_does_not_make_three_cycles_too_few(phase, drift):
     wave, slope = np.exp(1j * (2 * np.pi * 10.0 * t + phase)), drift * (t / t[-1] - 0.5)
     found = demodulate(Recording.from_arrays(t, force_in=60 * wave.real, motion_in=0.06 * (wave.real + slope)))
     assert found.cycles == pytest.approx(3.025, abs=1e-6)
+
+
+def test_one_column_for_two_channels(record):
+    same = record(AMPLITUDES, 10.0).channels["motion_in"].samples
+    with pytest.raises(RecordingError, match=r"V1 \(motion_in\) and V2 \(motion_out\) have the same samples"):
+        demodulate(with_channel(record(AMPLITUDES, 10.0), "motion_out", same))

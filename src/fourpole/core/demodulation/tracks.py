@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -191,6 +192,12 @@ def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, Bo
             raise ConstantError(
                 f"{named(name)} is constant ({largest:.6g} in SI units): "
                 "the sensor was off, unplugged, or another column is meant"
+            )
+    for (name, one), (other, same) in combinations(zip(names, signals, strict=True), 2):
+        if np.array_equal(one, same):
+            raise RecordingError(
+                f"{named(name)} and {named(other)} have the same samples: "
+                "name the column of each, or export the recording again"
             )
     return signals, present
 

@@ -10,12 +10,12 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, without_crosstalk
 from fourpole.core.demodulation.preview import Preview
-from fourpole.core.demodulation.tracks import Track, tracks_of
+from fourpole.core.demodulation.tracks import Track, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import DERIVATIVES, DRIVE, Recording
 from fourpole.core.spectra.average import CrossSpectra
 from fourpole.core.spectra.ratios import Ratios
-from fourpole.errors import RecordingError
+from fourpole.errors import ConstantError, RecordingError
 
 #: Channels of the spectra in their order, and the pairs whose coherence is shown.
 _ORDER = (*CHANNELS, DRIVE)
@@ -25,6 +25,9 @@ RESOLVED = 0.45
 #: Median of the square of a standard normal number, and the closure phase in its uncertainties from which on a line
 #: alone is less certain than its noise says.
 _MEDIAN, _ODD = 0.4549, 2.0
+#: Coherence times the number of averages below which a channel has nothing but noise, and averages from which on this
+#: can be told: its ratios are known to 35 % at best.
+_NOTHING, _TELLING = 2.0, 3.0
 #: Standard uncertainty of a phase that round-off leaves [rad].
 _ROUND_OFF = 1e-12
 
@@ -217,6 +220,7 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
     for at, (a, b) in enumerate(_COHERENT):
         if a in names and b in names:
             coherence[:, at] = spectra.coherence(names.index(a), names.index(b))
+    _check_common(measured, coherence, spectra.averages)
     return Excited(
         Phasors(
             frequency=spectra.frequency,
@@ -242,12 +246,24 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
     )
 
 
+def _check_common(names: Sequence[str], coherence: FloatArray, averages: FloatArray) -> None:
+    """ConstantError if a channel has no coherence with any other one, as that of a sensor that was off."""
+    for name in names:
+        others = coherence[:, [at for at, pair in enumerate(_COHERENT) if name in pair]]
+        others = others[:, np.isfinite(others).any(axis=0)]
+        if others.size and np.median(averages) > _TELLING and np.median(others.max(axis=1) * averages) < _NOTHING:
+            raise ConstantError(
+                f"{named(name)} has nothing in common with the other channels (coherence {np.nanmedian(others):.2g}): "
+                "the sensor was off or unplugged, or another column is meant"
+            )
+
+
 def power_of_deflection(matrix: ComplexArray) -> FloatArray:
     """Spectral density (L,) of V1 - V2, or of V1 where V2 is not recorded."""
     power = matrix[:, 1, 1].real.copy()
     if matrix.shape[1] == len(CHANNELS):
         power += matrix[:, 2, 2].real - 2.0 * matrix[:, 1, 2].real
-    return power
+    return np.maximum(power, 0.0)  # rounding, where V1 and V2 are equal
 
 
 def deflection_in(frequency: FloatArray, power: FloatArray, width: float) -> float:
