@@ -44,36 +44,44 @@ def _write(source: ModelFile, path: Path, points: Points, specimen: str | None, 
     placed = placed_models(source, path.name, points, specimen=specimen)
     if len(placed) > _MOST:
         raise ModelError(f"{len(placed)} operating points are more than {_MOST} of an FMU: state --at, or --tyre")
-    systems = [realised(one.model, one.values, one.band) for one in placed]
-    labels = [_plain(one.label) for one in placed]
-    found = [Point(label, system) for label, system in zip(labels, systems, strict=True)]
-    model = _described(source, placed, found, version)
-    content = {"modelDescription.xml": model_description(model, version)}
-    files = {**common_source(version), **model_source(found, model.token)}
-    content |= {f"sources/{name}": text.encode() for name, text in files.items()}
-    if version == 3:
-        content["sources/buildDescription.xml"] = build_description(model)
-    notes = [remark for one in placed for remark in one.remarks]
-    try:
-        content[binary_place(model.identifier, version)] = compiled(files, version)
-    except NoBinaryError as error:
-        notes.append(f"the FMU has no binary, only sources, which the importing program must compile: {error}")
-    write_bytes(path.with_suffix(path.suffix or ".fmu"), _zipped(content))
-    return tuple(dict.fromkeys(notes))
+    found = [Point(_plain(one.label), realised(one.model, one.values, one.band)) for one in placed]
+    content, notes = fmu(*_described(source, placed), found, version)
+    write_bytes(path.with_suffix(path.suffix or ".fmu"), content)
+    return tuple(dict.fromkeys([remark for one in placed for remark in one.remarks] + notes))
 
 
-def _described(source: ModelFile, placed: Sequence[PlacedModel], points: Sequence[Point], version: int) -> Model:
-    names = list(dict.fromkeys(one.specimen for one in placed))
-    name = names[0] if len(names) == 1 and names[0] else "specimen"
+def _described(source: ModelFile, placed: Sequence[PlacedModel]) -> tuple[str, str]:
+    """Name of what an FMU is of, and its description."""
+    names = list(dict.fromkeys(_plain(one.specimen) for one in placed if one.specimen))
     bands = [one.band for one in placed]
     about = (
-        f"Vertical force of {', '.join(map(_plain, filter(None, names))) or 'a specimen'}; model "
+        f"Vertical force of {', '.join(names) or 'a specimen'}; model "
         f"{', '.join(dict.fromkeys(one.model.name for one in placed))} of {_plain(source.provenance.source)}, measured "
         f"{max(low for low, _ in bands):.6g} to {min(high for _, high in bands):.6g} Hz"
     )
-    content = [version, VERSION, common_source(version), model_source(points, ""), about, [one.label for one in points]]
-    token = uuid.UUID(hashlib.sha256(json.dumps(content).encode()).hexdigest()[:32])
-    return Model(_identifier(name), _plain(name), about, f"{{{token}}}", points)
+    return names[0] if len(names) == 1 else "specimen", about
+
+
+def fmu(name: str, about: str, points: Sequence[Point], version: int) -> tuple[bytes, list[str]]:
+    """The content of an FMU of a version of FMI, 2 or 3, with models at operating points; and notes.
+
+    The same models give the same bytes, with the same compiler.
+    """
+    content = [version, VERSION, common_source(version), model_source(points, ""), name, about]
+    mark = json.dumps([content, [one.label for one in points]])
+    token = f"{{{uuid.UUID(hashlib.sha256(mark.encode()).hexdigest()[:32])}}}"
+    model = Model(_identifier(name), name, about, token, points)
+    source = {**common_source(version), **model_source(points, token)}
+    files = {"modelDescription.xml": model_description(model, version)}
+    files |= {f"sources/{file}": text.encode() for file, text in source.items()}
+    if version == 3:
+        files["sources/buildDescription.xml"] = build_description(model)
+    notes = []
+    try:
+        files[binary_place(model.identifier, version)] = compiled(source, version)
+    except NoBinaryError as error:
+        notes.append(f"the FMU has no binary, only sources, which the importing program must compile: {error}")
+    return _zipped(files), notes
 
 
 def _identifier(name: str) -> str:
