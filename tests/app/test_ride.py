@@ -180,6 +180,7 @@ def test_a_measured_road_and_a_load_deflection_curve(run, files, tmp_path):
         ("map", (), 'state the operating point, --at "pressure=..."'),
         ("model", ("--speed", "0 km/h"), "the speed 0 m/s is not positive"),
         ("model", ("--duration", "10 s", "--step", "10 ms"), "a step of 0.01 s is too long"),
+        ("model", ("--duration", "10 s", "--seed", "-1"), "the seed -1 is negative"),
         ("model", ("--road", "Z"), "--road: 'Z' is neither a file nor a road: it is a class A to H"),
         ("model", ("--road", "cleat 10 mm"), "--road: 'cleat 10 mm' is no road"),
         ("model", ("--lift-off",), 'need a ride in time: state --duration, as "60 s"'),
@@ -252,3 +253,15 @@ def test_the_units_of_the_campaign_are_shown(run, files, tmp_path):
     assert ran.exit_code == 0, ran.stderr
     assert "F [kgf]" in ran.stdout
     assert "K [N/mm]" in ran.stdout
+
+
+def test_a_road_that_pulls_a_wheel_and_one_that_is_too_short_are_said(run, files, tmp_path):
+    at = ("ride", files / "model.json", "--at", "pressure=2 bar")
+    assert "a wheel would leave the road" in told(run(*at, "--road", "H").stderr)
+    assert "a wheel would leave the road" not in told(run(*at, "--road", "C").stderr)
+    assert "a wheel would leave the road" in told(run(*at, "--road", "cleat 60 mm, 300 mm").stderr)
+    (tmp_path / "short.csv").write_text("distance [m],height [mm]\n" + "".join(f"{n},{n % 3}\n" for n in range(20)))
+    ran = run(*at, "--road", tmp_path / "short.csv")
+    assert "the ride lasts 0.86 s, less than one cycle at 0.4 Hz" in told(ran.stderr)
+    (tmp_path / "tiny.csv").write_text("distance [m],height [mm]\n0,0\n1e-9,1\n2e-9,0\n")
+    assert run(*at, "--road", tmp_path / "tiny.csv").exit_code == 2

@@ -126,3 +126,18 @@ def test_what_is_shorter_than_a_step_keeps_its_area_and_its_place(speed, late):
 def test_a_step_too_long_for_a_sweep_is_refused():
     with pytest.raises(ModelError, match=r"too long for a sweep up to 20 Hz: state at most 0\.0025 s"):
         sine_sweep(0.002, 1.0, 20.0, 8.0, 2.6e-3)
+
+
+def test_what_is_no_road_is_refused():
+    with pytest.raises(ModelError, match=r"the height 1e\+06 m at 1 m is none of a road: check its unit"):
+        Profile(np.arange(3.0), np.array([0.0, 1e6, 0.0]))
+    with pytest.raises(ModelError, match="leave one of those at the same distance"):
+        Profile(np.array([0.0, 1.0, 1.0, 2.0]), np.zeros(4))
+    with pytest.raises(ModelError, match="above 500 m/s, that of no vehicle"):
+        ClassRoad.of("C").realisation(1.0, 1e-3, 1e6, seed=1)
+    with pytest.raises(ModelError, match="seed -1 is negative"):
+        ClassRoad.of("C").realisation(1.0, 1e-3, 20.0, seed=-1)
+
+
+def test_a_level_road_stays_level():
+    assert np.ptp(Profile(np.arange(9.0), np.full(9, 0.3)).in_time(7.0, 3e-3)) == 0.0

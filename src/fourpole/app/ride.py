@@ -35,8 +35,9 @@ from fourpole.study.results import units_beside
 
 #: Step of a ride in time [s], and of one that is not linear.
 _STEP, _FINE = 5e-4, 2.5e-4
-#: Samples per cycle of a sweep at its highest frequency, and most samples of a measured road, unless a step is stated.
-_PER_CYCLE, _MOST_BY_ITSELF = 50.0, 1_000_000
+#: Where no step is stated: samples per cycle of a sweep at its highest frequency; most samples of a measured road, and
+#: least step of it [s].
+_PER_CYCLE, _MOST_BY_ITSELF, _LEAST = 50.0, 1_000_000, 1e-6
 #: Time that a ride goes on after a cleat or a pothole [s].
 _AFTER = 3.0
 #: Share of the weighted mean square outside the tested frequencies, and relative difference of the preload from the
@@ -44,6 +45,8 @@ _AFTER = 3.0
 _OUTSIDE, _PRELOAD = 0.05, 0.1
 #: Relative difference of the curve's tangent from the model at rest above which a note says so; most sentences.
 _TANGENT, _MOST_SENTENCES = 0.1, 12
+#: Time of one cycle of the lowest frequency of Wk [s].
+_SHORTEST = 2.5
 #: Most parts of a path in a label.
 _MOST_PARTS = 6
 #: Percentage that is shown as zero.
@@ -144,7 +147,7 @@ def _step(options: RideOptions, way: _Road, speed: float) -> float:
     if way.profile is None:
         return usual
     duration = way.profile.length / speed + way.after
-    return min(usual, max(way.profile.spacing / speed, duration / _MOST_BY_ITSELF))
+    return min(usual, max(way.profile.spacing / speed, duration / _MOST_BY_ITSELF, _LEAST))
 
 
 def _columns(options: RideOptions, *, of_road: bool) -> list[str]:
@@ -227,7 +230,7 @@ def _labels(tyres: Sequence[RideTyre], wanted: ShownUnits) -> list[str]:
 
 def _files(tyres: Sequence[RideTyre]) -> list[str]:
     """The file of each tyre, by as much of its path as tells it from the others."""
-    parts = [one.place.resolve().parts for one in tyres]
+    parts = [one.place.parts for one in tyres]
     enough = (n for n in range(1, _MOST_PARTS) if len({each[-n:] for each in parts}) == len(set(parts)))
     depth = next(enough, _MOST_PARTS)
     return [str(Path(*each[-depth:])) for each in parts]
@@ -269,6 +272,21 @@ def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
             yield f"a wheel is in the air for up to {100 * air:.2g} % of the time"
         if beyond > 0:
             yield f"a tyre is beyond the curve, which goes on straight, for up to {100 * beyond:.2g} % of the time"
+    elif _pulls(found, loads):
+        yield (
+            "a wheel would leave the road, which pulls it down in this ride: state --lift-off, on a road class with "
+            "--duration, and check the unit of the road's height"
+        )
+    if found.series and (duration := found.series[0].step * found.series[0].weighted.size) < _SHORTEST:
+        yield f"the ride lasts {duration:.2g} s, less than one cycle at 0.4 Hz, the lowest frequency of Wk"
+
+
+def _pulls(found: Compared, loads: FloatArray) -> bool:
+    """Whether the road pulls a wheel down in a linear ride: at some sample, or at three standard deviations."""
+    if found.series:
+        return any(bool(np.any(one.load < -loads[:, None])) for one in found.series)
+    wheels = [at for at, name in enumerate(found.names) if name.startswith("wheel load")]
+    return bool(np.any(3.0 * found.values[:, wheels] > loads))
 
 
 def _curve_notes(asked: _Asked, curve: LoadDeflection) -> Iterator[str]:
@@ -277,7 +295,7 @@ def _curve_notes(asked: _Asked, curve: LoadDeflection) -> Iterator[str]:
         rest = float(one.tyre.model.static_stiffness(one.tyre.values))
         for load in asked.vehicle.vehicle.body.loads.tolist():
             tangent = curve.tangent_at(load)
-            if abs(tangent / rest - 1) > _TANGENT:
+            if abs(tangent - rest) > _TANGENT * tangent:
                 curved, straight = (asked.units.text(K1, k) for k in (tangent, rest))
                 yield (
                     f"{label}: the tangent of the curve at {asked.units.text(PRELOAD, load)} is {curved}, "

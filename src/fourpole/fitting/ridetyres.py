@@ -87,7 +87,7 @@ def tyres_for_ride(
     FileError
         If the file cannot be read.
     """
-    place = model_in(path)
+    place = model_in(path).resolve()
     file, wanted = read_model_file(place), ShownUnits() if units is None else units
     found = [
         _tyre(place, one, wanted)

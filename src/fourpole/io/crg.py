@@ -17,10 +17,14 @@ from fourpole.io.source import name_of, open_regular
 
 #: Largest file [byte], and largest number of points along a road.
 _LARGEST, _MOST_POINTS = 2_000_000_000, 20_000_000
+#: Most warnings of the reader that are passed on.
+_MOST_WARNINGS = 5
 
 
-def read_crg(path: str | os.PathLike[str], label: str | None = None) -> tuple[FloatArray, FloatArray]:
-    """Distance and height (N,) [m] along the reference line of a road; not-a-number where the road has a hole.
+def read_crg(path: str | os.PathLike[str], label: str | None = None) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Distance and height (N,) [m] along the reference line of a road, and what its reader warns of.
+
+    A height is not-a-number where the road has a hole.
 
     The file is read in a worker process, as every file that a library reads.
     """
@@ -36,12 +40,12 @@ def read_crg(path: str | os.PathLike[str], label: str | None = None) -> tuple[Fl
         answer = answer_of(along_line, place, name, size=place.stat().st_size)
     except Died as death:
         raise FileError(f"{name} {death}; it may be damaged: copy or export it again") from None
-    distance, height = unpack(bytearray(answer))
-    return distance, height
+    distance, height, warned = unpack(bytearray(answer))
+    return distance, height, warned
 
 
 def along_line(path: Path, name: str) -> bytes:
-    """The packed distance and height along the reference line of a road."""
+    """The packed distance and height along the reference line of a road, and what its reader warns of."""
     import pyopencrg
 
     try:
@@ -51,11 +55,16 @@ def along_line(path: Path, name: str) -> bytes:
         grid, across = np.asarray(road.z, dtype=float), np.asarray(road.v, dtype=float)
         distance = np.asarray(road.u, dtype=float)
         line = np.asarray(road.zr, dtype=float) if road.zr is not None else np.zeros(distance.size)
+        damage = [str(one) for one in road.read_errors]
+        warned = [f"{name}: {one}" for one in road.read_warnings[:_MOST_WARNINGS]]
     except Exception as error:  # noqa: BLE001 - whatever a library of others raises about a file is the file's fault
-        raise TableError(f"{name}: is no road of OpenCRG that can be read ({type(error).__name__}: {error})") from None
+        said = str(error).removeprefix(f"{path}: ")
+        raise TableError(f"{name}: is no road of OpenCRG that can be read ({type(error).__name__}: {said})") from None
+    if damage:
+        raise TableError(f"{name}: is damaged ({damage[0]}): copy or export it again")
     if distance.ndim != 1 or grid.shape != (distance.size, across.size) or not 2 <= distance.size <= _MOST_POINTS:
         raise TableError(f"{name}: has a grid of {grid.shape} heights for {distance.size} distances")
-    return pack((distance, _at_zero(across, grid) + line))
+    return pack((distance, _at_zero(across, grid) + line, warned))
 
 
 def _at_zero(across: FloatArray, grid: FloatArray) -> FloatArray:

@@ -17,6 +17,8 @@ CLASSES = "ABCDEFGH"
 REFERENCE, RANGE = 0.1, (0.011, 2.83)
 #: Displacement spectrum of class A at the reference [m³]; each further class has four times as much.
 _OF_A = 16e-6
+#: Highest speed [m/s], and largest rise of a road from its first point [m].
+_FASTEST, _HIGHEST = 500.0, 1e4
 #: Largest number of samples of a road.
 MOST_SAMPLES = 5_000_000
 #: A distance between two points above this multiple of the median one is a gap: of points that are mostly evenly
@@ -101,7 +103,7 @@ class ClassRoad:
         Raises
         ------
         ModelError
-            If the speed, the duration or the step is not possible.
+            If the speed, the duration, the step or the seed is not possible.
 
         Examples
         --------
@@ -112,6 +114,8 @@ class ClassRoad:
         True
         """
         check_speed(speed)
+        if seed < 0:
+            raise ModelError(f"the seed {seed} is negative: state zero or a positive whole number")
         count = samples(duration, step)
         frequency = np.fft.rfftfreq(count, step)
         amplitude = np.sqrt(2.0 * self.spectrum_in_time(frequency, speed) / (count * step))
@@ -162,11 +166,18 @@ class Profile(ByValue):
                 f"{self.name}: {where} there is no number ({bad.size} such points): a ride needs a road without gaps; "
                 "fill it from a second measurement, or cut the road there"
             )
+        rise = np.abs(z - z[0])
+        if rise.max() > _HIGHEST:
+            at = int(np.argmax(rise))
+            raise ModelError(
+                f"{self.name}: the height {z[at]:.6g} m at {x[at]:.6g} m is none of a road: check its unit"
+            )
         steps = np.diff(x)
         if not np.all(steps > 0):
             at = int(np.flatnonzero(steps <= 0)[0])
             raise ModelError(
-                f"{self.name}: the distance does not rise after {x[at]:.6g} m, point {at + 1}: sort the rows"
+                f"{self.name}: the distance does not rise after {x[at]:.6g} m, point {at + 1}: sort the rows, "
+                "and leave one of those at the same distance"
             )
         usual = float(np.median(steps))
         even = float(np.mean(np.abs(steps - usual) <= _EVEN * usual)) > _MOSTLY
@@ -218,7 +229,10 @@ class Profile(ByValue):
         """
         check_speed(speed)
         count = samples(self.length / speed + after + step, step)
-        return _nearest_lines((self.distance - self.distance[0]) / speed + late, self.height, step, count)
+        first = self.height[0]
+        return first + _nearest_lines(
+            (self.distance - self.distance[0]) / speed + late, self.height - first, step, count
+        )
 
 
 def _nearest_lines(time: FloatArray, height: FloatArray, step: float, count: int) -> FloatArray:
@@ -271,7 +285,7 @@ def sine_sweep(amplitude: float, low: float, high: float, duration: float, step:
     >>> sine_sweep(1e-3, 1.0, 20.0, 10.0, 1e-3).shape
     (10000,)
     """
-    if not (amplitude > 0 and 0 < low < high):
+    if not (0 < amplitude <= _HIGHEST and 0 < low < high):
         raise ModelError(f"a sweep of {amplitude:g} m from {low:g} to {high:g} Hz is none: let the frequencies rise")
     if high * step * _PER_CYCLE > 1 + 1e-9:
         raise ModelError(
@@ -284,9 +298,11 @@ def sine_sweep(amplitude: float, low: float, high: float, duration: float, step:
 
 
 def check_speed(speed: float) -> None:
-    """ModelError unless a speed [m/s] is positive."""
-    if not (speed > 0 and np.isfinite(speed)):
+    """ModelError unless a speed [m/s] is positive and that of a vehicle."""
+    if not speed > 0:
         raise ModelError(f"the speed {speed:g} m/s is not positive: a vehicle that stands has no ride")
+    if not speed <= _FASTEST:
+        raise ModelError(f"the speed {speed:g} m/s is above {_FASTEST:g} m/s, that of no vehicle: check its unit")
 
 
 def samples(duration: float, step: float) -> int:

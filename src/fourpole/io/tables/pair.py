@@ -60,7 +60,8 @@ def read_pair(
         names = ", ".join(shown(one.group) for one, _ in good[:12])
         kind = noun.rpartition(" ")[2]
         raise TableError(
-            f"{tables[0].label}: {len(good)} sheets or groups hold a {kind}: {names}; name one with --group"
+            f"{tables[0].label}: {len(good)} sheets or groups hold a {kind}: {names}; leave one of them in the file, "
+            "or name one with --group where the command has it"
         )
     return good[0][1]
 

@@ -55,6 +55,7 @@ def read_profile(
     [0.    0.002   nan]
     """
     if os.fspath(path).lower().endswith(".crg"):
-        return ProfileTable(*read_crg(path, label), ["OpenCRG: height along the reference line"], [])
+        distance, height, warned = read_crg(path, label)
+        return ProfileTable(distance, height, ["OpenCRG: height along the reference line"], warned)
     found = read_pair(path, ("distance", "height"), "a road profile", columns=columns, label=label)
     return ProfileTable(found.first, found.second, found.understood, found.warnings)
