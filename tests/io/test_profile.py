@@ -52,9 +52,13 @@ def test_a_road_of_opencrg_is_its_reference_line(tmp_path):
     height[100] = np.nan
     crg.CrgRoad(height, u_inc=0.05, v=across).save(str(tmp_path / "hole.crg"))
     assert np.isnan(read_profile(tmp_path / "hole.crg").height).sum() == 1
-    (tmp_path / "half.crg").write_bytes((tmp_path / "road.crg").read_bytes()[:-4000])
+    (tmp_path / "half.crg").write_bytes((tmp_path / "road.crg").read_bytes()[:-3990])
     with pytest.raises(TableError, match=r"is damaged .*: copy or export it again"):
         read_profile(tmp_path / "half.crg")
+    (tmp_path / "half.crg").write_bytes((tmp_path / "road.crg").read_bytes()[:-4000])
+    (said, *_) = read_profile(tmp_path / "half.crg").warnings
+    assert said.startswith("half.crg: ")
+    assert "500 cross sections but the file has" in said
     (tmp_path / "none.crg").write_text("no road")
     with pytest.raises(TableError, match="is no road of OpenCRG that can be read"):
         read_profile(tmp_path / "none.crg")

@@ -290,7 +290,7 @@ class RideOptions:
     step: float | None = _amount(
         "--step",
         "time",
-        'Time step; by default "0.5 ms", with lift-off "0.25 ms", or that of the points of the road.',
+        'Time step; by default "0.5 ms", shorter with lift-off or for a road of closer points.',
         "positive",
     )
     lift_off: bool = _given("Wheels may leave the road.", "--lift-off", default=False)

@@ -33,8 +33,8 @@ from fourpole.ride.time import axles
 from fourpole.ride.vehicle import Body
 from fourpole.study.results import units_beside
 
-#: Step of a ride in time [s], and of one that is not linear.
-_STEP, _FINE = 5e-4, 2.5e-4
+#: Step of a ride in time [s], of one that is not linear, and of such a one on a road with edges.
+_STEP, _FINE, _EDGES = 5e-4, 2.5e-4, 1.25e-4
 #: Where no step is stated: samples per cycle of a sweep at its highest frequency; most samples of a measured road, and
 #: least step of it [s].
 _PER_CYCLE, _MOST_BY_ITSELF, _LEAST = 50.0, 1_000_000, 1e-6
@@ -141,7 +141,9 @@ def _step(options: RideOptions, way: _Road, speed: float) -> float:
     """The time step [s]: the usual one, or a shorter one that has a sample for each point of the road."""
     if options.step is not None:
         return options.step
-    usual = _FINE if options.lift_off or options.curve is not None else _STEP
+    usual = _STEP
+    if options.lift_off or options.curve is not None:
+        usual = _FINE if way.profile is None else _EDGES
     if way.sweep is not None:
         return min(usual, 1.0 / (_PER_CYCLE * way.sweep[2]))
     if way.profile is None:
