@@ -21,12 +21,16 @@ SCRIPTS = {
     "bench_joint": "The joint route",
     "bench_models": "Models",
     "bench_ride": "Rides",
+    "bench_fmu": "FMUs",
     "bench_cluster": "A cluster",
     "bench_memory": "Memory",
     "bench_app": "The app",
     "bench_start": "Start-up",
 }
-PACKAGES = ("numpy", "scipy", "polars", "lmfit", "scikit-rf", "pyvisco", "pyimpspec", "impedance", "distributed")
+PACKAGES = (
+    *("numpy", "scipy", "polars", "lmfit", "scikit-rf", "pyvisco", "pyimpspec", "impedance", "pythonfmu"),
+    "distributed",
+)
 
 
 def machine() -> str:
