@@ -17,7 +17,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs figures links format chromium pytest lowest lowest-install bench bench-install validate lock clean
+.PHONY: help demo test ready check docs figures links format chromium compiler pytest lowest lowest-install bench bench-install validate lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -64,23 +64,30 @@ test:  ## everything: check, the peers, the tests on the lowest versions, the te
 	@$(MAKE) --no-print-directory lowest
 	@$(MAKE) --no-print-directory pytest
 
-ready: bench-install docs chromium check lowest-install
+ready: bench-install docs compiler check lowest-install
 
-chromium:  ## the browser that the tests of the report need; installed here where that may be done
-	@for b in chromium chromium-browser google-chrome google-chrome-stable; do \
-		command -v $$b >/dev/null 2>&1 && exit 0; done; \
+# $(call program,COMMANDS,PACKAGES,WHAT NEEDS IT): install packages with apt-get unless one of the commands is there.
+define program
+	@for b in $(1); do command -v $$b >/dev/null 2>&1 && exit 0; done; \
 	as=; [ "$$(id -u)" = 0 ] || as="sudo -n"; \
 	if command -v apt-get >/dev/null 2>&1 && { [ -z "$$as" ] || $$as true 2>/dev/null; }; then \
-		echo "Installing chromium with apt-get"; \
+		echo "Installing $(2) with apt-get"; \
 		$$as apt-get -qq update && \
-		$$as env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends chromium >/dev/null; \
+		$$as env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $(2) >/dev/null; \
 	elif [ "$$CI" = true ]; then \
-		echo "The tests of the report need a browser: install chromium (sudo apt install chromium)." >&2; exit 1; \
+		echo "$(3) need it: sudo apt install $(2)" >&2; exit 1; \
 	else \
-		echo "chromium: none found, the browser tests will be skipped; to run them: sudo apt install chromium" >&2; \
+		echo "$(2): not found, $(3) will be skipped; to run them: sudo apt install $(2)" >&2; \
 	fi
+endef
 
-pytest: $(READY) chromium  ## the tests, the examples of the docstrings and of the README
+chromium:  ## the browser that the tests of the report need; installed here where that may be done
+	$(call program,chromium chromium-browser google-chrome google-chrome-stable,chromium,the tests of the report)
+
+compiler: chromium  ## the C compiler that the tests of FMUs need; after chromium, for one apt-get runs at a time
+	$(call program,gcc cc clang,gcc libc6-dev,the tests of FMUs)
+
+pytest: $(READY) compiler  ## the tests, the examples of the docstrings and of the README
 	@$(BIN)/python -m pytest $(TWO_AT_A_TIME)
 
 check: $(READY)  ## lint, format, types, direction of imports

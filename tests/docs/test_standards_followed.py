@@ -12,7 +12,8 @@ FOLLOWED = ROOT / "docs" / "standards-followed.md"
 OTHERS = ROOT / "docs" / "other-software.md"
 #: A standard by its number, without its edition.
 NUMBER = re.compile(
-    r"IEEE Std \d+|JCGM \d+|ILAC-G\d+|ISO(?:/IEC)? \d+(?:-\d+)?|SAE J\d+|ASTM [A-Z]\d+|TYDEX|FMI \d\.\d|(?:RFC|DIN|VDI|IEC) \d+"
+    r"IEEE Std \d+|JCGM \d+|ILAC-G\d+|ISO(?:/IEC)? \d+(?:-\d+)?|SAE J\d+|ASTM [A-Z]\d+|TYDEX|FMI \d\.\d|"
+    r"(?:RFC|DIN|VDI|IEC) \d+"
 )
 #: The same standard by another word: a docstring names its number instead.
 ALIAS = re.compile(r"\bGUM\b|\bGuide 98\b")
