@@ -25,7 +25,7 @@ from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.models.tyre_shell import RADIAL_PLY
 
 MACHINE = platform.machine()
-DRIVER = Path(__file__).with_name("drive_fmu.c")
+HERE = Path(__file__).parent
 both = pytest.mark.parametrize("version", [2, 3])
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="the folder of the binary has another name")
 
@@ -148,25 +148,26 @@ def test_the_source_compiles_without_a_warning(tmp_path, version, models):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-def driven(tmp_path, models, *flags):
+def driven(tmp_path, version, models, *flags):
     """The program that drives an FMU in C, compiled with its sources."""
-    folder = unpacked(made(tmp_path, 2, SETS[models]), tmp_path / "in") / "sources"
-    program = tmp_path / "drive"
-    command = [compiler(), "-std=c99", "-g", *flags, "-I.", "-o", program, DRIVER, *COMPILED[2], "-lm"]
+    folder = unpacked(made(tmp_path, version, SETS[models]), tmp_path / "in") / "sources"
+    program, driver = tmp_path / "drive", HERE / f"drive_fmi{version}.c"
+    command = [compiler(), "-std=c99", "-g", *flags, "-I.", "-o", program, driver, *COMPILED[version], "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     return program
 
 
+@both
 @pytest.mark.parametrize("models", SETS)
-def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, models):
-    program = driven(tmp_path, models, "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models):
+    program = driven(tmp_path, version, models, "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     done = subprocess.run([program], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "as it should be\n", "")
 
 
+@both
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
-def test_valgrind_finds_nothing(tmp_path):
-    program = driven(tmp_path, "many")
-    command = ["valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9", program]
+def test_valgrind_finds_nothing(tmp_path, version):
+    command = ["valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9", driven(tmp_path, version, "many")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "as it should be\n", "")

@@ -273,6 +273,20 @@ def test_a_state_that_was_saved_goes_on_as_before_also_in_another_instance(folde
 
 
 @both
+def test_a_state_of_the_other_kind_of_simulation_is_refused(folders, version):
+    with instance(folders[version], version) as one, instance(folders[version], version, stepped=False) as two:
+        one.start(1)
+        two.start(1)
+        state = one.it.getFMUState()
+        other = two.state_of(one.it.serializeFMUState(state))
+        with pytest.raises(FMICallException):
+            two.it.setFMUState(other)
+        assert two.said[-1].endswith("the state is of the other kind of simulation")
+        one.it.freeFMUState(state)
+        two.it.freeFMUState(other)
+
+
+@both
 def test_reset_is_a_fresh_start(folders, version):
     x, v = motion(1e-3, 40)
     with instance(folders[version], version) as one:

@@ -96,7 +96,7 @@ KINDS = {
     "lsdyna-springs": _material("springs.k", "lsdyna.write_springs", "of a model: LS-DYNA discrete springs"),
     "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
     "fmu": _vehicle("specimen.fmu", "fmu", "of a model or a map: FMU of FMI 2.0, with C source", "points"),
-    "fmu3": _vehicle("specimen.fmu", "fmu.write_fmi3", "the same of FMI 3.0", "points"),
+    "fmu3": _vehicle("specimen-fmi3.fmu", "fmu.write_fmi3", "the same of FMI 3.0", "points"),
     "table": _vehicle("lookup.csv", "lookup", "of a model or a map: CSV of K* over frequency and operating point"),
 }
 #: All kinds with their descriptions, for the help.

@@ -105,24 +105,24 @@ static void prepare(Model *model, double step) {
 }
 
 static double deflection(const Model *model) {
-    return model->values.inputs[CONTACT - CONTACT] - model->values.inputs[WHEEL - CONTACT];
+    return model->values.now.inputs[CONTACT - CONTACT] - model->values.now.inputs[WHEEL - CONTACT];
 }
 
 static double rate(const Model *model) {
-    return model->values.inputs[CONTACT_RATE - CONTACT] - model->values.inputs[WHEEL_RATE - CONTACT];
+    return model->values.now.inputs[CONTACT_RATE - CONTACT] - model->values.now.inputs[WHEEL_RATE - CONTACT];
 }
 
 /* Whether the deflection goes from x0 to x1 along a straight line with the rate that it has at its beginning. */
 static int straight(const Values *values, double x1) {
-    double far = values->step * values->v0;
-    double scale = size(values->x0) + size(x1) + size(values->inputs[0]) + size(values->inputs[2]);
-    return size(x1 - values->x0 - far) <= STRAIGHT * scale + OF_CLOCK * size(values->v0 * values->time);
+    double far = values->now.step * values->now.v0;
+    double scale = size(values->now.x0) + size(x1) + size(values->now.inputs[0]) + size(values->now.inputs[2]);
+    return size(x1 - values->now.x0 - far) <= STRAIGHT * scale + OF_CLOCK * size(values->now.v0 * values->now.time);
 }
 
 /* The straight line where the deflection follows it, else the cubic through both ends and both rates. */
 static Path path_to(const Values *values, double x1, double v1) {
     Path path;
-    double far = x1 - values->x0, first = values->step * values->v0, last = values->step * v1;
+    double far = x1 - values->now.x0, first = values->now.step * values->now.v0, last = values->now.step * v1;
     if (straight(values, x1)) {
         path.c1 = far;
         path.c2 = path.c3 = 0.0;
@@ -137,9 +137,9 @@ static Path path_to(const Values *values, double x1, double v1) {
 /* The deflection and its rate at the present time: those of the inputs, or where the last step was to end. */
 static void present(const Model *model, double *x, double *v) {
     const Values *values = &model->values;
-    int ahead = values->step > 0.0 && !values->updated;
-    *x = ahead ? values->x1 : deflection(model);
-    *v = ahead ? values->v1 : rate(model);
+    int ahead = values->now.step > 0.0 && !values->now.updated;
+    *x = ahead ? values->now.x1 : deflection(model);
+    *v = ahead ? values->now.v1 : rate(model);
 }
 
 /* The states at rest at a deflection. */
@@ -155,28 +155,28 @@ static void states_now(Model *model, double x, double v, double *states) {
     const Values *values = &model->values;
     int at, count = branches(model), all = count + pairs(model);
     Path path;
-    memset(states, 0, sizeof values->states);
+    memset(states, 0, sizeof values->now.states);
     if (values->mode & (INSTANTIATED | INITIALIZATION)) {
         at_rest(model, x, states);
         return;
     }
-    memcpy(states, values->states, sizeof values->states);
-    if (values->step == 0.0) {
+    memcpy(states, values->now.states, sizeof values->now.states);
+    if (values->now.step == 0.0) {
         return;
     }
-    prepare(model, values->step);
+    prepare(model, values->now.step);
     path = path_to(values, x, v);
     for (at = 0; at < all; at++) {
         const double *by = model->factors.factors[at];
         double moved_re = by[2] * path.c1 + by[4] * path.c2 + by[6] * path.c3;
         double moved_im = by[3] * path.c1 + by[5] * path.c2 + by[7] * path.c3;
         double *state = states + (at < count ? at : 2 * at - count);
-        double re = state[0] - values->x0;
+        double re = state[0] - values->now.x0;
         if (at < count) {
-            state[0] = values->x0 + by[0] * re + moved_re;
+            state[0] = values->now.x0 + by[0] * re + moved_re;
         } else {
             double im = state[1];
-            state[0] = values->x0 + by[0] * re - by[1] * im + moved_re;
+            state[0] = values->now.x0 + by[0] * re - by[1] * im + moved_re;
             state[1] = by[0] * im + by[1] * re + moved_im;
         }
     }
@@ -201,7 +201,7 @@ static double force_of(const Model *model, double x, double v, const double *sta
 static void rates_of(const Model *model, double x, const double *states, double *derivatives) {
     const double *each = parameters(model) + 2;
     int at, count = branches(model), twice = pairs(model);
-    memset(derivatives, 0, sizeof model->values.states);
+    memset(derivatives, 0, sizeof model->values.now.states);
     for (at = 0; at < count; at++, each += 2, states++) {
         *derivatives++ = (x - states[0]) / each[1];
     }
@@ -231,7 +231,7 @@ void model_initialise(Model *model, int next) {
     double x, v, states[ROOM(STATES)];
     present(model, &x, &v);
     states_now(model, x, v, states);
-    memcpy(model->values.states, states, sizeof states);
+    memcpy(model->values.now.states, states, sizeof states);
     model->values.mode = next;
 }
 
@@ -262,8 +262,8 @@ const char *model_set(Model *model, unsigned int reference, double value) {
         if (values->mode == TERMINATED) {
             return "cannot be set after the end of the simulation";
         }
-        values->inputs[reference - CONTACT] = value;
-        values->updated = 1;
+        values->now.inputs[reference - CONTACT] = value;
+        values->now.updated = 1;
         return 0;
     }
     if (reference != PRELOAD && reference < FIRST_PARAMETER) {
@@ -292,9 +292,9 @@ const char *model_get(Model *model, unsigned int reference, double *value) {
         return reference == POINT ? "is an integer" : "is no variable of this model";
     }
     if (reference == TIME) {
-        *value = values->time;
+        *value = values->now.time;
     } else if (reference <= WHEEL_RATE) {
-        *value = values->inputs[reference - CONTACT];
+        *value = values->now.inputs[reference - CONTACT];
     } else if (reference == PRELOAD) {
         *value = values->preload;
     } else if (reference >= FIRST_PARAMETER) {
@@ -322,17 +322,17 @@ const char *model_slope(Model *model, unsigned int reference, double value) {
     if (!model_number(value)) {
         return "cannot have a derivative that is not a finite number";
     }
-    model->values.slopes[reference - CONTACT] = value;
-    model->values.sloped |= 1 << (reference - CONTACT);
+    model->values.now.slopes[reference - CONTACT] = value;
+    model->values.now.sloped |= 1 << (reference - CONTACT);
     return 0;
 }
 
 /* How far an input displacement moves over a step, and how its velocity changes: by their derivatives where given. */
 static void moved(const Values *values, int at, double step, double *far, double *faster) {
-    *faster = step * values->slopes[at + 1];
-    *far = step * (values->inputs[at + 1] + 0.5 * *faster);
-    if (values->sloped & 1 << at) {
-        *far = step * values->slopes[at];
+    *faster = step * values->now.slopes[at + 1];
+    *far = step * (values->now.inputs[at + 1] + 0.5 * *faster);
+    if (values->now.sloped & 1 << at) {
+        *far = step * values->now.slopes[at];
     }
 }
 
@@ -340,39 +340,40 @@ static void moved(const Values *values, int at, double step, double *far, double
  * change over the step before, if that was not straight. */
 static void predict(Values *values, double x, double v, double acceleration, double step) {
     double contact = step * (v + 0.5 * step * acceleration), wheel = 0.0, faster = step * acceleration, slower = 0.0;
-    if (values->sloped) {
+    if (values->now.sloped) {
         moved(values, CONTACT - CONTACT, step, &contact, &faster);
         moved(values, WHEEL - CONTACT, step, &wheel, &slower);
     }
-    values->x1 = x + contact - wheel;
-    values->v1 = v + faster - slower;
+    values->now.x1 = x + contact - wheel;
+    values->now.v1 = v + faster - slower;
 }
 
 const char *model_step(Model *model, double time, double step) {
-    Values *values = &model->values, before = model->values;
+    Values *values = &model->values;
+    Motion before = values->now;
     double states[ROOM(STATES)], x = deflection(model), v = rate(model), acceleration, force;
     if (!model_number(time) || !model_number(step) || !(step > 0.0) || !model_number(time + step)) {
         return "the time of a step must be a finite number, and its duration a positive one";
     }
-    if (size(time - values->time) > OF_STEP * step + OF_TIME * size(time)) {
+    if (size(time - values->now.time) > OF_STEP * step + OF_TIME * size(time)) {
         return "the step does not begin where the last one ended";
     }
     if (values->bounded && time + step > values->stop + OF_STEP * step + OF_TIME * size(time)) {
         return "the step goes beyond the end of the experiment";
     }
     states_now(model, x, v, states);
-    acceleration = values->step > 0.0 && !straight(values, x) ? (v - values->v0) / values->step : 0.0;
+    acceleration = values->now.step > 0.0 && !straight(values, x) ? (v - values->now.v0) / values->now.step : 0.0;
     predict(values, x, v, acceleration, step);
-    memcpy(values->states, states, sizeof states);
-    values->x0 = x;
-    values->v0 = v;
-    values->step = step;
-    values->updated = values->sloped = 0;
-    memset(values->slopes, 0, sizeof values->slopes);
-    values->time = time + step;
+    memcpy(values->now.states, states, sizeof states);
+    values->now.x0 = x;
+    values->now.v0 = v;
+    values->now.step = step;
+    values->now.updated = values->now.sloped = 0;
+    memset(values->now.slopes, 0, sizeof values->now.slopes);
+    values->now.time = time + step;
     model_get(model, FORCE, &force);
     if (!model_number(force)) {
-        *values = before;
+        values->now = before;
         return "the force is not a finite number: the inputs are too large";
     }
     return 0;
@@ -416,19 +417,19 @@ const char *model_restore(Model *model, const Values *saved) {
     int at;
     int known = saved->mode == INSTANTIATED || saved->mode == INITIALIZATION || saved->mode == EVENTS ||
                 saved->mode == CONTINUOUS || saved->mode == STEPPING || saved->mode == TERMINATED;
-    double sum = saved->time + saved->stop + saved->preload + saved->step + saved->x0 + saved->v0 + saved->x1 +
-                 saved->v1;
+    const Motion *now = &saved->now;
+    double sum = saved->stop + saved->preload + now->time + now->step + now->x0 + now->v0 + now->x1 + now->v1;
     for (at = 0; at < 4; at++) {
-        sum += saved->inputs[at] + saved->slopes[at];
+        sum += now->inputs[at] + now->slopes[at];
     }
     for (at = 0; at < STATES; at++) {
-        sum += saved->states[at];
+        sum += now->states[at];
     }
     for (at = 0; at < PARAMETERS; at++) {
         known = known && saved->parameters[at] >= model_least[at];
         sum += saved->parameters[at];
     }
-    if (!known || !model_number(sum) || !(saved->step >= 0.0) || saved->point < 1 || saved->point > POINTS) {
+    if (!known || !model_number(sum) || !(now->step >= 0.0) || saved->point < 1 || saved->point > POINTS) {
         return "the saved state is not one of this model";
     }
     model->values = *saved;

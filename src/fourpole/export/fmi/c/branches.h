@@ -41,22 +41,27 @@ extern const int model_branches[POINTS], model_pairs[POINTS], model_first[POINTS
 extern const double model_defaults[ROOM(PARAMETERS)], model_least[ROOM(PARAMETERS)];
 extern const char *const model_names[VARIABLES];
 
-/* All that a saved state holds. */
+/* What a step changes. */
 typedef struct {
     double time;                     /* [s] */
-    double stop;                     /* end of the experiment [s] */
     double inputs[4];                /* displacement [m] and velocity [m/s] of contact and wheel */
     double slopes[4];                /* their time derivatives over the next step, where given */
-    double preload;                  /* [N] */
-    double parameters[ROOM(PARAMETERS)];
     double states[ROOM(STATES)];     /* at the beginning of the last step; with step = 0, at `time` */
     double step;                     /* duration of the last step [s] */
     double x0, v0;                   /* deflection [m] and its rate [m/s] at the beginning of the last step */
     double x1, v1;                   /* the same at its end, as far as the inputs were known before it */
-    int point;                       /* operating point, from 1 */
-    int mode;                        /* what the importer may call; see below */
     int sloped;                      /* which slopes were given, as bits */
     int updated;                     /* whether an input was set since the last step */
+} Motion;
+
+/* All that a saved state holds. */
+typedef struct {
+    Motion now;
+    double stop;                     /* end of the experiment [s] */
+    double preload;                  /* [N] */
+    double parameters[ROOM(PARAMETERS)];
+    int point;                       /* operating point, from 1 */
+    int mode;                        /* what the importer may call; see below */
     int bounded;                     /* whether the experiment has an end */
 } Values;
 

@@ -296,7 +296,7 @@ fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Rea
     if (kind != fmi2LastSuccessfulTime || !value) {
         return fmi2Discard;
     }
-    *value = ((Instance *)c)->model.values.time;
+    *value = ((Instance *)c)->model.values.now.time;
     return fmi2OK;
 }
 

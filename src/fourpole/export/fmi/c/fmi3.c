@@ -481,7 +481,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step, fmi3Bo
     model = &((Instance *)c)->model;
     right = instance_said(c, __func__, model_step(model, time, step));
     *event = *end = *early = fmi3False;
-    *reached = model->values.time;
+    *reached = model->values.now.time;
     return STATUS(right);
 }
 

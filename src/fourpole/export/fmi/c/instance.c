@@ -89,7 +89,7 @@ int instance_start(Instance *instance, const char *function, double start, int b
     if (!model_number(start) || (bounded && !(model_number(stop) && stop > start))) {
         return instance_said(instance, function, "start and stop must be finite numbers, and the stop later");
     }
-    values->time = start;
+    values->now.time = start;
     values->bounded = bounded;
     values->stop = bounded ? stop : 0.0;
     return 1;
@@ -123,7 +123,7 @@ int instance_time(Instance *instance, const char *function, double time) {
     if (!model_number(time)) {
         return instance_said(instance, function, "the time is not a finite number");
     }
-    instance->model.values.time = time;
+    instance->model.values.now.time = time;
     return 1;
 }
 
@@ -142,7 +142,7 @@ int instance_set_states(Instance *instance, const char *function, const double *
             return instance_said(instance, function, "a state is not a finite number");
         }
     }
-    memcpy(instance->model.values.states, states, count * sizeof *states);
+    memcpy(instance->model.values.now.states, states, count * sizeof *states);
     return 1;
 }
 
@@ -203,8 +203,15 @@ static int is_own(Instance *instance, const char *function, const Saved *saved) 
 }
 
 int instance_restore(Instance *instance, const char *function, const void *saved) {
-    return is_own(instance, function, saved) &&
-           instance_said(instance, function, model_restore(&instance->model, &((const Saved *)saved)->values));
+    const Values *values;
+    if (!is_own(instance, function, saved)) {
+        return 0;
+    }
+    values = &((const Saved *)saved)->values;
+    if (values->mode & (instance->stepped ? EVENTS | CONTINUOUS : STEPPING)) {
+        return instance_said(instance, function, "the state is of the other kind of simulation");
+    }
+    return instance_said(instance, function, model_restore(&instance->model, values));
 }
 
 int instance_serialise(Instance *instance, const char *function, const void *saved, void *bytes, size_t size) {
