@@ -11,7 +11,7 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 
 #: Samples of a block, and number of steps that are taken one by one.
-_BLOCK, _FEW = 24, 48
+_BLOCK, _FEW = 12, 48
 
 
 def outputs_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, inputs: FloatArray) -> FloatArray:
@@ -25,18 +25,21 @@ def outputs_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, input
     """
     count, m = inputs.shape
     blocks = -(-count // _BLOCK)
-    padded = np.zeros((blocks * _BLOCK, m))
-    padded[:count] = inputs
-    u = padded.reshape(blocks, _BLOCK * m)
+    # A row has the states at the start of a block, and the inputs of the block: filled in place, as memory takes time.
+    rows = np.empty((blocks, len(a) + _BLOCK * m))
+    u, whole = rows[:, len(a) :], count // _BLOCK
+    u[:whole] = inputs[: whole * _BLOCK].reshape(whole, _BLOCK * m)
+    u[whole:] = 0.0
+    u[whole:, : (count - whole * _BLOCK) * m] = inputs[whole * _BLOCK :].reshape(1, -1)
     pushed, seen = [b], [c]
     for _ in range(_BLOCK - 1):
         pushed.append(a @ pushed[-1])
         seen.append(seen[-1] @ a)
-    starts = states_of(np.linalg.matrix_power(a, _BLOCK), u @ np.concatenate(pushed[::-1], axis=1).T)
+    rows[:, : len(a)] = states_of(np.linalg.matrix_power(a, _BLOCK), u @ np.concatenate(pushed[::-1], axis=1).T)
     by_start = np.stack(seen).transpose(1, 2, 0)
     responses = np.stack([d, *(c @ one for one in pushed[:-1])])
     both = np.concatenate([by_start, _toeplitz(responses)], axis=1)
-    return np.matmul(np.hstack([starts, u]), both).reshape(len(c), -1)[:, :count]
+    return np.matmul(rows, both).reshape(len(c), -1)[:, :count]
 
 
 def states_of(a: FloatArray, drives: FloatArray) -> FloatArray:

@@ -21,6 +21,8 @@ KEY, TITLE = "ride", "Ride"
 _MOST, _POINTS, _DECADES = 6, 5000, 1e-3
 #: Length of a ride that is shown whole, and of the part that is shown of a longer one [s].
 _WHOLE, _PART = 6.0, 3.0
+#: Share of the largest weighted acceleration until which a short ride is shown.
+_LEFT = 0.005
 _FREQUENCY = AxisData("frequency", "Hz", log=True)
 _TIME = AxisData("time", "s")
 
@@ -29,9 +31,8 @@ def ride_figure(found: Compared, labels: Sequence[str], notes: Sequence[str] = (
     """The rides as data: of spectra where the road has one, otherwise over time."""
     shown = list(range(min(len(labels), _MOST)))
     left_out = [f"{len(shown)} of {len(labels)} tyres shown"] if len(shown) < len(labels) else []
-    part = slice(None) if found.spectra else _shown_part(found)
-    if part != slice(None):
-        left_out.append(f"the {_PART:g} s about the largest weighted acceleration of the first tyre")
+    part, said = (slice(None), "") if found.spectra else _shown_part(found)
+    left_out += filter(None, [said])
     panels = _spectra(found, shown) if found.spectra else _series(found, shown, part)
     return FigureData(
         panels=panels, columns=1 if found.series else 2, names=tuple(labels), keyed=tuple(shown),
@@ -57,15 +58,20 @@ def _spectra(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
     return tuple(Panel(_FREQUENCY, ordinate, tuple(series), title=name) for name, series in names)
 
 
-def _shown_part(found: Compared) -> slice:
-    """The samples to show: all of a short ride, otherwise those about the largest weighted acceleration."""
+def _shown_part(found: Compared) -> tuple[slice, str]:
+    """The samples to show, and what is said of those left out.
+
+    Of a short ride all until hardly any acceleration is left; of a longer one those about the largest acceleration.
+    """
     one = found.series[0]
     count, wanted = one.weighted.size, round(_PART / one.step)
     if count * one.step <= _WHOLE:
-        return slice(None)
+        moves = np.max([np.abs(each.weighted) for each in found.series], axis=0)
+        end = 1 + int(np.flatnonzero(moves >= _LEFT * moves.max())[-1])
+        return slice(0, end), f"until {100 * _LEFT:g} % of the largest is left" if end < count else ""
     first = int(np.argmax(np.abs(one.weighted))) - wanted // 2
     first = min(max(first, 0), count - wanted)
-    return slice(first, first + wanted)
+    return slice(first, first + wanted), f"the {_PART:g} s about the largest weighted acceleration of the first tyre"
 
 
 def _series(found: Compared, shown: Sequence[int], part: slice) -> tuple[Panel, ...]:

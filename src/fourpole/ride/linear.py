@@ -55,15 +55,15 @@ def driven(system: LinearSystem, inputs: FloatArray, step: float) -> FloatArray:
     >>> driven(lag, np.array([[0.0, 1.0, 2.0]]), 1.0).round(6)
     array([[0.      , 0.367879, 1.135335]])
     """
-    first = inputs[:, :1]
-    steady = np.zeros((len(system.c), 1))
+    first, steady, moves = inputs[:, :1], np.zeros((len(system.c), 1)), inputs
     if np.any(first):
         steady = (system.d - system.c @ np.linalg.solve(system.a, system.b)) @ first
+        moves = inputs - first
     transition, hold, slope = step_matrices(system, step)
     # The states less slope · u follow from earlier inputs alone.
     push = transition @ slope + hold - slope
     direct = system.d + system.c @ slope
-    outputs = outputs_of(transition, push, system.c, direct, (inputs - first).T)
+    outputs = outputs_of(transition, push, system.c, direct, moves.T)
     if np.any(steady):
         outputs += steady
     if np.any(system.f):
