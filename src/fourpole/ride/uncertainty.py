@@ -29,7 +29,7 @@ class Tyre(ByValue):
         with the same source have the same errors.
     discrepancy : (float, float) [1]
         Relative standard uncertainties of K* that the parameters do not have, in modulus and in phase: errors that are
-        the same at all frequencies, which is the worst that they can be.
+        the same at all frequencies.
     name : str
         The tyre and its operating point in words.
     origin : str
