@@ -69,6 +69,16 @@ def test_states_are_real_branches_first_then_pairs():
     assert not np.any(a[count:, count:][blocks == 0])
 
 
+def test_modes_far_above_the_band_do_not_take_digits():
+    nearly_massless = [0.28, 0.11, 1e7, 10.0, 1e5, 5.4e6, 0.001, 0.005, 0.06, 0.8]
+    band = (10.0, 24.0)
+    omega = 2 * np.pi * np.geomspace(*band, 31)
+    found, wanted = realised(Shell(), nearly_massless, band), Shell().stiffness(nearly_massless, omega)
+    assert np.max(np.abs(found.space.stiffness(omega) / wanted - 1)) < 1e-9
+    assert found.damper == 0.0
+    assert np.all(np.diff(found.times) < 0)
+
+
 @pytest.mark.parametrize("name", ["structural", "kraus", "gehman:1"])
 def test_a_model_that_is_not_causal_is_refused_with_the_remedy(name):
     model = model_named(name)

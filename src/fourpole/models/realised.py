@@ -16,6 +16,8 @@ from fourpole.models.interface import Arms, Model, StateSpace
 ACCURACIES = (1e-6, 1e-5, 1e-4, 1e-3)
 #: Largest relative error of K* that the change to separate states may add.
 _MOST_LOST = 1e-6
+#: Branches that relax in less than this over the highest angular frequency are merged into two.
+_FAST = 1e-5
 #: Frequencies at which that error is evaluated.
 _POINTS = 200
 
@@ -184,7 +186,28 @@ def _separate(space: StateSpace, name: str, band: tuple[float, float]) -> Realis
     if not len(space.a):
         return found
     omega = 2 * np.pi * np.geomspace(*band, _POINTS)
+    found = _merged(found, _FAST / omega[-1])
     error = float(np.max(np.abs(found.space.stiffness(omega) / space.stiffness(omega) - 1)))
     if not error <= _MOST_LOST:
         raise ModelError(f"the states of the {name} model cannot be separated: K* would be wrong by {error:.2g}")
     return replace(found, error=error)
+
+
+def _merged(found: Realised, least: float) -> Realised:
+    """The damper and all branches with a relaxation time below `least` [s] as two branches.
+
+    Modes that are far faster than the band come as branches whose huge stiffnesses cancel, which takes digits. Below
+    their frequencies they are a damper and a mass, and so are the two branches: first and second moment are the same.
+    """
+    fast = found.times < least
+    if not fast.any():
+        return found
+    springs, times = found.springs[fast], found.times[fast]
+    moments = [found.damper + np.sum(springs * times), np.sum(springs * times**2)]
+    two = least * np.array([1.0, 0.5])
+    return replace(
+        found,
+        damper=0.0,
+        springs=np.append(found.springs[~fast], np.linalg.solve([two, two**2], moments)),
+        times=np.append(found.times[~fast], two),
+    )
