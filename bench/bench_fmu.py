@@ -65,7 +65,7 @@ def driver(folder: Path) -> ctypes.CDLL:
 
 
 def drive(loop: ctypes.CDLL, one: Unpacked, motion: np.ndarray) -> tuple[float, np.ndarray]:
-    """Time of a step [s], and the force after each."""
+    """CPU time of a step [s], and the force after each."""
     forces, count = np.empty(len(motion)), len(motion)
     at = ctypes.POINTER(ctypes.c_double)
     took = loop.drive(
@@ -99,7 +99,7 @@ def main() -> None:
         times = np.array([(drive(loop, ours, motion)[0], drive(loop, theirs, same)[0]) for _ in range(ROUNDS)])
     own, peer = median(times[:, 0].tolist()), median(times[:, 1].tolist())
     found = median((times[:, 1] / times[:, 0]).tolist())
-    detail = f"{own * 1e9:.0f} ns against {peer * 1e9:.0f} ns a step; results differ by {apart}"
+    detail = f"{own * 1e9:.0f} ns against {peer * 1e9:.0f} ns of CPU time a step; results differ by {apart}"
     report([at_least("FMU, a step from C, three branches", "pythonfmu", found, PROMISED, detail)])
 
 

@@ -139,6 +139,7 @@ def test_an_fmu_is_of_a_model(files, tmp_path):
 SETS = {"many": MODELS, "spring": {"spring": [2e5]}, "shell": {"shell": list(RADIAL_PLY), "zener": MODELS["zener"]}}
 
 
+@pytest.mark.thorough
 @both
 @pytest.mark.parametrize("models", SETS)
 def test_the_source_compiles_without_a_warning(tmp_path, version, models):
@@ -157,6 +158,7 @@ def driven(tmp_path, version, models, *flags):
     return program
 
 
+@pytest.mark.thorough
 @both
 @pytest.mark.parametrize("models", SETS)
 def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models):
@@ -165,6 +167,7 @@ def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models):
     assert (done.returncode, done.stdout, done.stderr) == (0, "as it should be\n", "")
 
 
+@pytest.mark.thorough
 @both
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_valgrind_finds_nothing(tmp_path, version):

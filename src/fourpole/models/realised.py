@@ -131,7 +131,7 @@ def realised(model: Model, values: ArrayLike, band: tuple[float, float]) -> Real
     if not model.causal:
         raise ModelError(
             f"the {model.name} model is not causal: its force would precede its deflection; "
-            "fit one that is, as with fourpole fit --model prony"
+            "take one that is, as with fourpole fit --model prony or fourpole map --model maxwell:2"
         )
     try:
         return _of_arms(model.prony(checked))
