@@ -7,8 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* After initialization, in one of the two kinds of simulation, and at any time. */
-enum { EXCHANGING = EVENTS | CONTINUOUS, RUNNING = EXCHANGING | STEPPING, STARTING = INSTANTIATED | INITIALIZATION,
+/* After initialization, in one of the two kinds of simulation; where states have values; at any time. */
+enum { EXCHANGING = EVENTS | CONTINUOUS, RUNNING = EXCHANGING | STEPPING,
+       EVALUATED = INITIALIZATION | EXCHANGING | TERMINATED, STARTING = INSTANTIATED | INITIALIZATION,
        ANY = STARTING | RUNNING | TERMINATED };
 
 #define STATUS(right) ((right) ? fmi2OK : fmi2Error)
@@ -232,20 +233,20 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real states[], siz
 }
 
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t count) {
-    return STATUS(MAY(EXCHANGING) && instance_states(c, __func__, derivatives, count, THE_DERIVATIVES));
+    return STATUS(MAY(EVALUATED) && instance_states(c, __func__, derivatives, count, THE_DERIVATIVES));
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t count) {
     (void)indicators;
-    return STATUS(MAY(EXCHANGING) && instance_said(c, __func__, count ? "this model has no event indicators" : 0));
+    return STATUS(MAY(EVALUATED) && instance_said(c, __func__, count ? "this model has no event indicators" : 0));
 }
 
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real states[], size_t count) {
-    return STATUS(MAY(EXCHANGING) && instance_states(c, __func__, states, count, THE_STATES));
+    return STATUS(MAY(EVALUATED) && instance_states(c, __func__, states, count, THE_STATES));
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t count) {
-    return STATUS(MAY(EXCHANGING) && instance_states(c, __func__, nominals, count, THE_NOMINALS));
+    return STATUS(MAY(EVALUATED) && instance_states(c, __func__, nominals, count, THE_NOMINALS));
 }
 
 /* Co-simulation. */

@@ -7,8 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* After initialization, in one of the two kinds of simulation, and at any time. */
-enum { EXCHANGING = EVENTS | CONTINUOUS, RUNNING = EXCHANGING | STEPPING, STARTING = INSTANTIATED | INITIALIZATION,
+/* After initialization, in one of the two kinds of simulation; where states have values; at any time. */
+enum { EXCHANGING = EVENTS | CONTINUOUS, RUNNING = EXCHANGING | STEPPING,
+       EVALUATED = INITIALIZATION | EXCHANGING | TERMINATED, STARTING = INSTANTIATED | INITIALIZATION,
        ANY = STARTING | RUNNING | TERMINATED };
 
 #define STATUS(right) ((right) ? fmi3OK : fmi3Error)
@@ -422,7 +423,7 @@ fmi3Status fmi3SetContinuousStates(fmi3Instance c, const fmi3Float64 states[], s
 }
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance c, fmi3Float64 derivatives[], size_t count) {
-    return STATUS(MAY(INITIALIZATION | EXCHANGING) &&
+    return STATUS(MAY(EVALUATED) &&
                   instance_states(c, __func__, derivatives, count, THE_DERIVATIVES));
 }
 
@@ -432,11 +433,11 @@ fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 indicators[], size
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance c, fmi3Float64 states[], size_t count) {
-    return STATUS(MAY(INITIALIZATION | EXCHANGING) && instance_states(c, __func__, states, count, THE_STATES));
+    return STATUS(MAY(EVALUATED) && instance_states(c, __func__, states, count, THE_STATES));
 }
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominals[], size_t count) {
-    return STATUS(MAY(INITIALIZATION | EXCHANGING) && instance_states(c, __func__, nominals, count, THE_NOMINALS));
+    return STATUS(MAY(EVALUATED) && instance_states(c, __func__, nominals, count, THE_NOMINALS));
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *count) {
