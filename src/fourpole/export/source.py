@@ -39,6 +39,8 @@ _KEYWORDS = frozenset((
 ))
 # fmt: on
 _LISTED = 8
+#: Most characters of a name, without a number behind it.
+_LONGEST_NAME = 50
 
 
 class Condition(NamedTuple):
@@ -222,14 +224,25 @@ def field_names(columns: Iterable[str], taken: Collection[str] = ()) -> dict[str
     ['u_Re_K', 'corr_K2_C', 'phase_F1_V1', 'x2_5', 'x_end']
     """
     columns = list(columns)
-    return dict(zip(columns, distinct(map(_field_name, columns), "_", taken=taken), strict=True))
+    names = identifiers([column_unit(column)[0] for column in columns], _KEYWORDS, taken=taken, otherwise="column")
+    return dict(zip(columns, names, strict=True))
 
 
-def _field_name(column: str) -> str:
-    plain = unicodedata.normalize("NFKD", column_unit(column)[0]).encode("ascii", "ignore").decode()
-    name = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:50] or "column"
-    if name in _KEYWORDS:
-        return f"x_{name}"
+def identifiers(
+    texts: Iterable[str], reserved: Collection[str], *, taken: Collection[str] = (), otherwise: str = "x"
+) -> list[str]:
+    """A different name of ASCII letters, digits and underscores for each text.
+
+    None is one of the `reserved` words of a language, or in `taken`; `otherwise` names a text that has no such sign.
+    """
+    plain = (_identifier(text, otherwise) for text in texts)
+    return list(distinct((f"x_{one}" if one in reserved else one for one in plain), "_", taken=taken))
+
+
+def _identifier(text: str, otherwise: str) -> str:
+    """The text in letters, digits and underscores, beginning with a letter."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    name = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:_LONGEST_NAME] or otherwise
     return name if name[0].isalpha() else f"x{name}"
 
 

@@ -1,0 +1,106 @@
+"""Modelica source: a package with a block for each model, from deflection and its rate to force.
+
+The blocks use the language alone, not the Modelica Standard Library. Their connectors fit its inputs and outputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.export.source import identifiers
+from fourpole.export.systems import System, systems_of
+from fourpole.fitting.modelfile import ModelFile
+from fourpole.io.write import write_text
+
+#: Keywords of Modelica, names of its functions that the blocks use, and names of the package.
+# fmt: off
+_RESERVED = frozenset((
+    "algorithm", "and", "annotation", "assert", "block", "break", "class", "connect", "connector", "constant",
+    "constrainedby", "der", "discrete", "each", "else", "elseif", "elsewhen", "encapsulated", "end", "enumeration",
+    "equation", "expandable", "extends", "external", "false", "final", "flow", "for", "function", "if", "import",
+    "impure", "in", "initial", "inner", "input", "loop", "model", "not", "operator", "or", "outer", "output", "package",
+    "parameter", "partial", "protected", "public", "pure", "record", "redeclare", "replaceable", "return", "stream",
+    "then", "true", "type", "when", "while", "within", "Real", "Integer", "Boolean", "String", "time", "fill", "zeros",
+    "RealInput", "RealOutput", "Modelica",
+))
+# fmt: on
+#: Numbers in one line of an array.
+_IN_LINE = 4
+
+
+def write(
+    source: ModelFile, path: Path, points: Sequence[Mapping[str, float]] = (), specimen: str | None = None
+) -> tuple[str, ...]:
+    """Write the package, whose name is that of the file; returns notes."""
+    systems, notes = systems_of(source, path.name, points, specimen, reserved=_RESERVED)
+    (package,) = identifiers([path.stem], {*_RESERVED, *(one.name for one in systems)})
+    lines = [
+        "within ;",
+        f"package {package}",
+        f"  {_string(f'Force over deflection of models of {systems[0].source}')}",
+        "  connector RealInput = input Real;",
+        "  connector RealOutput = output Real;",
+    ]
+    for one in systems:
+        lines += ["", *(f"  {line}" for line in _block(one))]
+    write_text(path, "\n".join([*lines, f"end {package};"]) + "\n")
+    return notes
+
+
+def _block(system: System) -> Iterator[str]:
+    """A spring and a damper parallel to branches and to pairs of branches; see `Realised`."""
+    one = system.realised
+    yield f"block {system.name}"
+    yield f"  {_string(system.about)}"
+    yield '  RealInput x(unit="m") "Deflection, positive in compression";'
+    yield '  RealInput v(unit="m/s") "Rate of the deflection, der(x)";'
+    yield '  RealOutput F(unit="N") "Force, positive in compression";'
+    yield f'  parameter Real K0(unit="N/m")={one.rest!r} "Stiffness at zero frequency";'
+    yield f'  parameter Real C(unit="N.s/m")={one.damper!r} "Damper";'
+    yield from _parameter("k", "N/m", one.springs, "Stiffness of each branch")
+    yield from _parameter("tau", "s", one.times, "Relaxation time of each branch")
+    yield from _parameter("kr", "N/m", one.pair_springs.real, "Stiffness of each pair, real part")
+    yield from _parameter("ki", "N/m", one.pair_springs.imag, "Stiffness of each pair, imaginary part")
+    yield from _parameter("lr", "1/s", one.pair_rates.real, "Decay of each pair")
+    yield from _parameter("li", "1/s", one.pair_rates.imag, "Angular frequency of each pair")
+    count, pairs = one.springs.size, one.pair_springs.size
+    states = [("z", count, "Branches")] * bool(count)
+    states += [("zr", pairs, "Pairs, real part"), ("zi", pairs, "Pairs, imaginary part")] * bool(pairs)
+    for name, size, what in states:
+        yield f'  Real {name}[{size}](each unit="m") "{what}";'
+    if states:
+        yield "initial equation"
+        yield from (f"  der({name}) = zeros({size});" for name, size, _ in states)
+    yield "equation"
+    force = "K0*x + C*v"
+    if count:
+        yield f"  der(z) = (fill(x, {count}) - z)./tau;"
+        force += f" + k*(fill(x, {count}) - z)"
+    if pairs:
+        yield f"  der(zr) = lr.*(fill(x, {pairs}) - zr) + li.*zi;"
+        yield f"  der(zi) = li.*(fill(x, {pairs}) - zr) - lr.*zi;"
+        force += f" + kr*(fill(x, {pairs}) - zr) + ki*zi"
+    yield f"  F = {force};"
+    yield f"end {system.name};"
+
+
+def _parameter(name: str, unit: str, values: FloatArray, what: str) -> Iterator[str]:
+    """A parameter that is an array, unless it is empty."""
+    numbers = [repr(float(one)) for one in np.asarray(values)]
+    if not numbers:
+        return
+    lines = [", ".join(numbers[at : at + _IN_LINE]) for at in range(0, len(numbers), _IN_LINE)]
+    yield f'  parameter Real {name}[{len(numbers)}](each unit="{unit}")={{'
+    yield from (f"    {line}," for line in lines[:-1])
+    yield f'    {lines[-1]}}} "{what}";'
+
+
+def _string(text: str) -> str:
+    """A text as a string of Modelica in one line."""
+    plain = "".join(sign if sign.isprintable() else "?" for sign in " ".join(text.split()))
+    escaped = plain.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
