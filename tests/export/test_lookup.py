@@ -122,7 +122,7 @@ def test_k_star_of_a_model_that_depends_on_the_amplitude_is_over_amplitude_too(t
 
 
 def test_another_specimen_and_a_use_for_nothing_are_said(files, tmp_path):
-    with pytest.raises(ModelError, match=r"a\.csv: is of 'tyre', not of 'tire'"):
+    with pytest.raises(ModelError, match=r"the model file: is of 'tyre', not of 'tire'"):
         export_results(files / "map.json", "table", tmp_path / "a.csv", specimen="tire")
     with pytest.raises(CampaignError, match="table has no use for a frequency: leave out --frequency"):
         export_results(files / "map.json", "table", tmp_path / "a.csv", frequency=20.0)

@@ -26,7 +26,6 @@ from fourpole.app.options import (
     RunOptions,
     ShapeOptions,
     Wanted,
-    operating_point,
 )
 from fourpole.export.kinds import ABOUT
 from fourpole.version import VERSION
@@ -342,6 +341,7 @@ def export(
     and look-up tables, of maps too.
     """
     from fourpole.export import export_results
+    from fourpole.fitting.placed import operating_point
 
     exported = export_results(
         folder,

@@ -403,29 +403,3 @@ class PointOptions:
         "--frequency", "frequency", 'For tir: frequency of its stiffness and damping, as "20 Hz".', "positive"
     )
     radius: float | None = _amount("--radius", "displacement", 'For tir: unloaded radius, as "316 mm".', "positive")
-
-
-def operating_point(text: str) -> dict[str, float]:
-    """An operating point of the option ``--at``, by column: "pressure=1.7 bar, preload=1000 N"."""
-    from fourpole.core.condition import AXES
-    from fourpole.units import shown
-
-    kinds = zip(AXES, ("pressure", "force", "temperature"), strict=True)
-    axes = {axis.name: (axis.column, kind) for axis, kind in kinds}
-    found = {}
-    for part in text.split(","):
-        name, mark, value = (one.strip() for one in part.partition("="))
-        if not mark or not name:
-            raise UnitError(f"--at: {shown(text)} is no operating point, as in 'pressure=1.7 bar, preload=3 kN'")
-        if name in axes:
-            column, kind = axes[name]
-            found[column] = option(value, kind, f"--at {name}")
-            continue
-        try:
-            found[name] = float(value)
-        except ValueError:
-            raise UnitError(
-                f"--at: {shown(part.strip())}: an axis is {', '.join(axes)} with a unit, or a column and a number, as "
-                "'camber [deg]=2'"
-            ) from None
-    return found

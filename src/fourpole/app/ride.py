@@ -12,12 +12,13 @@ import polars as pl
 
 from fourpole import units
 from fourpole.app.console import option, out, print_json, print_table, progress, say, warn
-from fourpole.app.options import RideOptions, operating_point
+from fourpole.app.options import RideOptions
 from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import UnitError
+from fourpole.fitting.placed import operating_point
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
 from fourpole.io.folders import model_in
 from fourpole.io.staging import staged

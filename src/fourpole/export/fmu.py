@@ -16,7 +16,7 @@ from fourpole.export.fmi.compiler import NoBinaryError, binary_place, compiled
 from fourpole.export.fmi.csource import common_source, model_source
 from fourpole.export.fmi.description import Model, build_description, model_description
 from fourpole.export.fmi.variables import Point
-from fourpole.export.source import ascii_line
+from fourpole.export.source import MODEL_FILE, ascii_line
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel, placed_models
 from fourpole.io.write import write_bytes
@@ -41,7 +41,7 @@ def write_fmi3(source: ModelFile, path: Path, points: Points = (), specimen: str
 
 
 def _write(source: ModelFile, path: Path, points: Points, specimen: str | None, version: int) -> tuple[str, ...]:
-    placed = placed_models(source, path.name, points, specimen=specimen)
+    placed = placed_models(source, MODEL_FILE, points, specimen=specimen)
     if len(placed) > _MOST:
         raise ModelError(f"{len(placed)} operating points are more than {_MOST} of an FMU: state --at, or --tyre")
     found = [Point(_plain(one.label), realised(one.model, one.values, one.band)) for one in placed]

@@ -102,6 +102,9 @@ KINDS = {
         "statespace.mat", "statespace.write_matlab", "of a model: matrices A, B, C, D for MATLAB", "points"
     ),
     "modelica": _vehicle("FourpoleModels.mo", "modelica", "of a model: Modelica source", "points"),
+    "tir": _vehicle(
+        "specimen.tir", "tir", "of a model or a map: vertical block of a .tir file", "points", "frequency", "radius"
+    ),
     "table": _vehicle("lookup.csv", "lookup", "of a model or a map: CSV of K* over frequency and operating point"),
 }
 #: All kinds with their descriptions, for the help.

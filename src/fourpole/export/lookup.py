@@ -17,6 +17,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AMPLITUDE
+from fourpole.export.source import MODEL_FILE
 from fourpole.fitting.amplitudequery import answer_at, depends_on_amplitude, levels_of_map
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import conditions_of, placed_at, specimens
@@ -36,7 +37,7 @@ ERROR = "interpolation error [1]"
 
 def write(source: ModelFile, path: Path, specimen: str | None = None) -> tuple[str, ...]:
     """Write a row per operating point and frequency; returns notes on the error of interpolation and on blank rows."""
-    sheets = [one for name in specimens(source, path.name, specimen) for one in _sheets(source, path.name, name)]
+    sheets = [one for name in specimens(source, MODEL_FILE, specimen) for one in _sheets(source, MODEL_FILE, name)]
     table = pl.concat([one.rows() for one in sheets], how="diagonal_relaxed")
     write_table(path.with_suffix(path.suffix or ".csv"), table)
     return (*_notes(table), *dict.fromkeys(remark for one in sheets for remark in one.remarks))

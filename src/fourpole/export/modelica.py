@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.export.source import identifiers
+from fourpole.export.source import MODEL_FILE, identifiers
 from fourpole.export.systems import System, systems_of
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.io.write import write_text
@@ -36,7 +36,7 @@ def write(
     source: ModelFile, path: Path, points: Sequence[Mapping[str, float]] = (), specimen: str | None = None
 ) -> tuple[str, ...]:
     """Write the package, whose name is that of the file; returns notes."""
-    systems, notes = systems_of(source, path.name, points, specimen, reserved=_RESERVED)
+    systems, notes = systems_of(source, MODEL_FILE, points, specimen, reserved=_RESERVED)
     (package,) = identifiers([path.stem], {*_RESERVED, *(one.name for one in systems)})
     lines = [
         "within ;",

@@ -31,6 +31,8 @@ SIGNS = (
     "SI units; e^{+jwt}; amplitudes 0 to peak; V1 and V2 positive from the contact towards the foundation, F1 as it "
     "pushes that way; load positive in compression; u(x) is the standard uncertainty of x"
 )
+#: What messages call the source of an export of models.
+MODEL_FILE = "the model file"
 _NUMBER = re.compile(r"-?(0|[1-9]\d{0,14})(\.\d{1,15})?([eE][+-]?\d{1,2})?")
 # fmt: off
 _KEYWORDS = frozenset((

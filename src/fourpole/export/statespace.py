@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.export.matlab import with_head
-from fourpole.export.source import field_names
+from fourpole.export.source import MODEL_FILE, field_names
 from fourpole.export.systems import System, systems_of
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.io.write import write_bytes, write_text
@@ -26,7 +26,7 @@ Points = Sequence[Mapping[str, float]]
 
 def write(source: ModelFile, path: Path, points: Points = (), specimen: str | None = None) -> tuple[str, ...]:
     """Write one JSON document with a system per specimen and operating point; returns notes."""
-    systems, notes = systems_of(source, path.name, points, specimen)
+    systems, notes = systems_of(source, MODEL_FILE, points, specimen)
     document = {
         "format": "fourpole-state-space",
         "version": 1,
@@ -43,7 +43,7 @@ def write_matlab(source: ModelFile, path: Path, points: Points = (), specimen: s
     """Write a MAT-file of level 5 with the struct array `systems`; returns notes."""
     from scipy.io import savemat
 
-    systems, notes = systems_of(source, path.name, points, specimen)
+    systems, notes = systems_of(source, MODEL_FILE, points, specimen)
     entries = [_struct(one) for one in systems]
     array = np.empty((1, len(entries)), dtype=[(name, object) for name in entries[0]])
     for at, entry in enumerate(entries):

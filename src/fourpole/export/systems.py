@@ -84,7 +84,8 @@ def _approximated(systems: Sequence[System]) -> list[str]:
     if worst.realised.error <= _ROUND_OFF:
         return []
     low, high = worst.placed.band
-    return [
-        f"the {worst.placed.model.name} model is no linear system of finite order: within the band, {low:.4g} to "
-        f"{high:.4g} Hz, K* of the file is within {worst.realised.error:.1g} of |K*|; outside it is not the model's"
-    ]
+    note = (
+        f"the file has an approximation of the {worst.placed.model.name} model: from {low:.4g} to {high:.4g} Hz, its "
+        f"K* differs by up to {worst.realised.error:.1g} of |K*|; outside, it is another"
+    )
+    return [note]

@@ -9,15 +9,16 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import AXES
-from fourpole.errors import ModelError
+from fourpole.errors import ModelError, UnitError
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.query import maps_of, place_of
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
-from fourpole.units import shown
+from fourpole.units import quantity, shown
 
 _NAMES = {axis.column: axis.name for axis in AXES}
+_KINDS = {axis.name: (axis.column, kind) for axis, kind in zip(AXES, ("pressure", "force", "temperature"), strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ def placed_models(
     points: Sequence[Mapping[str, float]] = (),
     *,
     specimen: str | None = None,
-    beyond: bool = False,
+    beyond: bool | None = None,
     units: ShownUnits | None = None,
 ) -> list[PlacedModel]:
     """The models of a file, each at its operating points.
@@ -79,8 +80,8 @@ def placed_models(
         Operating points, by column; without them all conditions of a file of fits, which a map does not have.
     specimen : str, optional
         Only this one of the file.
-    beyond : bool
-        Whether to go outside the tested conditions.
+    beyond : bool, optional
+        Whether to go outside the tested conditions; None where a command has no option for it.
     units : ShownUnits, optional
         Units of labels and messages.
 
@@ -127,7 +128,7 @@ def placed_at(
     state: Mapping[str, float],
     units: ShownUnits | None = None,
     *,
-    beyond: bool = False,
+    beyond: bool | None = None,
 ) -> PlacedModel:
     """The model of one specimen at one operating point; see `placed_models`."""
     units = ShownUnits() if units is None else units
@@ -164,3 +165,37 @@ def _at_reference(file: ModelFile, name: str) -> list[str]:
 def named(column: str) -> str:
     """The name of an axis in options, or the column of an axis that the campaign names."""
     return _NAMES.get(column) or column
+
+
+def operating_point(text: str) -> dict[str, float]:
+    """An operating point in SI, by column, from a text such as "pressure=1.7 bar, preload=1000 N".
+
+    Raises
+    ------
+    UnitError
+        If the text is no operating point.
+
+    Examples
+    --------
+    >>> operating_point("pressure=1.7 bar, camber [deg]=2")
+    {'pressure [Pa]': 170000.0, 'camber [deg]': 2.0}
+    """
+    found = {}
+    for part in text.split(","):
+        name, mark, value = (one.strip() for one in part.partition("="))
+        if not mark or not name:
+            raise UnitError(f"--at: {shown(text)} is no operating point, as in 'pressure=1.7 bar, preload=3 kN'")
+        try:
+            if name in _KINDS:
+                column, kind = _KINDS[name]
+                found[column] = quantity(value, kind)
+            else:
+                found[name] = float(value)
+        except UnitError as error:
+            raise UnitError(f"--at {name}: {error}") from None
+        except ValueError:
+            raise UnitError(
+                f"--at: {shown(part.strip())}: an axis is {', '.join(_KINDS)} with a unit, or a column and a number, as "
+                "'camber [deg]=2'"
+            ) from None
+    return found

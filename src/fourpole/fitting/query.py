@@ -311,9 +311,12 @@ def _one_point(entry: ModelEntry, one: ConditionFile, values: FloatArray, own: d
 
 
 def place_of(
-    file: ModelFile, found: OperatingMap, state: Mapping[str, float], units: ShownUnits, *, beyond: bool
+    file: ModelFile, found: OperatingMap, state: Mapping[str, float], units: ShownUnits, *, beyond: bool | None
 ) -> tuple[FloatArray, float, tuple[str, ...]]:
-    """The point (d,) of a state, its distance [half spans] from the tested conditions, and remarks on it."""
+    """The point (d,) of a state, its distance [half spans] from the tested conditions, and remarks on it.
+
+    A point outside needs `beyond`; None says that the command has no such option.
+    """
     axes = found.axes
     for column, value in state.items():
         if column in axes.names:
@@ -337,7 +340,12 @@ def place_of(
     near, stated = (_words(dict(zip(axes.names, one.tolist(), strict=True)), units) for one in (nearest, point))
     remark = f"{stated} is outside what was measured, by {outside:.3g} half spans; the nearest point inside is {near}"
     if not beyond:
-        raise ModelError(f"{remark}: state that point, measure there, or state --beyond")
+        ways = (
+            "state that point or measure there"
+            if beyond is None
+            else "state that point, measure there, or state --beyond"
+        )
+        raise ModelError(f"{remark}: {ways}")
     return point, outside, (remark,)
 
 

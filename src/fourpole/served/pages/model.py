@@ -17,8 +17,9 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from fourpole.errors import CampaignError, FourpoleError
-from fourpole.export.kinds import KINDS, Takes, export_results
+from fourpole.errors import CampaignError, FourpoleError, UnitError
+from fourpole.export.kinds import KINDS, ExportKind, Takes, export_results
+from fourpole.fitting.placed import operating_point
 from fourpole.models.families import FAMILIES
 from fourpole.models.shape import shape_of
 from fourpole.report.cards import embedded
@@ -28,6 +29,8 @@ from fourpole.served.figures import LinkedFigure, figure_of
 from fourpole.served.held import Shown
 from fourpole.served.site import Site, address
 from fourpole.served.workspace import Place, state_of
+from fourpole.units import quantity
+from fourpole.units import shown as shown_text
 
 #: Figures of models and maps, in the order of the page.
 _FIGURES = ("storage-loss", "model-choice", "spectrum", "amplitude", "map")
@@ -168,12 +171,35 @@ def _exports(shown: Shown) -> list[dict[str, Any]]:
         Takes.RESULTS: True,
         Takes.MODEL: shown.results.models is not None,
         Takes.MAP: shown.results.maps is not None,
+        Takes.EITHER: shown.results.models is not None or shown.results.maps is not None,
     }
     return [
-        {"kind": name, "about": kind.about, "file": kind.file, "shaped": "shape" in kind.options}
+        {"kind": name, "about": kind.about, "file": kind.file, "form": _form(kind)}
         for name, kind in KINDS.items()
         if has.get(kind.takes)
     ]
+
+
+def _form(kind: ExportKind) -> str:
+    """Name of the form of the page that has what a kind of export needs."""
+    return "shape" if "shape" in kind.options else "vehicle" if "specimen" in kind.options else ""
+
+
+def _stated(kind: ExportKind, asked: Mapping[str, str]) -> dict[str, Any]:
+    """What the forms state for a kind of export."""
+    found: dict[str, Any] = {}
+    if "shape" in kind.options:
+        found["shape"] = shape_of({name: asked[name] for name in _SHAPE if asked.get(name)})
+    if "specimen" in kind.options and asked.get("specimen"):
+        found["specimen"] = asked["specimen"]
+    if "points" in kind.options and asked.get("at"):
+        found["points"] = (operating_point(asked["at"]),)
+    for name, what in (("frequency", "frequency"), ("radius", "displacement")):
+        if name in kind.options and asked.get(name):
+            found[name] = quantity(asked[name], what)
+            if found[name] <= 0:
+                raise UnitError(f"{name}: {shown_text(asked[name])} must be positive")
+    return found
 
 
 def _exported(site: Site, place: Place, kind: str, asked: Mapping[str, str], folder: Path) -> tuple[Path, list[str]]:
@@ -184,9 +210,11 @@ def _exported(site: Site, place: Place, kind: str, asked: Mapping[str, str], fol
         return _printed(site, place, folder), []
     if kind not in KINDS:
         raise CampaignError("there is no such kind of file: load the page again")
-    stated: dict[str, Any] = {name: asked[name] for name in _SHAPE if asked.get(name)}
-    shape = shape_of(stated) if "shape" in KINDS[kind].options else None
-    made = export_results(place.results, kind, folder / KINDS[kind].file, shape=shape)
+    chosen = KINDS[kind]
+    source = place.results
+    if chosen.takes is Takes.EITHER and asked.get("of") == "map" and (source / "map.json").is_file():
+        source /= "map.json"
+    made = export_results(source, kind, folder / chosen.file, **_stated(chosen, asked))
     if not made.path.is_dir():
         return made.path, list(made.notes)
     return Path(shutil.make_archive(str(folder / made.path.name), "zip", made.path)), list(made.notes)

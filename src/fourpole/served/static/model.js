@@ -130,7 +130,7 @@
   for (const link of document.querySelectorAll("[data-export]")) {
     link.addEventListener("click", async (event) => {
       event.preventDefault();
-      const shape = byId("shape"), query = new URLSearchParams("shaped" in link.dataset && shape ? [...new FormData(shape)].filter(([, value]) => value) : []);
+      const form = link.dataset.form && byId(link.dataset.form), query = new URLSearchParams(form ? [...new FormData(form)].filter(([, value]) => value) : []);
       told.className = "";
       told.textContent = `Making ${link.textContent} …`;
       try {
@@ -141,7 +141,7 @@
         const notes = JSON.parse(decodeURIComponent(answer.headers.get("X-Notes") ?? "%5B%5D"));
         told.textContent = [`${name} is saved.`, ...notes].join(" ");
       } catch (error) {
-        if ("shaped" in link.dataset) byId("shape").parentElement.open = true;
+        if (form) form.parentElement.open = true;
         told.className = "misfit";
         told.textContent = error.message;
       }
