@@ -58,3 +58,19 @@ def test_an_unknown_kind_and_no_results_are_one_line_each(run, results, tmp_path
     ran = run("export", tmp_path, "--to", "mat")
     assert (ran.exit_code, ran.stdout) == (2, "")
     assert "holds neither results nor a campaign" in ran.stderr
+
+
+def test_a_model_is_exported_for_a_vehicle_simulation(run, results, tmp_path):
+    folder = shutil.copytree(results, tmp_path / "results")
+    assert run("fit", folder, "--model", "zener").exit_code == 0
+    ran = run("export", folder, "--to", "tir")
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert "state its frequency, --frequency" in ran.stderr
+    ran = run("export", folder, "--to", "tir", "--frequency", "14 Hz", "--radius", "316 mm")
+    assert ran.stdout == f"tir: {folder / 'specimen.tir'}\n"
+    assert "stiffness and damping are those at 14 Hz" in ran.stderr
+    for kind in ("statespace", "statespace-mat", "modelica", "table"):
+        ran = run("export", folder, "--to", kind)
+        assert (ran.exit_code, ran.stdout) == (0, f"{kind}: {folder / KINDS[kind].file}\n")
+    ran = run("export", folder, "--to", "modelica", "--at", "pressure 1.7")
+    assert ran.stderr.startswith("error: --at: 'pressure 1.7' is no operating point")

@@ -91,15 +91,20 @@ def test_outside_the_tests_the_command_speaks(mapped: Server) -> None:
     assert mapped.ask("/c/one/model/answer?tyre=nobody", headers={"Accept": "*/*"})[0] == 400
 
 
+#: Kinds for vehicle simulations.
+VEHICLE = ("statespace", "statespace-mat", "modelica", "tir", "table", "fmu")
+
+
 def left_over() -> set[str]:
     """Folders of exports that were not deleted."""
     return {path.name for path in Path(tempfile.gettempdir()).glob("fourpole-export-*")}
 
 
-@pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf"])
+@pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf", *VEHICLE])
 def test_exports_are_sent_and_nothing_is_left(mapped: Server, kind: str, tmp_path: Path) -> None:
     before = left_over()
-    status, content, headers = mapped.ask(f"/c/one/export/{kind}", headers={"Accept": "*/*"})
+    stated = f"?{urlencode({'frequency': '15 Hz', 'specimen': 'radial-ply'})}" if kind in VEHICLE else ""
+    status, content, headers = mapped.ask(f"/c/one/export/{kind}{stated}", headers={"Accept": "*/*"})
     assert status == 200, content
     assert len(content) > 100
     assert 'filename="one-' in headers["content-disposition"]
@@ -117,6 +122,10 @@ def test_an_export_that_cannot_be_says_why(mapped: Server) -> None:
         ("/c/one/export/nothing", "no such kind"),
         ("/c/one/export/prony?mode=shear&height=10", "height"),
         ("/c/bare/export/mat", "run the analysis first"),
+        ("/c/one/export/tir", "--frequency"),
+        ("/c/one/export/tir?frequency=-1+Hz", "must be positive"),
+        ("/c/one/export/statespace?of=map&at=pressure%3D9+bar%2C+preload%3D1+kN", "outside what was measured"),
+        ("/c/one/export/statespace?at=nonsense", "no operating point"),
     ):
         status, content, _ = mapped.ask(address, headers={"Accept": "application/json"})
         assert status == 400

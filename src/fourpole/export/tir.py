@@ -249,7 +249,7 @@ class _File:
         low, high = self.nominal.band
         frequency = np.unique([*np.geomspace(low, high, _COMPARED), self.frequency]) if high > low else np.array([low])
         yield "! at the nominal point, model and this file:"
-        heads = ("frequency [Hz]", "K' [N/m]", "of file", "Im K* [N/m]", "of file")
+        heads = (q.FREQUENCY.head, q.STORAGE.head, "of file", q.LOSS.head, "of file")
         yield "! " + "".join(one.rjust(_WIDTH) for one in heads)
         for f, k in zip(frequency, self.stiffness(self.nominal, frequency), strict=True):
             numbers = (f, k.real, self.stated.real, k.imag, 2 * np.pi * f * self.damping)

@@ -195,7 +195,7 @@ def operating_point(text: str) -> dict[str, float]:
             raise UnitError(f"--at {name}: {error}") from None
         except ValueError:
             raise UnitError(
-                f"--at: {shown(part.strip())}: an axis is {', '.join(_KINDS)} with a unit, or a column and a number, as "
-                "'camber [deg]=2'"
+                f"--at: {shown(part.strip())}: an axis is {', '.join(_KINDS)} with a unit, or a column and a number, "
+                "as 'camber [deg]=2'"
             ) from None
     return found
