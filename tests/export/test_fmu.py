@@ -15,13 +15,14 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.export.fmus import MODELS, compiler, made, unpacked
-from tests.export.vehicle import LOAD, PRESSURE, parameters, table
+from tests.export.vehicle import FREQUENCY, LOAD, PRESSURE, parameters, table
 
 from fourpole.errors import CampaignError, ModelError
 from fourpole.export import export_results
 from fourpole.export.fmi.csource import COMPILED
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelling import fit_tyres, model_file
+from fourpole.models.families import model_named
 from fourpole.models.tyre_shell import RADIAL_PLY
 
 MACHINE = platform.machine()
@@ -93,6 +94,15 @@ def test_a_model_that_is_not_causal_is_refused_with_the_remedy(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["model.json"]
 
 
+def test_an_approximation_is_said_with_its_error(tmp_path):
+    k = model_named("fractional").stiffness(MODELS["fractional"], 2 * np.pi * FREQUENCY)
+    frame = table([2e5], [2e3]).with_columns(pl.Series("Re K* [N/m]", k.real), pl.Series("Im K* [N/m]", k.imag))
+    measured = measured_of(frame, std=1e-3)
+    model_file(measured, fit_tyres(measured, "fractional")).write(tmp_path / "model.json")
+    (note,) = export_results(tmp_path / "model.json", "fmu").notes
+    assert note.startswith("the file has an approximation of the fractional model: from 1 to 60 Hz")
+
+
 def test_more_points_than_an_fmu_has_are_refused(files, tmp_path):
     points = [{PRESSURE: float(one), LOAD: 3e3} for one in np.linspace(1.7e5, 2.4e5, 101)]
     with pytest.raises(ModelError, match="101 operating points are more than 100"):
@@ -107,7 +117,7 @@ def test_names_of_any_letters_stay_text(tmp_path):
     assert "1 = &lt;b&gt;&quot;A&quot; &amp; co?, 2 bar, 2000 N; 2 = タイヤ 1, 2 bar, 2000 N" in text
     one = export_results(tmp_path / "model.json", "fmu", specimen="タイヤ 1").path
     assert 'modelName="タイヤ 1"' in description(one)
-    assert 'modelIdentifier="specimen_1"' in description(one)
+    assert 'modelIdentifier="x1"' in description(one)
 
 
 def test_without_a_compiler_the_sources_are_inside_and_it_is_said(files, tmp_path, monkeypatch):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import re
 import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -16,15 +15,15 @@ from fourpole.export.fmi.compiler import NoBinaryError, binary_place, compiled
 from fourpole.export.fmi.csource import common_source, model_source
 from fourpole.export.fmi.description import Model, build_description, model_description
 from fourpole.export.fmi.variables import Point
-from fourpole.export.source import MODEL_FILE, ascii_line
+from fourpole.export.source import MODEL_FILE, identifiers
+from fourpole.export.systems import systems_of
 from fourpole.fitting.modelfile import ModelFile
-from fourpole.fitting.placed import PlacedModel, placed_models
+from fourpole.fitting.placed import PlacedModel
 from fourpole.io.write import write_bytes
-from fourpole.models.realised import realised
 from fourpole.version import VERSION
 
-#: Largest number of operating points of an FMU; longest name of its binary.
-_MOST, _LONGEST = 100, 60
+#: Largest number of operating points of an FMU.
+_MOST = 100
 #: Time of all files of an archive, so that the same model gives the same bytes.
 _TIME = (1980, 1, 1, 0, 0, 0)
 Points = Sequence[Mapping[str, float]]
@@ -41,22 +40,22 @@ def write_fmi3(source: ModelFile, path: Path, points: Points = (), specimen: str
 
 
 def _write(source: ModelFile, path: Path, points: Points, specimen: str | None, version: int) -> tuple[str, ...]:
-    placed = placed_models(source, MODEL_FILE, points, specimen=specimen)
-    if len(placed) > _MOST:
-        raise ModelError(f"{len(placed)} operating points are more than {_MOST} of an FMU: state --at, or --tyre")
-    found = [Point(_plain(one.label), realised(one.model, one.values, one.band)) for one in placed]
-    content, notes = fmu(*_described(source, placed), found, version)
+    systems, notes = systems_of(source, MODEL_FILE, points, specimen)
+    if len(systems) > _MOST:
+        raise ModelError(f"{len(systems)} operating points are more than {_MOST} of an FMU: state --at, or --tyre")
+    found = [Point(_plain(one.placed.label), one.realised) for one in systems]
+    content, more = fmu(*_described([one.placed for one in systems], systems[0].source), found, version)
     write_bytes(path.with_suffix(path.suffix or ".fmu"), content)
-    return tuple(dict.fromkeys([remark for one in placed for remark in one.remarks] + notes))
+    return (*notes, *more)
 
 
-def _described(source: ModelFile, placed: Sequence[PlacedModel]) -> tuple[str, str]:
+def _described(placed: Sequence[PlacedModel], source: str) -> tuple[str, str]:
     """Name of what an FMU is of, and its description."""
     names = list(dict.fromkeys(_plain(one.specimen) for one in placed if one.specimen))
     bands = [one.band for one in placed]
     about = (
         f"Vertical force of {', '.join(names) or 'a specimen'}; model "
-        f"{', '.join(dict.fromkeys(one.model.name for one in placed))} of {_plain(source.provenance.source)}, measured "
+        f"{', '.join(dict.fromkeys(one.model.name for one in placed))} of {_plain(source)}; measured "
         f"{max(low for low, _ in bands):.6g} to {min(high for _, high in bands):.6g} Hz"
     )
     return names[0] if len(names) == 1 else "specimen", about
@@ -70,7 +69,7 @@ def fmu(name: str, about: str, points: Sequence[Point], version: int) -> tuple[b
     content = [version, VERSION, common_source(version), model_source(points, ""), name, about]
     mark = json.dumps([content, [one.label for one in points]])
     token = f"{{{uuid.UUID(hashlib.sha256(mark.encode()).hexdigest()[:32])}}}"
-    model = Model(_identifier(name), name, about, token, points)
+    model = Model(identifiers([name], (), otherwise="specimen")[0], name, about, token, points)
     source = {**common_source(version), **model_source(points, token)}
     files = {"modelDescription.xml": model_description(model, version)}
     files |= {f"sources/{file}": text.encode() for file, text in source.items()}
@@ -82,12 +81,6 @@ def fmu(name: str, about: str, points: Sequence[Point], version: int) -> tuple[b
     except NoBinaryError as error:
         notes.append(f"the FMU has no binary, only sources, which the importing program must compile: {error}")
     return _zipped(files), notes
-
-
-def _identifier(name: str) -> str:
-    """A name of letters, digits and underscores, for the binary."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", ascii_line(name)).strip("_")[:_LONGEST] or "specimen"
-    return plain if plain[0].isalpha() else f"specimen_{plain}"
 
 
 def _plain(text: str) -> str:
