@@ -178,7 +178,7 @@ def test_the_plan_is_that_of_the_command(mapped: Server) -> None:
     assert content.startswith(b"test,file,kind,tyre")
     assert b"-5kg" in content
     assert "one-tests.csv" in headers["content-disposition"]
-    assert "is not known yet: guess it" in page_of(mapped, "/c/bare/plan/expected")
+    assert "is not known yet: guess its K1, K2 and C" in page_of(mapped, "/c/bare/plan/expected")
     guessed = {"k1": "180 kN/m", "k2": "120 kN/m", "c": "700 N s/m"}
     assert "u(K2) [%]" in page_of(mapped, "/c/bare/plan/expected", **guessed)
     for wrong in ({"wanted": "-1 %"}, {"cycles": "many"}, {"added_mass": "5 m"}, {"k1": "<b>"}):

@@ -354,9 +354,9 @@ def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> _Tyre:
         k1, k1_std = (known.k1, known.k1_std) if k1 is None else (k1, k1_std)
         k2, c = known.k2 if k2 is None else k2, known.c if c is None else c
     if k1 is None or k2 is None or c is None:
-        missing = "--k1" if k1 is None else "--k2" if k2 is None else "--c"
+        missing = "K1" if k1 is None else "K2" if k2 is None else "C"
         raise CampaignError(
-            f"tyre {test.tyre!r} is not known yet: guess it with --k1, --k2 and --c ({missing} is missing); "
+            f"tyre {test.tyre!r} is not known yet: guess its K1, K2 and C, {missing} at least (--k1, --k2, --c); "
             "results of an earlier analysis of the campaign serve too"
         )
     if guess.k1_std is not None:

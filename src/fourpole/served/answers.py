@@ -102,8 +102,9 @@ def _of_map(results: Results, file: ModelFile, entry: MapEntry) -> Source:
         _field(results.shown, axis.column, min(axis.values), max(axis.values), value)
         for axis, value in zip(entry.axes, inside(entry), strict=True)
     ]
+    frequency = _frequency(results, entry.band, entry.band)
     return Source(
-        entry.tyre, file, (*fields, *_amplitude(results, entry.amplitude), _frequency(results, entry.band)), {},
+        entry.tyre, file, (*fields, *_amplitude(results, entry.amplitude), frequency), {},
         ", ".join(place_text(results, one.column, one.value) for one in entry.constant),
     )  # fmt: skip
 
@@ -123,9 +124,9 @@ def _of_model(results: Results, file: ModelFile, entry: ModelEntry) -> Source:
     }
     several = len(conditions) > 1
     band = min(one.band[0] for one in entry.conditions), max(one.band[1] for one in entry.conditions)
-    amplitudes = entry.conditions[0].amplitude
+    frequency, amplitudes = _frequency(results, band, entry.conditions[0].band), entry.conditions[0].amplitude
     return Source(
-        entry.tyre, file, (*fields, *_amplitude(results, amplitudes), _frequency(results, band)),
+        entry.tyre, file, (*fields, *_amplitude(results, amplitudes), frequency),
         conditions if several else {}, "" if several else words[0],
     )  # fmt: skip
 
@@ -152,9 +153,10 @@ def _amplitude(results: Results, levels: Sequence[float] | None) -> tuple[Field,
     return (_field(results.shown, AMPLITUDE.column, levels[0], levels[-1], float(np.sqrt(levels[0] * levels[-1]))),)
 
 
-def _frequency(results: Results, band: tuple[float, float]) -> Field:
-    low, high = band
-    middle = float(np.clip(float(f"{np.sqrt(low * high):.3g}"), low, high))
+def _frequency(results: Results, band: tuple[float, float], first: tuple[float, float]) -> Field:
+    """The field of the frequency over a band; its first value is the middle of the band of the first condition."""
+    (low, high), (least, largest) = band, first
+    middle = float(np.clip(float(f"{np.sqrt(least * largest):.3g}"), least, largest))
     return replace(_field(results.shown, q.FREQUENCY.head, low, high, middle), name=_FREQUENCY)
 
 

@@ -132,7 +132,10 @@ def _stated(asked: Mapping[str, str]) -> dict[str, float]:
         text = asked.get(name, "").strip()
         if not text:
             continue
-        value = quantity(text, kind) if kind else _whole(label, text, 10**9)
+        try:
+            value = quantity(text, kind) if kind else _whole(label, text, 10**9)
+        except FourpoleError as error:
+            raise CampaignError(f"{label}: {str(error).removeprefix(f'{label}: ')}") from None
         if value < 0 or (value == 0 and not zero):
             raise CampaignError(f"{label}: {text} must be positive")
         found[name] = value

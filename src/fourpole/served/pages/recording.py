@@ -15,10 +15,11 @@ from starlette.routing import Route
 
 from fourpole import quantities as q
 from fourpole.campaign import Test
-from fourpole.campaign.place import inside
+from fourpole.campaign.place import at_hand
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
-from fourpole.errors import CampaignError
+from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.remote import is_elsewhere
 from fourpole.report.cards import embedded
 from fourpole.report.digits import number
 from fourpole.served.collecting import Wanted
@@ -91,11 +92,13 @@ def _every(site: Site, place: Place) -> dict[str, Any]:
     cards: dict[str, list[Any]] = {}
     for card in [] if shown is None else shown.parts["cards"]:
         cards.setdefault(card.test, []).append(card)
-    names = {name: some[0].tyre for name, some in cards.items()}
-    if not state.fault:
+    names, fault = {name: some[0].tyre for name, some in cards.items()}, ""
+    try:
         names = {test.name: test.tyre for test in site.held.campaign(place).tests}
+    except FourpoleError as error:
+        fault = "" if state.fault else str(error)  # that of campaign.toml stands on every page
     tests = [(name, tyre, cards.get(name, [])) for name, tyre in names.items()]
-    return {"campaign": place, "state": state, "tests": tests, "analysed": shown is not None}
+    return {"campaign": place, "state": state, "fault": fault, "tests": tests, "analysed": shown is not None}
 
 
 def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
@@ -184,13 +187,14 @@ def _kept(site: Site, place: Place, name: str) -> Kept | float:
     test = next((one for one in campaign.tests if one.name == name), None)
     if test is None or not test.file:
         raise CampaignError("this test names no recording")
-    path = inside(place.folder, test.file)
+    if is_elsewhere(test.file):
+        raise CampaignError("this recording lies elsewhere: its samples are not shown, only what was made of it")
     roles = ("load", "deflection") if test.kind == "static" else CHANNELS
     stated = [one for role in roles if (one := campaign.stated.channels.named(role)) is not None]
     units = {one.column: one.unit for one in stated if one.unit}
-    cache = place.results / "cache" / "signals"
-    wanted = Wanted(path, group_of(path, test), tuple(one.column for one in stated), cache)
-    kept = site.collector.get(wanted)
+    cache, columns = place.results / "cache" / "signals", tuple(one.column for one in stated)
+    with at_hand(place.folder, test.file) as path:
+        kept = site.collector.get(Wanted(path, group_of(path, test), columns, cache))
     if isinstance(kept, float):
         return kept
     return replace(kept, channels=[{**one, "unit": one["unit"] or units.get(one["name"], "")} for one in kept.channels])
