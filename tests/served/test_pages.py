@@ -167,6 +167,32 @@ def test_a_recording_is_looked_at_closer(browser: Browser, server: Server) -> No
         expect(page.locator("#card svg")).not_to_have_count(0)
 
 
+def test_a_recording_is_judged_while_the_page_is_open(browser: Browser, server: Server) -> None:
+    table = next(server.root.rglob("tests.csv"))
+    before, recordings = table.read_text(), table.parent / "recordings"
+    new = [recordings / "radial-ply_1.7bar_1000N_11Hz.csv", recordings / "cut short.csv"]
+    with visiting(browser, server) as page:
+        page.goto(f"{campaign(page)}/watch")
+        page.get_by_role("button", name="Start to watch").click()
+        expect(page.locator("#phase")).to_have_text("watching", timeout=LONG)
+        shutil.copy(recordings / "D11.csv", new[0])
+        expect(page.locator("#last")).to_contain_text(new[0].stem, timeout=LONG)
+        expect(page.locator("#last")).to_contain_text("Guessed: ")
+        new[1].write_text("operator")
+        expect(page.locator("#last")).to_contain_text("cut short", timeout=LONG)
+        expect(page.locator("#last .v")).to_have_text("rejected")
+        page.reload()
+        expect(page.locator("#last a")).to_have_count(0)
+        page.locator("#before a").first.click()
+        expect(page.locator("#signals svg")).to_have_count(3)
+        page.go_back()
+        page.get_by_role("button", name="Stop").click()
+        expect(page.locator("#phase")).to_have_text("stopped", timeout=LONG)
+    for path in new:
+        path.unlink()
+    table.write_text(before)
+
+
 def test_results_by_keyboard_alone(browser: Browser, server: Server) -> None:
     with visiting(browser, server) as page:
         page.goto("/")

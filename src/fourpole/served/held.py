@@ -12,6 +12,7 @@ from typing import Any
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
+from fourpole.io.source import read_bytes
 from fourpole.plot import FIGURES
 from fourpole.report.page import ReportFigure, page_parts
 from fourpole.report.wanted import in_units
@@ -21,6 +22,8 @@ from fourpole.study.results import Results, read_results
 
 #: Number of campaigns whose results are held.
 _MOST = 6
+#: Largest figure that is shown [byte].
+_MOST_BYTES = 20_000_000
 
 
 @dataclass(eq=False)
@@ -36,7 +39,7 @@ class Shown:
         """What the templates of the report show."""
         folder = self.place.results / "figures"
         figures = {
-            key: ReportFigure(key, spec.title, spec.caption, (folder / f"{key}.svg").read_text(encoding="utf-8"))
+            key: ReportFigure(key, spec.title, spec.caption, _drawing(folder / f"{key}.svg"))
             for key, spec in FIGURES.items()
             if (folder / f"{key}.svg").is_file()
         }
@@ -92,6 +95,11 @@ class Held:
             while len(self._campaigns) > _MOST:
                 self._campaigns.popitem(last=False)
         return campaign
+
+
+def _drawing(path: Path) -> str:
+    """The text of a figure; what is no text in it is replaced."""
+    return read_bytes(path, max_bytes=_MOST_BYTES).decode(errors="replace")
 
 
 def _statement(place: Place) -> list[Path]:

@@ -159,7 +159,7 @@ def _campaigns(folder: Path, depth: int) -> Iterator[Path]:
     except OSError:
         return
     if _may_be_one(inside):
-        if not any(path.is_symlink() and path.name in (*_STATEMENT, "results") for path in inside):
+        if not _is_linked(folder, inside):
             yield folder
         return
     for path in inside:
@@ -170,6 +170,16 @@ def _campaigns(folder: Path, depth: int) -> Iterator[Path]:
 def _may_be_one(inside: Sequence[Path]) -> bool:
     """Whether a folder states a campaign, or holds recordings."""
     return any((path.name in _STATEMENT or path.suffix.lower() in endings()) and path.is_file() for path in inside)
+
+
+def _is_linked(folder: Path, inside: Sequence[Path]) -> bool:
+    """Whether the statement or a part of the results is a link, which may lead out of the workspace."""
+    results = folder / "results"
+    parts = [path for path in inside if path.name in (*_STATEMENT, results.name)]
+    for place in (results, results / "figures", results / "cache"):
+        with suppress(OSError):
+            parts += place.iterdir()
+    return any(path.is_symlink() for path in parts)
 
 
 def _key(name: str) -> str:

@@ -27,9 +27,9 @@ from fourpole.units import quantity
 #: Fields of the form: what is asked, kind of quantity, whether zero is a value, and an example.
 FIELDS = {
     "wanted": ("Wanted uncertainty of K2 and C", "ratio", False, "1 %"),
-    "k1": ("Guessed K1", "stiffness", False, "from results"),
-    "k2": ("Guessed K2", "stiffness", False, "from results"),
-    "c": ("Guessed C", "damping", False, "from results"),
+    "k1": ("Guessed K1", "stiffness", False, "as 180 kN/m"),
+    "k2": ("Guessed K2", "stiffness", False, "as 120 kN/m"),
+    "c": ("Guessed C", "damping", False, "as 700 N s/m"),
     "std_k1": ("u(K1)", "ratio", True, "2 %, or as found"),
     "noise": ("Noise of an amplitude at 40 cycles", "ratio", True, "0.01 %"),
     "cycles": ("Cycles per test", "", False, "40"),

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from typing import Any
 
 from markupsafe import Markup
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from fourpole.errors import FourpoleError
 from fourpole.report.cards import embedded
 from fourpole.served.jobs import Job
 from fourpole.served.site import Site, address
@@ -28,7 +31,7 @@ def routes(site: Site) -> list[Route]:
             lambda: {
                 "campaign": place,
                 "state": state_of(place),
-                "data": Markup(embedded(_document(place, job))),
+                "data": Markup(embedded(_document(site, place, job))),
             },
         )
 
@@ -49,7 +52,7 @@ def routes(site: Site) -> list[Route]:
         if job is None:
             return RedirectResponse(address(place, "watch"))
         return StreamingResponse(
-            _events(place, job), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
+            _events(site, place, job), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
         )
 
     return [
@@ -60,25 +63,28 @@ def routes(site: Site) -> list[Route]:
     ]
 
 
-async def _events(place: Place, job: Job) -> AsyncIterator[str]:
+async def _events(site: Site, place: Place, job: Job) -> AsyncIterator[str]:
     async for _ in job.changes():
-        yield f"data: {json.dumps(_document(place, job))}\n\n"
-    yield f"data: {json.dumps(_document(place, job))}\n\n"
+        yield f"data: {json.dumps(await run_in_threadpool(_document, site, place, job))}\n\n"
+    yield f"data: {json.dumps(await run_in_threadpool(_document, site, place, job))}\n\n"
 
 
-def _document(place: Place, job: Job | None) -> dict[str, Any]:
+def _document(site: Site, place: Place, job: Job | None) -> dict[str, Any]:
     """The judgements, the last one first."""
     if job is None:
         return {"phase": "", "ready": False, "judged": [], "messages": []}
+    named: set[str] = set()
+    with suppress(FourpoleError):
+        named = {test.name for test in site.held.campaign(place).tests}
     judged = [
         {
             "test": one["test"],
-            "address": address(place, "tests", one["test"]),
+            "address": address(place, "tests", one["test"]) if one["test"] in named else "",
             "verdict": one["verdict"],
             "condition": one["condition"],
             "remarks": one["remarks"],
             "results": one["results"],
-            "doubts": [text for _, text in one["doubts"]] if one["doubts"] else [],
+            "doubts": one["doubts"],
         }
         for one in reversed(job.judged)
     ]

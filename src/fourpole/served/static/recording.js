@@ -49,6 +49,7 @@
       const text = document.createElement("p");
       text.className = "misfit";
       text.textContent = error.message;
+      byId("zoom").hidden = part === null;
       box.replaceChildren(text);
     }
     box.setAttribute("aria-busy", "false");

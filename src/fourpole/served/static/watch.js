@@ -9,7 +9,11 @@
     if (className) element.className = className;
     return element;
   };
-  const link = (one) => { const a = made("a", one.test); a.href = one.address; return a; };
+  const link = (one) => { // a file that cannot be read is no test
+    const name = made(one.address ? "a" : "b", one.test);
+    if (one.address) name.href = one.address;
+    return name;
+  };
   const badge = (verdict) => made("span", verdict, `v ${verdict}`);
   const large = (one) => {
     const head = made("p", "", "name-large");
@@ -32,6 +36,7 @@
     if (mark === shown || !watch.judged.length) return;
     shown = mark;
     large(watch.judged[0]);
+    byId("former").hidden = watch.judged.length < 2;
     before.replaceChildren(...watch.judged.slice(1).map((one) => {
       const item = made("li");
       item.append(badge(one.verdict), " ", link(one), " ", made("span", one.remarks[0] || one.condition, "about"));
