@@ -6,6 +6,7 @@ import http.client
 import json
 import shutil
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -228,52 +229,81 @@ def test_what_is_no_command_is_refused(server: Server, form: object) -> None:
     assert server.ask(f"/c/{key}/run", "POST", form)[0] == 400
 
 
-def test_a_link_that_leads_out_is_not_followed(analysed: Path, tmp_path: Path) -> None:
-    root = tmp_path / "root"
-    for name, linked in (("statement", "campaign.toml"), ("made", "results")):
-        shutil.copytree(analysed, root / name)
-        place = root / name / linked
-        place.rename(tmp_path / f"{name}-outside")
-        place.symlink_to(tmp_path / f"{name}-outside")
-    with serving(root) as running:
-        assert b"/c/" not in running.ask("/")[1]
-        assert {
-            running.ask(f"/c/{name}{part}")[0] for name in ("statement", "made") for part in ("", "/statement")
-        } == {404}
+@pytest.fixture
+def one(server: Server, analysed: Path) -> Iterator[Path]:
+    """A further campaign of the server, for one test; its address is /c/one."""
+    folder = server.root / "one"
+    shutil.copytree(analysed, folder)
+    yield folder
+    shutil.rmtree(folder)
 
 
-def test_a_statement_that_cannot_be_read_is_told_on_every_page(analysed: Path, tmp_path: Path) -> None:
-    shutil.copytree(analysed, tmp_path / "one")
-    toml = tmp_path / "one" / "campaign.toml"
+@pytest.mark.parametrize("linked", ["campaign.toml", "results", "results/figures", "results/dynamic.csv"])
+def test_a_link_that_leads_out_is_not_followed(server: Server, one: Path, tmp_path: Path, linked: str) -> None:
+    (one / linked).rename(tmp_path / "outside")
+    (one / linked).symlink_to(tmp_path / "outside")
+    assert b"/c/one" not in server.ask("/")[1]
+    assert {server.ask(f"/c/one{part}")[0] for part in ("", "/statement", "/tests/D1")} == {404}
+
+
+def test_a_statement_that_cannot_be_read_is_told_on_every_page(server: Server, one: Path) -> None:
+    toml = one / "campaign.toml"
     toml.write_text("title = 'x\n" + toml.read_text())
-    test = "D1"
-    with serving(tmp_path) as running:
-        for part in ("", "/explore", "/tests", f"/tests/{test}", "/model", "/plan", "/run", "/watch"):
-            answer = running.ask(f"/c/one{part}")[1]
-            assert b'href="/c/one/statement">' in answer.partition(b"<main")[2], part
-        page = running.ask("/c/one/statement")[1]
-        assert b"Mend its text below" in page
-        assert b'<details class="text" open>' in page
+    for part in ("", "/explore", "/tests", "/tests/D1", "/model", "/plan", "/run", "/watch"):
+        answer = server.ask(f"/c/one{part}")[1]
+        assert b'href="/c/one/statement">' in answer.partition(b"<main")[2], part
+    page = server.ask("/c/one/statement")[1]
+    assert page.count(b"not valid TOML") == 1
+    assert b'<details class="text" open>' in page
 
 
-def test_recordings_without_a_statement_lead_to_the_first_step(analysed: Path, tmp_path: Path) -> None:
-    shutil.copytree(analysed / "recordings", tmp_path / "bare")
-    with serving(tmp_path) as running:
-        status, _, headers = running.ask("/c/bare/statement")
-        assert (status, headers["location"]) == (303, "/c/bare/run")
+def test_a_table_that_cannot_be_read_is_told_with_the_tests(server: Server, one: Path) -> None:
+    (one / "tests.csv").write_text("test,file,kind,tyre\n")
+    assert b"lists no test" in server.ask("/c/one/tests")[1]
+    assert b"lists no test" in server.ask("/c/one/statement")[1]
 
 
-def test_a_file_that_is_sent_twice_is_kept(tmp_path: Path) -> None:
-    with serving(tmp_path) as running:
-        files = [{"name": "a.csv", "size": 3}, {"name": "a.csv/b.csv", "size": 3}]
-        ticket = running.document("/upload", "POST", {"name": "one", "files": files})["ticket"]
-        assert running.ask(f"/upload/{ticket}/0", "PUT", b"123")[0] == 200
-        assert running.ask(f"/upload/{ticket}/0", "PUT", b"456")[0] == 400
-        assert running.ask(f"/upload/{ticket}/1", "PUT", b"789")[0] == 400
-        (kept,) = tmp_path.rglob("a.csv")
-        assert kept.read_bytes() == b"123"
-        for size in (1e400, "x", None):
-            assert running.ask("/upload", "POST", {"name": "n", "files": [{"name": "a", "size": size}]})[0] == 400
+def test_a_figure_that_is_no_text_is_shown_as_it_is(server: Server, one: Path) -> None:
+    for path in (one / "results" / "figures").glob("*.svg"):
+        path.write_bytes(b"\xff\xfe<svg onload='alert(1)'><script>alert(2)</script>")
+    for part in ("", "/tests", "/model"):
+        status, content, _ = server.ask(f"/c/one{part}")
+        assert status == 200
+        assert b"alert(" not in content
+
+
+def test_results_of_another_version_are_told(server: Server, one: Path) -> None:
+    table = one / "results" / "dynamic.csv"
+    table.write_text(table.read_text().replace("loss factor [1]", "eta"))
+    (one / "results" / "study.json").touch()
+    status, content, _ = server.ask("/c/one")
+    assert status == 400
+    assert b"has no column &#39;loss factor [1]&#39;: run fourpole analyse again" in content
+    assert b'href="/c/one/run"' in content
+
+
+def test_recordings_without_a_statement_lead_to_the_first_step(server: Server, one: Path) -> None:
+    for name in ("campaign.toml", "tests.csv"):
+        (one / name).unlink()
+    (one / "recordings" / "D1.csv").rename(one / "D1.csv")
+    status, _, headers = server.ask("/c/one/statement")
+    assert (status, headers["location"]) == (303, "/c/one/run")
+
+
+def test_a_file_that_is_sent_twice_is_kept(server: Server) -> None:
+    files = [{"name": "a.csv", "size": 3}, {"name": "a.csv/b.csv", "size": 3}]
+    ticket = server.document("/upload", "POST", {"name": "one", "files": files})["ticket"]
+    assert server.ask(f"/upload/{ticket}/0", "PUT", b"123")[0] == 200
+    assert server.ask(f"/upload/{ticket}/0", "PUT", b"456")[0] == 400
+    assert server.ask(f"/upload/{ticket}/1", "PUT", b"789")[0] == 400
+    (kept,) = server.root.rglob("a.csv")
+    assert kept.read_bytes() == b"123"
+    server.ask(f"/upload/{ticket}", "DELETE")
+
+
+@pytest.mark.parametrize("size", [1e400, "x", None])
+def test_a_size_that_is_none_is_refused(server: Server, size: object) -> None:
+    assert server.ask("/upload", "POST", {"name": "n", "files": [{"name": "a", "size": size}]})[0] == 400
 
 
 @pytest.mark.parametrize("part", ["from=-inf", "to=inf", "from=-inf&to=inf", "from=nan", "from=1&to=0", "width=nan"])
@@ -282,13 +312,19 @@ def test_a_part_that_is_no_part_is_refused(server: Server, part: str) -> None:
     assert server.ask(f"/c/{key}/tests/D1/signals?{part}")[0] == 400
 
 
-def test_a_name_with_a_slash_has_a_page(analysed: Path, tmp_path: Path) -> None:
-    shutil.copytree(analysed, tmp_path / "one")
-    table = tmp_path / "one" / "tests.csv"
+def test_a_name_with_a_slash_has_a_page(server: Server, one: Path) -> None:
+    table = one / "tests.csv"
     table.write_text(table.read_text().replace("\nD1,", "\nD/1,", 1))
-    with serving(tmp_path) as running:
-        assert "D/1," in table.read_text()
-        for part in ("", "/signals"):
-            assert running.ask(f"/c/one/tests/D%2F1{part}")[0] == 200
-        assert running.ask("/c/one/tests/D%2F1/excluded", "PUT", {"reason": "slipped"})[0] == 200
-        assert "slipped" in table.read_text()
+    assert "D/1," in table.read_text()
+    for part in ("", "/signals"):
+        assert server.ask(f"/c/one/tests/D%2F1{part}")[0] == 200
+    assert server.ask("/c/one/tests/D%2F1/excluded", "PUT", {"reason": "slipped"})[0] == 200
+    assert "slipped" in table.read_text()
+
+
+def test_a_script_of_a_page_is_told_why_without_an_error_of_the_browser(server: Server, one: Path) -> None:
+    (one / "recordings" / "D1.csv").unlink()
+    for headers, expected in (({"X-Asked-By": "script"}, 200), ({}, 400)):
+        status, content, _ = server.ask("/c/one/tests/D1/signals", headers={"Accept": "*/*", **headers})
+        assert status == expected
+        assert "there is no such file" in json.loads(content)["error"]

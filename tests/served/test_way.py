@@ -138,7 +138,7 @@ def model(page: Page) -> None:
     for _ in range(5):
         page.keyboard.press("ArrowRight")
     page.wait_for_url("**pressure=**")
-    page.wait_for_load_state("networkidle")
+    expect(page.locator("#answers")).to_have_attribute("aria-busy", "false")
     value, answer = slider.get_attribute("aria-valuetext"), page.locator("#answers").inner_text()
     page.reload()
     assert slider.get_attribute("aria-valuetext") == value
