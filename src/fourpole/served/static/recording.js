@@ -105,7 +105,10 @@
     try {
       await app.send(form.dataset.address, { reason: form.elements.reason.value.trim() }, "PUT");
       location.reload();
-    } catch (error) { app.say(error.message); }
+    } catch (error) {
+      byId("refused").textContent = `Not saved: ${error.message}`;
+      byId("refused").hidden = false;
+    }
   });
 
   addEventListener("keydown", (event) => {

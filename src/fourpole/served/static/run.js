@@ -52,20 +52,22 @@
     events?.close();
     rows.replaceChildren();
     events = new EventSource(`${part.dataset.address}/events`);
+    events.addEventListener("error", () => { howFar.textContent = "the server does not answer; trying again …"; });
     events.addEventListener("message", (event) => {
       const job = JSON.parse(event.data);
       show(job);
       if (job.phase !== "waiting" && job.phase !== "running") events.close();
     });
   };
+  const tell = (error) => { part.hidden = false; howFar.textContent = error.message; };
   start.addEventListener("click", async () => {
     following.hidden = true;
     try {
       await app.send(part.dataset.address, { command: start.dataset.command });
       follow();
-    } catch (error) { app.say(error.message); }
+    } catch (error) { tell(error); }
   });
-  stop.addEventListener("click", () => app.call(part.dataset.address, { method: "DELETE" }));
+  stop.addEventListener("click", () => app.call(part.dataset.address, { method: "DELETE" }).catch(tell));
   const job = JSON.parse(byId("job-data").textContent);
   if (job && (job.phase === "waiting" || job.phase === "running")) follow();
   else if (job) show(job);

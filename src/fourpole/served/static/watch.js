@@ -47,14 +47,16 @@
   const follow = () => {
     events?.close();
     events = new EventSource(`${last.dataset.address}/events`);
+    events.addEventListener("error", () => { byId("phase").textContent = "the server does not answer; trying again …"; });
     events.addEventListener("message", (event) => {
       const watch = JSON.parse(event.data);
       show(watch);
       if (watch.phase !== "waiting" && watch.phase !== "running") events.close();
     });
   };
-  start.addEventListener("click", async () => { await app.call(last.dataset.address, { method: "POST" }); follow(); });
-  stop.addEventListener("click", () => app.call(last.dataset.address, { method: "DELETE" }));
+  const tell = (error) => { byId("phase").textContent = error.message; };
+  start.addEventListener("click", () => app.call(last.dataset.address, { method: "POST" }).then(follow).catch(tell));
+  stop.addEventListener("click", () => app.call(last.dataset.address, { method: "DELETE" }).catch(tell));
   const watch = JSON.parse(byId("watch-data").textContent);
   show(watch);
   if (watch.phase === "waiting" || watch.phase === "running") follow();
