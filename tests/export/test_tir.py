@@ -74,6 +74,9 @@ def test_stiffness_over_load_and_pressure_and_the_stated_damping(files, name, tm
     )
     for note in exported.notes:
         assert note in comments
+    without = export_results(files / name, "tir", tmp_path / "b.tir", frequency=F0)
+    assert any("UNLOADED_RADIUS and Q_FZ2, the change over load; state --radius" in note for note in without.notes)
+    assert "Q_FZ2" not in read(without.path)[0]["VERTICAL"]
 
 
 def test_the_curve_that_made_the_stiffness_is_found_again():
@@ -138,7 +141,7 @@ def test_one_point_says_so_and_what_is_not_known_is_left_out(tmp_path):
         {"VERTICAL_STIFFNESS": exact.real, "VERTICAL_DAMPING": exact.imag / (2 * np.pi * F0)}, rel=1e-5
     )
     assert "the only one: no change over load and pressure" in comments
-    assert "UNLOADED_RADIUS is not known from these tests: state --radius" in exported.notes
+    assert "left out, for these tests do not know the radius: UNLOADED_RADIUS; state --radius" in exported.notes
     assert "the tests state no preload: FNOMIN and Q_FZ2 are left out" in exported.notes
     assert "the tests state no pressure: INFLPRES, NOMPRES and PFZ1 are left out" in exported.notes
 

@@ -283,7 +283,7 @@ class _File:
         if len(self.every) == 1:
             return
         off, omega = 100 * self.tangent.departure, 2 * np.pi * self.frequency
-        yield f"its stiffness differs by up to {off:.2g} % from the model's at {len(self.every)} conditions"
+        yield f"its stiffness differs by up to {round(off, 3):.2g} % from the model's at {len(self.every)} conditions"
         damping = [self.stiffness(one, np.array([self.frequency]))[0].imag / omega for one in self.every]
         yield (
             f"VERTICAL_DAMPING is that of the nominal point: over all conditions, the model has {min(damping):.4g} to "
@@ -294,8 +294,9 @@ class _File:
         """Keys that need what is not stated."""
         state = self.nominal.state
         if self.radius is None:
-            term = " and Q_FZ2, the change over load," if len(self.every) > 1 and _LOAD in state else ""
-            yield f"UNLOADED_RADIUS{term} is not known from these tests: state --radius"
+            load = self.column(_LOAD)
+            term = " and Q_FZ2, the change over load" if np.ptp(load) > _SAME * load[0] else ""
+            yield f"left out, for these tests do not know the radius: UNLOADED_RADIUS{term}; state --radius"
         for name, keys in ((_LOAD, "FNOMIN and Q_FZ2"), (_PRESSURE, "INFLPRES, NOMPRES and PFZ1")):
             if name not in state:
                 yield f"the tests state no {name.partition(' [')[0]}: {keys} are left out"
