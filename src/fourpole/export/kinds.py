@@ -97,11 +97,13 @@ KINDS = {
     "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
     "fmu": _vehicle("specimen.fmu", "fmu", "of a model or a map: FMU of FMI 2.0, with C source", "points"),
     "fmu3": _vehicle("specimen-fmi3.fmu", "fmu.write_fmi3", "the same of FMI 3.0", "points"),
-    "statespace": _vehicle("statespace.json", "statespace", "of a model: matrices A, B, C, D as JSON", "points"),
-    "statespace-mat": _vehicle(
-        "statespace.mat", "statespace.write_matlab", "of a model: matrices A, B, C, D for MATLAB", "points"
+    "statespace": _vehicle(
+        "statespace.json", "statespace", "of a model or a map: matrices A, B, C, D as JSON", "points"
     ),
-    "modelica": _vehicle("FourpoleModels.mo", "modelica", "of a model: Modelica source", "points"),
+    "statespace-mat": _vehicle(
+        "statespace.mat", "statespace.write_matlab", "of a model or a map: matrices A, B, C, D for MATLAB", "points"
+    ),
+    "modelica": _vehicle("FourpoleModels.mo", "modelica", "of a model or a map: Modelica source", "points"),
     "tir": _vehicle(
         "specimen.tir", "tir", "of a model or a map: vertical block of a .tir file", "points", "frequency", "radius"
     ),

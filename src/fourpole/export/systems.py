@@ -86,6 +86,6 @@ def _approximated(systems: Sequence[System]) -> list[str]:
     low, high = worst.placed.band
     note = (
         f"the file has an approximation of the {worst.placed.model.name} model: from {low:.4g} to {high:.4g} Hz, its "
-        f"K* differs by up to {worst.realised.error:.1g} of |K*|; outside, it is another"
+        f"K* differs by up to {worst.realised.error:.1g} of |K*|; outside, by more"
     )
     return [note]

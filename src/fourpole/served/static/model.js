@@ -139,7 +139,7 @@
         const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1] ?? link.textContent;
         save(await answer.blob(), name);
         const notes = JSON.parse(decodeURIComponent(answer.headers.get("X-Notes") ?? "%5B%5D"));
-        told.textContent = [`${name} is saved.`, ...notes].join(" ");
+        told.textContent = [`${name} is saved.`, notes.join("; ")].join(" ");
       } catch (error) {
         if (form) form.parentElement.open = true;
         told.className = "misfit";
