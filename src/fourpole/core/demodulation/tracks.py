@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.sums import Blocks
-from fourpole.core.phasor import SYMBOLS
+from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.recording import Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import ConstantError, RecordingError
@@ -193,7 +193,8 @@ def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, Bo
                 f"{named(name)} is constant ({largest:.6g} in SI units): "
                 "the sensor was off, unplugged, or another column is meant"
             )
-    for (name, one), (other, same) in combinations(zip(names, signals, strict=True), 2):
+    moving = [(name, one) for name, one in zip(names, signals, strict=True) if name in CHANNELS[1:]]
+    for (name, one), (other, same) in combinations(moving, 2):
         if np.array_equal(one, same):
             raise RecordingError(
                 f"{named(name)} and {named(other)} have the same samples: "
