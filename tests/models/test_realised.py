@@ -7,6 +7,7 @@ import pytest
 
 from fourpole.errors import ModelError
 from fourpole.models.families import model_named
+from fourpole.models.fractional import rational
 from fourpole.models.realised import realised
 from fourpole.models.step import simulate
 from fourpole.models.tyre_shell import CROSS_PLY, RADIAL_PLY, Shell
@@ -48,7 +49,13 @@ def test_a_power_of_the_frequency_is_approximated_with_its_error(name):
     model = model_named(name)
     found = realised(model, model.defaults, BAND)
     apart = np.max(np.abs(found.space.stiffness(OMEGA) / model.stiffness(model.defaults, OMEGA) - 1))
-    assert 0 < apart < 1.01 * found.error < 1e-6  # the error is the largest on a grid of 12 frequencies per branch
+    assert 0 < apart < 1.01 * found.error < 1.01e-7  # the error is the largest on a grid of 12 frequencies per branch
+
+
+def test_an_approximation_whose_iteration_does_not_end_goes_on_with_more_arms():
+    model, values = model_named("fractional5"), [150e3, 400e3, 2e-3, 0.6, 0.5]
+    with pytest.raises(ModelError, match=r"60 arms have an error of"):
+        rational(model, values, (10.0, 24.0), 1e-12)
 
 
 def test_branches_are_in_falling_order_of_their_times_and_idle_ones_are_left_out():

@@ -172,7 +172,11 @@ def rational(
         terms = np.concatenate([np.ones((omega.size, 1)), relaxation(omega, times)], axis=1)
         rows = np.concatenate([terms, target[:, None]], axis=1) / np.abs(target)[:, None]
         real = np.concatenate([rows.real, rows.imag])
-        parameters = np.concatenate([scipy.optimize.nnls(real[:, :-1], real[:, -1])[0], times])
+        try:
+            springs, _ = scipy.optimize.nnls(real[:, :-1], real[:, -1])
+        except RuntimeError:  # so many arms are nearly dependent, and the iteration does not end
+            continue
+        parameters = np.concatenate([springs, times])
         maxwell = GeneralisedMaxwell(arms)
         worst = float(np.max(np.abs(maxwell.stiffness(parameters, omega) / target - 1)))
         if worst <= accuracy:

@@ -13,7 +13,7 @@ from fourpole.models.fractional import rational
 from fourpole.models.interface import Arms, Model, StateSpace
 
 #: Largest relative error of K* of an approximation: the first of these that 60 arms reach.
-ACCURACIES = (1e-6, 1e-5, 1e-4, 1e-3)
+ACCURACIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 #: Largest relative error of K* that the change to separate states may add.
 _MOST_LOST = 1e-6
 #: Branches that relax in less than this over the highest angular frequency are merged into two.
@@ -124,8 +124,8 @@ def realised(model: Model, values: ArrayLike, band: tuple[float, float]) -> Real
     >>> realised(Zener(), [180e3, 120e3, 600.0], (5.0, 50.0)).times
     array([0.005])
     >>> found = realised(FractionalZener(), [150e3, 400e3, 2e-3, 0.4], (5.0, 50.0))
-    >>> found.springs.size, found.error < 1e-6
-    (11, True)
+    >>> found.springs.size, found.error < 1e-7
+    (14, True)
     """
     checked = model.checked(values)
     if not model.causal:
