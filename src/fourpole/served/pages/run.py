@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import AsyncIterator
+from functools import partial
 from typing import Any
 
 from markupsafe import Markup
 from starlette.requests import Request
-from starlette.responses import RedirectResponse, Response, StreamingResponse
+from starlette.responses import Response
 from starlette.routing import Route
 
 from fourpole.errors import CampaignError
 from fourpole.report.cards import embedded
 from fourpole.served.jobs import Job, Phase
+from fourpole.served.pages.atwork import job_routes
 from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.units import shown
@@ -30,7 +31,6 @@ COMMANDS = {
 _DOING = {"analyse": "Analysing", "init": "Looking at the files", "fit": "Fitting models", "map": "Fitting the map"}
 #: The page that shows what a command made.
 _NEXT = {"init": ("statement",), "fit": ("model",), "map": ("model",)}
-
 #: What the button to that page says.
 _CALLED = {"init": "Check the guess", "analyse": "Show the results"}
 
@@ -62,38 +62,21 @@ def routes(site: Site) -> list[Route]:
         site.jobs.start(place, command, *map(str, options))
         return Response(status_code=204)
 
-    async def stop(request: Request) -> Response:
-        job = site.jobs.of(site.place(request))
-        if job is not None:
-            job.stop()
-            await job.tell()
-        return Response(status_code=204)
-
-    async def events(request: Request) -> Response:
-        place = site.place(request)
-        job = site.jobs.of(place)
-        if job is None:
-            return RedirectResponse(address(place, "run"))
-        return StreamingResponse(
-            _events(site, place, job), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
-        )
-
     return [
         Route("/c/{key}/run", page),
         Route("/c/{key}/run", start, methods=["POST"]),
-        Route("/c/{key}/run", stop, methods=["DELETE"]),
-        Route("/c/{key}/run/events", events),
+        *job_routes(site, site.jobs, "run", partial(_documents, site)),
     ]
 
 
-async def _events(site: Site, place: Place, job: Job) -> AsyncIterator[str]:
+async def _documents(site: Site, place: Place, job: Job) -> AsyncIterator[dict[str, Any]]:
     """The state of a job whenever it changes, each test once."""
     told = 0
     async for _ in job.changes():
         document = _document(site, place, job, told)
         told = len(job.tests)
-        yield f"data: {json.dumps(document)}\n\n"
-    yield f"data: {json.dumps(_document(site, place, job, told))}\n\n"
+        yield document
+    yield _document(site, place, job, told)
 
 
 def _document(site: Site, place: Place, job: Job, told: int = 0) -> dict[str, Any]:

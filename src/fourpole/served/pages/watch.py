@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import AsyncIterator
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from markupsafe import Markup
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import RedirectResponse, Response, StreamingResponse
+from starlette.responses import Response
 from starlette.routing import Route
 
 from fourpole.errors import FourpoleError
 from fourpole.report.cards import embedded
 from fourpole.served.jobs import Job
+from fourpole.served.pages.atwork import job_routes
 from fourpole.served.site import Site, address
 from fourpole.served.workspace import Place, state_of
 
@@ -39,34 +40,18 @@ def routes(site: Site) -> list[Route]:
         site.watches.start(site.place(request), "watch")
         return Response(status_code=204)
 
-    async def stop(request: Request) -> Response:
-        job = site.watches.of(site.place(request))
-        if job is not None:
-            job.stop()
-            await job.tell()
-        return Response(status_code=204)
-
-    async def events(request: Request) -> Response:
-        place = site.place(request)
-        job = site.watches.of(place)
-        if job is None:
-            return RedirectResponse(address(place, "watch"))
-        return StreamingResponse(
-            _events(site, place, job), media_type="text/event-stream", headers={"Cache-Control": "no-store"}
-        )
-
     return [
         Route("/c/{key}/watch", page),
         Route("/c/{key}/watch", start, methods=["POST"]),
-        Route("/c/{key}/watch", stop, methods=["DELETE"]),
-        Route("/c/{key}/watch/events", events),
+        *job_routes(site, site.watches, "watch", partial(_documents, site)),
     ]
 
 
-async def _events(site: Site, place: Place, job: Job) -> AsyncIterator[str]:
+async def _documents(site: Site, place: Place, job: Job) -> AsyncIterator[dict[str, Any]]:
+    """The judgements whenever one is added."""
     async for _ in job.changes():
-        yield f"data: {json.dumps(await run_in_threadpool(_document, site, place, job))}\n\n"
-    yield f"data: {json.dumps(await run_in_threadpool(_document, site, place, job))}\n\n"
+        yield await run_in_threadpool(_document, site, place, job)
+    yield await run_in_threadpool(_document, site, place, job)
 
 
 def _document(site: Site, place: Place, job: Job | None) -> dict[str, Any]:
