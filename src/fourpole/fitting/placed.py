@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.errors import ModelError, UnitError
 from fourpole.fitting.modelfile import ModelFile
@@ -22,7 +22,7 @@ _KINDS = {axis.name: (axis.column, kind) for axis, kind in zip(AXES, ("pressure"
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedModel:
+class PlacedModel(ByValue):
     """A model of a file at one operating point.
 
     Attributes
