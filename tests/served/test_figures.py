@@ -12,9 +12,9 @@ from pathlib import Path
 from urllib.parse import quote, urlencode
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, expect
 from tests.report.browser import launched
+from tests.served.barriers import barriers
 from tests.served.server import Server, serving
 from tests.served.test_pages import LONG, visiting
 
@@ -293,27 +293,19 @@ def test_a_choice_shows_its_figure_at_once(browser: Browser, mapped: Server) -> 
         assert "/tests/" in str(address)
 
 
-def plain(page: Page) -> list[str]:
-    """Violations that keep someone out."""
-    found = Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]})
-    bad = [one for one in found.response["violations"] if one["impact"] in ("serious", "critical")]
-    return [f"{one['id']}: {node['html'][:200]}" for one in bad for node in one["nodes"][:3]]
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize(
     "address",
     ["/c/one/explore?quantity=k2&over=pressure", "/c/one/model", "/c/two/model", "/c/one/plan?wanted=0.01+%25",
      "/compare?a=one&first=cross-ply&second=radial-ply", "/c/bare/plan"],
 )  # fmt: skip
-def test_no_page_keeps_anyone_out(browser: Browser, mapped: Server, address: str, theme: str) -> None:
-    with visiting(browser, mapped, color_scheme=theme) as page:
+def test_no_page_keeps_anyone_out(browser: Browser, mapped: Server, address: str) -> None:
+    with visiting(browser, mapped) as page:
         for size in ({"width": 1280, "height": 800}, {"width": 820, "height": 1180}):
             page.set_viewport_size(size)
             page.goto(address)
             expect(page.locator("[aria-busy=true]")).to_have_count(0, timeout=LONG)
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        assert plain(page) == []
+        assert barriers(page) == []
 
 
 def test_a_page_without_results_leads_to_the_run(mapped: Server) -> None:
