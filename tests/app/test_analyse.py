@@ -369,7 +369,7 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
         process.wait()
     assert process.returncode == 130
     assert out == ""
-    said = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
+    said = "stopped; no file is half-written; give the same command again: what is kept is not done twice"
     assert err.splitlines() == [said]
     # no table, whole or half, and no leftovers of writing
     assert [path.name for path in (campaign / "results").iterdir()] == ["cache"]

@@ -39,7 +39,7 @@ OK, UNREADABLE, SOME_REJECTED, STOPPED, TERMINATED, INTERNAL = 0, 2, 3, 130, 143
 _LINE_EVERY = 10.0
 #: Time after which a signal is repeated that came while an object was deleted [s].
 _SOON = 0.02
-_STOPPED_TEXT = "stopped; no file is half-written; what is done is kept: the same command goes on from there"
+_STOPPED_TEXT = "stopped; no file is half-written; give the same command again: what is kept is not done twice"
 
 
 #: What a progress bar is part of; empty for a command with one task.

@@ -217,7 +217,7 @@ def _check_count(model: Model, free: int, frequencies: int, known: int) -> None:
         raise ModelError(f"all parameters of the {model.name} model are given: leave at least one free")
     if known < free:
         raise ModelError(
-            f"{frequencies} frequencies give {known} numbers, too few for {free} free parameters of the "
+            f"{frequencies} frequenc{'y gives' if frequencies == 1 else 'ies give'} {known} numbers, too few for {free} free parameters of the "
             f"{model.name} model: fix some, take a smaller model, or measure at more frequencies"
         )
 
