@@ -44,7 +44,8 @@ def main() -> None:
         (folder / "campaign.toml").write_text(STATED)
         (folder / "tests.csv").write_text(f"test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz]\n{rows}")
         with serving(Path(place)) as address:
-            time.sleep(5)  # its worker processes have started
+            asked(f"{address}c/long/tests", b"Parquet")
+            time.sleep(5)  # somebody reads the list of tests
             for name in names:
                 signals = f"{address}c/long/tests/{name}/signals?width=1200"
                 first = asked(signals)
@@ -81,12 +82,12 @@ def serving(root: Path) -> Iterator[str]:
             process.terminate()
 
 
-def asked(address: str) -> float:
-    """Time until the samples are there, asked as the page asks [s]."""
+def asked(address: str, wanted: bytes = b'"channels"') -> float:
+    """Time until an answer has what is wanted, asked as the page asks [s]."""
     start = time.perf_counter()
     while True:
         with urlopen(address, timeout=60) as answer:
-            if b'"channels"' in answer.read():
+            if wanted in answer.read():
                 return time.perf_counter() - start
 
 

@@ -216,9 +216,10 @@ def _check_count(model: Model, free: int, frequencies: int, known: int) -> None:
     if free == 0:
         raise ModelError(f"all parameters of the {model.name} model are given: leave at least one free")
     if known < free:
+        given = "1 frequency gives" if frequencies == 1 else f"{frequencies} frequencies give"
         raise ModelError(
-            f"{frequencies} frequenc{'y gives' if frequencies == 1 else 'ies give'} {known} numbers, too few for {free} free parameters of the "
-            f"{model.name} model: fix some, take a smaller model, or measure at more frequencies"
+            f"{given} {known} numbers, too few for {free} free parameters of the {model.name} model: fix some, take a "
+            "smaller model, or measure at more frequencies"
         )
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import threading
+from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from pathlib import Path
 from fourpole.errors import CampaignError, FileError, FourpoleError
 from fourpole.io.child import child, read_apart
 from fourpole.io.identity import identity_of
-from fourpole.served.signals import Kept, fresh_name, keep, kept_in, warm
+from fourpole.served.signals import Kept, fresh_name, keep, kept_in, load
 
 #: Recordings that are read at a time, and time that a page waits for one before it shows progress [s].
 _AT_ONCE, _WAIT = 2, 1.0
@@ -53,8 +54,20 @@ class Collector:
         self._threads = ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="signals")
         self._works: dict[Path, _Work] = {}
         self._lock = threading.Lock()
-        for _ in range(_AT_ONCE):  # so that the first recording does not wait for a worker process to start
-            self._threads.submit(_warm)
+        self._loaded: set[str] = set()
+        self._load([])
+
+    def expect(self, files: Iterable[str]) -> None:
+        """Load what reads files of these names, so that the first of them is read at once."""
+        endings = {Path(one).suffix.lower() for one in files} - self._loaded
+        if endings:
+            self._loaded |= endings
+            self._load(sorted(endings))
+
+    def _load(self, endings: list[str]) -> None:
+        """Start the worker processes, each by its thread, and load what reads files of these endings."""
+        for _ in range(_AT_ONCE):
+            self._threads.submit(lambda: child().call(load, endings))
 
     def get(self, wanted: Wanted) -> Kept | float:
         """The samples; or, where they take longer, the share that is read.
@@ -116,7 +129,3 @@ def _make_room(folder: Path) -> None:
             return
         shutil.rmtree(one, ignore_errors=True)
         total -= sizes[one]
-
-
-def _warm() -> None:
-    child().call(warm)

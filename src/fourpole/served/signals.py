@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import secrets
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,8 @@ _BLOCK = 1024
 _FROM_BLOCKS = 256
 #: Largest number of channels of a picture, and largest room of the kept samples [byte].
 _MOST_CHANNELS, _MOST_ROOM = 12, 4_000_000_000
+#: Libraries that take long to load, by the endings of the files that they read; polars reads most others.
+_LIBRARIES = {".h5": "h5py", ".hdf5": "h5py", ".mat": "h5py", ".mdf": "asammdf", ".mf4": "asammdf"}
 
 
 @dataclass(frozen=True)
@@ -195,10 +199,11 @@ class _Sink:
             np.stack([np.fmin.reduce(blocks, axis=1), np.fmax.reduce(blocks, axis=1)], axis=1).tofile(self._ends)
 
 
-def warm() -> dict[str, Any]:
-    """Nothing: a worker process that was asked has loaded what `keep` needs."""
-    import fourpole.io.formats.parquet  # noqa: F401
-
+def load(endings: Sequence[str]) -> dict[str, Any]:
+    """Load what reads recordings with these endings, so that the first of them does not wait for it."""
+    for one in endings:
+        with suppress(ImportError):  # the reader says what to install
+            import_module(_LIBRARIES.get(one, "polars"))
     return {}
 
 

@@ -94,7 +94,9 @@ def _every(site: Site, place: Place) -> dict[str, Any]:
         cards.setdefault(card.test, []).append(card)
     names, fault = {name: some[0].tyre for name, some in cards.items()}, ""
     try:
-        names = {test.name: test.tyre for test in site.held.campaign(place).tests}
+        stated = site.held.campaign(place).tests
+        names = {test.name: test.tyre for test in stated}
+        site.collector.expect(test.file for test in stated)
     except FourpoleError as error:
         fault = "" if state.fault else str(error)  # that of campaign.toml stands on every page
     tests = [(name, tyre, cards.get(name, [])) for name, tyre in names.items()]
@@ -107,6 +109,7 @@ def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
     if name not in names:
         raise CampaignError("there is no such test in tests.csv: it was renamed or removed")
     at, shown = names.index(name), site.held.of(place)
+    site.collector.expect([campaign.tests[at].file])
     card = None if shown is None else shown.cards.get(name)
     return {
         "campaign": place,
