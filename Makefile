@@ -14,8 +14,8 @@ READY_BENCH := .venv-bench/.ready
 export OPENBLAS_NUM_THREADS ?= 1
 # Python compiles what is imported when it is imported, which is a small part of all that is installed.
 PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
-# The tests in three processes, for on two cores one often waits for a browser; one that has done its own takes from another.
-SIDE_BY_SIDE := --numprocesses 3 --dist worksteal
+# The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
+TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
 .PHONY: help demo test ready check docs figures links format chromium compiler pytest lowest lowest-install bench bench-install validate lock clean
 
@@ -88,7 +88,7 @@ compiler: chromium  ## the C compiler that the tests of FMUs need; after chromiu
 	$(call program,gcc cc clang,gcc libc6-dev,the tests of FMUs)
 
 pytest: $(READY) compiler  ## the tests, the examples of the docstrings and of the README
-	@$(BIN)/python -m pytest $(SIDE_BY_SIDE)
+	@$(BIN)/python -m pytest $(TWO_AT_A_TIME)
 
 check: $(READY)  ## lint, format, types, direction of imports
 	@$(BIN)/ruff check
@@ -116,7 +116,7 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 # of our formulas, not of a library: once is enough.
 lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
-		-W default $(SIDE_BY_SIDE) -m "not statistical and not thorough" tests \
+		-W default $(TWO_AT_A_TIME) -m "not statistical and not thorough" tests \
 		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools
 
 lowest-install:  ## install the lowest versions allowed
