@@ -91,8 +91,8 @@ def need(module: str, name: str, kind: str) -> Any:
 
 
 def _detail(error: Exception) -> str:
-    """The message of a library's exception on one line in brackets; empty if it has none."""
-    text = " ".join(str(error).split())
+    """The first line of a library's message in brackets; empty if it has none. Further lines name places on disk."""
+    text = str(error).strip().partition("\n")[0]
     return f" ({shown(text, 120)[1:-1]})" if text else ""
 
 
