@@ -17,6 +17,8 @@ _PERIOD, _PERIODS, _HARMONICS = 50, 24, range(3, 11)
 _K1, _K2, _C, _MASS, _K3 = mpf(120000), mpf(90000), mpf(800), mpf(15), mpf(12440)
 #: Length of the record whose ratios are polynomials, its lines of 0.1 Hz, and the powers of the frequency.
 _COUNT, _LINES = 1000, range(85, 316)
+#: A sample below this is zero: what is left is the round-off of 50 digits.
+_NOTHING = mpf(10) ** -40
 _FORCE, _BEYOND = (mpf(200), mpc(0, 3), mpf("-0.05")), (mpf("0.4"), mpc(0, "0.01"), mpf("-0.0002"))
 
 
@@ -71,14 +73,17 @@ def _at(terms: tuple[mpc, ...], f: mpf) -> mpc:
 
 def _polynomial() -> dict[str, Any]:
     """F1 and V2 are V1 times polynomials of second order in the frequency."""
-    lines = [(mpf(at) / 10, _phase(at - _LINES[0], len(_LINES))) for at in _LINES]
-    series: dict[str, list[float]] = {"force_in": [], "motion_in": [], "motion_out": []}
-    for at in range(_COUNT):
-        turns = [one * mp.expj(2 * mp.pi * f * at / _RATE) for f, one in lines]
-        for role, terms in (("force_in", _FORCE), ("motion_in", (mpf(1),)), ("motion_out", _BEYOND)):
-            series[role].append(
-                float(sum((turn * _at(terms, f)).real for turn, (f, _) in zip(turns, lines, strict=True)))
-            )
+    turns = [mp.expjpi(mpf(2 * at) / _COUNT) for at in range(_COUNT)]  # the record is one turn of a line of 0.1 Hz
+    cosines, sines = [one.real for one in turns], [one.imag for one in turns]
+    series: dict[str, list[float]] = {}
+    for role, terms in (("force_in", _FORCE), ("motion_in", (mpf(1),)), ("motion_out", _BEYOND)):
+        lines = [_phase(at - _LINES[0], len(_LINES)) * _at(terms, mpf(at) / 10) for at in _LINES]
+        parts_of_lines = [one.real for one in lines] + [-one.imag for one in lines]
+        series[role] = []
+        for at in range(_COUNT):
+            places = [at * line % _COUNT for line in _LINES]
+            moment = [cosines[place] for place in places] + [sines[place] for place in places]
+            series[role].append(float(mp.chop(mp.fdot(parts_of_lines, moment), _NOTHING)))
     values = []
     for tenths in (110, 194):
         f = mpf(tenths) / 10
