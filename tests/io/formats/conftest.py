@@ -20,7 +20,7 @@ Outcome = Callable[[Path, str], list[str]]
 @pytest.fixture
 def outcome(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Outcome:
     """What `info` and `read_recording` say of a file: the message of the error, empty if there is none."""
-    monkeypatch.setattr(children, "SECONDS", 10.0)
+    monkeypatch.setattr(children, "SECONDS", 30.0)  # loading a library takes some of them under load
 
     def said(path: Path, channel: str) -> list[str]:
         stated = {"motion_in": {"column": channel, "unit": "m/s"}, "sample_rate": "100 Hz"}
