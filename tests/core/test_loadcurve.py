@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
@@ -54,6 +54,7 @@ def test_branches_need_not_be_sampled_alike(load_cycles, up, down, warp, shape):
     np.testing.assert_allclose(tangents(curve, law), np.ones(4), rtol=1e-9)
 
 
+@settings(max_examples=30)
 @given(st.floats(-0.5, 0.5))
 def test_the_zero_of_the_deflection_is_arbitrary(load_cycles, zero):
     x, f = load_cycles(LAW)
@@ -66,6 +67,7 @@ def test_the_zero_of_the_deflection_is_arbitrary(load_cycles, zero):
     assert there.nonlinearity == pytest.approx(here.nonlinearity, rel=1e-9)
 
 
+@settings(max_examples=30)
 @given(st.floats(0.1, 10.0), st.floats(0.1, 10.0))
 def test_scaling(load_cycles, by_load, by_deflection):
     x, f = load_cycles(LAW)
@@ -372,8 +374,7 @@ def test_nonlinearity_of_a_quadratic(load_cycles, share):
 # Imperfect data -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("shape", ["parabola", "ellipse"])
-@pytest.mark.parametrize("noise", [5.0, 50.0])
+@pytest.mark.parametrize(("noise", "shape"), [(5.0, "parabola"), (50.0, "ellipse")])
 def test_fit_uncertainty_is_honest(load_cycles, noise, shape):
     """White noise in the load: errors over their uncertainties, which also have the orders that the data leave open.
 

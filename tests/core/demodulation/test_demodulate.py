@@ -160,10 +160,10 @@ def test_hum_on_the_fifth_harmonic_touches_nothing_else(record, phase, mains):
     exactly(found, AMPLITUDES, 10.0, 2.0)
 
 
-@pytest.mark.parametrize("off", [0.01, 0.05, -0.2, 0.4, -0.7, 1.0])
+@pytest.mark.parametrize("off", [0.01, -0.2, 0.4, 1.0])
 def test_hum_beside_the_fifth_harmonic_biases_nothing(record, off):
     """50 Hz and up to two bins off it, with noise of 0.5 %: errors have no bias, and amplitudes scatter as stated."""
-    seeds, errors, in_frequency, stated = 60, [], [], []
+    seeds, errors, in_frequency, stated = 40, [], [], []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         noise = 0.005 * SIZES[:, None] * rng.standard_normal((3, 2000))
@@ -204,9 +204,17 @@ def noisy(record, seeds, noise, *, samples, frequency=10.3, mixing=None, present
     return results
 
 
-def test_frequency_reaches_its_cramer_rao_bound(record):
-    samples, noise, seeds = 4000, 0.005, 150
-    found = noisy(record, seeds, noise, samples=samples)
+SAMPLES, NOISE, SEEDS = 4000, 0.005, 150
+
+
+@pytest.fixture(scope="module")
+def in_noise(record):
+    """Records of 4 s in white noise, demodulated."""
+    return noisy(record, SEEDS, NOISE, samples=SAMPLES)
+
+
+def test_frequency_reaches_its_cramer_rao_bound(in_noise):
+    samples, noise, seeds, found = SAMPLES, NOISE, SEEDS, in_noise
     frequency = np.array([float(one.phasors.frequency) for one in found])
     stated = np.array([float(one.phasors.frequency_std) for one in found])
     # three channels of the same signal to noise; sines only
@@ -220,26 +228,26 @@ def test_frequency_reaches_its_cramer_rao_bound(record):
     assert low < np.sqrt(np.mean(((frequency - 10.3) / stated) ** 2)) < 1.04 * high
 
 
-def test_amplitudes_scatter_as_stated(record):
-    samples, seeds = 4000, 150
-    found = noisy(record, seeds, 0.01, samples=samples)
+def test_amplitudes_scatter_as_stated(in_noise):
+    samples, seeds, found = SAMPLES, SEEDS, in_noise
     dof = found[0].phasors.dof
     assert dof == 60.0
     errors = np.array([parts(one.phasors.amplitudes - AMPLITUDES) / one.phasors.std for one in found])
     low, high = root_mean_square_limits(errors.size) * np.sqrt(dof / (dof - 2))  # Student's t
     assert low < np.sqrt(np.mean(errors**2)) < high
     # and the statement itself is the bound: 2 s²/N for each part
-    stated = np.array([one.phasors.std for one in found]) / (0.01 * np.repeat(SIZES, 2) * np.sqrt(2 / samples))
+    stated = np.array([one.phasors.std for one in found]) / (NOISE * np.repeat(SIZES, 2) * np.sqrt(2 / samples))
     assert np.mean(stated**2) == pytest.approx(1.0, abs=5 * np.sqrt(2 / dof / (3 * seeds)))
 
 
 @pytest.mark.parametrize("samples", [400, 1000])
 def test_amplitudes_scatter_as_stated_with_missing_samples(record, samples):
     """400 samples: too short for the noise beside the line, so it is that of the residual."""
-    found = noisy(record, 150, 0.01, samples=samples, present=0.87)
+    seeds = 80
+    found = noisy(record, seeds, 0.01, samples=samples, present=0.87)
     dof = np.median([one.phasors.dof for one in found])
     errors = np.array([parts(one.phasors.amplitudes - AMPLITUDES) / one.phasors.std for one in found])
-    low, high = root_mean_square_limits(150 * 3) * np.sqrt(dof / (dof - 2))  # parts of a channel share one estimate
+    low, high = root_mean_square_limits(seeds * 3) * np.sqrt(dof / (dof - 2))  # parts of a channel share one estimate
     assert low < np.sqrt(np.mean(errors**2)) < high
 
 
@@ -261,7 +269,7 @@ def test_students_t_covers_what_it_says(record):
 
 def test_noise_that_two_channels_share_stays_common(record):
     """Noise common to V1 and V2, 1 % of each, and a tenth of it of their own: their ratio does not see the former."""
-    seeds, samples = 200, 2000
+    seeds, samples = 80, 2000
     common = np.array([[1.0, 0, 0], [0, 1.0, 0.1], [0, np.exp(0), 0]])
     in_phase = np.array([F1, V1, 0.08 + 0j])
     errors, naive, correlation = [], [], []

@@ -108,7 +108,7 @@ def test_rigid_blocks_have_no_outputs(solved):
 @pytest.mark.statistical
 def test_the_mobility_is_freed_of_the_gains_with_its_uncertainty(make, full):
     """Over seeds: errors of R and I in their covariance, chi-square of two degrees, one test of each campaign."""
-    square, count = 0.0, 60
+    square, count = 0.0, 40
     for seed in range(count):
         made = make(full, masses=(0.0, 10.0), frequencies=2, families=2, seed=seed)
         joint = made.identify()

@@ -138,7 +138,7 @@ def test_uncertainty_with_scatter_is_right(make, masses):
 @pytest.mark.statistical
 def test_a_clean_campaign_never_warns(make):
     """The truth within two uncertainties of all that is stated."""
-    for seed in range(60):
+    for seed in range(30):
         sensors = (2e-4, 3e-2)[seed % 2]
         lab = replace(GOOD, std_gain=(sensors,) * 3, std_phase=(sensors / 2,) * 3)
         masses = ((0.0,), (0.0, 10.0), (0.0, 5.0, 10.0))[seed % 3]

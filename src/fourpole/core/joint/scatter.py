@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import JointConditions
@@ -19,8 +20,8 @@ from fourpole.core.joint.solve import Problem, Solution
 
 #: Median of chi-square with 2 degrees of freedom.
 MEDIAN = 1.386
-#: Largest scatter of log K*, or error of Zr, that is considered [1]; halvings of it that reach round-off.
-_MOST, _HALVINGS = 1.0, 60
+#: Largest scatter of log K*, or error of Zr, that is considered [1].
+_MOST = 1.0
 #: Least number of tests with a repeat for a robust estimate of the scatter.
 _ENOUGH = 6
 #: Newton steps to the K* of a test by itself.
@@ -116,11 +117,9 @@ def root_of(excess: Callable[[float], float]) -> float:
     """The relative error up to `_MOST` at which a falling function is zero; 0 if it is never positive."""
     if excess(0.0) <= 0:
         return 0.0
-    low, high = 0.0, _MOST
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return high
+    if excess(_MOST) > 0:
+        return _MOST
+    return float(scipy.optimize.brentq(excess, 0.0, _MOST, xtol=1e-15, rtol=1e-12))
 
 
 @dataclass(frozen=True, eq=False)
