@@ -6,7 +6,7 @@ from pathlib import Path
 from urllib.parse import quote_plus
 
 import pytest
-from tests.report.browser import launched
+from tests.report.browser import launched, renewed
 
 SITE = Path(__file__).parents[2] / "build" / "site"
 
@@ -28,39 +28,49 @@ def browser():
         yield browser
 
 
-@pytest.fixture
-def visit(site, browser):
-    """Open a page of the site, with the network cut; what it asked of other places is kept."""
-    rooms = []
+@pytest.fixture(scope="module")
+def window(browser):
+    """A page that all tests use, one after the other, with the network cut."""
+    with browser.new_context(offline=True) as room:
+        yield room.new_page()
 
-    def opened(name, width=1280):
-        room = browser.new_context(offline=True, viewport={"width": width, "height": 900})
-        rooms.append(room)
-        page = room.new_page()
-        page.outside, page.faults = [], []
-        page.on("request", lambda one: None if one.url.startswith(("file:", "data:")) else page.outside.append(one.url))
-        page.on("pageerror", lambda error: page.faults.append(str(error)))
-        page.on("requestfailed", lambda one: page.faults.append(one.url))
+
+@pytest.fixture
+def visit(site, window):
+    """Open a page of the site; what it asked of other places is kept."""
+    page = renewed(window)
+    page.outside, page.faults = [], []
+    listeners = {
+        "request": lambda one: None if one.url.startswith(("file:", "data:")) else page.outside.append(one.url),
+        "pageerror": lambda error: page.faults.append(str(error)),
+        "requestfailed": lambda one: page.faults.append(one.url),
+    }
+    for event, listener in listeners.items():
+        page.on(event, listener)
+
+    def opened(name):
         name, _, query = name.partition("?")
         page.goto(f"{(site / name).as_uri()}?{query}")
         return page
 
     yield opened
-    for room in rooms:
-        room.close()
+    page.unroute_all()
+    for event, listener in listeners.items():
+        page.remove_listener(event, listener)
 
 
 KINDS = ["index.html", "guides.html", "how-sure-are-you.html", "api/made/fourpole.core.routes.html", "checks.html"]
 
 
 @pytest.mark.parametrize("name", KINDS)
-@pytest.mark.parametrize("width", [1280, 390])
-def test_a_page_needs_nothing_from_outside_and_fits_its_window(visit, name, width):
-    page = visit(name, width)
+def test_a_page_needs_nothing_from_outside_and_fits_its_window(visit, name):
+    page = visit(name)
     page.wait_for_load_state("load")
+    for width in (1280, 390):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.outside == []
     assert page.faults == []
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator("h1").count() == 1
 
 
@@ -115,10 +125,12 @@ QUESTIONS = {
 
 
 def test_the_search_ranks_the_page_that_answers_first(visit):
+    page = visit("search.html")
+    page.route(re.compile("/_static/(scripts|styles|vendor)/"), lambda route: route.abort())  # the looks of a page
     first = {}
     for question in QUESTIONS:
-        page = visit(f"search.html?q={quote_plus(question)}")
-        page.wait_for_selector("#search-results li a")
+        page.goto(f"{page.url.partition('?')[0]}?q={quote_plus(question)}", wait_until="commit")
+        page.wait_for_selector("#search-results li a", state="attached")
         first[question] = page.locator("#search-results li a").first.get_attribute("href")
     assert first == QUESTIONS
 

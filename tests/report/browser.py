@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Dialog, Page, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ARGUMENTS = (
@@ -65,20 +65,32 @@ class Seen:
 
 
 @contextmanager
-def visiting(browser: Browser, path: Path, **context: object) -> Iterator[tuple[Page, Seen]]:
-    """A file opened in a page of its own; data: URLs are no requests."""
+def watched(page: Page) -> Iterator[Seen]:
+    """What a page does for a while; data: URLs are no requests."""
     seen = Seen()
-    with browser.new_context(**{"viewport": {"width": 1280, "height": 900}, **context}) as room:
-        page = room.new_page()
-        page.set_default_timeout(10_000)
 
-        def dismissed(dialog: object) -> None:
-            seen.dialogs.append(dialog.message)
-            dialog.dismiss()
+    def dismissed(dialog: Dialog) -> None:
+        seen.dialogs.append(dialog.message)
+        dialog.dismiss()
 
-        page.on("console", lambda message: seen.console.append(message.text))
-        page.on("pageerror", lambda error: seen.errors.append(str(error)))
-        page.on("dialog", dismissed)
-        page.on("request", lambda r: None if r.url.startswith("data:") else seen.requests.append(r.url))
-        page.goto(path.as_uri())
-        yield page, seen
+    listeners = {
+        "console": lambda message: seen.console.append(message.text),
+        "pageerror": lambda error: seen.errors.append(str(error)),
+        "dialog": dismissed,
+        "request": lambda one: None if one.url.startswith("data:") else seen.requests.append(one.url),
+    }
+    for event, listener in listeners.items():
+        page.on(event, listener)
+    try:
+        yield seen
+    finally:
+        for event, listener in listeners.items():
+            page.remove_listener(event, listener)
+
+
+def renewed(page: Page) -> Page:
+    """The same page, empty, as wide as a screen and in light: it costs less than a new one."""
+    page.goto("about:blank")
+    page.set_viewport_size({"width": 1280, "height": 900})
+    page.emulate_media(color_scheme="light", media="screen")
+    return page
