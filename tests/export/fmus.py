@@ -13,11 +13,15 @@ import numpy as np
 import pytest
 
 from fourpole.export.fmi.compiler import COMPILERS
+from fourpole.export.fmi.csource import common_source, model_source
 from fourpole.export.fmi.variables import Point, states_in
 from fourpole.export.fmu import fmu
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
+from fourpole.models.tyre_shell import RADIAL_PLY, Shell
 
+#: A model with inertia, and thus with pairs of states; of few modes, so that its files are small.
+SHELL = Shell(around=8, across=1, moving=(3, 1))
 BAND = (1.0, 100.0)
 #: Models and their parameters, at the operating points of the FMU that the tests drive.
 MODELS = {
@@ -26,6 +30,7 @@ MODELS = {
     "maxwell:3": [150e3, 60e3, 40e3, 30e3, 0.5, 0.02, 0.001],
     "fractional": [150e3, 400e3, 1e-3, 0.4],
 }
+WITH_INERTIA = {SHELL: list(RADIAL_PLY), "zener": MODELS["zener"]}
 INPUTS = [1, 2, 3, 4]
 FORCE, POINT, PRELOAD, STATE = 5, 6, 7, 8
 
@@ -41,7 +46,8 @@ def compiler():
 
 
 def points(models=MODELS):
-    return [Point(name, realised(model_named(name), values, BAND)) for name, values in models.items()]
+    each = ((model_named(model) if isinstance(model, str) else model, values) for model, values in models.items())
+    return [Point(model.name, realised(model, values, BAND)) for model, values in each]
 
 
 #: Number of states of the FMU of all models.
@@ -56,6 +62,13 @@ def made(folder, version, models=MODELS):
     path = Path(folder, f"tyre{version}.fmu")
     path.write_bytes(content)
     return path
+
+
+def sources(folder, version, models):
+    """The folder with the C source of an FMU, without the binary."""
+    for name, text in (common_source(version) | model_source(points(models), "{token}")).items():
+        Path(folder, name).write_text(text, encoding="utf-8")
+    return folder
 
 
 def unpacked(path, folder):

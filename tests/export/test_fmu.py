@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import polars as pl
 import pytest
-from tests.export.fmus import MODELS, compiler, made, unpacked
+from tests.export.fmus import MODELS, WITH_INERTIA, compiler, sources
 from tests.export.vehicle import FREQUENCY, LOAD, PRESSURE, parameters, table
 
 from fourpole.errors import CampaignError, ModelError
@@ -23,7 +23,6 @@ from fourpole.export.fmi.csource import COMPILED
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.models.families import model_named
-from fourpole.models.tyre_shell import RADIAL_PLY
 
 MACHINE = platform.machine()
 HERE = Path(__file__).parent
@@ -146,22 +145,23 @@ def test_an_fmu_is_of_a_model(files, tmp_path):
         export_results(files / "model.json", "fmu", tmp_path / "a.fmu", frequency=20.0)
 
 
-SETS = {"many": MODELS, "spring": {"spring": [2e5]}, "shell": {"shell": list(RADIAL_PLY), "zener": MODELS["zener"]}}
+#: Operating points without a state, and with branches and pairs of states.
+SETS = {"spring": {"spring": [2e5]}, "shell": WITH_INERTIA}
 
 
 @pytest.mark.thorough
 @both
 @pytest.mark.parametrize("models", SETS)
 def test_the_source_compiles_without_a_warning(tmp_path, version, models):
-    folder = unpacked(made(tmp_path, version, SETS[models]), tmp_path / "in") / "sources"
     command = [compiler(), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-O2", "-c", *COMPILED[version]]
+    folder = sources(tmp_path, version, SETS[models])
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def driven(tmp_path, version, models, *flags):
     """The program that drives an FMU in C, compiled with its sources."""
-    folder = unpacked(made(tmp_path, version, SETS[models]), tmp_path / "in") / "sources"
+    folder = sources(tmp_path, version, models)
     program, driver = tmp_path / "drive", HERE / f"drive_fmi{version}.c"
     command = [compiler(), "-std=c99", "-g", *flags, "-I.", "-o", program, driver, *COMPILED[version], "-lm"]
     subprocess.run(command, cwd=folder, check=True)
@@ -172,7 +172,7 @@ def driven(tmp_path, version, models, *flags):
 @both
 @pytest.mark.parametrize("models", SETS)
 def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models):
-    program = driven(tmp_path, version, models, "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    program = driven(tmp_path, version, SETS[models], "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     done = subprocess.run([program], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "as it should be\n", "")
 
@@ -181,6 +181,6 @@ def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models):
 @both
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_valgrind_finds_nothing(tmp_path, version):
-    command = ["valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9", driven(tmp_path, version, "many")]
+    command = ["valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9", driven(tmp_path, version, MODELS)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "as it should be\n", "")

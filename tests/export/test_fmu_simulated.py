@@ -14,8 +14,10 @@ from tests.export.fmus import (
     MODELS,
     POINT,
     PRELOAD,
+    SHELL,
     STATE,
     STATES,
+    WITH_INERTIA,
     instance,
     made,
     points,
@@ -38,10 +40,16 @@ both = pytest.mark.parametrize("version", [2, 3])
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory):
-    """The FMU of all models as operating points, unpacked, of each version."""
+def archives(tmp_path_factory):
+    """The FMU of all models as operating points, of each version."""
     place = tmp_path_factory.mktemp("fmu")
-    return {version: unpacked(made(place, version), place / str(version)) for version in (2, 3)}
+    return {version: made(place, version) for version in (2, 3)}
+
+
+@pytest.fixture(scope="module")
+def folders(archives):
+    """The same, unpacked."""
+    return {version: unpacked(path, path.parent / str(version)) for version, path in archives.items()}
 
 
 def motion(step, count):
@@ -67,8 +75,8 @@ def first(x, v, shared=0.3):
 
 
 @both
-def test_the_description_has_no_problems(version, tmp_path):
-    assert validate_fmu(str(made(tmp_path, version))) == []
+def test_the_description_has_no_problems(archives, version):
+    assert validate_fmu(str(archives[version])) == []
 
 
 @both
@@ -184,7 +192,7 @@ def test_the_recorded_force_of_a_sine_has_the_dynamic_stiffness_of_the_model(fol
 
 @both
 @pytest.mark.parametrize("point", POINTS)
-@pytest.mark.parametrize("frequency", [1.7, 13.0, 80.0])
+@pytest.mark.parametrize("frequency", [1.7, 30.0])
 def test_the_dynamic_stiffness_by_sines_is_that_of_the_model(folders, version, point, frequency):
     name = list(MODELS)[point - 1]
     model, cycle = model_named(name), 100
@@ -401,10 +409,12 @@ def test_a_force_that_is_too_large_ends_the_step_with_an_error(folders, version)
 
 @both
 def test_a_model_with_inertia_steps_by_its_pairs(version, tmp_path):
-    path = made(tmp_path, version, {"shell": list(RADIAL_PLY), "zener": MODELS["zener"]})
+    path = made(tmp_path, version, WITH_INERTIA)
     assert validate_fmu(str(path)) == []
     x, v = motion(1e-3, 300)
-    wanted = simulate(realised(model_named("shell"), RADIAL_PLY, BAND).space, x, v, 1e-3)
+    system = realised(SHELL, RADIAL_PLY, BAND)
+    assert system.pair_springs.size
+    wanted = simulate(system.space, x, v, 1e-3)
     with instance(unpacked(path, tmp_path / "in"), version) as one:
         one.start(1, first(x, v))
         force = follow(one, x, v, 1e-3)

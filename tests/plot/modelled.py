@@ -96,3 +96,12 @@ def named(file: ModelFile, names: Mapping[str, str]) -> ModelFile:
         for field in ("models", "maps")
     }
     return file.model_copy(update=update)
+
+
+def of_each(file: ModelFile, names: Sequence[str]) -> ModelFile:
+    """The entries of the only tyre once more for each of the tyres of these names, which are alike."""
+    update = {
+        field: [one.model_copy(update={"tyre": name}) for name in names for one in getattr(file, field)]
+        for field in ("models", "maps")
+    }
+    return file.model_copy(update=update)

@@ -120,12 +120,13 @@ def fit_over_pressures(
     Examples
     --------
     >>> from fourpole.models.tyre_shell import RADIAL_PLY, Shell
-    >>> omega, pressures, sets = 2 * np.pi * np.arange(10.0, 25.0, 2.0), [1e5, 1.5e5, 2.2e5], []
+    >>> omega, pressures, sets = 2 * np.pi * np.arange(10.0, 25.0, 4.0), [1e5, 2.2e5], []
+    >>> shell = Shell(around=12, across=1, moving=(5, 1))
     >>> for p in pressures:
     ...     sets.append([*RADIAL_PLY[:4], p, *RADIAL_PLY[5:]])
-    >>> data = [StiffnessData.of(omega, Shell().stiffness(one, omega), 50.0) for one in sets]
+    >>> data = [StiffnessData.of(omega, shell.stiffness(one, omega), 50.0) for one in sets]
     >>> begun = np.array(sets) * [1, 1, 1, 1, 1, 1.2, 0.8, 1.1, 1, 1]
-    >>> found = fit_over_pressures(Shell(), data, pressures, begun, ["R", "B", "S", "D", "p", "l", "beta"])
+    >>> found = fit_over_pressures(shell, data, pressures, begun, ["R", "B", "S", "D", "p", "l", "beta"])
     >>> found.fits[0].values[5:8].round(6), found.agrees
     (array([8.0e+06, 1.6e+01, 6.0e-04]), True)
     """
