@@ -14,9 +14,10 @@ def study(tmp_path_factory):
         tmp_path_factory.mktemp("campaign"), pressures=[1.0e5, 1.7e5, 2.4e5], preloads=[1000.0, 2000.0],
         frequencies=[10.0, 13.0, 16.0, 20.0, 24.0],
     )  # fmt: skip
-    return analyse(made.folder)
+    return analyse(made.folder, monte_carlo=0)
 
 
+@pytest.mark.thorough
 def test_a_point_between_the_tests(study):
     found = study.map(at={"pressure": [1.85e5, 3.0e5], "preload": 1400.0, "frequency": [13.7, 40.0]})
     assert dict(found.sizes) == {"tyre": 2, "pressure": 2, "preload": 1, "frequency": 2}

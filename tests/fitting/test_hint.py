@@ -29,12 +29,14 @@ def test_a_gain_of_v1_is_named_with_its_size(gain):
     assert size == pytest.approx(100 * (gain - 1), abs=2.0)
 
 
+@pytest.mark.thorough
 def test_a_delay_of_v1_is_named():
     text = said(0, (zener, broad), delay=2e-3)
     assert "delay of V1" in text
     assert float(text.split("error of ")[1].split(" µs")[0]) == pytest.approx(2000.0, rel=0.3)
 
 
+@pytest.mark.thorough
 def test_nothing_is_said_where_all_is_possible_or_no_error_helps():
     assert said(0, (zener, broad)) == ""
     assert said(0, (impossible, impossible)) == ""

@@ -68,6 +68,7 @@ def test_the_parameters_of_the_simulation_are_found_and_the_effect_of_the_pressu
     assert all(fit.std[4] == 0.0 for fit in found.fits)
 
 
+@pytest.mark.statistical
 def test_the_uncertainties_are_as_large_as_the_parameters_scatter():
     """Root mean square of z over draws within 3.5 of its own standard uncertainties, 1/sqrt(2 x draws)."""
     scores, pressures, draws = [], PRESSURES[::3], 16

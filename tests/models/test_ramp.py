@@ -150,6 +150,7 @@ def test_intervals_below_the_band_hold_with_a_ramp_and_not_with_k1_at_rest(facto
     assert covered["rest"] < 0.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tyre", [ZENER, THREE, FRACTIONAL], ids=["zener", "three arms", "fractional"])
 def test_the_range_of_all_passive_tyres_holds_the_truth(tyre):
     exact = stiffness(tyre, LOW)

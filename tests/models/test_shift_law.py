@@ -20,6 +20,7 @@ def drawn(rng, values, correlated=0.02):
     return values + steps @ rng.standard_normal(count), steps @ steps.T
 
 
+@pytest.mark.statistical
 def test_the_intervals_of_the_constants_hold_in_95_of_100():
     rng = np.random.default_rng(11)
     hits, runs = np.zeros(2), 60
