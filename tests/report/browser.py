@@ -69,14 +69,17 @@ def watched(page: Page) -> Iterator[Seen]:
     """What a page does for a while; data: URLs are no requests."""
     seen = Seen()
 
-    def dismissed(dialog: Dialog) -> None:
-        seen.dialogs.append(dialog.message)
-        dialog.dismiss()
+    def answered(dialog: Dialog) -> None:
+        if dialog.type == "beforeunload":  # of a form that is not saved
+            dialog.accept()
+        else:
+            seen.dialogs.append(dialog.message)
+            dialog.dismiss()
 
     listeners = {
         "console": lambda message: seen.console.append(message.text),
         "pageerror": lambda error: seen.errors.append(str(error)),
-        "dialog": dismissed,
+        "dialog": answered,
         "request": lambda one: None if one.url.startswith("data:") else seen.requests.append(one.url),
     }
     for event, listener in listeners.items():
@@ -89,8 +92,7 @@ def watched(page: Page) -> Iterator[Seen]:
 
 
 def renewed(page: Page) -> Page:
-    """The same page, empty, as wide as a screen and in light: it costs less than a new one."""
-    page.goto("about:blank")
+    """The same page, as wide as a screen and in light: to open something in it costs less than in a new one."""
     page.set_viewport_size({"width": 1280, "height": 900})
     page.emulate_media(color_scheme="light", media="screen")
     return page

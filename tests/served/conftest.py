@@ -18,7 +18,7 @@ from fourpole.virtual import simulate_campaign
 def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A campaign with its results; tests copy it."""
     folder = tmp_path_factory.mktemp("made") / "campaign"
-    simulate_campaign(folder, pressures=[170e3, 240e3], preloads=[1000.0], frequencies=[10.0, 14.0, 20.0])
+    simulate_campaign(folder, pressures=[170e3, 240e3], preloads=[1000.0], frequencies=[10.0, 13.0, 16.0, 20.0])
     run_analysis(folder, None, "joint", 0, RunOptions(workers=1), Wanted(models=True), as_json=True)
     return folder
 

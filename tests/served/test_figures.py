@@ -12,11 +12,11 @@ from pathlib import Path
 from urllib.parse import quote, urlencode
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 from tests.report.browser import launched
 from tests.served.barriers import barriers
 from tests.served.server import Server, serving
-from tests.served.test_pages import LONG, visiting
+from tests.served.test_pages import LONG, opened, visiting
 
 from fourpole.app.models import run_map
 from fourpole.app.options import DataOptions
@@ -49,6 +49,12 @@ def mapped(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 def browser() -> Iterator[Browser]:
     with launched() as one:
         yield one
+
+
+@pytest.fixture(scope="module")
+def window(browser: Browser, mapped: Server) -> Iterator[Page]:
+    with opened(browser, mapped) as page:
+        yield page
 
 
 def page_of(server: Server, path: str, **query: str) -> str:
@@ -202,8 +208,8 @@ def test_options_of_a_command_are_those_that_it_has(mapped: Server) -> None:
         assert status == 400, options
 
 
-def test_the_sliders_answer_and_stand_in_the_address(browser: Browser, mapped: Server) -> None:
-    with visiting(browser, mapped) as page:
+def test_the_sliders_answer_and_stand_in_the_address(window: Page) -> None:
+    with visiting(window) as page:
         page.goto("/c/one/model?tyre=radial-ply")
         expect(page.locator("#curves svg")).to_have_count(4)
         first = page.locator("#answers").inner_text()
@@ -228,11 +234,11 @@ def test_the_sliders_answer_and_stand_in_the_address(browser: Browser, mapped: S
         expect(page.locator("#remarks")).to_contain_text("octaves outside the measured band")
 
 
-def test_without_a_map_a_condition_is_chosen(browser: Browser, mapped: Server) -> None:
+def test_without_a_map_a_condition_is_chosen(window: Page, mapped: Server) -> None:
     folder = mapped.root / "one" / "results"
     shutil.move(folder / "map.json", folder / "map.away")
     try:
-        with visiting(browser, mapped) as page:
+        with visiting(window) as page:
             page.goto("/c/one/model?tyre=radial-ply")
             first = page.locator("#answers").inner_text()
             chosen = page.locator("#condition option").nth(1).inner_text()
@@ -249,9 +255,9 @@ def test_without_a_map_a_condition_is_chosen(browser: Browser, mapped: Server) -
         shutil.move(folder / "map.away", folder / "map.json")
 
 
-def test_a_model_is_fitted_from_the_page(browser: Browser, mapped: Server) -> None:
+def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
     fitted = mapped.root / "two" / "results" / "model.json"
-    with visiting(browser, mapped) as page:
+    with visiting(window) as page:
         page.goto("/c/two/model")
         expect(page.get_by_text("No model was fitted yet")).to_be_visible()
         page.select_option("[name=model]", "zener")
@@ -262,8 +268,8 @@ def test_a_model_is_fitted_from_the_page(browser: Browser, mapped: Server) -> No
     fitted.unlink()
 
 
-def test_an_export_is_saved_with_what_it_leaves_out(browser: Browser, mapped: Server) -> None:
-    with visiting(browser, mapped) as page:
+def test_an_export_is_saved_with_what_it_leaves_out(window: Page) -> None:
+    with visiting(window) as page:
         page.goto("/c/one/model")
         with page.expect_download() as saved:
             page.get_by_role("link", name="results.mat").click()
@@ -274,8 +280,8 @@ def test_an_export_is_saved_with_what_it_leaves_out(browser: Browser, mapped: Se
         expect(page.get_by_label("Height")).to_be_visible()
 
 
-def test_a_choice_shows_its_figure_at_once(browser: Browser, mapped: Server) -> None:
-    with visiting(browser, mapped) as page:
+def test_a_choice_shows_its_figure_at_once(window: Page) -> None:
+    with visiting(window) as page:
         page.goto("/c/one/explore")
         page.select_option("[name=quantity]", "c")
         expect(page.locator("figcaption b")).to_contain_text("C over frequency")
@@ -298,12 +304,13 @@ def test_a_choice_shows_its_figure_at_once(browser: Browser, mapped: Server) -> 
     ["/c/one/explore?quantity=k2&over=pressure", "/c/one/model", "/c/two/model", "/c/one/plan?wanted=0.01+%25",
      "/compare?a=one&first=cross-ply&second=radial-ply", "/c/bare/plan"],
 )  # fmt: skip
-def test_no_page_keeps_anyone_out(browser: Browser, mapped: Server, address: str) -> None:
-    with visiting(browser, mapped) as page:
-        for size in ({"width": 1280, "height": 800}, {"width": 820, "height": 1180}):
-            page.set_viewport_size(size)
-            page.goto(address)
-            expect(page.locator("[aria-busy=true]")).to_have_count(0, timeout=LONG)
+def test_no_page_keeps_anyone_out(window: Page, address: str) -> None:
+    with visiting(window) as page:
+        page.set_viewport_size({"width": 820, "height": 1180})
+        page.goto(address)
+        expect(page.locator("[aria-busy=true]")).to_have_count(0, timeout=LONG)
+        for width in (820, 1280):
+            page.set_viewport_size({"width": width, "height": 1180})
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         assert barriers(page) == []
 

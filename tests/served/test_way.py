@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 from tests.report.browser import launched
 from tests.served.server import serving
-from tests.served.test_pages import LONG, visiting
+from tests.served.test_pages import LONG, opened, visiting
 
 from fourpole.campaign import read_campaign
 
@@ -74,7 +74,7 @@ def visit(page: Page, name: str) -> None:
 def test_from_files_to_an_export_by_keyboard(browser: Browser, dropped: list[Path], tmp_path: Path) -> None:
     root = tmp_path / "root"
     root.mkdir()
-    with serving(root) as server, visiting(browser, server) as page:
+    with serving(root) as server, opened(browser, server) as window, visiting(window) as page:
         page.on("filechooser", lambda _: None)  # from here on choosers are not shown
         page.goto("/")
         reach(page, page.locator("#files"))
