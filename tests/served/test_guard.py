@@ -182,6 +182,7 @@ class TestUploads:
         server.ask(f"/upload/{ticket}", "DELETE")
         assert not hidden.exists()
 
+    @pytest.mark.thorough
     def test_uploads_of_a_former_server_are_deleted(self, tmp_path: Path) -> None:
         (tmp_path / ".fourpole-upload-old").mkdir()
         with serving(tmp_path) as running:
@@ -205,6 +206,7 @@ def wait_for(path: Path, seconds: float = 60.0) -> None:
 class TestToken:
     """A server that others can reach."""
 
+    @pytest.mark.thorough
     def test_it_is_needed_once(self, tmp_path: Path) -> None:
         with serving(tmp_path, "--host", "0.0.0.0") as running:
             port, token = urlsplit(running.address).port, urlsplit(running.address).query.removeprefix("token=")

@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from fourpole.served.jobs import Job, Jobs, Phase
 from fourpole.served.workspace import Place
 
@@ -29,6 +31,7 @@ def test_a_job_that_is_stopped_while_it_starts_does_not_run(tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.thorough
 def test_a_command_ends_with_the_server_that_was_killed(analysed: Path, tmp_path: Path) -> None:
     folder = tmp_path / "one"
     shutil.copytree(analysed, folder, ignore=shutil.ignore_patterns("results"))

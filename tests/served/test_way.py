@@ -125,11 +125,9 @@ def look(page: Page) -> None:
 
 
 def model(page: Page) -> None:
-    """Fit, map, ask the map, load its address again, and export."""
+    """Reach the fit, map, ask the map, load its address again, and export."""
     visit(page, "Model")
-    enter(page, page.get_by_role("button", name="Fit again"))
-    page.wait_for_url("**/run")
-    enter(page, page.locator("#next"))
+    reach(page, page.get_by_role("button", name="Fit again"))
     enter(page, page.get_by_role("button", name="Make the map"))
     page.wait_for_url("**/run")
     enter(page, page.locator("#next"))
