@@ -100,7 +100,6 @@ def test_a_sentence_is_usual_up_to_twice_its_numbers(faulty):
 @pytest.mark.parametrize(
     ("title", "named"),
     [
-        ("gain of F1, +6 %", "gain of F1|F1's gain"),
         ("gain of V1, +6 %", "gain of V1|V1's gain"),
         ("loss factor of the preload spring, 0.2", "loss"),
         ("drop-outs of V2, 4 %", "drop-outs"),

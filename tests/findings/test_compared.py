@@ -245,9 +245,9 @@ def test_an_error_is_not_common_where_k_star_differs_much():
 
 @pytest.mark.statistical
 def test_the_ratios_of_runs_without_a_difference_have_the_spread_of_chance(tmp_path):
-    """12 pairs of runs with drawn errors that both share; K' and K'' of 4 frequencies are nearly independent."""
+    """6 pairs of runs with drawn errors that both share; K' and K'' of 4 frequencies are nearly independent."""
     found = []
-    for pair in range(12):
+    for pair in range(6):
         rng = np.random.default_rng(pair)
         drawn = {name: value * float(rng.uniform(-1.0, 1.0)) for name, value in ERRORS["undeclared"].items()}
         errors = {**ERRORS, "undeclared": drawn}
@@ -255,4 +255,4 @@ def test_the_ratios_of_runs_without_a_difference_have_the_spread_of_chance(tmp_p
         rows = compare(one, two).rows.filter(pl.col("quantity").is_in(["Re K*", "Im K*"]))
         found += rows["z [1]"].to_list()
         assert set(rows["verdict"]) <= {DIFFERS, NOT_SEEN}
-    assert 0.7 < np.sqrt(np.mean(np.square(found))) < 1.3  # 96 ratios
+    assert 0.7 < np.sqrt(np.mean(np.square(found))) < 1.3  # 48 ratios, whose rms is known to 10 %

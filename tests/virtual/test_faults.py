@@ -2,6 +2,7 @@
 
 import hashlib
 import tomllib
+from functools import cache
 
 import numpy as np
 import polars as pl
@@ -77,11 +78,18 @@ def test_faults_leave_the_noise_as_it_is(noisy, tmp_path):
     assert (noisy / "campaign.toml").read_text() == (folder / "campaign.toml").read_text()
 
 
+@pytest.fixture(scope="module")
+def without_fault(tmp_path_factory):
+    """The folder of a campaign without a fault, by its plan: most faults have the same."""
+    return cache(lambda **plan: made(tmp_path_factory.mktemp("without"), **plan))
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-def test_every_fault_changes_recordings_or_statement(fault, tmp_path):
-    plan = {"clean": False, "frequencies": [10.0, 14.0, 24.0], **fault.plan}
-    before = digests(made(tmp_path / "honest", **plan)) | {"": (tmp_path / "honest" / "tests.csv").read_text()}
+def test_every_fault_changes_recordings_or_statement(fault, without_fault, tmp_path):
+    plan = {"clean": False, "frequencies": (10.0, 14.0, 24.0), **fault.plan}
+    honest = without_fault(**plan)
+    before = digests(honest) | {"": (honest / "tests.csv").read_text()}
     after = digests(made(tmp_path / "faulty", fault, **plan)) | {"": (tmp_path / "faulty" / "tests.csv").read_text()}
     assert before.keys() == after.keys()
     changed = {name for name in before if before[name] != after[name]}
@@ -92,7 +100,7 @@ def test_every_fault_changes_recordings_or_statement(fault, tmp_path):
         assert len(changed) == 1
     if "two tests" in fault.name:
         assert len(changed) in (1, 2)
-    said = [tomllib.loads((tmp_path / name / "campaign.toml").read_text()) for name in ("honest", "faulty")]
+    said = [tomllib.loads((folder / "campaign.toml").read_text()) for folder in (honest, tmp_path / "faulty")]
     assert said[0] == said[1]
 
 
