@@ -96,6 +96,7 @@ def test_a_failure_before_the_end_changes_nothing(folder: Path) -> None:
     assert tree(folder) == FORMER
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are killed in another way there")
 def test_a_process_killed_at_any_step_leaves_the_former_files_or_the_new_ones(tmp_path: Path) -> None:
     """The next command puts the former ones back; it may be killed at any step itself."""

@@ -84,6 +84,7 @@ def test_a_wrong_pressure_is_named_and_its_twin_is_innocent(campaign):
     assert "on the curve of 1.7 bar" in found["D3"]
 
 
+@pytest.mark.thorough
 def test_the_twin_of_a_wrong_pressure_keeps_its_stiffness(honest, campaign):
     def wrong(rows):
         rows["D3"]["pressure [bar]"] = rows["D8"]["pressure [bar]"]

@@ -44,6 +44,7 @@ def test_a_solution_that_does_not_converge_says_what_the_recordings_show_and_wha
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("plan", "verdict"), [({"repeats": 3}, "ok"), ({"added_masses": (0.0, 10.0)}, "warning")])
 def test_a_drift_that_goes_with_the_added_mass_may_be_a_sensors(tmp_path, plan, verdict):
     """Each test without the mass is followed by that with it: V1 0.5 ms late looks as a drift of 1 % does."""

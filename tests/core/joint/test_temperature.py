@@ -32,6 +32,7 @@ def found_at(temperature, seed=0, apart=None, **more):
     return identify_joint(phasors, Rig(15.0, 12440.0), apart=apart), k
 
 
+@pytest.mark.thorough
 def test_each_test_keeps_the_stiffness_of_its_own_temperature():
     off = []
     for seed in range(60):

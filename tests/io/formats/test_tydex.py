@@ -194,7 +194,8 @@ def files(draw: st.DrawFn) -> TydexFile:
     )
 
 
-@settings(max_examples=150, deadline=None)
+@pytest.mark.thorough
+@settings(max_examples=60, deadline=None)
 @given(tyre=files())
 def test_what_is_written_is_read(tyre: TydexFile, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp("tydex") / "run.tdx"
