@@ -24,13 +24,14 @@ FORMER = {
 NEW = {"a.csv": "new", "figures/1.svg": "new", "figures/2.svg": "new", "model.json": "new"}
 AFTER = {**FORMER, **NEW}
 del AFTER["gone.csv"]
-#: A process that replaces the files and kills itself before its n-th renaming or deletion.
+#: Processes, forked from one, of which each replaces files and kills itself before its n-th renaming or deletion.
 KILLED = """
 import json, os, signal, sys
 from pathlib import Path
 from fourpole.io.staging import recover, staged
 
-folder, new, left = Path(sys.argv[1]), json.loads(sys.argv[4]), int(sys.argv[2])
+jobs, new = map(json.loads, sys.argv[1:])
+left = 0
 
 def counted(true):
     def call(self, *given, **more):
@@ -42,13 +43,18 @@ def counted(true):
     return call
 
 Path.replace, Path.unlink = counted(Path.replace), counted(Path.unlink)
-if sys.argv[3] == "recover":
-    recover(folder)
-else:
-    with staged(folder, ["gone.csv", "never.csv"]) as place:
-        for name, text in new.items():
-            (place / name).parent.mkdir(exist_ok=True)
-            (place / name).write_text(text)
+for folder, left, what in jobs:
+    if process := os.fork():
+        print(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), flush=True)
+        continue
+    if what == "recover":
+        recover(Path(folder))
+    else:
+        with staged(Path(folder), ["gone.csv", "never.csv"]) as place:
+            for name, text in new.items():
+                (place / name).parent.mkdir(exist_ok=True)
+                (place / name).write_text(text)
+    os._exit(0)
 """
 STEPS = 12  # the journal's two, and of five files the former one and the new one
 
@@ -64,9 +70,11 @@ def tree(folder: Path) -> dict[str, str]:
     return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
 
 
-def killed(folder: Path, step: int, what: str = "staged") -> int:
-    given = [str(folder), str(step), what, json.dumps(NEW)]
-    return subprocess.run([sys.executable, "-c", KILLED, *given], check=False).returncode
+def killed(*jobs: tuple[Path, int, str]) -> list[int]:
+    """Exit codes of processes that stage or recover a folder up to a step."""
+    given = [json.dumps([(str(folder), step, what) for folder, step, what in jobs]), json.dumps(NEW)]
+    done = subprocess.run([sys.executable, "-c", KILLED, *given], check=True, capture_output=True, text=True)
+    return [int(code) for code in done.stdout.split()]
 
 
 def replace_all(folder: Path) -> None:
@@ -96,16 +104,14 @@ def test_a_failure_before_the_end_changes_nothing(folder: Path) -> None:
     assert tree(folder) == FORMER
 
 
-@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are killed in another way there")
 def test_a_process_killed_at_any_step_leaves_the_former_files_or_the_new_ones(tmp_path: Path) -> None:
     """The next command puts the former ones back; it may be killed at any step itself."""
     ended = []
-    for step in range(STEPS):
-        folder = written(tmp_path / str(step), FORMER)
-        code = killed(folder, step)
-        if step % 4 == 3:
-            killed(folder, step // 3, "recover")
+    folders = [written(tmp_path / str(step), FORMER) for step in range(STEPS)]
+    codes = killed(*((folder, step, "stage") for step, folder in enumerate(folders)))
+    killed(*((folders[step], step // 3, "recover") for step in range(3, STEPS, 4)))
+    for folder, code in zip(folders, codes, strict=True):
         recover(folder)
         assert tree(folder) in (FORMER, AFTER)
         assert not list(folder.glob(".*"))
