@@ -18,6 +18,12 @@ from fourpole.version import VERSION
 GRID = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
 
 
+@pytest.fixture(scope="module")
+def grid(analysed, tmp_path_factory):
+    """What an export of the whole analysis holds."""
+    return read_grid(export_results(analysed, "netcdf", tmp_path_factory.mktemp("grid") / "grid.nc").path)
+
+
 @pytest.fixture
 def opened(tmp_path):
     """What a fresh export holds."""
@@ -30,8 +36,7 @@ def rows_of(grid, frame):
     return {name: tuple(int(at) for at in np.argwhere(names == name)[0]) for name in frame["test"].to_list()}
 
 
-def test_dimensions_are_those_of_the_campaign(opened, analysed):
-    grid = opened(analysed)
+def test_dimensions_are_those_of_the_campaign(grid):
     sizes = grid.dimensions
     assert sizes == dict(zip((*GRID, "static_test"), (1, 2, 1, 3, 2, 1, 1), strict=True))
     assert grid["K2"].dimensions == GRID
@@ -42,8 +47,8 @@ def test_dimensions_are_those_of_the_campaign(opened, analysed):
     assert grid["construction"].dimensions == ("tyre",)
 
 
-def test_every_test_is_in_its_cell_to_the_last_bit(opened, analysed):
-    frame, grid = table(analysed), opened(analysed)
+def test_every_test_is_in_its_cell_to_the_last_bit(grid, analysed):
+    frame = table(analysed)
     cells = rows_of(grid, frame)
     assert len(set(cells.values())) == frame.height
     columns = {
@@ -63,8 +68,8 @@ def test_every_test_is_in_its_cell_to_the_last_bit(opened, analysed):
             assert grid[field].values[cell] == row[column]
 
 
-def test_where_no_test_was_made_is_missing(opened, analysed):
-    frame, grid = table(analysed), opened(analysed)
+def test_where_no_test_was_made_is_missing(grid, analysed):
+    frame = table(analysed)
     held = set(rows_of(grid, frame).values())
     whole = grid["K2"].values
     assert np.ma.getmaskarray(whole).sum() == whole.size - frame.height
@@ -74,8 +79,7 @@ def test_where_no_test_was_made_is_missing(opened, analysed):
         assert np.ma.is_masked(grid["verdict"].values[cell]) == (cell not in held)
 
 
-def test_every_number_says_unit_and_name_and_its_uncertainty(opened, analysed):
-    grid = opened(analysed)
+def test_every_number_says_unit_and_name_and_its_uncertainty(grid, analysed):
     frame = table(analysed)
     for name, variable in grid.variables.items():
         assert variable.attributes["long_name"]
@@ -105,8 +109,7 @@ def test_the_verdict_is_a_flag(opened, changed):
     assert (flag.values[cells["D3"]], flag.values[cells["D2"]]) == (1, 0)
 
 
-def test_the_file_says_what_it_is(opened, analysed):
-    grid = opened(analysed)
+def test_the_file_says_what_it_is(grid, analysed):
     assert grid.attributes["Conventions"] == "CF-1.11"
     assert grid.attributes["title"].startswith("Radial-ply, virtual")
     assert grid.attributes["source"] == f"fourpole {VERSION}, route joint"
