@@ -12,7 +12,9 @@ LIMITS = '[[limits]]\nquantity = "K1"\nhigh = "1 kN/m"\n'
 
 
 @pytest.fixture
-def stated(campaign):
+def stated(campaign, monkeypatch):
+    """A campaign with a report, limits and a logo, whose pages are made without figures."""
+    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
     with (campaign / "campaign.toml").open("a") as file:
         file.write(REPORT)
     (campaign / "logo.svg").write_text("<svg/>")
