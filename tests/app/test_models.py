@@ -154,7 +154,8 @@ def test_results_to_model_map_and_query(run, results):
     assert again.stderr == "" or "left out" not in again.stderr
 
 
-def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path):
+def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path, monkeypatch):
+    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
     folder = shutil.copytree(results, tmp_path / "results")
     (folder / "report.html").write_text("older")
     ran = run("fit", folder, "--model", "zener")
