@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,10 +19,11 @@ from urllib.parse import urlsplit
 
 @dataclass(frozen=True)
 class Server:
-    """Where a server listens, and the folder that it serves."""
+    """Where a server listens, the folder that it serves, and the one in which it makes files for a while."""
 
     address: str
     root: Path
+    temporary: Path
 
     @property
     def host(self) -> str:
@@ -62,14 +64,16 @@ class Server:
 def serving(root: Path, *options: str) -> Iterator[Server]:
     """`fourpole app` on a folder, ended as Ctrl-C ends it."""
     command = [sys.executable, "-m", "fourpole", "app", str(root), "--no-browser", *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
-    assert process.stdout is not None
-    try:
-        line = process.stdout.readline()
-        assert line.startswith("app: http://"), line
-        yield Server(line.removeprefix("app: ").strip(), root)
-    finally:
-        process.send_signal(signal.SIGINT)
-        code = process.wait(30)
-        process.stdout.close()
-        assert code == 0
+    with tempfile.TemporaryDirectory() as temporary:
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1", "TMPDIR": temporary}
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+        assert process.stdout is not None
+        try:
+            line = process.stdout.readline()
+            assert line.startswith("app: http://"), line
+            yield Server(line.removeprefix("app: ").strip(), root, Path(temporary))
+        finally:
+            process.send_signal(signal.SIGINT)
+            code = process.wait(30)
+            process.stdout.close()
+            assert code == 0

@@ -210,7 +210,7 @@ class TestToken:
     def test_it_is_needed_once(self, tmp_path: Path) -> None:
         with serving(tmp_path, "--host", "0.0.0.0") as running:
             port, token = urlsplit(running.address).port, urlsplit(running.address).query.removeprefix("token=")
-            local = Server(f"http://127.0.0.1:{port}", tmp_path)
+            local = Server(f"http://127.0.0.1:{port}", tmp_path, tmp_path)
             assert len(token) > 20
             assert local.ask("/")[0] == 401
             assert local.ask("/?token=wrong")[0] == 401
