@@ -115,9 +115,9 @@ def robust_scatter(problem: Problem, found: Deviations) -> float:
 
 def root_of(excess: Callable[[float], float]) -> float:
     """The relative error up to `_MOST` at which a falling function is zero; 0 if it is never positive."""
-    if excess(0.0) <= 0:
+    if not excess(0.0) > 0:  # nor if it is not-a-number
         return 0.0
-    if excess(_MOST) > 0:
+    if not excess(_MOST) < 0:
         return _MOST
     return float(scipy.optimize.brentq(excess, 0.0, _MOST, xtol=1e-15, rtol=1e-12))
 
