@@ -100,6 +100,18 @@ def test_groups_times_units_and_scaling_come_back(tmp_path: Path, version: str, 
     np.testing.assert_array_equal(same.samples, load.samples)
 
 
+def test_plain_numbers_are_taken_from_the_file_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = np.random.default_rng(5).integers(0, 100, N)
+    kinds = ("u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8", "f4", "f8", ">f8", ">i2")
+    path = written(tmp_path / "a.mf4", "4.10", {"": [signal(kind, numbers.astype(kind), TIMES) for kind in kinds]})
+    monkeypatch.setattr("asammdf.blocks.mdf_v4.MDF4._load_data", None)  # the library can read no sample
+    assert FORMAT.blocks is not None
+    chunks = list(FORMAT.blocks(asked(path, *kinds), 700))
+    for at, kind in enumerate(kinds):
+        np.testing.assert_array_equal(np.concatenate([chunk[at].samples for chunk in chunks]), numbers, kind)
+        np.testing.assert_array_equal(np.concatenate([chunk[at].time for chunk in chunks]), TIMES)
+
+
 def test_columns_stored_apart_and_a_virtual_master(tmp_path: Path) -> None:
     invalid = np.zeros(N, dtype=bool)
     invalid[5] = True

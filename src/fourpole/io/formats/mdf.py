@@ -10,10 +10,12 @@ from __future__ import annotations
 import copy
 import io
 import math
+import mmap
 import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import afford, find, floats, of_name, seconds, tidy
+from fourpole.io.formats.mdf_plain import plain
 from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
@@ -95,7 +98,7 @@ class _Content:
     """The channels of an open file."""
 
     def __init__(self, opened: OpenFile) -> None:
-        self.name, self.max_bytes = opened.name, opened.max_bytes
+        self.name, self.max_bytes, self.file = opened.name, opened.max_bytes, opened.file
         self.times: dict[int, Part] = {}
         _check_closed(opened.file, opened.name)
         file = _Walked(opened.file.fileno())
@@ -122,6 +125,15 @@ class _Content:
     def _title(self, group: Any) -> str:
         stated = getattr(group.channel_group, "acq_name", "") if self.is_4 else group.channel_group.comment
         return tidy(stated or "", 60)
+
+    @cached_property
+    def content(self) -> mmap.mmap:
+        """The bytes of the file."""
+        return mmap.mmap(self.file.fileno(), 0, access=mmap.ACCESS_READ)
+
+    def plain(self, group: int, channel: Any) -> Part | None:
+        """The function that takes the numbers of a channel from the file itself; None if they do not lie there so."""
+        return plain(self.content, self.mdf.groups[group], channel) if self.is_4 else None
 
     def info(self) -> FileInfo:
         times = {group: self.timing(group) for group in range(len(self.groups))}
@@ -225,8 +237,13 @@ class _Content:
         if _formula(master.conversion, _FORMULA_4 if self.is_4 else _FORMULA_3):
             raise TableError(f"{self.name}: {called} is scaled by a formula, which is not computed; export it again")
         scale = seconds(self.unit((found[0], self.mdf.masters_db[found[0]])))
-        values = self.mdf.get_master(group, record_offset=first, record_count=count)
-        return floats(values, called, self.name) * (1.0 if scale is None else scale)
+        part = self.plain(*found)
+        if part is None:
+            values = floats(self.mdf.get_master(group, record_offset=first, record_count=count), called, self.name)
+        else:
+            there = int(self.mdf.groups[found[0]].channel_group.cycles_nr)
+            values = part(first, there if count is None else min(first + count, there))
+        return values * (1.0 if scale is None else scale)
 
     def samples(self, one: _Channel, first: int, last: int) -> NDArray[np.float64]:
         """Samples of a channel from number `first` up to `last`; those marked invalid are not-a-number."""
@@ -257,10 +274,8 @@ class _Content:
         if one.barred:
             raise TableError(f"{self.name}: channel {shown(one.name)} {one.barred}")
         unit, group = self.unit(one.at), one.at[0]
-
-        def samples(first: int, last: int) -> NDArray[np.float64]:
-            return self.samples(one, first, last)
-
+        samples = self.plain(group, self.mdf.groups[group].channels[one.at[1]])
+        samples = samples or (lambda first, last: self.samples(one, first, last))
         if (even := self.even(group)) is not None:
             return Track(one.name, unit, one.count, samples, *even)
         if self.master(group) is None:
