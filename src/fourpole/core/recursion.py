@@ -10,8 +10,8 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 
-#: Samples of a block, and number of steps that are taken one by one.
-_BLOCK, _FEW = 12, 48
+#: Samples of a block, number of steps that are taken one by one, and blocks that are multiplied at a time.
+_BLOCK, _FEW, _ROWS = 16, 48, 512
 
 
 def outputs_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, inputs: FloatArray) -> FloatArray:
@@ -24,22 +24,30 @@ def outputs_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, input
     array([[0.   , 1.   , 1.5  , 1.75 , 1.875]])
     """
     count, m = inputs.shape
-    blocks = -(-count // _BLOCK)
-    # A row has the states at the start of a block, and the inputs of the block: filled in place, as memory takes time.
-    rows = np.empty((blocks, len(a) + _BLOCK * m))
-    u, whole = rows[:, len(a) :], count // _BLOCK
-    u[:whole] = inputs[: whole * _BLOCK].reshape(whole, _BLOCK * m)
-    u[whole:] = 0.0
-    u[whole:, : (count - whole * _BLOCK) * m] = inputs[whole * _BLOCK :].reshape(1, -1)
+    whole = count // _BLOCK
     pushed, seen = [b], [c]
     for _ in range(_BLOCK - 1):
         pushed.append(a @ pushed[-1])
         seen.append(seen[-1] @ a)
-    rows[:, : len(a)] = states_of(np.linalg.matrix_power(a, _BLOCK), u @ np.concatenate(pushed[::-1], axis=1).T)
-    by_start = np.stack(seen).transpose(1, 2, 0)
+    u = inputs[: whole * _BLOCK].reshape(whole, _BLOCK * m)
+    drives = np.zeros((-(-count // _BLOCK), len(a)))
+    np.matmul(u, np.concatenate(pushed[::-1], axis=1).T, out=drives[:whole])
+    states = states_of(np.linalg.matrix_power(a, _BLOCK), drives)
     responses = np.stack([d, *(c @ one for one in pushed[:-1])])
-    both = np.concatenate([by_start, _toeplitz(responses)], axis=1)
-    return np.matmul(rows, both).reshape(len(c), -1)[:, :count]
+    both = np.concatenate([np.stack(seen).transpose(1, 2, 0), _toeplitz(responses)], axis=1)
+    # A row has the states at the start of a block, and its inputs. Few rows at a time: fresh memory takes longer.
+    found, rows = np.empty((len(c), len(drives), _BLOCK)), np.empty((_ROWS, len(a) + _BLOCK * m))
+    for at in range(0, whole, _ROWS):
+        some = slice(at, min(at + _ROWS, whole))
+        here = rows[: some.stop - at]
+        here[:, : len(a)], here[:, len(a) :] = states[some], u[some]
+        np.matmul(here, both, out=found[:, some])
+    if len(drives) > whole:
+        last = np.zeros(both.shape[1])
+        last[: len(a)] = states[whole]
+        last[len(a) : len(a) + (count - whole * _BLOCK) * m] = inputs[whole * _BLOCK :].ravel()
+        found[:, whole] = last @ both
+    return found.reshape(len(c), -1)[:, :count]
 
 
 def states_of(a: FloatArray, drives: FloatArray) -> FloatArray:

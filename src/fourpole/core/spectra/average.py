@@ -15,7 +15,7 @@ from fourpole.errors import RecordingError, TooShortError
 #: Fewest segments: the covariance of a ratio needs a matrix of more averages than channels.
 _FEWEST = 8
 #: Samples that are transformed at a time: they stay in the cache of the processor.
-_AT_A_TIME = 140_000
+_AT_A_TIME = 80_000
 #: Relative round-off of a frequency.
 _ROUND_OFF = 1e-9
 
