@@ -45,7 +45,7 @@ def main() -> None:
         (folder / "tests.csv").write_text(f"test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz]\n{rows}")
         with serving(Path(place)) as address:
             asked(f"{address}c/long/tests", b"Parquet")
-            time.sleep(5)  # somebody reads the list of tests
+            time.sleep(10)  # somebody reads the list of tests
             for name in names:
                 signals = f"{address}c/long/tests/{name}/signals?width=1200"
                 first = asked(signals)

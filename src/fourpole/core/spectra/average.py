@@ -15,7 +15,7 @@ from fourpole.errors import RecordingError, TooShortError
 #: Fewest segments: the covariance of a ratio needs a matrix of more averages than channels.
 _FEWEST = 8
 #: Samples that are transformed at a time: they stay in the cache of the processor.
-_AT_A_TIME = 80_000
+_AT_A_TIME = 100_000
 #: Relative round-off of a frequency.
 _ROUND_OFF = 1e-9
 
@@ -97,13 +97,13 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     squares = np.zeros((channels, 2 * found.size))
     for some in _batches(starts, max(1, _AT_A_TIME // (size * channels))):
         lines = lines_of(track.signals, some, window, inside)
+        parts = lines.view(float)
         for a in range(channels):
             for b in range(a):
                 product = (lines[a] * lines[b].conj()).sum(axis=0)
                 matrix[a, b] += product
                 matrix[b, a] += product.conj()
-            parts = np.ascontiguousarray(lines[a]).view(float)
-            squares[a] += np.einsum("kl,kl->l", parts, parts)
+            squares[a] += np.einsum("kl,kl->l", parts[a], parts[a])
     for a in range(channels):
         matrix[a, a] = squares[a, 0::2] + squares[a, 1::2]
     scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
