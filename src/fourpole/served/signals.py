@@ -15,6 +15,7 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import FileError, TableError
+from fourpole.io.names import named
 from fourpole.io.recordings import survey
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Signal
 from fourpole.io.stream import surveyed_stream
@@ -147,7 +148,8 @@ def _numbers(values: FloatArray) -> list[float | None]:
 
 def _chosen(found: FileInfo, group: str, names: Sequence[str]) -> list[int]:
     inside = [at for at, one in enumerate(found.signals) if group in ("", one.group) and one.count > 1]
-    wanted = [at for name in names for at in inside if found.signals[at].name == name]
+    places = [(one.group, one.name) for one in found.signals]
+    wanted = [at for name in names for at in named(places, inside, name)]
     return list(dict.fromkeys(wanted or inside))[:_MOST_CHANNELS]
 
 
