@@ -32,15 +32,15 @@ from fourpole.io.worker import TOO_MUCH, receive, send
 SPARE = 3_000_000_000
 #: Time that a file may need [s], and the additional time per byte [s/byte].
 SECONDS, _PER_BYTE = 60.0, 1e-6
-#: Threads of linear algebra and tables in a worker: one, because there are several workers.
+#: Threads of linear algebra in a worker: one, because there are several workers; and those for reading tables.
 _ONE_THREAD = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
     "OMP_NUM_THREADS",
     "NUMEXPR_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
-    "POLARS_MAX_THREADS",
 )
+_OF_TABLES = "POLARS_MAX_THREADS"
 #: The allocator of glibc keeps some memory [byte] for the next recording, instead of asking the system for each array.
 _ALLOCATOR = {
     "MALLOC_ARENA_MAX": "2",
@@ -66,10 +66,11 @@ class Late(Died):
 
 
 class Child:
-    """One worker process, which ends with this process at the latest."""
+    """One worker process, which ends with this process at the latest, with some threads for reading tables."""
 
-    def __init__(self) -> None:
+    def __init__(self, threads: int = 1) -> None:
         _ALL.add(self)
+        self._threads = threads
         self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
 
@@ -141,7 +142,7 @@ class Child:
                 [sys.executable, "-P", "-m", "fourpole.io.worker"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env=_environment(),
+                env=_environment(self._threads),
             )
         return self._process
 
@@ -157,18 +158,19 @@ class Child:
                     cast("BinaryIO", pipe).close()
 
 
-def child() -> Child:
-    """The worker of this thread."""
+def child(threads: int = 1) -> Child:
+    """The worker of this thread; the first call says how many threads it has for reading tables."""
     found = getattr(_LOCAL, "child", None)
     if found is None:
-        found = _LOCAL.child = Child()
+        found = _LOCAL.child = Child(threads)
     return cast("Child", found)
 
 
-def _environment() -> dict[str, str]:
-    """Environment of a worker: the same modules as here, and one thread."""
+def _environment(threads: int) -> dict[str, str]:
+    """Environment of a worker: the same modules as here, one thread of linear algebra, and some for tables."""
     paths = os.pathsep.join(path for path in sys.path if path)
-    return {**os.environ, **dict.fromkeys(_ONE_THREAD, "1"), **_ALLOCATOR, "PYTHONPATH": paths}
+    limits = {**dict.fromkeys(_ONE_THREAD, "1"), _OF_TABLES: str(threads)}
+    return {**os.environ, **limits, **_ALLOCATOR, "PYTHONPATH": paths}
 
 
 def _death(code: int | None, took: float, limit: float) -> Died:

@@ -16,6 +16,7 @@ from fourpole.errors import CampaignError, FileError, FourpoleError
 from fourpole.io.child import child, read_apart
 from fourpole.io.identity import identity_of
 from fourpole.served.signals import Kept, fresh_name, keep, kept_in, load
+from fourpole.study.workers import processors
 
 #: Recordings that are read at a time, and time that a page waits for one before it shows progress [s].
 _AT_ONCE, _WAIT = 2, 1.0
@@ -67,7 +68,7 @@ class Collector:
     def _load(self, endings: list[str]) -> None:
         """Start the worker processes, each by its thread, and load what reads files of these endings."""
         for _ in range(_AT_ONCE):
-            self._threads.submit(lambda: child().call(load, endings))
+            self._threads.submit(lambda: child(processors()).call(load, endings))  # somebody waits for the picture
 
     def get(self, wanted: Wanted) -> Kept | float:
         """The samples; or, where they take longer, the share that is read.
