@@ -69,7 +69,7 @@ def test_a_table_that_was_changed_by_hand(mine, run):
 
 
 def test_a_table_that_was_changed_with_its_hash_is_found_by_the_second_run(mine, run):
-    from fourpole.io.source import sha256_of
+    from fourpole.io.door import sha256_of
 
     edited(mine / "results")
     new = sha256_of(mine / "results" / "dynamic.csv", max_bytes=10**9)
@@ -166,8 +166,8 @@ def test_names_in_a_record_lead_to_no_file_outside_the_campaign(mine, run):
 
 
 def test_the_record_has_the_hashes_of_all_files_as_they_are(analysed):
+    from fourpole.io.door import sha256_of
     from fourpole.io.origin import origin
-    from fourpole.io.source import sha256_of
     from fourpole.study.tables import TABLE_FILES
 
     record = json.loads((analysed / "results" / "study.json").read_text())

@@ -24,7 +24,7 @@ from fourpole.fitting.shifting import (
     shift_table,
     shift_tyres,
 )
-from fourpole.io.source import sha256_of
+from fourpole.io.door import sha256_of
 from fourpole.io.tables.kstar import TableOptions
 
 T = (0.0, 10.0, 20.0, 35.0, 50.0)

@@ -11,8 +11,8 @@ from pathlib import Path
 from fourpole.app.console import out, progress, warn
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
+from fourpole.io.door import sha256_of
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
 from fourpole.plot import FIGURES, Style, figures_of, save_figures
 from fourpole.plot.catalogue import figure_files

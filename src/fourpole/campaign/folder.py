@@ -30,10 +30,11 @@ from fourpole.core.arrays import short_repr
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
+from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
-from fourpole.io.source import decode, read_bytes
+from fourpole.io.source import decode
 
 #: The file with the limits that results are held against.
 LIMITS = "limits.toml"
@@ -149,10 +150,9 @@ def read_campaign(folder: str | Path) -> Campaign:
     folder = Path(folder)
     if not folder.is_dir():
         raise CampaignError(units.shown(why_no_folder(folder), 400)[1:-1])
-    if not (folder / "campaign.toml").exists():
-        raise CampaignError(why_no_campaign(folder))
-    if not (folder / "tests.csv").exists():
-        raise CampaignError(why_no_tests(folder))
+    for name, why in (("campaign.toml", why_no_campaign), ("tests.csv", why_no_tests)):
+        if not (folder / name).exists():
+            raise CampaignError(why(folder))
     stated = parse_campaign(_text(folder / "campaign.toml", _MOST_TOML, strict=True))
     rows = list(_rows(_text(folder / "tests.csv", _MOST_TESTS, strict=False)))
     if not rows:

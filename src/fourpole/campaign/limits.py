@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean, known_keys
-from fourpole.errors import CampaignError, UnitError
+from fourpole.errors import CampaignError, TableError, UnitError
+from fourpole.io.documents import toml_of
 
 #: Kind of the limits of each quantity, by its key, and the names that limits.toml may use for it.
 _QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -96,9 +96,9 @@ def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml"
     {'quantity': 'k1', 'high': 220000.0, 'pressure': 200000.0}
     """
     try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise CampaignError(f"{name}: not valid TOML: {error}") from None
+        raw = toml_of(text, name)
+    except TableError as error:
+        raise CampaignError(str(error)) from None
     listed, specification = raw.pop("limits", None), raw.pop("specification", "")
     if not isinstance(specification, str) or len(specification) > _MOST_TEXT:
         raise CampaignError(f"{name}: specification must be a text of at most {_MOST_TEXT} characters")

@@ -16,7 +16,7 @@ from fourpole import units
 from fourpole.campaign.channels import File
 from fourpole.campaign.place import inside
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.io.source import read_bytes
+from fourpole.io.door import read_bytes
 
 #: Characters of one statement, and pieces of equipment.
 _MOST_TEXT, _MOST_EQUIPMENT = 600, 60

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import tomllib
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -25,7 +24,8 @@ from fourpole.campaign.particulars import Equipment
 from fourpole.campaign.report import ReportFile
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.rig import PARAMETERS, Rig
-from fourpole.errors import CampaignError
+from fourpole.errors import CampaignError, TableError
+from fourpole.io.documents import toml_of
 from fourpole.models.shape import shape_of
 
 #: Kind of quantity of each value of the rig.
@@ -310,10 +310,10 @@ def _lacks(channel: ChannelFile | None, what: str) -> bool:
 def parse_campaign(text: str, name: str = "campaign.toml") -> CampaignFile:
     """The content of campaign.toml from its text; CampaignError with a short message if it is not valid."""
     try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raw = toml_of(text, name)
+    except TableError as error:
         remedy = r"; in a path write / in place of \, or '...' around it" if "\\" in str(error) else ""
-        raise CampaignError(f"{name}: not valid TOML: {error}{remedy}") from None
+        raise CampaignError(f"{error}{remedy}") from None
     return validated(raw, name)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -10,8 +9,10 @@ from typing import Any
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean, known_keys
-from fourpole.errors import CampaignError, ModelError
-from fourpole.io.source import decode, read_bytes
+from fourpole.errors import CampaignError, ModelError, TableError
+from fourpole.io.documents import toml_of
+from fourpole.io.door import read_bytes
+from fourpole.io.source import decode
 from fourpole.ride.vehicle import UNITS, HalfCar, QuarterCar, Vehicle
 
 _FOLDER = Path(__file__).parent / "vehicles"
@@ -96,9 +97,9 @@ def read_vehicle(text: str, name: str = "vehicle.toml") -> StatedVehicle:
     fourpole.errors.CampaignError: vehicle.toml: sprung_mass: -1 kg is not possible: state a value that is positive
     """
     try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise CampaignError(f"{name}: not valid TOML: {error}") from None
+        raw = toml_of(text, name)
+    except TableError as error:
+        raise CampaignError(str(error)) from None
     try:
         return _stated(raw, Path(name).stem)
     except (ValueError, ModelError) as error:

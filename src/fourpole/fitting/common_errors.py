@@ -13,7 +13,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import TableError
 from fourpole.fitting.rows import Key, keys_of
-from fourpole.io.source import read_bytes
+from fourpole.io.door import read_bytes
 
 MOST_BYTES = 2_000_000_000
 #: Columns of covariance.parquet.

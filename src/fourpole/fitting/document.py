@@ -9,7 +9,7 @@ from typing import Any
 from fourpole.core.wording import first_of
 from fourpole.errors import ModelError
 from fourpole.fitting.seal import KEY, alterations
-from fourpole.io.source import read_bytes
+from fourpole.io.door import read_bytes
 from fourpole.units import shown
 from fourpole.version import VERSION as OWN_VERSION
 

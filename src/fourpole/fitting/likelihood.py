@@ -26,7 +26,7 @@ from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import FourpoleError, TableError
 from fourpole.fitting.common_errors import MOST_BYTES
-from fourpole.io.source import read_bytes
+from fourpole.io.door import read_bytes
 
 FILE = "likelihood.parquet"
 _MOST_SHARED = 100_000

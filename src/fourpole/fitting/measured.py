@@ -39,8 +39,8 @@ from fourpole.fitting.measuredtable import (
     with_deflection,
 )
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
+from fourpole.io.door import read_bytes
 from fourpole.io.folders import results_in
-from fourpole.io.source import read_bytes
 from fourpole.io.staging import recover
 from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.data import StiffnessData

@@ -19,7 +19,7 @@ from fourpole.errors import ModelError, TableError
 from fourpole.fitting.common_errors import MOST_BYTES
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelparts import Strict
-from fourpole.io.source import read_bytes
+from fourpole.io.door import read_bytes
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
 from fourpole.models.gap import passive_range

@@ -18,9 +18,10 @@ from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
 from fourpole.guess.signals import SignalShape, samples_of, signal_shape
 from fourpole.io.child import read_apart
+from fourpole.io.door import read_bytes
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
-from fourpole.io.source import decode, read_bytes
+from fourpole.io.source import decode
 from fourpole.units import MOTIONS, shown
 
 #: Largest number of files in a folder.

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.clock import Clock
+from fourpole.io.door import open_regular
 from fourpole.io.layout import Layout, find_column, find_layout, holds_numbers, split_lines, uneven
 from fourpole.io.rows import Table, Values, length, line_start, parts, whole_lines
-from fourpole.io.source import as_utf8, encoding_of, name_of, open_regular
+from fourpole.io.source import as_utf8, encoding_of, name_of
 from fourpole.io.stretches import Stretch, stretches_of
 
 #: Bytes of the first lines that are read to find the layout, and the most that are read if lines are long.

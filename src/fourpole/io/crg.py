@@ -12,8 +12,9 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import FileError, TableError
 from fourpole.io.child import Died, answer_of
+from fourpole.io.door import open_regular
 from fourpole.io.packed import pack, unpack
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.source import name_of
 
 #: Largest file [byte], and largest number of points along a road.
 _LARGEST, _MOST_POINTS = 2_000_000_000, 20_000_000

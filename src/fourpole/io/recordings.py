@@ -8,10 +8,11 @@ from importlib import import_module
 from pathlib import Path
 
 from fourpole.errors import TableError
+from fourpole.io.door import open_regular
 from fourpole.io.known import named_by_ending, named_by_start
 from fourpole.io.names import in_group, matching
 from fourpole.io.signals import HEAD_BYTES, FileInfo, Format
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.source import name_of
 
 #: Modules of `fourpole.io.formats` in the order in which they are tried; text is last, for it accepts any text.
 _MODULES = (

@@ -1,19 +1,17 @@
-"""Opens and decodes foreign files: only regular files of limited size."""
+"""The encoding of a text, and how messages call a file."""
 
 from __future__ import annotations
 
 import codecs
-import hashlib
 import os
 import re
-import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, cast
 
-from fourpole.errors import FileError, FourpoleError, TableError
+from fourpole.errors import TableError
 from fourpole.units import shown
 
 _UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
@@ -32,48 +30,6 @@ _UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
 def name_of(path: str | os.PathLike[str], label: str | None) -> str:
     """The file's name in messages: the label of the caller, or else the last part of the path."""
     return shown(Path(path).name if label is None else label, 200)[1:-1]
-
-
-def open_regular(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> BinaryIO:
-    """Open a regular file for reading; a pipe or device is refused before it could block."""
-    name = name_of(path, label)
-    try:
-        _check(Path(path).stat(), name, max_bytes)
-        # The file may have been replaced since this check: it is opened without blocking, and checked again.
-        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-        file = os.fdopen(os.open(path, flags), "rb")
-    except FourpoleError:
-        raise
-    except FileNotFoundError:
-        raise FileError(f"{name}: there is no such file; check its name") from None
-    except PermissionError:
-        raise FileError(f"{name}: reading is not permitted; change the file's permissions") from None
-    except (OSError, ValueError) as error:
-        raise FileError(f"{name}: cannot be opened: {reason(error)}") from None
-    try:
-        _check(os.fstat(file.fileno()), name, max_bytes)
-    except FourpoleError:
-        file.close()
-        raise
-    return file
-
-
-def read_bytes(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> bytes:
-    """The bytes of a regular file."""
-    with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        try:
-            return file.read(max_bytes)
-        except OSError as error:
-            raise FileError(f"{name_of(path, label)}: cannot be read: {reason(error)}") from None
-
-
-def sha256_of(path: str | os.PathLike[str], *, max_bytes: int, label: str | None = None) -> str:
-    """SHA-256 of a regular file in hexadecimal digits; the file is read in blocks."""
-    with open_regular(path, max_bytes=max_bytes, label=label) as file:
-        digest = hashlib.sha256()
-        while block := file.read(1 << 20):
-            digest.update(block)
-        return digest.hexdigest()
 
 
 def encoding_of(start: bytes, name: str) -> tuple[str, int]:
@@ -161,27 +117,6 @@ def _common_share(content: bytes, common: re.Pattern[bytes]) -> float:
     found = common.findall(content)
     beyond = len(_ASCII.sub(b"", content)) + len(b"".join(found)) - len(_ASCII.sub(b"", b"".join(found)))
     return sum(map(len, found)) / beyond if beyond else 0.0
-
-
-def _check(found: os.stat_result, name: str, max_bytes: int) -> None:
-    if stat.S_ISDIR(found.st_mode):
-        raise FileError(f"{name}: is a folder; name a file in it")
-    if not stat.S_ISREG(found.st_mode):
-        raise FileError(f"{name}: is a pipe or device; copy what it gives into a file first")
-    if found.st_size > max_bytes:
-        much = f"{_size(found.st_size)}, more than the {_size(max_bytes)} allowed"
-        raise FileError(f"{name}: has {much}; split it or raise the limit")
-    if found.st_size == 0:
-        raise TableError(f"{name}: is empty")
-
-
-def _size(count: int) -> str:
-    value, unit = float(count), "bytes"
-    for larger in ("kB", "MB", "GB", "TB"):
-        if value < 1000:
-            break
-        value, unit = value / 1000, larger
-    return f"{value:.4g} {unit}"
 
 
 def reason(error: Exception) -> str:

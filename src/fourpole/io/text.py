@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fourpole.core.wording import first_of
 from fourpole.errors import TableError
+from fourpole.io.door import read_bytes
 from fourpole.io.layout import (
     Layout,
     find_column,
@@ -30,7 +31,7 @@ from fourpole.io.layout import (
     uneven,
 )
 from fourpole.io.names import in_group
-from fourpole.io.source import decode, name_of, read_bytes
+from fourpole.io.source import decode, name_of
 from fourpole.io.stretches import stretches_of
 from fourpole.units import column_unit, shown
 

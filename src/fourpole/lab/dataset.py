@@ -18,7 +18,7 @@ from fourpole import quantities as q
 from fourpole.core.sources import Source
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.fitting.rows import keyed
-from fourpole.io.source import read_bytes
+from fourpole.io.door import read_bytes
 from fourpole.io.staging import recover, staged
 from fourpole.io.write import write_table, write_text
 from fourpole.lab.layout import FURTHER, ORIGIN, ROLE, SCHEMA, TABLES, LabTable

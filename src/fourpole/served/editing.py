@@ -18,7 +18,8 @@ from tomlkit.items import InlineTable, Table
 from fourpole import quantities as q
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.io.source import decode, read_bytes
+from fourpole.io.door import read_bytes
+from fourpole.io.source import decode
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.served.workspace import version_of

@@ -12,7 +12,7 @@ from typing import Any
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
-from fourpole.io.source import read_bytes
+from fourpole.io.door import read_bytes
 from fourpole.plot import FIGURES
 from fourpole.report.page import ReportFigure, page_parts
 from fourpole.report.wanted import in_units

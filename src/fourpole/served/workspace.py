@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.door import sha256_of
 from fourpole.io.recordings import endings
-from fourpole.io.source import sha256_of
 
 #: Levels of folders in which campaigns are looked for, and their largest number.
 _DEPTH, _MOST = 3, 500

@@ -12,11 +12,11 @@ from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import inside
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.child import read_apart
+from fourpole.io.door import sha256_of
 from fourpole.io.look import rate_of
 from fourpole.io.recordings import survey
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.io.source import sha256_of
 from fourpole.io.stream import StreamSource, stream, times_of
 from fourpole.study.identified import no_rig, possible_route
 from fourpole.study.load import group_of, source_of

@@ -13,9 +13,9 @@ from fourpole.campaign.place import at_hand, identity_or_none
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.child import SECONDS, Died, answer_of
+from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
 from fourpole.io.packed import pack, unpack
-from fourpole.io.source import sha256_of
 from fourpole.study.cache import Cache
 from fourpole.study.guard import by_library
 from fourpole.study.load import MOST_BYTES, load_curve

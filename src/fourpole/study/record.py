@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fourpole.io.source import read_bytes, sha256_of
+from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.write import write_text
 from fourpole.study.tables import TABLE_FILES
 

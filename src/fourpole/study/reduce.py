@@ -37,7 +37,7 @@ from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
-from fourpole.io.source import sha256_of
+from fourpole.io.door import sha256_of
 from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
 from fourpole.study.outcome import Demodulated, Point, Reduced
 

@@ -16,8 +16,8 @@ from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.face import public
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
+from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.folders import results_in, why_no_folder
-from fourpole.io.source import read_bytes, sha256_of
 from fourpole.io.staging import recover
 from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.notebook import tables_html

@@ -25,8 +25,8 @@ from fourpole.fitting.likelihood import likelihood_of, likelihood_record
 from fourpole.fitting.rows import axes_record
 from fourpole.fitting.stated import rig_file
 from fourpole.io.child import SECONDS
+from fourpole.io.door import sha256_of
 from fourpole.io.origin import origin
-from fourpole.io.source import sha256_of
 from fourpole.io.staging import staged
 from fourpole.io.write import remove_leftovers, write_table
 from fourpole.models.families import by_amplitude

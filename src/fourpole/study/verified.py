@@ -14,8 +14,8 @@ import polars as pl
 from fourpole.campaign.place import inside
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.verified import verify
+from fourpole.io.door import sha256_of
 from fourpole.io.remote import is_elsewhere
-from fourpole.io.source import sha256_of
 from fourpole.study.record import NAME, read_record
 from fourpole.study.repeated import Difference, differences
 from fourpole.study.results import section

@@ -27,7 +27,8 @@ from fourpole.errors import FourpoleError
 from fourpole.guess.gather import FolderContents, gather_more, recording_files
 from fourpole.guess.together import guess_more
 from fourpole.guess.write import Row, quoted, tests_csv
-from fourpole.io.source import decode, read_bytes
+from fourpole.io.door import read_bytes
+from fourpole.io.source import decode
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.study.results import Results, read_results

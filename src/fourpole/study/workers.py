@@ -28,11 +28,11 @@ from fourpole.core.checks import Check, reported
 from fourpole.core.codes import Code
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.child import SECONDS, Child, Died, answer_of, child
+from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
 from fourpole.io.packed import unpack
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.io.source import sha256_of
 from fourpole.study.cache import Cache, packed, unpacked
 from fourpole.study.guard import by_library
 from fourpole.study.outcome import Demodulated, Reduced

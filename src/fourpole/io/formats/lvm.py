@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
+from fourpole.io.door import read_bytes
 from fourpole.io.formats.guard import afford, find, tidy
 from fourpole.io.layout import is_missing, number
 from fourpole.io.names import Place, numbered
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
-from fourpole.io.source import decode, encoding_of, name_of, read_bytes
+from fourpole.io.source import decode, encoding_of, name_of
 from fourpole.units import column_unit, shown
 
 _START = b"LabVIEW Measurement"

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
+from fourpole.io.door import open_regular
 from fourpole.io.formats.guard import Guard, guarded
 from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.source import name_of
 
 Part = Callable[[int, int], NDArray[np.float64]]
 """A function of two indices that returns the values from the first index up to, without, the second one."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
+from fourpole.io.door import open_regular
 from fourpole.io.formats.guard import afford, seconds, tidy
 from fourpole.io.formats.tydex_file import (
     ABSENT,
@@ -30,7 +31,7 @@ from fourpole.io.formats.tydex_file import (
 from fourpole.io.layout import find_column, is_missing, plain_numbers
 from fourpole.io.names import in_group, numbered
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
-from fourpole.io.source import encoding_of, name_of, open_regular
+from fourpole.io.source import encoding_of, name_of
 from fourpole.units import shown
 
 _KEYWORD = re.compile(r"\*\*\s*([A-Za-z_]+)[ \t]*(.*)")

@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 
 from fourpole.errors import TableError
+from fourpole.io.door import open_regular
 from fourpole.io.formats.guard import Guard, afford, find, floats, tidy
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.source import name_of
 from fourpole.units import shown
 
 _KIND = "a UFF file"

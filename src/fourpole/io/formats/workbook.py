@@ -17,11 +17,12 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from fourpole.errors import TableError
+from fourpole.io.door import open_regular
 from fourpole.io.formats import text
 from fourpole.io.formats.guard import Guard, find, guarded, tidy
 from fourpole.io.formats.sheets import check_cells
 from fourpole.io.signals import HEAD_BYTES, FileInfo, Format, Request, Signal, SignalInfo
-from fourpole.io.source import name_of, open_regular
+from fourpole.io.source import name_of
 from fourpole.units import shown
 
 if TYPE_CHECKING:

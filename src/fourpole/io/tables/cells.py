@@ -13,12 +13,13 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError
 from fourpole.io.child import read_apart
+from fourpole.io.door import read_bytes
 from fourpole.io.formats import workbook
 from fourpole.io.layout import is_missing, number, split_lines
 from fourpole.io.names import in_group
 from fourpole.io.recordings import format_of, survey
 from fourpole.io.signals import MAX_FILE_BYTES, Request, Signal
-from fourpole.io.source import decode, name_of, read_bytes
+from fourpole.io.source import decode, name_of
 from fourpole.io.stream import by_halves
 from fourpole.io.text import TextTable, tables_of
 from fourpole.units import column_unit, is_unit

@@ -1,0 +1,76 @@
+"""One lock for each campaign, held from the check of what stands there until the new files are written."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fourpole.errors import FileError
+
+#: Longest wait for the lock [s], and time between two looks [s].
+_PATIENCE, _LOOK = 30.0, 0.02
+_STATEMENT, _FILE = "campaign.toml", ".fourpole.lock"
+
+
+@contextmanager
+def campaign_lock(folder: str | os.PathLike[str], *, patience: float = _PATIENCE) -> Iterator[None]:
+    """Hold the lock of a campaign, by its folder or that of its results; of any other folder its own lock.
+
+    It is the lock of the folder itself where the system has such locks, so that no file is made. It ends with the
+    context or with the process. It is not entered twice by one thread.
+
+    Parameters
+    ----------
+    folder : path
+        A folder that exists.
+    patience : float [s]
+        Longest wait for another process that holds the lock.
+
+    Raises
+    ------
+    FileError
+        If another process holds the lock for longer.
+    """
+    above = Path(folder).absolute().parent
+    place = above if (above / _STATEMENT).is_file() else Path(folder)
+    descriptor = _opened(place)
+    try:
+        end = time.monotonic() + patience
+        while not _is_locked(descriptor):
+            if time.monotonic() > end:
+                raise FileError(f"{place}: another process has been writing here for {patience:.0f} s: try again later")
+            time.sleep(_LOOK)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _opened(place: Path) -> int:
+    try:
+        if sys.platform == "win32":
+            return os.open(place / _FILE, os.O_RDWR | os.O_CREAT)
+        return os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError as error:
+        raise FileError(f"{place}: cannot be locked: {error.strerror or error}") from None
+
+
+def _is_locked(descriptor: int) -> bool:
+    """Lock an open file until it is closed; False if another process has it, True if the system has no locks."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return False
+    except OSError:
+        pass
+    return True
