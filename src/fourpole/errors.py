@@ -23,6 +23,10 @@ class FourpoleError(Exception):
     """Base of all errors that Fourpole raises for its user's input."""
 
 
+class ResultsWarning(UserWarning):
+    """A file of the results is not as they list it, and is not used."""
+
+
 class UnitError(FourpoleError, ValueError):
     """A quantity or unit cannot be read, or is of the wrong kind."""
 

@@ -12,7 +12,7 @@ from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.fitting.query import Query, ask
-from fourpole.fitting.seal import sealed
+from fourpole.io.seal import sealed
 
 FREQUENCY = np.linspace(8.0, 45.0, 8)
 PRESSURES = (1.0e5, 1.6e5, 2.5e5)

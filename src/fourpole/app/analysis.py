@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext, suppress
-from filecmp import cmpfiles
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,12 +28,14 @@ from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.checks import worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
-from fourpole.errors import CampaignError, FileError, TableError
+from fourpole.errors import CampaignError, FourpoleError
 from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
-from fourpole.io.staging import recover, staged
+from fourpole.io.documents import json_of
+from fourpole.io.door import read_bytes, sha256_of
+from fourpole.io.published import LIST, Published, published, publishing, without_list
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.quantities import CODE, STORAGE
-from fourpole.study.record import NAME, note_results, without_hashes
 
 if TYPE_CHECKING:
     from fourpole.study import Study
@@ -167,7 +168,6 @@ def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, opt
 
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
-    recover(results)
     with _executor(options) as executor, progress("analysing") as advance:
         return analyse(
             stated,
@@ -207,15 +207,15 @@ def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
     With tables only, figures and report of other tables are deleted.
     """
     from fourpole.findings import findings, findings_table
+    from fourpole.study.study import make_folder
     from fourpole.study.tables import TABLE_FILES
 
     obsolete = [*TABLE_FILES, "findings.csv"]
-    with staged(results, obsolete) as new:
-        study.write(new, {"findings": findings_table(findings(study.results))})
+    with publishing(make_folder(results), obsolete) as new:
+        study.write_into(new, {"findings": findings_table(findings(study.results))})
         if not wanted.tables_only:
             obsolete += _files_of_report()
             page = _drawn(study, new, results, obsolete, wanted)
-            note_results(new)
             return results / page.name
         drawn = any(results.glob("report*.html")) or (results / "figures").exists()
         if drawn and not _same(new, results):
@@ -238,7 +238,10 @@ def _modelled(tables: Results, new: Path, results: Path, obsolete: list[str], wa
     """
     from fourpole.study.results import with_models
 
-    kept = with_models(tables, results, new)
+    former = Published(results, {})
+    with suppress(FourpoleError):
+        former = published(results)
+    kept = with_models(tables, former, sha256_of(new / "dynamic.csv", max_bytes=MAX_FILE_BYTES))
     if tables.dynamic.is_empty() or tables.dynamic[STORAGE.head].null_count() == tables.dynamic.height:
         obsolete.append("model.json")
         return kept
@@ -265,11 +268,15 @@ def _files_of_report() -> tuple[str, ...]:
 
 def _same(new: Path, former: Path) -> bool:
     """Whether the tables of the former results are the new ones, to the last bit, and so is what was stated."""
-    names = [path.name for path in new.iterdir() if path.name != NAME]
-    if len(cmpfiles(new, former, names, shallow=False)[0]) < len(names):
-        return False
-    with suppress(FileError, TableError, ValueError, AttributeError):
-        return without_hashes(new) == without_hashes(former)
+    with suppress(FourpoleError):
+        was = published(former)
+        now = json_of(read_bytes(new / LIST, max_bytes=MAX_FILE_BYTES), LIST)
+        origins = ({**without_list(record), "origin": None} for record in (was.record, now))
+        names = [path.name for path in new.iterdir() if path.name != LIST]
+        tables = all(
+            was.has(name) and was.sha256(name) == sha256_of(new / name, max_bytes=MAX_FILE_BYTES) for name in names
+        )
+        return tables and next(origins) == next(origins)
     return False
 
 

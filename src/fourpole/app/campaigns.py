@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from fourpole.app.console import (
     within,
 )
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.published import published
 
 _VERDICTS = ("ok", "warning", "rejected")
 #: Exit codes from good to bad; of several campaigns, the worst counts. Any other code is a fault of Fourpole.
@@ -89,7 +89,7 @@ def _counted(campaign: Path, code: int) -> dict[str, Any]:
     """The number of tests by verdict, from the results that were just written."""
     if code not in (OK, SOME_REJECTED):
         return {}
-    record = json.loads((campaign / "results" / "study.json").read_text(encoding="utf-8"))
+    record = published(campaign / "results").record
     return {"verdicts": record["verdicts"]}
 
 

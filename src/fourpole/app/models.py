@@ -27,7 +27,7 @@ from fourpole.fitting.query import Query, ask
 from fourpole.fitting.shifting import laws_beside
 from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
-from fourpole.io.staging import staged
+from fourpole.io.published import publishing
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
 from fourpole.quantities import ShownUnits
@@ -206,11 +206,11 @@ def _renew_report(path: Path, file: Path | None, *, as_json: bool) -> None:
     """Make the report of a folder again, if it has one and the model went into the folder."""
     if file is not None or not (path / "report.html").is_file():
         return
-    from fourpole.app.report import OF_REPORT, make_report
+    from fourpole.app.report import renew_report
     from fourpole.study.results import read_results
 
-    with _kept("renewed report"), staged(path, OF_REPORT) as new:
-        make_report(read_results(path), new)
+    with _kept("renewed report"):
+        renew_report(read_results(path), path)
         if not as_json:
             out(f"report: {path / 'report.html'}, renewed with this")
 
@@ -302,7 +302,7 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
         made.write(file)
     if path.is_dir():
         results = replace(read_results(path), **field)
-        with staged(path, [f"figures/{one}" for one in figure_files(keys)]) as new:
+        with publishing(path, [f"figures/{one}" for one in figure_files(keys)], basis=measured.sha256) as new:
             if file is None:
                 made.write(new / name)
                 drawn = [path / name]

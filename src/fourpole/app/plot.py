@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from fourpole.app.console import option, out, print_table, rising
 from fourpole.errors import CampaignError
+from fourpole.io.published import publishing
 from fourpole.units import quantity, shown
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
     if key is None and options.paper:
         if file is not None:
             raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
-        made = save_figures(results, folder / "figures", keys=list(PAPER), style=style)
+        with publishing(folder) as new:
+            made = save_figures(results, new / "figures", keys=list(PAPER), style=style)
         out(f"figures: {len(made)} in {folder / 'figures'}")
     elif key is None:
         keys = [*figures_of(results), *ON_REQUEST]
@@ -54,8 +56,14 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
         if figure is None:
             raise CampaignError(f"the results in {folder} hold no data for {key}: {spec_of(key).title}")
         path = file if file is not None else folder / "figures" / f"{key}.svg"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        out(f"figure: {write_figure(figure, key, path, style)}")
+        if file is None:
+            with publishing(folder) as new:
+                (new / "figures").mkdir()
+                write_figure(figure, key, new / "figures" / path.name, style)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path = write_figure(figure, key, path, style)
+        out(f"figure: {path}")
 
 
 def _selection(options: PlotOptions) -> Selection:

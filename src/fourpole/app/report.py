@@ -12,8 +12,8 @@ from fourpole.app.console import out, progress, warn
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
 from fourpole.io.door import sha256_of
+from fourpole.io.published import publishing
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.io.staging import staged
 from fourpole.plot import FIGURES, Style, figures_of, save_figures
 from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
@@ -25,7 +25,8 @@ from fourpole.study.workers import processors
 #: With so many rows of dynamic.csv worker processes draw, each of which takes a second to start; their largest number.
 _MANY, _MOST_DRAWERS = 5000, 4
 #: Files that `make_report` writes where all figures have data, with PNG.
-OF_REPORT = (*(f"figures/{name}" for name in figure_files()), "report.html", "report.pdf")
+PAGE = "report.html"
+OF_REPORT = (*(f"figures/{name}" for name in figure_files()), PAGE, "report.pdf")
 
 
 def make_report(
@@ -45,7 +46,7 @@ def make_report(
         key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, path.read_text(encoding="utf-8"))
         for key, path in files.items()
     }
-    page = folder / "report.html"
+    page = folder / PAGE
     write_report(results, page, findings=sentences(by_size(findings(results)), results.shown), figures=figures)
     return page
 
@@ -73,13 +74,27 @@ def run_report(
         browser()  # before the work, so that a missing one is said at once
     for fault in (*results.faults, *_changed(results, folder)):
         warn(fault)
-    with staged(folder, OF_REPORT) as new:
-        page = make_report(results, new, Style(theme), png=png, paper=paper)
-        if pdf:
-            print_page(page, new / "report.pdf")
-    out(f"report: {folder / page.name}")
+    renew_report(results, folder, Style(theme), png=png, paper=paper, pdf=pdf)
+    out(f"report: {folder / PAGE}")
     if pdf:
         out(f"pdf: {folder / 'report.pdf'}")
+
+
+def renew_report(
+    results: Results,
+    folder: Path,
+    style: Style | None = None,
+    *,
+    png: bool = False,
+    paper: bool = False,
+    pdf: bool = False,
+) -> None:
+    """Make figures and report anew from the results of a folder, and put them among these; see `make_report`."""
+    table = str(section(results.record, "results").get("dynamic.csv") or "")
+    with publishing(folder, OF_REPORT, basis=table) as new:
+        page = make_report(results, new, style, png=png, paper=paper)
+        if pdf:
+            print_page(page, new / "report.pdf")
 
 
 def _changed(results: Results, folder: Path) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.app.console import out, print_json, print_table
-from fourpole.io.write import write_text
+from fourpole.io.published import write_result
 from fourpole.report.standards import PAGES, standard_named
 from fourpole.report.standards.page import NOTE, render_standard
 from fourpole.report.standards.requirement import Found, Requirement, Standard, answered, counts
@@ -19,7 +19,7 @@ def run_standard(results: Results, folder: Path, name: str, *, as_json: bool) ->
     """Print the requirements of a standard with their answers, and write its page beside the report."""
     standard = standard_named(name)
     found, page = answered(standard, results), folder / PAGES[standard.key]
-    write_text(page, render_standard(standard, results))
+    write_result(page, render_standard(standard, results).encode())
     if as_json:
         print_json(_document(standard, found, results, page))
         return

@@ -18,9 +18,10 @@ from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError
 from fourpole.findings.common import none, of_one_campaign, of_two_campaigns
 from fourpole.findings.points import QUANTITIES, Common, Points, differences
-from fourpole.fitting.common_errors import read_covariance
+from fourpole.fitting.common_errors import COVARIANCE, covariance_of
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import results_in
+from fourpole.io.published import published_beside
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
 from fourpole.study import Study
 from fourpole.study.results import Results, read_results
@@ -176,10 +177,10 @@ def _read(source: str | Path | Results | Study) -> Results:
     if isinstance(source, Study):
         return replace(source.results, tables={**source.results.tables, "covariance": source.covariance})
     results = read_results(source)
-    path = results_in(Path(source)) / "covariance.parquet"
-    if not path.is_file():
+    beside = published_beside(results_in(Path(source)) / COVARIANCE)
+    if not beside.has(COVARIANCE):
         return results
-    return replace(results, tables={**results.tables, "covariance": read_covariance(path)})
+    return replace(results, tables={**results.tables, "covariance": covariance_of(beside.read(COVARIANCE))})
 
 
 # ---- which specimens

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -13,9 +11,9 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.errors import TableError
 from fourpole.fitting.rows import Key, keys_of
-from fourpole.io.door import read_bytes
 
 MOST_BYTES = 2_000_000_000
+COVARIANCE = "covariance.parquet"
 #: Columns of covariance.parquet.
 COVARIANCE_COLUMNS = tuple(
     one.head for one in (q.TEST, q.RIG, q.CONDITION, q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS)
@@ -47,12 +45,12 @@ def joined(
     return own, shared, condition, places
 
 
-def read_covariance(path: Path) -> pl.DataFrame:
-    """The table; TableError if another program wrote it."""
+def covariance_of(content: bytes) -> pl.DataFrame:
+    """The table of covariance.parquet from its bytes; TableError if another program wrote it."""
     try:
-        frame = pl.read_parquet(io.BytesIO(read_bytes(path, max_bytes=MOST_BYTES)))
+        frame = pl.read_parquet(content)
     except pl.exceptions.PolarsError as error:
-        raise TableError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
+        raise TableError(f"{COVARIANCE}: cannot be read ({error}): run fourpole analyse again") from None
     if [name for name in frame.columns if name != q.POINT.head] != list(COVARIANCE_COLUMNS):
-        raise TableError(f"{path.name}: is not one that fourpole wrote: run fourpole analyse again")
+        raise TableError(f"{COVARIANCE}: is not one that fourpole wrote: run fourpole analyse again")
     return frame

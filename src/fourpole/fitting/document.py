@@ -8,13 +8,13 @@ from typing import Any
 
 from fourpole.core.wording import first_of
 from fourpole.errors import ModelError
-from fourpole.fitting.seal import KEY, alterations
 from fourpole.io.door import read_bytes
+from fourpole.io.seal import KEY, alterations
 from fourpole.units import shown
 from fourpole.version import VERSION as OWN_VERSION
 
 FORMAT, VERSION = "fourpole-model", 1
-_MOST_BYTES = 50_000_000
+MOST_BYTES = 50_000_000
 #: Alterations that a message names, and the characters it has of each.
 _MOST_NAMED, _LONGEST = 5, 200
 
@@ -29,11 +29,13 @@ def read_document(path: str | Path) -> dict[str, Any]:
     ModelError
         If it is no JSON, has a key twice or a number that is none, or is no model file of this version.
     """
-    name = Path(path).name
+    return document_of(read_bytes(path, max_bytes=MOST_BYTES), Path(path).name)
+
+
+def document_of(content: bytes, name: str) -> dict[str, Any]:
+    """The JSON document of a model file from its bytes; see `read_document`."""
     try:
-        document = json.loads(
-            read_bytes(path, max_bytes=_MOST_BYTES), object_pairs_hook=_once, parse_constant=_no_constant
-        )
+        document = json.loads(content, object_pairs_hook=_once, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
         raise ModelError(f"{name}: is no model file: not valid JSON ({error})") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:

@@ -5,10 +5,8 @@ With them a fit holds its model against the recorded amplitudes, with the gains 
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,7 +24,7 @@ from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import FourpoleError, TableError
 from fourpole.fitting.common_errors import MOST_BYTES
-from fourpole.io.door import read_bytes
+from fourpole.io.published import Published
 
 FILE = "likelihood.parquet"
 _MOST_SHARED = 100_000
@@ -103,7 +101,7 @@ def likelihood_record(found: Likelihood) -> dict[str, Any]:
     }
 
 
-def read_likelihoods(path: Path, record: Mapping[str, Any]) -> dict[str, Likelihood]:
+def read_likelihoods(results: Published) -> dict[str, Likelihood]:
     """The likelihood of each rig from likelihood.parquet and the record of study.json; empty if there is none.
 
     Raises
@@ -111,10 +109,12 @@ def read_likelihoods(path: Path, record: Mapping[str, Any]) -> dict[str, Likelih
     TableError
         If the file cannot be read, or is of another analysis than the record.
     """
-    if not path.is_file() or not record:
+    record = results.record.get("likelihood")
+    if not record or not results.has(FILE):
         return {}
+    content = results.read(FILE, max_bytes=MOST_BYTES)
     try:
-        frame = pl.read_parquet(io.BytesIO(read_bytes(path, max_bytes=MOST_BYTES)))
+        frame = pl.read_parquet(content)
         return {rig: likelihood_in(frame.filter(pl.col(q.RIG.head) == rig), one) for rig, one in record.items()}
     except (
         pl.exceptions.PolarsError,
@@ -126,7 +126,7 @@ def read_likelihoods(path: Path, record: Mapping[str, Any]) -> dict[str, Likelih
         AttributeError,
         OverflowError,
     ) as error:
-        raise TableError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
+        raise TableError(f"{FILE}: cannot be read ({error}): run fourpole analyse again") from None
 
 
 def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:

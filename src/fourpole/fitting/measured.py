@@ -7,7 +7,6 @@ The source is a results folder, a dynamic.csv alone, or any table with a frequen
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,10 +19,10 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, short_repr
 from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Sameness, temperature_std
 from fourpole.core.joint.around import Likelihood
-from fourpole.errors import FileError, ModelError
+from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
-from fourpole.fitting.common_errors import MOST_BYTES, joined, read_covariance
-from fourpole.fitting.likelihood import FILE, read_likelihoods
+from fourpole.fitting.common_errors import COVARIANCE, MOST_BYTES, covariance_of, joined
+from fourpole.fitting.likelihood import read_likelihoods
 from fourpole.fitting.measuredtable import (
     FREQUENCY,
     IM,
@@ -39,9 +38,8 @@ from fourpole.fitting.measuredtable import (
     with_deflection,
 )
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
-from fourpole.io.door import read_bytes
 from fourpole.io.folders import results_in
-from fourpole.io.staging import recover
+from fourpole.io.published import published_beside, read_listed
 from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.data import StiffnessData
 from fourpole.models.ramp import Loop
@@ -234,30 +232,20 @@ def read_measured(
     """
     path = results_in(path)
     table = path / "dynamic.csv" if path.is_dir() else path
-    recover(table.parent)
-    content = read_bytes(table, max_bytes=MOST_BYTES)
+    results = published_beside(table)
+    content = read_listed(table, max_bytes=MOST_BYTES)
     own = table.name in (*_RESULTS, MASTER) and not (options and options.columns)
     frame, spoken = (table_frame(table.name, content), list[str]()) if own else k_star_frame(table, options)
-    beside = table.parent / "covariance.parquet"
     covariance = None
-    if table.name in (*_RESULTS, MASTER) and beside.is_file() and std is None:
-        covariance = read_covariance(beside)
-    record = _record_beside(table) if table.name in _RESULTS else {}
+    if table.name in (*_RESULTS, MASTER) and results.has(COVARIANCE) and std is None:
+        covariance = covariance_of(results.read(COVARIANCE, max_bytes=MOST_BYTES))
+    record = results.record if table.name in _RESULTS else {}
     rule = Sameness((*axes, *rule_in(record).further))
-    likelihoods = {} if covariance is None else read_likelihoods(table.parent / FILE, record.get("likelihood", {}))
+    likelihoods = {} if covariance is None else read_likelihoods(results)
     given: dict[str, Any] = {"over": over, "std": std, "k1": k1, "by_amplitude": by_amplitude}
     found = measured_of(frame, covariance, likelihoods, name=table.name, rule=rule, **given)
     spoken += [] if own else repeats([one.own.omega for one in found.conditions], table.name)
     return replace(found, sha256=hashlib.sha256(content).hexdigest(), notes=(*spoken, *found.notes))
-
-
-def _record_beside(table: Path) -> dict[str, Any]:
-    """The record of the study that wrote the table; empty if there is none."""
-    try:
-        record = json.loads(read_bytes(table.parent / "study.json", max_bytes=MOST_BYTES))
-    except (FileError, ValueError, RecursionError):
-        return {}
-    return record if isinstance(record, dict) else {}
 
 
 def table_of(measured: MeasuredSet) -> pl.DataFrame:

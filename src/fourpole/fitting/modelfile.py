@@ -17,13 +17,13 @@ from pydantic import Field, StrictBool, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError
-from fourpole.fitting.document import changes, check_seal, listed, read_document
+from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
 from fourpole.fitting.lawfile import TemperatureFile, check_law
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
 from fourpole.fitting.pressures import PressureFile, check_pressures
-from fourpole.fitting.seal import KEY, sealed
 from fourpole.fitting.static import StaticFile
-from fourpole.io.write import write_text
+from fourpole.io.published import read_listed, write_result
+from fourpole.io.seal import KEY, sealed
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
 from fourpole.models.linearised import Scatter
@@ -256,7 +256,7 @@ class ModelFile(Strict):
     def write(self, path: str | Path) -> None:
         """Write the document in one step, sealed, with the time."""
         now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-        write_text(Path(path), json.dumps(sealed(self._content(), now), indent=1, ensure_ascii=False) + "\n")
+        write_result(path, (json.dumps(sealed(self._content(), now), indent=1, ensure_ascii=False) + "\n").encode())
 
 
 class SealFile(Strict):
@@ -292,8 +292,12 @@ def read_model_file(path: str | Path) -> ModelFile:
         If the file is not a model file, has a later version, contradicts itself, is not sealed, or was changed since it
         was sealed.
     """
-    name = Path(path).name
-    document = read_document(path)
+    return model_file_of(read_listed(path, max_bytes=MOST_BYTES), Path(path).name)
+
+
+def model_file_of(content: bytes, name: str) -> ModelFile:
+    """The checked content of a model file from its bytes; see `read_model_file`."""
+    document = document_of(content, name)
     found = checked(name, document)
     check_seal(name, document)
     return found

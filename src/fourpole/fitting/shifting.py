@@ -19,8 +19,8 @@ from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
 from fourpole.fitting.modelparts import NamedValue
-from fourpole.fitting.seal import alterations, sealed
 from fourpole.io.door import read_bytes
+from fourpole.io.seal import alterations, sealed
 from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.data import complex_columns

@@ -19,7 +19,7 @@ from fourpole.errors import ModelError, TableError
 from fourpole.fitting.common_errors import MOST_BYTES
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelparts import Strict
-from fourpole.io.door import read_bytes
+from fourpole.io.published import published_beside
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
 from fourpole.models.gap import passive_range
@@ -166,17 +166,18 @@ class _StaticTests:
     @classmethod
     def read(cls, folder: Path) -> _StaticTests:
         """The static tests of a results folder; ModelError if a table or a column is missing."""
+        results = published_beside(folder / STATIC)
         for name in (STATIC, LOOPS):
-            if not (folder / name).is_file():
+            if not results.has(name):
                 raise ModelError(
                     f"{folder}: has no {name}: --static ramp needs the results folder of fourpole analyse, with the "
                     "time and the loop of each static test; or state --static rest"
                 )
         try:
             texts = dict.fromkeys((q.TEST.head, q.TYRE.head, q.K1_OF.head, q.VERDICT.head), pl.String)
-            content = read_bytes(folder / STATIC, max_bytes=MOST_BYTES)
+            content = results.read(STATIC, max_bytes=MOST_BYTES)
             static = pl.read_csv(content, infer_schema_length=None, schema_overrides=texts)
-            loops = pl.read_parquet(read_bytes(folder / LOOPS, max_bytes=MOST_BYTES))
+            loops = pl.read_parquet(results.read(LOOPS, max_bytes=MOST_BYTES))
         except pl.exceptions.PolarsError as error:
             raise TableError(f"{folder}: {STATIC} or {LOOPS} is no table ({str(error).splitlines()[0]})") from None
         needed = {STATIC: (static, _COLUMNS), LOOPS: (loops, (q.TEST.head, *_MEAN, _DEFLECTION))}

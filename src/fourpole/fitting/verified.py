@@ -9,8 +9,8 @@ from pathlib import Path
 from fourpole.errors import FileError, ModelError
 from fourpole.fitting.document import check_seal, read_document
 from fourpole.fitting.modelfile import ModelFile, checked
-from fourpole.fitting.seal import KEY
 from fourpole.io.door import sha256_of
+from fourpole.io.seal import KEY
 
 _MOST_BYTES = 1_000_000_000
 #: Note in a copy that was sealed later.

@@ -37,10 +37,10 @@ def campaign_lock(folder: str | os.PathLike[str], *, patience: float = _PATIENCE
     """
     above = Path(folder).absolute().parent
     place = above if (above / _STATEMENT).is_file() else Path(folder)
-    descriptor = _opened(place)
+    descriptor = opened_folder(place)
     try:
         end = time.monotonic() + patience
-        while not _is_locked(descriptor):
+        while not is_locked(descriptor):
             if time.monotonic() > end:
                 raise FileError(f"{place}: another process has been writing here for {patience:.0f} s: try again later")
             time.sleep(_LOOK)
@@ -49,7 +49,8 @@ def campaign_lock(folder: str | os.PathLike[str], *, patience: float = _PATIENCE
         os.close(descriptor)
 
 
-def _opened(place: Path) -> int:
+def opened_folder(place: Path) -> int:
+    """An open folder, to be locked; FileError if there is none."""
     try:
         if sys.platform == "win32":
             return os.open(place / _FILE, os.O_RDWR | os.O_CREAT)
@@ -58,8 +59,8 @@ def _opened(place: Path) -> int:
         raise FileError(f"{place}: cannot be locked: {error.strerror or error}") from None
 
 
-def _is_locked(descriptor: int) -> bool:
-    """Lock an open file until it is closed; False if another process has it, True if the system has no locks."""
+def is_locked(descriptor: int) -> bool:
+    """Lock an open folder until it is closed; False if another process has it, True if the system has no locks."""
     try:
         if sys.platform == "win32":
             import msvcrt

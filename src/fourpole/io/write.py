@@ -56,8 +56,8 @@ def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = N
     write_bytes(path, text.encode(), label=label)
 
 
-def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | None = None) -> None:
-    """Write a file in one step; see `write_text`.
+def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | None = None, sync: bool = False) -> None:
+    """Write a file in one step; see `write_text`. With `sync`, it is on the disk before it replaces the former one.
 
     Examples
     --------
@@ -69,6 +69,9 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | No
     """
     with replacing(path, label=label) as file:
         file.write(content)
+        if sync:
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str | None = None) -> None:
@@ -141,13 +144,7 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     ['a.nc']
     """
     target, name = Path(path), name_of(path, label)
-    try:
-        # Path.mkdir, not tempfile: folders of tempfile are readable by one user only, but results follow the umask.
-        folder = target.with_name(f".{target.name[:100]}.{secrets.token_hex(_TOKEN)}.tmp")
-        folder.mkdir()
-    except (OSError, ValueError) as error:
-        hint = "" if target.parent.is_dir() else "; does its folder exist?"
-        raise FileError(f"{name}: cannot be written: {why(error)}{hint}") from None
+    folder = hidden_folder(target, name)
     new, old = folder / target.name, folder / f"{target.name[:100]}.old"
     try:
         yield new
@@ -162,6 +159,18 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
         if old.exists() and not target.exists():
             old.replace(target)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def hidden_folder(target: Path, label: str | None = None) -> Path:
+    """A new hidden folder beside a file that will be written; FileError if it cannot be made."""
+    try:
+        # Path.mkdir, not tempfile: folders of tempfile are readable by one user only, but results follow the umask.
+        folder = target.with_name(f".{target.name[:100]}.{secrets.token_hex(_TOKEN)}.tmp")
+        folder.mkdir()
+    except (OSError, ValueError) as error:
+        hint = "" if target.parent.is_dir() else "; does its folder exist?"
+        raise FileError(f"{name_of(target, label)}: cannot be written: {why(error)}{hint}") from None
+    return folder
 
 
 def is_full(error: Exception) -> bool:

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from fourpole.core.sources import Source
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.fitting.rows import keyed
 from fourpole.io.door import read_bytes
-from fourpole.io.staging import recover, staged
+from fourpole.io.published import Published, consistently
+from fourpole.io.staging import staged
 from fourpole.io.write import write_table, write_text
 from fourpole.lab.layout import FURTHER, ORIGIN, ROLE, SCHEMA, TABLES, LabTable
 from fourpole.study.results import read_table
@@ -89,12 +91,11 @@ def gather(
     out = folder / "lab" if out is None else Path(out)
     found = _found(folder, out)
     make_folder(out)
-    recover(out)
     former, names = _former(out), _names(folder, found)
     index: dict[str, dict[str, Any]] = {}
     problems: list[str] = []
     read, obsolete = 0, list[str]()
-    with staged(out, obsolete) as new:
+    with staged(out, obsolete, last=_INDEX) as new:
         for at, place in enumerate(found):
             if progress is not None:
                 progress(at, len(found))
@@ -103,7 +104,8 @@ def gather(
                 index[name] = former[name]
                 continue
             try:
-                index[name] = {"seen": seen, **_taken(place, name, new, problems)}
+                taken = consistently(place, partial(_taken, name=name, new=new, problems=problems))
+                index[name] = {"seen": seen, **taken}
                 read += 1
             except FourpoleError as error:
                 problems.append(f"{name}: not taken: {error}")
@@ -207,15 +209,15 @@ def _unused(out: Path, kept: set[str]) -> list[str]:
     ]
 
 
-def _taken(place: Path, name: str, new: Path, problems: list[str]) -> dict[str, Any]:
+def _taken(results: Published, *, name: str, new: Path, problems: list[str]) -> dict[str, Any]:
     """Write the rows of one campaign into the new data set; returns its entry of the index."""
-    recover(place)
-    content = read_bytes(place / _STUDY, max_bytes=_MOST_BYTES)
-    record = _record(content)
+    record = results.record
+    if not isinstance(record.get("stated"), dict):
+        raise CampaignError(f"{_STUDY} is not one that fourpole wrote: run fourpole analyse again")
     slug = re.sub(r"[^A-Za-z0-9_.-]+", "-", name)[:60].strip("-.")
     file = f"{slug}-{hashlib.sha256(name.encode()).hexdigest()[:8]}.parquet"
-    tables = {table: read_table(place, one.spec, one.needed) for table, one in TABLES.items()}
-    origin = _origin(record, name, hashlib.sha256(content).hexdigest(), tables["tests"])
+    tables = {table: read_table(results, one.spec, one.needed) for table, one in TABLES.items()}
+    origin = _origin(record, name, results.mark, tables["tests"])
     made = {}
     for table, frame in tables.items():
         made[table], lacking = _rows(frame, TABLES[table], origin)
@@ -226,17 +228,6 @@ def _taken(place: Path, name: str, new: Path, problems: list[str]) -> dict[str, 
         (new / table).mkdir(exist_ok=True)
         write_table(new / table / file, frame)
     return {"file": file, "sha256": origin["sha256"], "tests": made["tests"].height}
-
-
-def _record(content: bytes) -> dict[str, Any]:
-    """The content of study.json."""
-    try:
-        record = json.loads(content)
-    except (ValueError, RecursionError):
-        record = None
-    if not isinstance(record, dict) or not isinstance(record.get("stated"), dict):
-        raise CampaignError("study.json is not one that fourpole wrote: run fourpole analyse again")
-    return record
 
 
 def _origin(record: dict[str, Any], name: str, sha256: str, tests: pl.DataFrame) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
-from fourpole.io.door import read_bytes
+from fourpole.io.published import Published, published
 from fourpole.plot import FIGURES
 from fourpole.report.page import ReportFigure, page_parts
 from fourpole.report.wanted import in_units
@@ -37,11 +37,11 @@ class Shown:
     @cached_property
     def parts(self) -> dict[str, Any]:
         """What the templates of the report show."""
-        folder = self.place.results / "figures"
+        files = published(self.place.results)
         figures = {
-            key: ReportFigure(key, spec.title, spec.caption, _drawing(folder / f"{key}.svg"))
+            key: ReportFigure(key, spec.title, spec.caption, _drawing(files, f"figures/{key}.svg"))
             for key, spec in FIGURES.items()
-            if (folder / f"{key}.svg").is_file()
+            if files.has(f"figures/{key}.svg")
         }
         found = sentences(by_size(findings(self.results)), self.results.shown)
         with in_units(self.results.shown):
@@ -97,9 +97,9 @@ class Held:
         return campaign
 
 
-def _drawing(path: Path) -> str:
+def _drawing(files: Published, name: str) -> str:
     """The text of a figure; what is no text in it is replaced."""
-    return read_bytes(path, max_bytes=_MOST_BYTES).decode(errors="replace")
+    return files.read(name, max_bytes=_MOST_BYTES).decode(errors="replace")
 
 
 def _statement(place: Place) -> list[Path]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,9 +15,8 @@ from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.face import public
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
-from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.folders import results_in, why_no_folder
-from fourpole.io.staging import recover
+from fourpole.io.published import LIST, Published, consistently, published_beside
 from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.notebook import tables_html
 from fourpole.study.rig_estimate import RigEstimate
@@ -28,7 +26,6 @@ from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
 if TYPE_CHECKING:
     from fourpole.fitting.modelfile import ModelFile
 
-_MOST_BYTES = 2_000_000_000
 _MADE_BY = {"model": "fit", "map": "map"}
 
 
@@ -125,8 +122,8 @@ def units_beside(path: Path) -> ShownUnits:
     """The units that the campaign of some results wants, by their folder or a file in it; the usual ones without."""
     folder = path if path.is_dir() else path.parent
     try:
-        record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
-    except (FileError, TableError, ValueError):
+        record = published_beside(folder / LIST).record
+    except (FileError, TableError):
         return ShownUnits()
     return shown_units(section(record, "stated", "report").get("units"))
 
@@ -177,67 +174,58 @@ def read_results(folder: str | Path) -> Results:
     if not folder.is_dir():
         raise CampaignError(why_no_folder(folder) if folder.is_file() else f"{why_no_folder(folder)} of results")
     folder = results_in(folder)
-    recover(folder)
-    tables = {spec.name: read_table(folder, spec) for spec in TABLES.values() if spec.read}
     try:
-        record = json.loads(read_bytes(folder / "study.json", max_bytes=_MOST_BYTES))
-        if not isinstance(record, dict):
-            raise CampaignError("study.json is not one that fourpole wrote: run fourpole analyse again")
+        return consistently(folder, _read_published)
     except (FileError, TableError) as error:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
-    except ValueError as error:
-        raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None
-    return with_models(Results(record=record, tables=tables), folder)
 
 
-def with_models(results: Results, folder: Path, tables: Path | None = None) -> Results:
-    """The results with those model files of a folder that were made from these results.
+def _read_published(found: Published) -> Results:
+    tables = {spec.name: read_table(found, spec) for spec in TABLES.values() if spec.read}
+    return with_models(Results(record=found.record, tables=tables), found, found.sha256(f"{DYNAMIC.name}.csv"))
 
-    `tables` is the folder with their dynamic.csv, if that is another.
-    """
-    from fourpole.fitting.modelfile import read_model_file
 
-    sha256 = sha256_of((tables or folder) / f"{DYNAMIC.name}.csv", max_bytes=_MOST_BYTES)
+def with_models(results: Results, found: Published, sha256: str) -> Results:
+    """The results with those model files of a folder that were made of the dynamic.csv of this SHA-256."""
+    from fourpole.fitting.modelfile import model_file_of
+
     files: dict[str, Any] = {}
     faults = []
     for name, field_name in (("model", "models"), ("map", "maps")):
-        path = folder / f"{name}.json"
+        file = f"{name}.json"
         try:
-            made = read_model_file(path) if path.is_file() else None
+            made = model_file_of(found.read(file), file) if found.has(file) else None
         except FourpoleError as error:
             faults.append(f"{error}; left out: run fourpole {_MADE_BY[name]} again")
             continue
         if made is not None and made.provenance.sha256 != sha256:
-            faults.append(f"{path.name} is of other results and left out: run fourpole {_MADE_BY[name]} again")
+            faults.append(f"{file} is of other results and left out: run fourpole {_MADE_BY[name]} again")
         elif made is not None:
             files[field_name] = made
     return replace(results, faults=tuple(faults), **files)
 
 
-def read_table(folder: Path, spec: TableSpec, needed: Collection[str] | None = None) -> pl.DataFrame:
+def read_table(results: Published, spec: TableSpec, needed: Collection[str] | None = None) -> pl.DataFrame:
     """A table as it was written; a table without columns where an optional file is missing.
 
     A column of `needed`, by default any column, that the file does not have is an error.
     """
-    path = folder / f"{spec.name}{spec.endings[0]}"
-    optional = not spec.always or path.suffix == ".parquet"
-    if optional and not path.is_file():
+    name, ending = f"{spec.name}{spec.endings[0]}", spec.endings[0]
+    if (not spec.always or ending == ".parquet") and not results.has(name):
         return pl.DataFrame()
     try:
-        if path.suffix == ".parquet":
-            return pl.read_parquet(path)
-        content = read_bytes(path, max_bytes=_MOST_BYTES)
+        content = results.read(name)
+        if ending == ".parquet":
+            return pl.read_parquet(content)
         names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
         known = {**OPTIONAL, **spec.columns}
         kinds = {name: known.get(name, pl.String) for name in names}
         counts = [name for name, kind in kinds.items() if kind == pl.Int64]  # another program may write 4.0 for 4
         frame = pl.read_csv(content, schema={**kinds, **dict.fromkeys(counts, pl.Float64)})
         frame = frame.with_columns(pl.col(counts).cast(pl.Int64, strict=False))
-    except (FileError, TableError) as error:
-        raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
     except pl.exceptions.PolarsError as error:
-        raise CampaignError(f"{path.name}: cannot be read ({error}): run fourpole analyse again") from None
+        raise CampaignError(f"{name}: cannot be read ({error}): run fourpole analyse again") from None
     lacking = [name for name in (spec.columns if needed is None else needed) if name not in names]
     if lacking:
-        raise CampaignError(f"{path.name}: has no column {lacking[0]!r}: run fourpole analyse again")
+        raise CampaignError(f"{name}: has no column {lacking[0]!r}: run fourpole analyse again")
     return frame.with_columns(pl.col(pl.String).fill_null(""))

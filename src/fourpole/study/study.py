@@ -27,7 +27,7 @@ from fourpole.fitting.stated import rig_file
 from fourpole.io.child import SECONDS
 from fourpole.io.door import sha256_of
 from fourpole.io.origin import origin
-from fourpole.io.staging import staged
+from fourpole.io.published import publishing
 from fourpole.io.write import remove_leftovers, write_table
 from fourpole.models.families import by_amplitude
 from fourpole.study.cache import Cache
@@ -242,15 +242,19 @@ class Study(Tables):
             If a file cannot be written; all files are the former ones then.
         """
         folder = make_folder(folder)
-        with staged(folder, (*TABLE_FILES, "findings.csv", "report.html")) as new:
-            for spec in TABLES.values():
-                table = self.tables[spec.name]
-                for ending in spec.endings if table.height or spec.always else ():
-                    write_table(new / f"{spec.name}{ending}", table)
-            for name, table in (further or {}).items():
-                write_table(new / f"{name}.csv", table)
-            write_record(new, self.record)
+        with publishing(folder, (*TABLE_FILES, "findings.csv", "report.html")) as new:
+            self.write_into(new, further)
         return folder
+
+    def write_into(self, folder: Path, further: Mapping[str, pl.DataFrame] | None = None) -> None:
+        """Write all tables and study.json into the new folder of `publishing`; see `write`."""
+        for spec in TABLES.values():
+            table = self.tables[spec.name]
+            for ending in spec.endings if table.height or spec.always else ():
+                write_table(folder / f"{spec.name}{ending}", table)
+        for name, table in (further or {}).items():
+            write_table(folder / f"{name}.csv", table)
+        write_record(folder, self.record)
 
     @property
     def record(self) -> dict[str, Any]:

@@ -12,11 +12,14 @@ from typing import Any
 import polars as pl
 
 from fourpole.campaign.place import inside
+from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.verified import verify
 from fourpole.io.door import sha256_of
+from fourpole.io.published import LIST as NAME
+from fourpole.io.published import published
 from fourpole.io.remote import is_elsewhere
-from fourpole.study.record import NAME, read_record
+from fourpole.io.seal import KEY, alterations
 from fourpole.study.repeated import Difference, differences
 from fourpole.study.results import section
 from fourpole.study.study import DRAWS, SEED, Study, analyse
@@ -25,6 +28,8 @@ from fourpole.version import VERSION
 
 _MOST_BYTES = 50_000_000_000
 _MODELS = ("model.json", "map.json")
+#: Changes of study.json that are named.
+_LISTED = 5
 
 
 class State(StrEnum):
@@ -184,7 +189,7 @@ def verify_results(
         str(made.get("version") or section(record, "versions").get("fourpole") or ""),
         str(made.get("commit") or ""),
         inputs,
-        _results(folder, record),
+        (*_record(record), *_results(folder, record)),
         tuple(_model(folder, name, _hashes(record, "results")) for name in _MODELS if (folder / name).is_file()),
         not_run=_why_not(place, inputs, quick=quick),
         quick=quick,
@@ -204,7 +209,7 @@ def _record_of(folder: Path) -> Mapping[str, Any]:
     if not (folder / NAME).is_file():
         raise CampaignError(f"{folder}: the results are not complete, {NAME} is not there: {again}")
     try:
-        record = read_record(folder)
+        record = published(folder).record
     except (FileError, TableError, ValueError) as error:
         raise CampaignError(f"{folder / NAME}: cannot be read ({error}): {again}") from None
     if not (folder / "dynamic.csv").is_file() and not _hashes(record, "results"):
@@ -247,6 +252,14 @@ def _input(campaign: Path, name: str, sha: str) -> File:
         return File(name, State.CHANGED, "is empty")
     except FileError as error:
         return File(name, State.MISSING, str(error))
+
+
+def _record(record: Mapping[str, Any]) -> tuple[File, ...]:
+    """study.json itself, by its seal, which those of older versions have not."""
+    if KEY not in record and "sizes" not in record:
+        return ()
+    changed = alterations(record)
+    return (File(NAME, State.CHANGED, first_of(changed, _LISTED, "; ")) if changed else File(NAME, State.SAME),)
 
 
 def _results(folder: Path, record: Mapping[str, Any]) -> tuple[File, ...]:

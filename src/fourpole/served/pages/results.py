@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import FileResponse, RedirectResponse, Response
+from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from fourpole.errors import CampaignError
+from fourpole.io.published import published_beside
 from fourpole.served.figures import LinkedFigure
 from fourpole.served.held import Shown
 from fourpole.served.site import Site, address
@@ -36,10 +38,12 @@ def routes(site: Site) -> list[Route]:
 
     async def file(request: Request) -> Response:
         place, name = site.place(request), request.path_params["name"]
-        path = place.results / name
-        if name not in _FILES or path.is_symlink() or not path.is_file():
+        files = published_beside(place.results / name)
+        if name not in _FILES or not files.has(name):
             raise CampaignError("there is no such file yet: run the analysis")
-        return FileResponse(path, media_type=_FILES[name], filename=f"{place.key}-{name}")
+        content = await run_in_threadpool(files.read, name)
+        head = {"Content-Disposition": f'attachment; filename="{place.key}-{name}"'}
+        return Response(content, media_type=_FILES[name], headers=head)
 
     return [Route("/c/{key}", page), Route("/c/{key}/files/{name}", file)]
 

@@ -1,0 +1,407 @@
+"""Results as one commit: study.json lists the files of a folder, and a reader takes only what it lists.
+
+A writer puts each new file into the hidden folder `.store`, under the SHA-256 of its content. Replacing study.json is
+the one step by which all of them become the results. Copies then take the usual names, and the store keeps the files of
+this list and of the former one. A reader opens study.json, and takes each file from its usual name if it is as listed
+there, else from the store. So it finds the files of one analysis at any time, and wherever a writer was stopped. It
+changes nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import secrets
+import shutil
+import stat
+import warnings
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from fourpole.errors import FileError, FourpoleError, ResultsWarning, TableError
+from fourpole.io.documents import json_of
+from fourpole.io.door import open_regular, read_bytes, sha256_of
+from fourpole.io.lock import campaign_lock, is_locked, opened_folder
+from fourpole.io.seal import sealed
+from fourpole.io.write import why, write_bytes
+
+#: The list of the files, and the folder of their contents.
+LIST, STORE = "study.json", ".store"
+#: Keys of the list: SHA-256 and size [byte] of each file by its name.
+_HASHES, _SIZES = "results", "sizes"
+_HASH, _NEW = re.compile(r"[0-9a-f]{64}"), re.compile(r"new-[0-9a-f]{12}")
+#: Names that results may have; a list with others does not make them be read or written.
+_NAME = re.compile(r"(?:figures/)?[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.(?:csv|parquet|json|html|pdf|svg|png)")
+_MOST_BYTES = 2_000_000_000
+#: Number of times that results are read which another process renews meanwhile.
+_TRIES = 5
+_AGAIN = "run fourpole analyse again"
+
+_Result = TypeVar("_Result")
+
+
+class Listed(NamedTuple):
+    """A file as the list has it: its size [byte] and its SHA-256."""
+
+    size: int
+    sha256: str
+
+
+class _RenewedError(FileError):
+    """The results were renewed while they were read."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """The results of a folder, as its study.json stood when it was read.
+
+    Attributes
+    ----------
+    folder : Path
+        The folder.
+    record : dict
+        Content of study.json; empty without such a file.
+    files : dict of str to Listed, or None
+        The files by name; None for a folder without a list, which is read as it lies.
+    mark : str
+        SHA-256 of study.json.
+    """
+
+    folder: Path
+    record: dict[str, Any]
+    files: dict[str, Listed] | None = None
+    mark: str = ""
+
+    def has(self, name: str) -> bool:
+        """Whether a file is among the results."""
+        return (self.folder / name).is_file() if self.files is None else name in self.files
+
+    def read(self, name: str, *, max_bytes: int = _MOST_BYTES) -> bytes:
+        """The bytes of a file.
+
+        Raises
+        ------
+        FileError
+            If it is not among the results, or not as it is listed, neither under its name nor in the store.
+        TableError
+            If it is empty.
+        """
+        if self.files is None:
+            return read_bytes(self.folder / name, max_bytes=max_bytes, label=name, within=self.folder)
+        listed = self.files.get(name)
+        if listed is None:
+            raise FileError(f"{name}: is not among the results in {self.folder}, by their {LIST}: {_AGAIN}")
+        content = _content(self.folder / name, listed, self.folder, max_bytes)
+        if content is not None and hashlib.sha256(content).hexdigest() == listed.sha256:
+            return content
+        former = content is not None and (self.folder / STORE / hashlib.sha256(content).hexdigest()).exists()
+        kept = _content(self.folder / STORE / listed.sha256, listed, self.folder, max_bytes)
+        if kept is None or hashlib.sha256(kept).hexdigest() != listed.sha256:
+            self._check_renewed()
+            raise FileError(f"{name} is not as {LIST} lists it: changed by hand, or half-written; {_AGAIN}")
+        if not former and (self.folder / name).exists():
+            warnings.warn(
+                f"{name} is not as {LIST} lists it: changed by hand, or half-written; the copy that the analysis kept "
+                f"is used in its place; {_AGAIN} to have it back",
+                ResultsWarning,
+                stacklevel=2,
+            )
+        return kept
+
+    def sha256(self, name: str) -> str:
+        """SHA-256 of a file, as listed; FileError if there is none."""
+        if self.files is None:
+            return sha256_of(self.folder / name, max_bytes=_MOST_BYTES, label=name, within=self.folder)
+        if name not in self.files:
+            raise FileError(f"{name}: is not among the results in {self.folder}, by their {LIST}: {_AGAIN}")
+        return self.files[name].sha256
+
+    def _check_renewed(self) -> None:
+        with suppress(FourpoleError):
+            if published(self.folder).files != self.files:
+                raise _RenewedError(f"{self.folder}: the results were renewed while they were read: run it again")
+
+
+def published(folder: str | os.PathLike[str]) -> Published:
+    """The results of a folder.
+
+    Raises
+    ------
+    FileError, TableError
+        If study.json is not there, or cannot be read.
+    """
+    folder = Path(folder)
+    content = read_bytes(folder / LIST, max_bytes=_MOST_BYTES, within=folder)
+    record = json_of(content, LIST)
+    if not isinstance(record, dict):
+        raise TableError(f"{LIST} is not one that fourpole wrote: {_AGAIN}")
+    for journal in folder.glob(".fourpole-*.tmp/journal.json"):
+        text = "is of an older Fourpole that was stopped while it wrote; it is ignored: delete it, and"
+        warnings.warn(f"{journal.parent}: {text} {_AGAIN}", ResultsWarning, stacklevel=2)
+    return Published(folder, record, listed_in(record), hashlib.sha256(content).hexdigest())
+
+
+def published_beside(path: str | os.PathLike[str]) -> Published:
+    """The results of the folder of a file; without study.json they have no record and no list."""
+    folder = Path(path).parent
+    return published(folder) if (folder / LIST).exists() else Published(folder, {})
+
+
+def read_listed(path: str | os.PathLike[str], *, max_bytes: int = _MOST_BYTES) -> bytes:
+    """The bytes of a file, which are those of the list if the file is one of the results of its folder."""
+    results, name = published_beside(path), Path(path).name
+    if results.files is not None and name in results.files:
+        return results.read(name, max_bytes=max_bytes)
+    return read_bytes(path, max_bytes=max_bytes)
+
+
+def consistently(folder: str | os.PathLike[str], read: Callable[[Published], _Result]) -> _Result:
+    """What a function reads of the results of a folder; it is called again if they are renewed meanwhile."""
+    for _ in range(_TRIES):
+        with suppress(_RenewedError):
+            return read(published(folder))
+    return read(published(folder))
+
+
+def listed_in(record: Mapping[str, Any]) -> dict[str, Listed] | None:
+    """The files that a study.json lists; None if it has no list, as those of older versions."""
+    hashes, sizes = record.get(_HASHES), record.get(_SIZES)
+    if not isinstance(hashes, dict) or not isinstance(sizes, dict):
+        return None
+    return {
+        name: Listed(size, sha256)
+        for name, size in sizes.items()
+        if type(size) is int
+        and _NAME.fullmatch(name)
+        and isinstance(sha256 := hashes.get(name), str)
+        and _HASH.fullmatch(sha256)
+    }
+
+
+def without_list(record: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of study.json that does not depend on which files stand beside it."""
+    return {key: value for key, value in record.items() if key not in (_HASHES, _SIZES, "seal")}
+
+
+@contextmanager
+def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *, basis: str = "") -> Iterator[Path]:
+    """A new folder; at the end of the context its files become results together, or none of them does.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of the results, which exists. If it has no study.json with a list, and the new folder has none
+        either, the files replace those of the same name one by one.
+    obsolete : collection of str
+        Names of results that end unless the new folder has them; it may grow until the end of the context.
+    basis : str
+        SHA-256 of the dynamic.csv that the files were made of, which must still be the listed one; empty if of none.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written, or the results are no longer those of `basis`; they are the former ones then.
+    """
+    folder = Path(folder)
+    store = _store(folder)
+    with campaign_lock(folder):
+        _clear_unfinished(store)
+        new = store / f"new-{secrets.token_hex(6)}"
+        _make(new)
+        living = opened_folder(new)
+        is_locked(living)
+    try:
+        yield new
+        with campaign_lock(folder):
+            _publish(folder, new, obsolete, basis)
+    except FourpoleError:
+        raise
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be written: {why(error)}; all files are the former ones") from error
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+        os.close(living)
+
+
+def write_result(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write one file; if its folder has a list of results, the file becomes one of them."""
+    folder = Path(path).parent
+    if published_beside(path).files is None:
+        write_bytes(path, content)
+        return
+    with publishing(folder) as new:
+        (new / Path(path).name).write_bytes(content)
+
+
+# ---- the steps of a writer
+
+
+def _publish(folder: Path, new: Path, obsolete: Collection[str], basis: str) -> None:
+    former = Published(folder, {})
+    with suppress(FileError, TableError):  # damaged results are replaced as others are
+        former = published(folder)
+    table = (former.files or {}).get("dynamic.csv")
+    if basis and table is not None and table.sha256 != basis:
+        raise FileError(f"{folder}: the results were renewed meanwhile: run it again")
+    names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
+    record = former.record
+    if LIST in names:
+        names.remove(LIST)
+        record = json_of((new / LIST).read_bytes(), LIST)
+    elif former.files is None:
+        _replace_each(folder, new, names, obsolete)
+        return
+    gone = [name for name in obsolete if name not in names]
+    files = {name: file for name, file in (former.files or {}).items() if name not in gone}
+    files |= {name: _stored(new / name, folder / STORE) for name in names}
+    _sync(folder / STORE)
+    _write_list(folder, record, files)
+    _complete(folder, files, gone)
+    _clear(folder / STORE, {file.sha256 for file in (*files.values(), *(former.files or {}).values())})
+
+
+def _stored(path: Path, store: Path) -> Listed:
+    """Move a file into the store, under its hash; what it holds is on the disk then."""
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+        size = os.fstat(file.fileno()).st_size
+        os.fsync(file.fileno())
+    path.replace(store / sha256)
+    return Listed(size, sha256)
+
+
+def _write_list(folder: Path, record: Mapping[str, Any], files: Mapping[str, Listed]) -> None:
+    """Replace study.json: the step by which the files become the results."""
+    whole = {
+        **without_list(record),
+        _HASHES: {name: file.sha256 for name, file in sorted(files.items())},
+        _SIZES: {name: file.size for name, file in sorted(files.items())},
+    }
+    write_bytes(folder / LIST, (json.dumps(sealed(whole), indent=2, ensure_ascii=False) + "\n").encode(), sync=True)
+    _sync(folder)
+
+
+def _complete(folder: Path, files: Mapping[str, Listed], gone: Iterable[str]) -> None:
+    """Give each file its usual name; one that another program holds is told, and done by the next writer."""
+    held = []
+    for name, file in files.items():
+        try:
+            _copy(folder, name, file)
+        except OSError as error:
+            held.append(f"{name} ({why(error)})")
+    for name in gone:
+        with suppress(OSError):
+            _inner(folder, name).unlink()
+    if held:
+        warnings.warn(
+            f"{folder}: {', '.join(held[:3])}{' and others' * (len(held) > 3)} cannot be replaced now: the results are "
+            f"whole, and Fourpole reads them from {STORE}; close the program that uses the file, and run it again",
+            ResultsWarning,
+            stacklevel=4,
+        )
+
+
+def _copy(folder: Path, name: str, file: Listed) -> None:
+    """Copy a file from the store to its name, unless it stands there."""
+    place, kept = _inner(folder, name, make=True), folder / STORE / file.sha256
+    with suppress(FileError, TableError):
+        if sha256_of(place, max_bytes=max(file.size, 1), within=folder) == file.sha256:
+            return
+    if not kept.exists():
+        return
+    part = folder / STORE / f"new-{secrets.token_hex(6)}"
+    try:
+        shutil.copyfile(kept, part)
+        part.replace(place)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _inner(folder: Path, name: str, *, make: bool = False) -> Path:
+    """The place of a file of the folder; OSError if a folder on the way is a link."""
+    place = folder
+    for part in Path(name).parts[:-1]:
+        place /= part
+        if make:
+            with suppress(FileExistsError):
+                place.mkdir()
+        if not stat.S_ISDIR(place.lstat().st_mode):
+            raise NotADirectoryError(None, f"{place.name} is no folder, but a file or a link")
+    return place / Path(name).name
+
+
+def _replace_each(folder: Path, new: Path, names: Iterable[str], obsolete: Iterable[str]) -> None:
+    """Replace the files of a folder without a list, one after the other."""
+    for name in names:
+        (new / name).replace(_inner(folder, name, make=True))
+    for name in obsolete:
+        with suppress(OSError):
+            if name not in names:
+                _inner(folder, name).unlink()
+
+
+# ---- the store
+
+
+def _store(folder: Path) -> Path:
+    """The folder of the contents, made if it is not there; FileError if it is a link, or cannot be made."""
+    store = folder / STORE
+    _make(store, exist_ok=True)
+    return store
+
+
+def _make(folder: Path, *, exist_ok: bool = False) -> None:
+    try:
+        if not (exist_ok and folder.is_dir()):
+            folder.mkdir()
+        if not stat.S_ISDIR(folder.lstat().st_mode):
+            raise NotADirectoryError(None, "it is no folder, but a file or a link: delete it")
+    except (OSError, ValueError) as error:
+        raise FileError(f"{folder}: cannot be written: {why(error)}") from None
+
+
+def _clear_unfinished(store: Path) -> None:
+    """Delete the new folders of writers that were killed: nobody holds their lock."""
+    for path in store.iterdir():
+        if _NEW.fullmatch(path.name):
+            with suppress(OSError, FileError):
+                if not path.is_dir() or path.is_symlink():
+                    path.unlink()
+                    continue
+                lock = opened_folder(path)
+                try:
+                    if is_locked(lock):
+                        shutil.rmtree(path, ignore_errors=True)
+                finally:
+                    os.close(lock)
+
+
+def _clear(store: Path, kept: Collection[str]) -> None:
+    """Delete the contents that neither this list nor the former one has."""
+    for path in store.iterdir():
+        if _HASH.fullmatch(path.name) and path.name not in kept:
+            with suppress(OSError):
+                path.unlink()
+
+
+def _content(path: Path, listed: Listed, folder: Path, max_bytes: int) -> bytes | None:
+    """The bytes of a file of the listed size; None if it is missing or of another size."""
+    with suppress(FileError, TableError), open_regular(path, max_bytes=max_bytes, within=folder) as file:
+        if os.fstat(file.fileno()).st_size == listed.size:
+            return file.read()
+    return None
+
+
+def _sync(folder: Path) -> None:
+    """Have the names of a folder on the disk, where the system can."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
