@@ -15,8 +15,8 @@ from fourpole.export import export_results
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
-from fourpole.io.seal import KEY, alterations, canonical, sealed
 from fourpole.fitting.verified import TableState, seal_later, verify
+from fourpole.io.seal import KEY, alterations, canonical, sealed
 
 #: RFC 8785, appendix B: bits of a double, and the number.
 NUMBERS = """

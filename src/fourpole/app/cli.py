@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from fourpole.app import model_commands, table_commands
-from fourpole.app.console import end_in_order, out, progress, rising, say, warn
+from fourpole.app.console import end_in_order, out, progress, rising, say, show_warnings, warn
 from fourpole.app.events import end_with_caller
 from fourpole.app.group import group_of
 from fourpole.app.options import (
@@ -466,6 +466,7 @@ def main() -> None:
     # Recordings are reduced in parallel; further threads of the linear algebra would compete with each other.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    show_warnings()
     end_in_order()
     end_with_caller()
     app()

@@ -319,6 +319,23 @@ def rising(text: str, name: str, example: str, read: Callable[[str], float] = fl
     return low, high
 
 
+def show_warnings() -> None:
+    """Print what is warned of the results as other warnings are; Python would add a line of its source."""
+    import warnings
+
+    from fourpole.errors import ResultsWarning
+
+    former = warnings.showwarning
+
+    def shown(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if issubclass(category, ResultsWarning):
+            warn(str(message))
+        else:
+            former(message, category, *place, **more)
+
+    warnings.showwarning = shown
+
+
 def run_to_exit(run: Callable[..., int | None], **given: Any) -> None:
     """Run a command; an error becomes one message and an exit code."""
     try:

@@ -96,22 +96,39 @@ class Published:
         listed = self.files.get(name)
         if listed is None:
             raise FileError(f"{name}: is not among the results in {self.folder}, by their {LIST}: {_AGAIN}")
-        content = _content(self.folder / name, listed, self.folder, max_bytes)
-        if content is not None and hashlib.sha256(content).hexdigest() == listed.sha256:
+        content = self._as_listed(self.folder / name, listed, max_bytes)
+        if content is not None:
             return content
-        former = content is not None and (self.folder / STORE / hashlib.sha256(content).hexdigest()).exists()
-        kept = _content(self.folder / STORE / listed.sha256, listed, self.folder, max_bytes)
-        if kept is None or hashlib.sha256(kept).hexdigest() != listed.sha256:
-            self._check_renewed()
+        content = self._as_listed(self.folder / STORE / listed.sha256, listed, max_bytes)
+        if content is None:
+            if not self._is_current():
+                raise _RenewedError(f"{self.folder}: the results were renewed while they were read: run it again")
             raise FileError(f"{name} is not as {LIST} lists it: changed by hand, or half-written; {_AGAIN}")
-        if not former and (self.folder / name).exists():
+        if not self._is_of_a_writer(self.folder / name) and self._is_current():
             warnings.warn(
                 f"{name} is not as {LIST} lists it: changed by hand, or half-written; the copy that the analysis kept "
                 f"is used in its place; {_AGAIN} to have it back",
                 ResultsWarning,
                 stacklevel=2,
             )
-        return kept
+        return content
+
+    def _as_listed(self, path: Path, listed: Listed, max_bytes: int) -> bytes | None:
+        """The bytes of a file; None unless they are the listed ones."""
+        with suppress(FileError, TableError), open_regular(path, max_bytes=max_bytes, within=self.folder) as file:
+            if os.fstat(file.fileno()).st_size == listed.size:
+                content = file.read()
+                return content if hashlib.sha256(content).hexdigest() == listed.sha256 else None
+        return None
+
+    def _is_of_a_writer(self, path: Path) -> bool:
+        """Whether a file is missing, or of the results before or after these: a writer is at work or was stopped."""
+        if not path.exists():
+            return True
+        with suppress(FileError, TableError):
+            found = sha256_of(path, max_bytes=_MOST_BYTES, within=self.folder)
+            return (self.folder / STORE / found).exists()
+        return False
 
     def sha256(self, name: str) -> str:
         """SHA-256 of a file, as listed; FileError if there is none."""
@@ -121,10 +138,11 @@ class Published:
             raise FileError(f"{name}: is not among the results in {self.folder}, by their {LIST}: {_AGAIN}")
         return self.files[name].sha256
 
-    def _check_renewed(self) -> None:
-        with suppress(FourpoleError):
-            if published(self.folder).files != self.files:
-                raise _RenewedError(f"{self.folder}: the results were renewed while they were read: run it again")
+    def _is_current(self) -> bool:
+        """Whether study.json still is as it was read."""
+        with suppress(FileError, TableError):
+            return published(self.folder).mark == self.mark
+        return True
 
 
 def published(folder: str | os.PathLike[str]) -> Published:
@@ -387,14 +405,6 @@ def _clear(store: Path, kept: Collection[str]) -> None:
         if _HASH.fullmatch(path.name) and path.name not in kept:
             with suppress(OSError):
                 path.unlink()
-
-
-def _content(path: Path, listed: Listed, folder: Path, max_bytes: int) -> bytes | None:
-    """The bytes of a file of the listed size; None if it is missing or of another size."""
-    with suppress(FileError, TableError), open_regular(path, max_bytes=max_bytes, within=folder) as file:
-        if os.fstat(file.fileno()).st_size == listed.size:
-            return file.read()
-    return None
 
 
 def _sync(folder: Path) -> None:

@@ -48,7 +48,7 @@ def staged(folder: str | os.PathLike[str], obsolete: Iterable[str] = (), *, last
     """
     folder = Path(folder)
     remove_leftovers(folder)
-    hidden = hidden_folder(folder / "fourpole")
+    hidden = hidden_folder(folder / "fourpole", str(folder))
     new, old = hidden / "new", hidden / "old"
     try:
         new.mkdir()
