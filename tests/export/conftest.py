@@ -11,6 +11,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 from tests.export.vehicle import table as table_of_tyre
+from tests.unlisted import unlisted
 
 from fourpole import analyse
 from fourpole.fitting.measured import measured_of
@@ -46,6 +47,7 @@ def changed(results: Path) -> Callable[..., Path]:
     """The copy with another dynamic.csv or study.json."""
 
     def changing(dynamic: Change | None = None, static: Change | None = None, **record: object) -> Path:
+        unlisted(results)
         for name, change in (("dynamic", dynamic), ("static", static)):
             if change is not None:
                 file = results / f"{name}.csv"

@@ -17,6 +17,7 @@ from fourpole.fitting.likelihood import (
     likelihood_rows,
     read_likelihoods,
 )
+from fourpole.io.published import Published
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def table(found):
 def test_it_is_read_as_it_was_written(found, tmp_path):
     table(found).write_parquet(tmp_path / FILE)
     record = json.loads(json.dumps({"": likelihood_record(found)}))
-    again = read_likelihoods(tmp_path / FILE, record)[""]
+    again = read_likelihoods(Published(tmp_path, {"likelihood": record}))[""]
     places, given = np.arange(9), 1.01 * found.stiffness[:9]
     for one, other in zip(
         vars(found.around(places, given)).values(), vars(again.around(places, given)).values(), strict=True
@@ -46,14 +47,14 @@ def test_rows_in_another_order_are_the_same(found):
 
 
 def test_without_the_file_there_is_none(tmp_path, found):
-    assert read_likelihoods(tmp_path / FILE, {"": likelihood_record(found)}) == {}
+    assert read_likelihoods(Published(tmp_path, {"likelihood": {"": likelihood_record(found)}})) == {}
 
 
 @pytest.mark.parametrize("lack", [q.WEIGHTS.head, q.CONDITION.head, q.F1.parts[0]])
 def test_a_table_without_a_column_is_refused(lack, tmp_path, found):
     table(found).drop(lack).write_parquet(tmp_path / FILE)
     with pytest.raises(TableError, match="run fourpole analyse again"):
-        read_likelihoods(tmp_path / FILE, {"": likelihood_record(found)})
+        read_likelihoods(Published(tmp_path, {"likelihood": {"": likelihood_record(found)}}))
 
 
 @pytest.mark.parametrize("key", ["rig", "masses", "errors", "shared"])
@@ -62,4 +63,4 @@ def test_a_record_without_a_part_is_refused(key, tmp_path, found):
     record = likelihood_record(found)
     del record[key]
     with pytest.raises(TableError, match=FILE):
-        read_likelihoods(tmp_path / FILE, {"": record})
+        read_likelihoods(Published(tmp_path, {"likelihood": {"": record}}))

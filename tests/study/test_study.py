@@ -5,6 +5,7 @@ import hashlib
 import json
 import random
 import re
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -158,7 +159,7 @@ def test_study_json_holds_what_it_takes_to_repeat_the_run(results, noisy_campaig
 
 
 def test_results_do_not_say_where_or_when_they_were_made(noisy):
-    for path in noisy.analyse().write(noisy.path / "results").iterdir():
+    for path in filter(Path.is_file, noisy.analyse().write(noisy.path / "results").rglob("*")):
         content = path.read_bytes()
         assert str(noisy.path).encode() not in content
         assert not re.search(rb"20\d\d-\d\d-\d\d", content)

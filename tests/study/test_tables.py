@@ -10,8 +10,9 @@ import pytest
 from fourpole import analyse
 from fourpole.findings.table import FINDING_COLUMNS
 from fourpole.fitting.rows import KEY, key_of, keyed
+from fourpole.io.published import published
 from fourpole.quantities import meaning_of
-from fourpole.study.record import KEYS, read_record
+from fourpole.study.record import KEYS
 from fourpole.study.results import Results, read_results
 from fourpole.study.tables import TABLES
 
@@ -58,7 +59,7 @@ def study(noisy_campaign):
 
 
 def test_study_json_has_the_keys_that_are_documented(written):
-    assert set(read_record(written)) == set(KEYS)
+    assert set(published(written).record) == set(KEYS)
 
 
 @pytest.fixture(scope="module")

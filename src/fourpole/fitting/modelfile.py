@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field, StrictBool, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
-from fourpole.errors import ModelError
+from fourpole.errors import ModelError, TableError
 from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
 from fourpole.fitting.lawfile import TemperatureFile, check_law
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
@@ -292,7 +292,11 @@ def read_model_file(path: str | Path) -> ModelFile:
         If the file is not a model file, has a later version, contradicts itself, is not sealed, or was changed since it
         was sealed.
     """
-    return model_file_of(read_listed(path, max_bytes=MOST_BYTES), Path(path).name)
+    try:
+        content = read_listed(path, max_bytes=MOST_BYTES)
+    except TableError as error:
+        raise ModelError(str(error)) from None
+    return model_file_of(content, Path(path).name)
 
 
 def model_file_of(content: bytes, name: str) -> ModelFile:

@@ -46,7 +46,7 @@ def toml_of(text: str, name: str) -> dict[str, Any]:
     try:
         found = tomllib.loads(text)
     except RecursionError:
-        raise TableError(f"{name}: nests more than {_DEEPEST} levels deep; state it flat") from None
+        raise TableError(f"{name}: not valid TOML: nests more than {_DEEPEST} levels deep; state it flat") from None
     except ValueError as error:
         raise TableError(f"{name}: not valid TOML: {error}") from None
     _check_value(found, name)

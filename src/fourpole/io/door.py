@@ -82,7 +82,7 @@ def read_bytes(
     """The bytes of a regular file; see `open_regular`."""
     with open_regular(path, max_bytes=max_bytes, label=label, within=within) as file:
         try:
-            return file.read(max_bytes)
+            return file.read(os.fstat(file.fileno()).st_size)  # as much as was checked, if it still grows
         except OSError as error:
             raise FileError(f"{name_of(path, label)}: cannot be read: {reason(error)}") from None
 

@@ -155,7 +155,10 @@ def published(folder: str | os.PathLike[str]) -> Published:
     """
     folder = Path(folder)
     content = read_bytes(folder / LIST, max_bytes=_MOST_BYTES, within=folder)
-    record = json_of(content, LIST)
+    try:
+        record = json_of(content, LIST)
+    except TableError:
+        record = None
     if not isinstance(record, dict):
         raise TableError(f"{LIST} is not one that fourpole wrote: {_AGAIN}")
     for journal in folder.glob(".fourpole-*.tmp/journal.json"):

@@ -75,7 +75,7 @@ def separation(frequency: ArrayLike, amplitude: ArrayLike) -> Separation:
     left = moved - rows @ np.linalg.lstsq(rows, moved, rcond=None)[0]
     whole, rest = float(moved @ moved), float(left @ left)
     alone = logs.size <= terms or rest <= 1e-24 * max(whole, 1.0)
-    share = 0.0 if alone else rest / whole
+    share = 0.0 if alone else min(rest / whole, 1.0)  # a rest beyond the whole is round-off
     return Separation(
         correlation=float(np.sqrt(1 - share)),
         inflation=1 / share if share else float("inf"),
