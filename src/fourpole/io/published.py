@@ -230,13 +230,13 @@ def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *
     """
     folder = Path(folder)
     store = _store(folder)
-    with campaign_lock(folder):
-        _clear_unfinished(store)
-        new = store / f"new-{secrets.token_hex(6)}"
-        _make(new)
-        living = opened_folder(new)
-        is_locked(living)
+    new, living = store / f"new-{secrets.token_hex(6)}", -1
     try:
+        with campaign_lock(folder):
+            _clear_unfinished(store)
+            _make(new)
+            living = opened_folder(new)
+            is_locked(living)
         yield new
         with campaign_lock(folder):
             _publish(folder, new, obsolete, basis)
@@ -246,7 +246,8 @@ def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *
         raise FileError(f"{folder}: cannot be written: {why(error)}; all files are the former ones") from error
     finally:
         shutil.rmtree(new, ignore_errors=True)
-        os.close(living)
+        if living >= 0:
+            os.close(living)
 
 
 def write_result(path: str | os.PathLike[str], content: bytes) -> None:
