@@ -11,7 +11,7 @@ from pathlib import Path
 from fourpole.app.console import out, progress, warn
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
-from fourpole.io.door import sha256_of
+from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.published import publishing
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.plot import FIGURES, Style, figures_of, save_figures
@@ -42,9 +42,9 @@ def make_report(
             results, folder / "figures", keys=figures_of(results, paper=paper), style=style, formats=formats,
             progress=advance, executor=executor,
         )  # fmt: skip
+    drawings = {key: read_bytes(path, max_bytes=MAX_FILE_BYTES).decode() for key, path in files.items()}
     figures = {
-        key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, path.read_text(encoding="utf-8"))
-        for key, path in files.items()
+        key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, drawing) for key, drawing in drawings.items()
     }
     page = folder / PAGE
     write_report(results, page, findings=sentences(by_size(findings(results)), results.shown), figures=figures)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,6 +25,8 @@ from fourpole.fitting.shifting import (
     shift_table,
     shift_tyres,
 )
+from fourpole.io.door import sha256_of
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.staging import staged
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.models.overlap import LEVEL, LOSS, ONE_CURVE, Overlap
@@ -192,10 +193,10 @@ def _written(found: Sequence[TyreShift], options: ShiftOptions) -> list[Path]:
     if options.folder is not None:
         options.folder.mkdir(parents=True, exist_ok=True)
         master, covariance = master_tables(found)
-        with staged(options.folder) as new:
+        with staged(options.folder, last=LAW) as new:
             write_table(new / MASTER, master)
             write_table(new / COVARIANCE, covariance)
-            sha256 = hashlib.sha256((new / MASTER).read_bytes()).hexdigest()
+            sha256 = sha256_of(new / MASTER, max_bytes=MAX_FILE_BYTES)
             write_text(new / LAW, json.dumps(law_document(found, sha256), indent=1) + "\n")
             write_table(new / "shifts.csv", shift_table(found))
             write_table(new / "overlaps.csv", overlap_table(found))

@@ -197,7 +197,7 @@ def _limits(folder: Path, tests: Sequence[Test]) -> Limits:
 def _text(path: Path, most: int, *, strict: bool) -> str:
     """The text of a file of at most `most` bytes; CampaignError if `strict` and the text is not UTF-8."""
     try:
-        content = read_bytes(path, max_bytes=most, label=path.name)
+        content = read_bytes(path, max_bytes=most, label=path.name, within=path.parent)
         if strict:
             return content.decode("utf-8-sig")
         return decode(content, path.name)[0]

@@ -98,7 +98,7 @@ def logo_of(folder: Path, file: str) -> str:
     if not file:
         return ""
     try:
-        content = read_bytes(inside(folder, file), max_bytes=_MOST_LOGO, label=file)
+        content = read_bytes(inside(folder, file), max_bytes=_MOST_LOGO, label=file, within=folder)
     except FourpoleError as error:
         raise CampaignError(f"campaign.toml: [report] logo: {error}") from None
     kind = next((kind for start, kind in _IMAGES.items() if content.startswith(start)), "")

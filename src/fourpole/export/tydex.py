@@ -9,14 +9,17 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.errors import FileError, TableError
+from fourpole.errors import FileError, FourpoleError, TableError
 from fourpole.export.source import SIGNS, Condition, ExportTables, ascii_line, unit_of
+from fourpole.io.door import open_regular
 from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, write_tydex
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import beside
 from fourpole.plot.names import distinct
 from fourpole.plot.sheet import floats
@@ -86,8 +89,9 @@ def _check_place(path: Path) -> None:
 
 def _is_ours(file: Path) -> bool:
     """Whether an earlier export wrote the file."""
-    with file.open("rb") as stream:
+    with suppress(FourpoleError), open_regular(file, max_bytes=MAX_FILE_BYTES) as stream:
         return _OURS.search(stream.read(1000)) is not None
+    return False
 
 
 def _file_names(source: ExportTables) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
 from fourpole.fitting.modelparts import NamedValue
+from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
 from fourpole.io.seal import alterations, sealed
 from fourpole.io.tables.kstar import TableOptions
@@ -300,7 +300,7 @@ def laws_beside(table: Path, sha256: str) -> tuple[dict[str, TemperatureFile], s
     if table.name != MASTER or not beside.is_file():
         return {}, ""
     try:
-        document = json.loads(read_bytes(beside, max_bytes=_MOST_BYTES))
+        document = json_of(read_bytes(beside, max_bytes=_MOST_BYTES, within=beside.parent), LAW)
         changed, same = alterations(document), document["master sha256"] == sha256
         laws = {one["tyre"]: TemperatureFile.model_validate(one["temperature"]) for one in document["laws"]}
         single = len(laws) == len(document["laws"])

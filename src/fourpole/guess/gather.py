@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,11 +13,12 @@ import numpy as np
 
 from fourpole import units
 from fourpole.core.recording import DERIVATIVES
-from fourpole.errors import CampaignError, FourpoleError, UnitError
+from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
 from fourpole.guess.signals import SignalShape, samples_of, signal_shape
 from fourpole.io.child import read_apart
+from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
@@ -217,10 +218,8 @@ def _lines(path: Path, name: str) -> list[str]:
     content = read_bytes(path, max_bytes=_MOST_BYTES, label=name)[:_MOST_NOTES]
     text = decode(content, name)[0]
     if path.suffix.lower() == ".json":
-        try:
-            return list(_flat(json.loads(text)))
-        except (ValueError, RecursionError):
-            pass
+        with suppress(TableError):
+            return list(_flat(json_of(text, name)))
     return text.splitlines()
 
 

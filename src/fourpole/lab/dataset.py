@@ -19,6 +19,7 @@ from fourpole import quantities as q
 from fourpole.core.sources import Source
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.fitting.rows import keyed
+from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
 from fourpole.io.published import Published, consistently
 from fourpole.io.staging import staged
@@ -166,7 +167,7 @@ def _former(out: Path) -> dict[str, dict[str, Any]]:
     if not path.exists():
         return {}
     try:
-        document = json.loads(read_bytes(path, max_bytes=_MOST_BYTES))
+        document = json_of(read_bytes(path, max_bytes=_MOST_BYTES, within=out), _INDEX)
         schema, campaigns = int(document["schema"]), dict(document["campaigns"])
         if document["format"] != _FORMAT or any(not one["seen"] or not one["file"] for one in campaigns.values()):
             raise ValueError

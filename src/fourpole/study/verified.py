@@ -15,7 +15,7 @@ from fourpole.campaign.place import inside
 from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.verified import verify
-from fourpole.io.door import sha256_of
+from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.published import LIST as NAME
 from fourpole.io.published import published
 from fourpole.io.remote import is_elsewhere
@@ -334,26 +334,27 @@ def _run_again(
     with tempfile.TemporaryDirectory(prefix="fourpole-verify-") as place:
         new = study.write(place, further(study) if further is not None else None)
         names = [*TABLE_FILES, "findings.csv"]
-        return tuple(_repeated(folder / name, new / name) for name in names if (folder / name).is_file())
+        return tuple(_repeated(folder, new, name) for name in names if (folder / name).is_file())
 
 
-def _repeated(was: Path, now: Path) -> Repeated:
+def _repeated(former: Path, new: Path, name: str) -> Repeated:
     """One table of both runs."""
-    if not now.is_file():
+    if not (new / name).is_file():
         gone = Difference("", "", 0, "a table", "no such table", float("nan"), float("inf"))
-        return Repeated(was.name, False, (gone,))
-    if was.read_bytes() == now.read_bytes():
-        return Repeated(was.name, True)
-    spec = TABLES.get(was.stem)
+        return Repeated(name, False, (gone,))
+    spec = TABLES.get(Path(name).stem)
     key = spec.key if spec is not None else ()  # findings stand in their order
     try:
-        tables = [_read(path) for path in (was, now)]
-    except (pl.exceptions.PolarsError, OSError) as error:
+        was, now = (read_bytes(folder / name, max_bytes=_MOST_BYTES, within=folder) for folder in (former, new))
+        if was == now:
+            return Repeated(name, True)
+        tables = [_table(content, name) for content in (was, now)]
+    except (pl.exceptions.PolarsError, OSError, TableError) as error:
         unread = Difference("", "", 0, f"cannot be read: {error}", "a table", float("nan"), float("inf"))
-        return Repeated(was.name, False, (unread,))
-    return Repeated(was.name, False, tuple(differences(tables[0], tables[1], key)))
+        return Repeated(name, False, (unread,))
+    return Repeated(name, False, tuple(differences(tables[0], tables[1], key)))
 
 
-def _read(path: Path) -> pl.DataFrame:
+def _table(content: bytes, name: str) -> pl.DataFrame:
     """A table; the cells of a CSV file as texts, so that a text in place of a number is one cell that differs."""
-    return pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema=False)
+    return pl.read_parquet(content) if name.endswith(".parquet") else pl.read_csv(content, infer_schema=False)
