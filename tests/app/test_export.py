@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from tests.unlisted import unlisted
 
 from fourpole import analyse
 from fourpole.export import KINDS
@@ -40,7 +41,7 @@ def test_a_place_can_be_named(run, results, tmp_path):
 
 
 def test_what_is_left_out_is_said_beside_the_path(run, results, tmp_path):
-    folder = shutil.copytree(results, tmp_path / "results")
+    folder = unlisted(shutil.copytree(results, tmp_path / "results"))
     lines = (folder / "dynamic.csv").read_text("utf-8").splitlines(keepends=True)
     assert ",ok," in lines[1]
     lines[1] = lines[1].replace(",ok,", ",rejected,")

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import polars as pl
 import pytest
+from tests.unlisted import unlisted
 
 from fourpole.app.models import _fixed
 from fourpole.models.families import model_named
@@ -246,6 +247,7 @@ def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_
     folder = tmp_path / "results"
     shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))
     run("fit", folder, "--model", "zener")
+    unlisted(folder)
     whole = (folder / "model.json").read_text()
     (folder / "model.json").write_text(whole.replace('"causal": true', '"causal": false', 1))
     ran = run("report", folder)

@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE
+from fourpole.io.seal import sealed
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +33,11 @@ def edited(folder, name="dynamic.csv", column="K2 [N/m]"):
 
 
 def changed_record(folder, change):
+    """Change study.json, and seal it again, as one who knows how."""
     path = folder / "study.json"
     record = json.loads(path.read_text())
     change(record)
-    path.write_text(json.dumps(record))
+    path.write_text(json.dumps(sealed(record) if "seal" in record else record))
 
 
 def test_results_are_verified_and_nothing_is_written(analysed, run):
@@ -73,8 +75,14 @@ def test_a_table_that_was_changed_with_its_hash_is_found_by_the_second_run(mine,
 
     edited(mine / "results")
     new = sha256_of(mine / "results" / "dynamic.csv", max_bytes=10**9)
-    changed_record(mine / "results", lambda record: record["results"].update({"dynamic.csv": new}))
-    (mine / "results" / "model.json").unlink()
+
+    def forged(record):
+        record["results"]["dynamic.csv"] = new
+        for name in ("model.json", "figures/storage-loss.svg"):
+            record["results"].pop(name, None)
+            (mine / "results" / name).unlink(missing_ok=True)
+
+    changed_record(mine / "results", forged)
     assert run("verify", mine, "--quick").exit_code == OK
     done = run("verify", mine)
     assert done.exit_code == UNREADABLE
@@ -136,7 +144,7 @@ def test_a_model_that_was_changed_and_one_that_was_fitted_anew(mine, run):
 def test_results_of_another_version(mine, run):
     def older(record):
         record["versions"]["fourpole"] = "0.0.9"
-        del record["origin"], record["results"]
+        del record["origin"], record["results"], record["sizes"], record["seal"]
 
     changed_record(mine / "results", older)
     done = run("verify", mine, "--quick")
@@ -165,14 +173,26 @@ def test_names_in_a_record_lead_to_no_file_outside_the_campaign(mine, run):
     assert "lies outside the campaign folder" in done.stderr
 
 
+@pytest.mark.parametrize("key", ["notes", "settings", "verdicts"])
+def test_a_line_taken_out_of_the_record_is_found(mine, run, key):
+    path = mine / "results" / "study.json"
+    record = json.loads(path.read_text())
+    del record[key]
+    path.write_text(json.dumps(record))
+    done = run("verify", mine, "--quick")
+    assert done.exit_code == UNREADABLE
+    assert f"study.json: {key} was removed" in done.stderr
+
+
 def test_the_record_has_the_hashes_of_all_files_as_they_are(analysed):
     from fourpole.io.door import sha256_of
     from fourpole.io.origin import origin
-    from fourpole.study.tables import TABLE_FILES
 
     record = json.loads((analysed / "results" / "study.json").read_text())
-    there = {name for name in (*TABLE_FILES, "findings.csv") if (analysed / "results" / name).is_file()}
+    paths = [path.relative_to(analysed / "results") for path in (analysed / "results").rglob("*") if path.is_file()]
+    there = {path.as_posix() for path in paths if path.parts[0] not in ("cache", ".store", "study.json")}
     assert set(record["results"]) == there
+    assert record["sizes"] == {name: (analysed / "results" / name).stat().st_size for name in there}
     assert all(
         sha256_of(analysed / "results" / name, max_bytes=10**9) == sha for name, sha in record["results"].items()
     )

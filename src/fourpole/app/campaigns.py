@@ -23,7 +23,6 @@ from fourpole.app.console import (
     within,
 )
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.io.published import published
 
 _VERDICTS = ("ok", "warning", "rejected")
 #: Exit codes from good to bad; of several campaigns, the worst counts. Any other code is a fault of Fourpole.
@@ -89,6 +88,8 @@ def _counted(campaign: Path, code: int) -> dict[str, Any]:
     """The number of tests by verdict, from the results that were just written."""
     if code not in (OK, SOME_REJECTED):
         return {}
+    from fourpole.io.published import published  # numpy comes with it
+
     record = published(campaign / "results").record
     return {"verdicts": record["verdicts"]}
 
