@@ -33,6 +33,7 @@ from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes, sha256_of
+from fourpole.io.folders import check_no_way_out
 from fourpole.io.published import LIST, Published, published, publishing, without_list
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.quantities import CODE, STORAGE
@@ -166,6 +167,8 @@ def _demo_settings() -> dict[str, Any]:
 def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, options: RunOptions) -> Study:
     from fourpole.study import analyse  # after the campaign is read, so that a wrong name is said at once
 
+    if results == stated.folder / "results":
+        check_no_way_out(stated.folder)
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
     with _executor(options) as executor, progress("analysing") as advance:

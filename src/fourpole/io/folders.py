@@ -32,6 +32,7 @@ def results_in(path: str | Path) -> Path:
     if not path.is_dir() or (path / _RESULTS).exists():
         return path
     own = path / "results"
+    check_no_way_out(path)
     if (own / _RESULTS).exists():
         return own
     if (path / _CAMPAIGN).is_file():
@@ -43,6 +44,16 @@ def results_in(path: str | Path) -> Path:
     raise CampaignError(
         f"{path}: holds neither results nor a campaign; fourpole init {path} makes a campaign of the recordings in it"
     )
+
+
+def check_no_way_out(campaign: Path) -> None:
+    """CampaignError if `results` of a campaign is a link out of the campaign, where nobody named a folder."""
+    own = campaign / "results"
+    if own.is_symlink() and not own.resolve().is_relative_to(campaign.resolve()):
+        raise CampaignError(
+            f"{own}: is a link out of the campaign, which is not followed: name the folder of the results itself, or "
+            "fourpole analyse --out FOLDER"
+        )
 
 
 def model_in(path: str | Path) -> Path:
