@@ -13,7 +13,9 @@ from fourpole.errors import FileError
 
 #: Longest wait for the lock [s], and time between two looks [s].
 _PATIENCE, _LOOK = 30.0, 0.02
-_STATEMENT, _FILE = "campaign.toml", ".fourpole.lock"
+_STATEMENT = "campaign.toml"
+#: Name of the file that is locked where the system locks no folders.
+LOCK = ".fourpole.lock"
 
 
 @contextmanager
@@ -53,7 +55,7 @@ def opened_folder(place: Path) -> int:
     """An open folder, to be locked; FileError if there is none."""
     try:
         if sys.platform == "win32":
-            return os.open(place / _FILE, os.O_RDWR | os.O_CREAT)
+            return os.open(place / LOCK, os.O_RDWR | os.O_CREAT)
         return os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     except OSError as error:
         raise FileError(f"{place}: cannot be locked: {error.strerror or error}") from None

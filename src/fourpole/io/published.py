@@ -26,7 +26,7 @@ from typing import Any, NamedTuple, TypeVar
 from fourpole.errors import FileError, FourpoleError, ResultsWarning, TableError
 from fourpole.io.documents import json_of
 from fourpole.io.door import open_regular, read_bytes, sha256_of
-from fourpole.io.lock import campaign_lock, is_locked, opened_folder
+from fourpole.io.lock import LOCK, campaign_lock, is_locked, opened_folder
 from fourpole.io.seal import sealed
 from fourpole.io.write import why, write_bytes
 
@@ -270,11 +270,12 @@ def _publish(folder: Path, new: Path, obsolete: Collection[str], basis: str) -> 
     table = (former.files or {}).get("dynamic.csv")
     if basis and table is not None and table.sha256 != basis:
         raise FileError(f"{folder}: the results were renewed meanwhile: run it again")
-    names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
+    paths = (path for path in new.rglob("*") if path.is_file() and path.name != LOCK)
+    names = sorted(path.relative_to(new).as_posix() for path in paths)
     record = former.record
     if LIST in names:
         names.remove(LIST)
-        record = json_of((new / LIST).read_bytes(), LIST)
+        record = json_of(read_bytes(new / LIST, max_bytes=_MOST_BYTES), LIST)
     elif former.files is None:
         _replace_each(folder, new, names, obsolete)
         return
@@ -289,7 +290,7 @@ def _publish(folder: Path, new: Path, obsolete: Collection[str], basis: str) -> 
 
 def _stored(path: Path, store: Path) -> Listed:
     """Move a file into the store, under its hash; what it holds is on the disk then."""
-    with path.open("rb") as file:
+    with path.open("r+b") as file:  # a file that is only read cannot be synchronised on Windows
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
         size = os.fstat(file.fileno()).st_size
         os.fsync(file.fileno())
@@ -304,7 +305,15 @@ def _write_list(folder: Path, record: Mapping[str, Any], files: Mapping[str, Lis
         _HASHES: {name: file.sha256 for name, file in sorted(files.items())},
         _SIZES: {name: file.size for name, file in sorted(files.items())},
     }
-    write_bytes(folder / LIST, (json.dumps(sealed(whole), indent=2, ensure_ascii=False) + "\n").encode(), sync=True)
+    part = folder / STORE / f"new-{secrets.token_hex(6)}"
+    try:
+        with part.open("xb") as file:
+            file.write((json.dumps(sealed(whole), indent=2, ensure_ascii=False) + "\n").encode())
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(folder / LIST)
+    finally:
+        part.unlink(missing_ok=True)
     _sync(folder)
 
 
