@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from tests.served.server import Server, serving
+from tests.unlisted import unlisted
 
 
 def files_below(folder: Path) -> set[str]:
@@ -275,7 +276,7 @@ def test_a_figure_that_is_no_text_is_shown_as_it_is(server: Server, one: Path) -
 
 
 def test_results_of_another_version_are_told(server: Server, one: Path) -> None:
-    table = one / "results" / "dynamic.csv"
+    table = unlisted(one / "results") / "dynamic.csv"
     table.write_text(table.read_text().replace("loss factor [1]", "eta"))
     (one / "results" / "study.json").touch()
     status, content, _ = server.ask("/c/one")

@@ -56,8 +56,8 @@ def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = N
     write_bytes(path, text.encode(), label=label)
 
 
-def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | None = None, sync: bool = False) -> None:
-    """Write a file in one step; see `write_text`. With `sync`, it is on the disk before it replaces the former one.
+def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | None = None) -> None:
+    """Write a file in one step; see `write_text`.
 
     Examples
     --------
@@ -69,9 +69,6 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | No
     """
     with replacing(path, label=label) as file:
         file.write(content)
-        if sync:
-            file.flush()
-            os.fsync(file.fileno())
 
 
 def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str | None = None) -> None:
