@@ -1,15 +1,33 @@
-"""JSON and TOML that others wrote, with bounded nesting and bounded integers."""
+"""JSON, TOML and tables of CSV that others wrote, with bounded nesting, integers and cells."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import re
 import tomllib
+from collections.abc import Iterator
 from typing import Any
 
 from fourpole.errors import TableError
 
 #: Deepest nesting of tables and lists; an integer has at most 64 bits.
 _DEEPEST, _LARGEST = 64, 2**63
+#: Most parts of a dotted key: for each of them tomllib holds a key of all parts before it.
+_MOST_PARTS = 16
+#: Texts and comments of TOML; each quantifier keeps what it took, so that the time is linear.
+_TEXTS = re.compile(
+    r'"""(?:[^"\\]|\\.|"{1,2}+(?!"))*+(?:"{3,5}+|\Z)|'
+    r"'''(?:[^']|'{1,2}+(?!'))*+(?:'{3,5}+|\Z)|"
+    r'"(?:[^"\\\n]|\\.)*+"?|'
+    r"'[^'\n]*+'?|"
+    r"#[^\n]*+",
+    re.DOTALL,
+)
+_LONG_KEY = re.compile(rf"(?<![\w.-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
+#: Most characters of a cell, which is the limit that Python's own reader has unless a program changes it.
+MOST_CHARACTERS = 131_072
 
 
 def json_of(content: bytes | str, name: str) -> Any:
@@ -42,15 +60,64 @@ def toml_of(text: str, name: str) -> dict[str, Any]:
     ------
     TableError
         If it is no TOML, nests too deep, or has an integer of more than 64 bits.
+
+    Examples
+    --------
+    >>> toml_of("channels.force_in.unit = 'N'", "a.toml")
+    {'channels': {'force_in': {'unit': 'N'}}}
     """
+    if _LONG_KEY.search(_TEXTS.sub(_key_of, text)):
+        raise TableError(f"{name}: a key has more than {_MOST_PARTS} parts; state it flat")
     try:
         found = tomllib.loads(text)
     except RecursionError:
         raise TableError(f"{name}: not valid TOML: nests more than {_DEEPEST} levels deep; state it flat") from None
     except ValueError as error:
-        raise TableError(f"{name}: not valid TOML: {error}") from None
+        end = f"at line {text.count(chr(10)) + 1}, the end of the document"
+        raise TableError(f"{name}: not valid TOML: {str(error).replace('at end of document', end)}") from None
     _check_value(found, name)
     return found
+
+
+def rows_of(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    r"""The rows of a CSV table with at least one cell, each with the number of its last line.
+
+    The delimiter is a comma, semicolon or tab, the one that the first line has most of.
+
+    Raises
+    ------
+    TableError
+        If a cell is too long, as after a quotation mark that is never closed.
+
+    Examples
+    --------
+    >>> list(rows_of("test;kind\nD1;dynamic\n", "tests.csv"))
+    [(1, ['test', 'kind']), (2, ['D1', 'dynamic'])]
+    """
+    text = text.lstrip("\ufeff")
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter_of(text), skipinitialspace=True)
+    try:
+        for cells in reader:
+            if max(map(len, cells), default=0) > MOST_CHARACTERS:
+                raise csv.Error  # another library may have raised the limit of Python's reader
+            if cells:
+                yield reader.line_num, cells
+    except csv.Error:
+        raise TableError(
+            f"{name} row {reader.line_num}: a cell has more than {MOST_CHARACTERS} characters: shorten it, or close "
+            "its quotation mark"
+        ) from None
+
+
+def delimiter_of(text: str) -> str:
+    """The delimiter of a CSV table: a comma, semicolon or tab."""
+    head = text.split("\n", 1)[0]
+    return max(",;\t", key=head.count)
+
+
+def _key_of(text: re.Match[str]) -> str:
+    """What stands for a text or a comment of TOML where keys are counted: a quoted key is one part."""
+    return "" if text[0].startswith("#") else "x"
 
 
 def _no_constant(text: str) -> float:

@@ -38,6 +38,8 @@ _HASH, _NEW = re.compile(r"[0-9a-f]{64}"), re.compile(r"new-[0-9a-f]{12}")
 #: Names that results may have; a list with others does not make them be read or written.
 _NAME = re.compile(r"(?:figures/)?[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.(?:csv|parquet|json|html|pdf|svg|png)")
 _MOST_BYTES = 2_000_000_000
+#: Largest study.json [byte]; the text of a document takes up to 30 times its room in memory.
+MOST_LIST = 20_000_000
 #: Number of times that results are read which another process renews meanwhile.
 _TRIES = 5
 _AGAIN = "run fourpole analyse again"
@@ -154,7 +156,7 @@ def published(folder: str | os.PathLike[str]) -> Published:
         If study.json is not there, or cannot be read.
     """
     folder = Path(folder)
-    content = read_bytes(folder / LIST, max_bytes=_MOST_BYTES, within=folder)
+    content = read_bytes(folder / LIST, max_bytes=MOST_LIST, within=folder)
     try:
         record = json_of(content, LIST)
     except TableError:
