@@ -19,15 +19,30 @@ from urllib.parse import urlsplit
 
 @dataclass(frozen=True)
 class Server:
-    """Where a server listens, the folder that it serves, and the one in which it makes files for a while."""
+    """The address that a server printed, the folder that it serves, and the one in which it makes files for a while."""
 
     address: str
     root: Path
     temporary: Path
+    pid: int = 0
 
     @property
     def host(self) -> str:
         return urlsplit(self.address).netloc
+
+    @property
+    def token(self) -> str:
+        return urlsplit(self.address).query.removeprefix("token=")
+
+    @property
+    def cookie(self) -> tuple[str, str]:
+        """Name and value of the cookie of a browser that has opened the address."""
+        return f"fourpole-{urlsplit(self.address).port}", self.token
+
+    @property
+    def cache(self) -> Path:
+        """The cache folder of the user who started it."""
+        return self.temporary / "cache"
 
     def ask(
         self,
@@ -37,12 +52,15 @@ class Server:
         *,
         headers: dict[str, str] | None = None,
         own: bool = True,
+        known: bool = True,
     ) -> tuple[int, bytes, dict[str, str]]:
-        """Status, body and headers of an answer; `own`: as a page of this server asks."""
+        """Status, body and headers of an answer; `own`: as a page of this server asks; `known`: with the token."""
         there = urlsplit(self.address)
         sent = {"Accept": "text/html" if method == "GET" else "application/json"}
         if own:
             sent |= {"Origin": f"http://{there.netloc}", "Sec-Fetch-Site": "same-origin"}
+        if known:
+            sent["Cookie"] = "=".join(self.cookie)
         sent |= headers or {}
         content = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
         connection = http.client.HTTPConnection(there.hostname or "", there.port, timeout=60)
@@ -66,12 +84,13 @@ def serving(root: Path, *options: str) -> Iterator[Server]:
     command = [sys.executable, "-m", "fourpole", "app", str(root), "--no-browser", *options]
     with tempfile.TemporaryDirectory() as temporary:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1", "TMPDIR": temporary}
+        environment["XDG_CACHE_HOME"] = str(Path(temporary, "cache"))
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         assert process.stdout is not None
         try:
             line = process.stdout.readline()
             assert line.startswith("app: http://"), line
-            yield Server(line.removeprefix("app: ").strip(), root, Path(temporary))
+            yield Server(line.removeprefix("app: ").strip(), root, Path(temporary), process.pid)
         finally:
             process.send_signal(signal.SIGINT)
             code = process.wait(30)

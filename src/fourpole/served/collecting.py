@@ -1,43 +1,52 @@
-"""The samples of recordings, collected in the background and kept in the cache of their campaign."""
+"""The samples of recordings, collected in the background and kept in the user's own cache folder.
+
+Nothing that a campaign folder holds is taken for such samples: who sends a campaign does not decide what its pictures
+show.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import shutil
+import tempfile
 import threading
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fourpole.errors import CampaignError, FileError, FourpoleError
 from fourpole.io.child import child, read_apart
 from fourpole.io.identity import identity_of
-from fourpole.served.signals import Kept, fresh_name, keep, kept_in, load
+from fourpole.io.userfolders import cache_folder
+from fourpole.served.signals import HIDDEN, Kept, fresh_name, keep, kept_in, load
 from fourpole.study.workers import processors
 
 #: Recordings that are read at a time, and time that a page waits for one before it shows progress [s].
 _AT_ONCE, _WAIT = 2, 1.0
-#: Largest room of the samples of a campaign; those that were used longest ago go first [byte].
+#: Largest room of the samples of all campaigns; those that were used longest ago go first [byte].
 _MOST_ROOM = 4_000_000_000
+#: A hidden folder that was not changed for this time is of a server that was killed [s].
+_ABANDONED = 86_400.0
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """The channels that are wanted of a recording, and the folder of the cache."""
+    """The channels that are wanted of a recording."""
 
     path: Path
     group: str
     names: tuple[str, ...]
-    cache: Path
 
     @property
-    def folder(self) -> Path:
-        """Where they are kept, for this state of the file."""
+    def key(self) -> str:
+        """Name of the folder in which they are kept, for this state of the file."""
         mark = json.dumps([str(self.path), self.group, self.names, *map(str, identity_of(self.path).parts)])
-        return self.cache / hashlib.sha256(mark.encode()).hexdigest()[:24]
+        return hashlib.sha256(mark.encode()).hexdigest()
 
 
 @dataclass(eq=False)
@@ -56,6 +65,7 @@ class Collector:
         self._works: dict[Path, _Work] = {}
         self._lock = threading.Lock()
         self._loaded: set[str] = set()
+        self._temporary: Path | None = None
         self._load([])
 
     def expect(self, files: Iterable[str]) -> None:
@@ -79,7 +89,7 @@ class Collector:
             If the recording cannot be read.
         """
         try:
-            folder = wanted.folder
+            folder = self._folder() / wanted.key
         except OSError as error:
             raise FileError(f"{wanted.path.name}: {error.strerror or error}") from None
         if (folder / "about.json").is_file():
@@ -102,6 +112,19 @@ class Collector:
     def close(self) -> None:
         """Begin no further recording."""
         self._threads.shutdown(wait=False, cancel_futures=True)
+        if self._temporary is not None:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+
+    def _folder(self) -> Path:
+        """Where samples are kept: the user's cache folder; where there is none, a folder of this server alone."""
+        with self._lock:
+            if self._temporary is None:
+                with suppress(OSError):
+                    folder = cache_folder() / "signals"
+                    folder.mkdir(mode=0o700, exist_ok=True)
+                    return folder
+                self._temporary = Path(tempfile.mkdtemp(prefix="fourpole-signals-"))
+            return self._temporary
 
     def _collect(self, wanted: Wanted, folder: Path, work: _Work) -> None:
         def progress(done: int, total: int) -> None:
@@ -109,24 +132,37 @@ class Collector:
 
         new = folder.with_name(fresh_name())
         try:
-            folder.parent.mkdir(parents=True, exist_ok=True)
             read_apart(keep, wanted.path, wanted.group, list(wanted.names), new, progress=progress)
-            _make_room(folder.parent)
-            new.rename(folder)
-        except BaseException as error:
-            shutil.rmtree(new, ignore_errors=True)
-            if isinstance(error, OSError) and not isinstance(error, FourpoleError):
-                raise CampaignError(f"the recording cannot be shown: {error.strerror or error}") from None
+            _make_room(folder.parent, _size(new))
+            with suppress(OSError):  # another server of this user was faster
+                new.rename(folder)
+            kept_in(folder)
+        except FourpoleError:
             raise
+        except OSError as error:
+            raise CampaignError(f"the recording cannot be shown: {error.strerror or error}") from None
+        finally:
+            shutil.rmtree(new, ignore_errors=True)
 
 
-def _make_room(folder: Path) -> None:
-    """Delete the samples that were used longest ago, until the others take less than the largest room."""
-    kept = [one for one in folder.iterdir() if (one / "about.json").is_file()]
-    sizes = {one: sum(file.stat().st_size for file in one.iterdir()) for one in kept}
-    total = sum(sizes.values())
-    for one in sorted(kept, key=lambda place: (place / "about.json").stat().st_mtime):
-        if total <= _MOST_ROOM:
-            return
-        shutil.rmtree(one, ignore_errors=True)
-        total -= sizes[one]
+def _make_room(folder: Path, wanted: int) -> None:
+    """Delete the samples that were used longest ago, until there is room for more, and what killed servers left."""
+    total = wanted
+    for _, size, one in sorted(_kept(folder), reverse=True):
+        total += size
+        if total > _MOST_ROOM:
+            shutil.rmtree(one, ignore_errors=True)
+
+
+def _kept(folder: Path) -> Iterator[tuple[float, int, Path]]:
+    """Time of the last use, size and place of all samples; another server may delete them meanwhile."""
+    for place in folder.iterdir():
+        with suppress(OSError):
+            if not place.name.startswith(HIDDEN):
+                yield (place / "about.json").stat().st_mtime, _size(place), place
+            elif time.time() - place.stat().st_mtime > _ABANDONED:
+                shutil.rmtree(place, ignore_errors=True)
+
+
+def _size(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.iterdir())

@@ -24,6 +24,8 @@ from fourpole.io.stream import surveyed_stream
 _BLOCK = 1024
 #: From this number of blocks on, a part is drawn from the overview.
 _FROM_BLOCKS = 256
+#: How the names of folders begin in which samples are collected before they are all there.
+HIDDEN = ".signals-"
 #: Largest number of channels of a picture, and largest room of the kept samples [byte].
 _MOST_CHANNELS, _MOST_ROOM = 12, 4_000_000_000
 #: Libraries that take long to load, by the endings of the files that they read; polars reads most others.
@@ -211,4 +213,4 @@ def load(endings: Sequence[str]) -> dict[str, Any]:
 
 def fresh_name() -> str:
     """Name of a hidden folder in which samples are collected before they are all there."""
-    return f".signals-{secrets.token_hex(6)}.tmp"
+    return f"{HIDDEN}{secrets.token_hex(6)}.tmp"

@@ -195,9 +195,9 @@ def _kept(site: Site, place: Place, name: str) -> Kept | float:
     roles = ("load", "deflection") if test.kind == "static" else CHANNELS
     stated = [one for role in roles if (one := campaign.stated.channels.named(role)) is not None]
     units = {one.column: one.unit for one in stated if one.unit}
-    cache, columns = place.results / "cache" / "signals", tuple(one.column for one in stated)
+    columns = tuple(one.column for one in stated)
     with at_hand(place.folder, test.file) as path:
-        kept = site.collector.get(Wanted(path, group_of(path, test), columns, cache))
+        kept = site.collector.get(Wanted(path, group_of(path, test), columns))
     if isinstance(kept, float):
         return kept
     return replace(kept, channels=[{**one, "unit": one["unit"] or units.get(one["name"], "")} for one in kept.channels])
