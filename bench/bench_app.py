@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 import time
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
-from urllib.request import urlopen
+from urllib.request import HTTPCookieProcessor, build_opener, install_opener, urlopen
 
 import h5py
 import numpy as np
@@ -73,11 +74,18 @@ def written(folder: Path) -> dict[str, str]:
 
 @contextmanager
 def serving(root: Path) -> Iterator[str]:
-    """The app on a folder."""
-    with subprocess.Popen([*FOURPOLE, "app", str(root), "--no-browser"], stdout=subprocess.PIPE, text=True) as process:
+    """The app on a folder, whose token is shown once; what it keeps lies in that folder, too."""
+    command, environment = (
+        [*FOURPOLE, "app", str(root), "--no-browser"],
+        {**os.environ, "XDG_CACHE_HOME": f"{root}/.cache"},
+    )
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         try:
-            yield process.stdout.readline().removeprefix("app: ").strip()
+            address = process.stdout.readline().removeprefix("app: ").strip()
+            install_opener(build_opener(HTTPCookieProcessor()))
+            urlopen(address).close()
+            yield address.partition("?")[0]
         finally:
             process.terminate()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import secrets
 import shutil
 import time
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ from urllib.parse import urlsplit
 import pytest
 from tests.served.server import Server, serving
 from tests.unlisted import unlisted
+
+from fourpole.served.workspace import Workspace
 
 
 def files_below(folder: Path) -> set[str]:
@@ -133,6 +136,44 @@ class TestUploads:
         shutil.rmtree(folder)
 
     @pytest.mark.parametrize(
+        "name", [
+            "half \ud800.csv", "a\x00.csv", "CON", "con.txt", "lpt1.csv", "a/NUL.csv", "..\\a.csv", "C:\\a.csv", "..",
+            "\\\\h\\s", "ü" * 128, ".a", "a/.b/c", "a ", "a.", "a./b.csv", "a\x1b[2J.csv", "a\u202ecsv.exe", "a\n.csv",
+            "A.CSV", "a.csv/b.csv", "x" * 100_000,
+        ],
+    )  # fmt: skip
+    def test_a_bad_name_is_told_and_the_other_files_go_on(self, server: Server, name: str) -> None:
+        files, called = [{"name": one, "size": 3} for one in ("a.csv", name, "b.csv")], secrets.token_hex(8)
+        asked = server.document("/upload", "POST", {"name": called, "files": files})
+        assert list(asked["refused"]) == ["1"]
+        assert "rename" in asked["refused"]["1"]
+        assert len(asked["refused"]["1"]) < 200
+        ticket = asked["ticket"]
+        assert server.ask(f"/upload/{ticket}/1", "PUT", b"abc")[0] == 400
+        for number in (0, 2):
+            assert server.ask(f"/upload/{ticket}/{number}", "PUT", b"abc")[0] == 200
+        server.document(f"/upload/{ticket}", "POST")
+        assert {path.name for path in (server.root / called).glob("*.csv")} >= {"a.csv", "b.csv"}
+        assert {path.name for path in (server.root / called).rglob("*")} <= {
+            "a.csv",
+            "b.csv",
+            "campaign.toml",
+            "tests.csv",
+        }
+        server.ask(f"/c/{called}/run", "DELETE")
+        shutil.rmtree(server.root / called, ignore_errors=True)
+
+    @pytest.mark.parametrize(
+        ("name", "folder"),
+        [
+            ("CON", "campaign CON"), ("results", "campaign results"), ("..\\a", "a"), ("half \ud800", "half"),
+            ("轮" * 100, "轮" * 26), ("a. ", "a"), ("", "campaign"), ("/etc/x", "etc-x"),
+        ],
+    )  # fmt: skip
+    def test_the_name_of_a_campaign_is_made_fit(self, tmp_path: Path, name: str, folder: str) -> None:
+        assert Workspace(tmp_path).new_folder(name) == tmp_path / folder
+
+    @pytest.mark.parametrize(
         "name",
         [
             "../out.csv", "/etc/out.csv", "a/../../out.csv", "..\\out.csv", "a\x00b.csv", "", ".hidden", "a/./b",
@@ -205,13 +246,77 @@ def wait_for(path: Path, seconds: float = 60.0) -> None:
 
 
 class TestToken:
-    """A server that others can reach."""
+    """Who does not know the address as it was printed: another account of the machine, another machine."""
+
+    @pytest.mark.parametrize("method", ["GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"])
+    @pytest.mark.parametrize(
+        "path", ["/", "/c/radial", "/static/app.js", "/compare", "/upload", "/c/x/run/events", "/c/x/tests/D1/signals"]
+    )
+    def test_nothing_is_answered_without_it(self, server: Server, method: str, path: str) -> None:
+        for headers in ({}, {"Cookie": f"{server.cookie[0]}=wrong"}, {"Cookie": f"fourpole={server.token}"}):
+            assert server.ask(path, method, headers=headers, known=False)[0] == 401
+
+    def test_a_refused_page_says_where_the_address_stands(self, server: Server) -> None:
+        for headers in ({}, {"Accept": "*/*"}, {"X-Asked-By": "script"}):
+            status, content, answered = server.ask("/c/x", headers=headers, known=False)
+            assert status == 401
+            assert b"in the terminal where" in content
+            assert server.token not in f"{content.decode()}{answered}"
+        assert json.loads(content)["error"].startswith("this needs the whole address")
+
+    @pytest.mark.parametrize(
+        ("asked", "target"),
+        [
+            ("/?token=", "/"),
+            ("/c/a~1/tests/D%2F1?from=1&token=&to=%2B2", "/c/a~1/tests/D%2F1?from=1&to=%2B2"),
+            ("/x?token=1&token=", "/x"),
+            ("//evil.example/x?token=", "/evil.example/x"),
+            ("/\\evil.example/x?token=", "/evil.example/x"),
+        ],
+    )
+    def test_it_leads_to_the_same_page_without_it(self, server: Server, asked: str, target: str) -> None:
+        for method in ("GET", "HEAD"):
+            status, _, headers = server.ask(asked.replace("token=", f"token={server.token}"), method, known=False)
+            assert (status, headers["location"]) == (303, target)
+            assert headers["set-cookie"].startswith("=".join(server.cookie))
+            assert headers["cache-control"] == "no-store"
+            assert headers["referrer-policy"] == "no-referrer"
+        status, _, headers = server.ask(asked.replace("token=", "token=old"))
+        assert (status, headers["location"]) == (303, target)  # of somebody who is known already
+        assert "set-cookie" not in headers
+
+    def test_another_site_cannot_make_use_of_it(self, server: Server) -> None:
+        """A page of another site may lead to a page; the browser sends the cookie then, and the site sees no answer."""
+        evil = {"Origin": "http://evil.example", "Sec-Fetch-Site": "cross-site"}
+        for method in ("POST", "PUT", "DELETE"):
+            assert server.ask("/c/x/run", method, headers=evil, own=False)[0] == 403
+        assert server.ask("/", headers={**evil, "Sec-Fetch-Mode": "cors"}, own=False)[0] == 403
+        assert server.ask("/static/app.js", headers={"Sec-Fetch-Site": "same-site"}, own=False)[0] == 403
+
+    def test_cookies_of_other_servers_do_not_matter(self, server: Server, tmp_path: Path) -> None:
+        with serving(tmp_path) as other:
+            names = {server.cookie[0], other.cookie[0]}
+            assert len(names) == 2
+            assert server.token != other.token
+            both = "; ".join("=".join(one) for one in (server.cookie, other.cookie))
+            for one in (server, other):
+                assert one.ask("/", headers={"Cookie": both})[0] == 200
+        tossed = f"{server.cookie[0]}=x; a=b; {'='.join(server.cookie)}; {server.cookie[0]}="
+        assert server.ask("/", headers={"Cookie": tossed})[0] == 200
+        assert server.ask("/", headers={"Cookie": f"{other.cookie[0]}={server.token}"})[0] == 401
+
+    @pytest.mark.thorough
+    def test_who_wants_none_says_so(self, tmp_path: Path) -> None:
+        with serving(tmp_path, "--no-token") as running:
+            assert "token" not in running.address
+            assert running.ask("/", known=False)[0] == 200
+            assert running.ask("/upload", "POST", {}, headers={"Origin": "null"}, own=False, known=False)[0] == 403
 
     @pytest.mark.thorough
     def test_it_is_needed_once(self, tmp_path: Path) -> None:
         with serving(tmp_path, "--host", "0.0.0.0") as running:
             port, token = urlsplit(running.address).port, urlsplit(running.address).query.removeprefix("token=")
-            local = Server(f"http://127.0.0.1:{port}", tmp_path, tmp_path)
+            local = Server(f"http://127.0.0.1:{port}", tmp_path, tmp_path)  # which does not know it
             assert len(token) > 20
             assert local.ask("/")[0] == 401
             assert local.ask("/?token=wrong")[0] == 401
@@ -221,7 +326,7 @@ class TestToken:
             status, _, headers = local.ask(f"/?token={token}")
             assert (status, headers["location"]) == (303, "/")
             assert "HttpOnly" in headers["set-cookie"]
-            assert "SameSite=strict" in headers["set-cookie"]
+            assert "SameSite=lax" in headers["set-cookie"]
             cookie = headers["set-cookie"].split(";")[0]
             assert local.ask("/", headers={"Cookie": cookie})[0] == 200
 

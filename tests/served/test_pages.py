@@ -31,8 +31,10 @@ def browser() -> Iterator[Browser]:
 
 @contextmanager
 def opened(browser: Browser, server: Server) -> Iterator[Page]:
-    """A page of a session of its own."""
+    """A page of a session of its own, which knows the token."""
     with browser.new_context(base_url=server.address) as room:
+        name, value = server.cookie
+        room.add_cookies([{"name": name, "value": value, "url": f"http://{server.host}"}])
         yield room.new_page()
 
 
@@ -129,7 +131,7 @@ def test_rows_are_pasted_from_a_spreadsheet(window: Page) -> None:
 def test_two_who_edit_are_told(server: Server) -> None:
     (page,) = set(re.findall('href="(/c/[^/"]+)"', server.ask("/")[1].decode()))
     status, content, _ = server.ask(f"{page}/statement", "PUT", {"version": "old", "heads": [], "rows": []})
-    assert status == 400
+    assert status == 409
     assert b"someone else" in content
 
 

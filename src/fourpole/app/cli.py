@@ -178,17 +178,21 @@ def app_(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with campaigns in it or below it.")] = Path(),
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; by default a free one.")] = 0,
     host: Annotated[
-        str, typer.Option(help="Address to listen at. Any other than this machine's own needs a token, which is shown.")
+        str, typer.Option(help="Address to listen at; with 0.0.0.0 other machines reach it, without encryption.")
     ] = "127.0.0.1",
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the browser.")] = False,
+    no_token: Annotated[
+        bool, typer.Option("--no-token", help="Let everyone who reaches the address use it, without its token.")
+    ] = False,
 ) -> None:
     """Open the app in the browser: drop recordings, state, analyse, look at every test, results and models.
 
-    It works without a network. What it saves is campaign.toml, tests.csv and the results of the commands.
+    It works without a network. What it saves is campaign.toml, tests.csv and the results of the commands. Open the
+    whole address that it prints: without its token, other accounts of the machine cannot use it.
     """
     from fourpole.app.serving import run_app
 
-    run_app(folder, host, port, no_browser=no_browser)
+    run_app(folder, host, port, no_browser=no_browser, no_token=no_token)
 
 
 RUNS["app"] = app_

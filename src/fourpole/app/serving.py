@@ -7,8 +7,10 @@ import socket
 from contextlib import suppress
 from pathlib import Path
 
+import typer
+
 from fourpole.app.browse import shown_in_browser
-from fourpole.app.console import out, say
+from fourpole.app.console import say
 from fourpole.errors import CampaignError
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -18,7 +20,7 @@ _FAREWELL = 2
 _MOST_CONNECTIONS = 300
 
 
-def run_app(folder: Path, host: str, port: int, *, no_browser: bool) -> None:
+def run_app(folder: Path, host: str, port: int, *, no_browser: bool, no_token: bool) -> None:
     """Serve the campaigns below a folder until Ctrl-C."""
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder; name the one that has your campaigns")
@@ -29,13 +31,11 @@ def run_app(folder: Path, host: str, port: int, *, no_browser: bool) -> None:
         from fourpole.served.patience import PatientProtocol
     except ImportError as error:
         raise CampaignError(f"the app needs {error.name}: pip install 'fourpole[app]'") from None
-    token = "" if host in _LOOPBACK else secrets.token_urlsafe(24)
+    token = "" if no_token else secrets.token_urlsafe(24)
     listening = _listening(host, port)
-    shown = "127.0.0.1" if host in _LOOPBACK else _reachable(host)
-    address = f"http://{shown}:{listening.getsockname()[1]}/{f'?token={token}' if token else ''}"
-    out(f"app: {address}")
-    if token:
-        say("everyone who has this address, with its token, can read and change the campaigns in it")
+    address = f"http://{_name(host, listening)}:{listening.getsockname()[1]}/{f'?token={token}' if token else ''}"
+    typer.echo(f"app: {address}")  # never folded: it is copied
+    say(_known_to(host, token))
     say("Ctrl-C ends it; what is saved stays")
     if not no_browser and not shown_in_browser(address):
         say("no browser could be started: open this address in one")
@@ -61,6 +61,18 @@ def _listening(host: str, port: int) -> socket.socket:
     return one
 
 
-def _reachable(host: str) -> str:
-    """The name under which others reach a server that listens at all addresses."""
-    return socket.gethostname() if host in ("0.0.0.0", "::") else host
+def _name(host: str, listening: socket.socket) -> str:
+    """The name or number under which a browser reaches a server."""
+    if host in _LOOPBACK:
+        host = listening.getsockname()[0]
+    elif host in ("0.0.0.0", "::"):
+        host = socket.gethostname()
+    return f"[{host}]" if ":" in host else host
+
+
+def _known_to(host: str, token: str) -> str:
+    """Who can use the app."""
+    if token:
+        return "everyone who has this address, with its token, can read and change the campaigns in it"
+    who = "every account of this machine" if host in _LOOPBACK else "everyone who reaches this machine by the network"
+    return f"without a token, {who} can read and change the campaigns in it"

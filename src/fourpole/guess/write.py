@@ -16,6 +16,8 @@ from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
 from fourpole.guess.entries import MOVING_KINDS
 from fourpole.guess.names import CONDITIONS
+from fourpole.io.lock import campaign_lock
+from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.units import shown
 
@@ -106,10 +108,12 @@ class GuessedCampaign:
 
     def write(self, *, force: bool = False) -> list[Path]:
         """Write campaign.toml and tests.csv and return their paths; CampaignError if one exists, unless `force`."""
-        if not force:
-            keep_existing(self.folder)
-        for name, text in zip(_WRITTEN, (campaign_toml(self), tests_csv(self.rows)), strict=True):
-            write_text(self.folder / name, text)
+        with campaign_lock(self.folder):
+            if not force:
+                keep_existing(self.folder)
+            with staged(self.folder) as new:
+                for name, text in zip(_WRITTEN, (campaign_toml(self), tests_csv(self.rows)), strict=True):
+                    write_text(new / name, text)
         return [self.folder / name for name in _WRITTEN]
 
 

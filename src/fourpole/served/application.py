@@ -49,6 +49,6 @@ def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Star
     return Starlette(
         routes=[Route("/static/{name}", static), *(route for page in _PAGES for route in page.routes(site))],
         middleware=[Middleware(Guard, host=host, token=token)],
-        exception_handlers={FourpoleError: site.fault, HTTPException: site.fault, Exception: site.fault},
+        exception_handlers=dict.fromkeys((FourpoleError, OSError, MemoryError, HTTPException, Exception), site.fault),
         lifespan=life,
     )

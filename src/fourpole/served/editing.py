@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,14 @@ from tomlkit.items import InlineTable, Table
 
 from fourpole import quantities as q
 from fourpole.campaign import read_campaign
-from fourpole.errors import CampaignError, FourpoleError
+from fourpole.errors import CampaignError, FourpoleError, TableError
+from fourpole.io.documents import delimiter_of, rows_of, toml_of
 from fourpole.io.door import read_bytes
+from fourpole.io.lock import campaign_lock
 from fourpole.io.source import decode
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text
-from fourpole.served.workspace import version_of
+from fourpole.served.workspace import MOST_TABLE, version_of
 
 #: The roles of [channels] with what they are.
 ROLES = {
@@ -48,7 +51,6 @@ KEYS = {
 RIG = {"moving_mass": "moving mass", "preload_stiffness": "preload spring", "preload_damping": "preload damper"}
 #: The column of tests.csv with the reason why a test is left out.
 EXCLUDED = "excluded"
-_MOST_BYTES = 20_000_000
 _DOUBT = re.compile(r"^\s*#\s*doubt:\s*(.*)$")
 _ROW = re.compile(r"(?:^|; )tests\.csv row (\d+): ")
 _PLACE = re.compile(r"^campaign\.toml: \[?([\w.\-]+)\]?:?(?: ([\w.]+)(?=[: ]))?")
@@ -113,11 +115,10 @@ class Problem:
 
 def read_statement(folder: Path) -> Statement:
     """The statement of a folder; empty where a file is missing."""
-    version, text, table = version_of(folder), _text(folder / "campaign.toml"), _text(folder / "tests.csv")
-    try:
-        stated: dict[str, Any] = tomlkit.parse(text).unwrap()
-    except TOMLKitError:
-        stated = {}
+    version, text, table = version_of(folder), _text(folder, "campaign.toml"), _text(folder, "tests.csv")
+    stated: dict[str, Any] = {}
+    with suppress(TableError):
+        stated = toml_of(text, "campaign.toml")
     channels, rig = _table(stated, "channels"), _table(stated, "rig")
     heads, rows = _cells(table)
     return Statement(
@@ -154,16 +155,22 @@ def save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
     CampaignError
         If campaign.toml is no TOML, or the form is not whole.
     """
+    with campaign_lock(folder):
+        return _save(folder, version, form)
+
+
+def _save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
+    """Compare and write, under the lock of the campaign."""
     if version != version_of(folder):
         raise ConflictError(
             "someone else, or an editor, has changed this campaign since the page was opened: load it again"
         )
     try:
-        text = _stated(_text(folder / "campaign.toml"), form)
-        former = _text(folder / "tests.csv")
-        table = _written(form["heads"], form["rows"], _delimiter(former)) if form.get("heads") else None
+        text = _stated(_text(folder, "campaign.toml"), form)
+        former = _text(folder, "tests.csv")
+        table = _written(form["heads"], form["rows"], delimiter_of(former)) if form.get("heads") else None
         f"{text}{table}".encode()  # a text with half a character cannot be written
-    except CampaignError:
+    except FourpoleError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError):
         raise CampaignError("the form is not whole: load the page again") from None
@@ -182,19 +189,20 @@ def exclude(folder: Path, test: str, reason: str) -> None:
     CampaignError
         If tests.csv has no such test.
     """
-    stated = read_statement(folder)
-    heads, rows = stated.heads, stated.rows
-    if "test" not in heads:
-        raise CampaignError("tests.csv has no column test")
-    if EXCLUDED not in heads:
-        heads, rows = [*heads, EXCLUDED], [[*row, ""] for row in rows]
-    name, column = heads.index("test"), heads.index(EXCLUDED)
-    chosen = [row for row in rows if row[name] == test]
-    if not chosen:
-        raise CampaignError("there is no such test in tests.csv: it was renamed or removed")
-    for row in chosen:
-        row[column] = " ".join(reason.split())
-    save(folder, stated.version, {"heads": heads, "rows": rows})
+    with campaign_lock(folder):
+        stated = read_statement(folder)
+        heads, rows = stated.heads, stated.rows
+        if "test" not in heads:
+            raise CampaignError("tests.csv has no column test")
+        if EXCLUDED not in heads:
+            heads, rows = [*heads, EXCLUDED], [[*row, ""] for row in rows]
+        name, column = heads.index("test"), heads.index(EXCLUDED)
+        chosen = [row for row in rows if row[name] == test]
+        if not chosen:
+            raise CampaignError("there is no such test in tests.csv: it was renamed or removed")
+        for row in chosen:
+            row[column] = " ".join(reason.split())
+        _save(folder, stated.version, {"heads": heads, "rows": rows})
 
 
 def problems_of(folder: Path) -> list[Problem]:
@@ -235,10 +243,14 @@ def _of_row(text: str) -> list[Problem]:
     return found
 
 
-def _text(path: Path) -> str:
-    if not path.is_file():
+def _text(folder: Path, name: str) -> str:
+    """The text of a file of a campaign; empty where there is none, or nothing in it."""
+    try:
+        if (folder / name).lstat().st_size == 0:
+            return ""
+    except FileNotFoundError:
         return ""
-    return decode(read_bytes(path, max_bytes=_MOST_BYTES), path.name)[0].lstrip("\ufeff")
+    return decode(read_bytes(folder / name, max_bytes=MOST_TABLE, within=folder), name)[0].lstrip("\ufeff")
 
 
 def _table(stated: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -267,14 +279,9 @@ def _shown(value: Any) -> str:
     return "yes" if value is True else f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
-def _delimiter(text: str) -> str:
-    return max(",;\t", key=text.split("\n", 1)[0].count)
-
-
 def _cells(text: str) -> tuple[list[str], list[list[str]]]:
     """Heads and cells of tests.csv, every row as long as the heads."""
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=_delimiter(text), skipinitialspace=True)
-    rows = [row for row in reader if row]
+    rows = [row for _, row in rows_of(text, "tests.csv")]
     if not rows:
         conditions = (q.PRESSURE, q.PRELOAD, q.FREQUENCY)
         return ["test", "file", "kind", "tyre", *(one.stated_head for one in conditions)], []
@@ -298,17 +305,11 @@ def _stated(former: str, form: Mapping[str, Any]) -> str:
     """The text of campaign.toml with what the form states."""
     if "text" in form:
         text = str(form["text"])
-        try:
-            tomlkit.parse(text)
-        except TOMLKitError as error:
-            raise CampaignError(f"campaign.toml: is no TOML: {error}") from None
+        _parsed(text)
         return text
     if "channels" not in form:
         return former
-    try:
-        document = tomlkit.parse(former)
-    except TOMLKitError as error:
-        raise CampaignError(f"campaign.toml: is no TOML: {error}; mend its text below") from None
+    document = _parsed(former, "; mend its text below")
     if form.get("title") or "title" in document:
         document["title"] = str(form.get("title", ""))
     _fill_rig(document, form)
@@ -319,6 +320,16 @@ def _stated(former: str, form: Mapping[str, Any]) -> str:
     _fill(channels, "time", clock)
     _put(channels, "sample_rate", str(form["clock"].get("sample_rate", "")).strip())
     return _without_settled(tomlkit.dumps(document), form.get("settled", []))
+
+
+def _parsed(text: str, hint: str = "") -> tomlkit.TOMLDocument:
+    """The text of campaign.toml to be changed; CampaignError if it is no TOML, or nests too deep."""
+    try:
+        toml_of(text, "campaign.toml")  # first, for tomlkit has no bounds
+        return tomlkit.parse(text)
+    except (TableError, TOMLKitError) as error:
+        why = str(error).removeprefix("campaign.toml: ").removeprefix("not valid TOML: ")
+        raise CampaignError(f"campaign.toml: is no TOML: {why}{hint}") from None
 
 
 def _fill_rig(document: tomlkit.TOMLDocument, form: Mapping[str, Any]) -> None:

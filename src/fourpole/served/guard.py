@@ -5,11 +5,11 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import socket
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
-from starlette.datastructures import URL, Headers, MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 #: A page runs the scripts of this server alone; shapes and texts of a drawing may have a style of their own.
@@ -24,11 +24,37 @@ _HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+#: Name of the cookie, with the port behind it: a browser sends a cookie to all ports of a host.
 _COOKIE = "fourpole"
+_TOKEN = "token"
 _READS = frozenset(("GET", "HEAD"))
 #: Where a browser says that a request comes from: this server, or the address bar.
 _OWN_SITES = frozenset(("same-origin", "none"))
 _LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
+#: The header of a request of a page's script, which shows an error in the page.
+ASKED_BY = "x-asked-by"
+_CLOSED = (
+    "this needs the whole address of the app: it stands in the terminal where fourpole app runs, behind 'app:'; open "
+    "it in this browser"
+)
+_CLOSED_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Fourpole</title>
+<link rel="icon" href="data:,">
+</head>
+<body>
+<main>
+<h1>Open the whole address first</h1>
+<p>It stands in the terminal where <code>fourpole app</code> runs, behind <code>app:</code>. Open it once in this
+browser; then this page opens, too.</p>
+<p>The address changes whenever <code>fourpole app</code> is started. If somebody else has started it, ask them.</p>
+</main>
+</body>
+</html>
+"""
 
 
 class Guard:
@@ -41,7 +67,7 @@ class Guard:
         The address that the server listens at. On loopback only names of loopback are hosts; otherwise also this
         machine's name, and any address in numbers, which no foreign name server can point here.
     token : str
-        What a caller must show, once in the address and then as a cookie; empty for none.
+        What a caller must show, once in an address and then as a cookie; empty for none.
     """
 
     def __init__(self, app: ASGIApp, host: str, token: str = "") -> None:
@@ -73,26 +99,45 @@ class Guard:
             return _refused("this server does not have that name: open the address that fourpole app printed", 421)
         if not _is_own(request.method, headers):
             return _refused("the request comes from another site, which may not use this one", 403)
-        if self._token and not hmac.compare_digest(request.cookies.get(_COOKIE, "").encode(), self._token.encode()):
+        if not self._token:
+            return None
+        if request.method in _READS and _TOKEN in request.query_params:
             return self._entrance(request)
-        return None
+        return None if self._is_known(request) else _closed(request)
 
     def _is_host(self, host: str) -> bool:
         try:
-            name = (urlsplit(f"//{host}").hostname or "").lower()
+            parts = urlsplit(f"//{host}")
+            name, _ = (parts.hostname or "").lower(), parts.port
         except ValueError:
             return False
         return "@" not in host and (name in self._names or (self._numbers and _is_number(name)))
 
     def _entrance(self, request: Request) -> Response:
-        """The first call with the token, which becomes a cookie; or a refusal."""
-        shown = request.query_params.get("token", "")
-        if request.method not in _READS or not hmac.compare_digest(shown.encode(), self._token.encode()):
-            return _refused("a token is needed: open the address that fourpole app printed, with its token", 401)
-        target = URL(str(request.url)).remove_query_params("token")
-        answer = RedirectResponse(f"{target.path}?{target.query}" if target.query else target.path, 303)
-        answer.set_cookie(_COOKIE, self._token, httponly=True, samesite="strict")
+        """The same page without the token in its address; who shows the right token is known by a cookie then."""
+        is_right = self._is_token(request.query_params[_TOKEN])
+        if not is_right and not self._is_known(request):
+            return _closed(request)
+        query = urlencode([(name, value) for name, value in request.query_params.multi_items() if name != _TOKEN])
+        path = "/" + request.scope["raw_path"].decode("latin-1").lstrip("/\\")  # `//name` would be another host
+        answer = RedirectResponse(f"{path}?{query}" if query else path, 303, {"Cache-Control": "no-store"})
+        if is_right:
+            # With "strict" a browser does not send it where a file or a page of another site has led to the address.
+            answer.set_cookie(_cookie_of(request), self._token, httponly=True, samesite="lax")
         return answer
+
+    def _is_known(self, request: Request) -> bool:
+        """Whether one of the cookies is right: a server at another port may have set further ones of the same name."""
+        cookies = (one.strip().partition("=") for line in request.headers.getlist("cookie") for one in line.split(";"))
+        return any(self._is_token(value) for name, _, value in cookies if name == _cookie_of(request))
+
+    def _is_token(self, shown: str) -> bool:
+        return hmac.compare_digest(shown.encode(errors="replace"), self._token.encode())
+
+
+def _cookie_of(request: Request) -> str:
+    """Name of the cookie: with the port as the browser sees it, which a tunnel may have changed."""
+    return f"{_COOKIE}-{urlsplit('//' + request.headers['host']).port or 80}"
 
 
 def _is_own(method: str, headers: Headers) -> bool:
@@ -116,3 +161,13 @@ def _is_number(name: str) -> bool:
 
 def _refused(why: str, status: int) -> Response:
     return PlainTextResponse(f"{why}\n", status)
+
+
+def _closed(request: Request) -> Response:
+    """The refusal of a caller without the token: a page, or the same in words for a script."""
+    headers = {"Cache-Control": "no-store"}
+    if ASKED_BY in request.headers:
+        return JSONResponse({"error": _CLOSED}, 401, headers)
+    if "text/html" in request.headers.get("accept", ""):
+        return HTMLResponse(_CLOSED_PAGE, 401, headers)
+    return PlainTextResponse(f"{_CLOSED}\n", 401, headers)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import resources
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -22,10 +24,13 @@ from fourpole.errors import FourpoleError
 from fourpole.report.html import environment, fit
 from fourpole.report.page import PARTS
 from fourpole.served.collecting import Collector
+from fourpole.served.editing import ConflictError
+from fourpole.served.guard import ASKED_BY
 from fourpole.served.held import Held
 from fourpole.served.jobs import Jobs
 from fourpole.served.uploads import Uploads
 from fourpole.served.workspace import NoCampaignError, Place, Workspace
+from fourpole.units import shown
 from fourpole.version import VERSION
 
 _SCRIPTS = (
@@ -47,8 +52,6 @@ STATIC = {
     "app.css": ("fourpole.served.static", "text/css"),
     **dict.fromkeys(_SCRIPTS, ("fourpole.served.static", "text/javascript")),
 }
-#: The header of a request of a page's script, which shows an error in the page.
-_ASKED_BY = "x-asked-by"
 #: Largest number of folders that are watched at a time.
 MOST_WATCHES = 8
 #: Largest body of a form or of a list of files [byte].
@@ -89,15 +92,9 @@ class Site:
         return HTMLResponse(await run_in_threadpool(filled), status)
 
     async def fault(self, request: Request, error: Exception) -> Response:
-        """The answer to a user's mistake: a page, or a document for a script."""
-        status = 404 if isinstance(error, NoCampaignError) else 400
-        text = str(error)
-        if isinstance(error, HTTPException):
-            status = error.status_code
-            text = error.detail if status != 404 else "there is no such page: the address may not be whole"
-        elif not isinstance(error, FourpoleError):
-            status, text = 500, f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it"
-        if _ASKED_BY in request.headers:
+        """The answer to what goes wrong: a page, or a document for a script."""
+        status, text = _told(error)
+        if ASKED_BY in request.headers:
             # A browser writes every other status into its console, as if the page had a fault.
             return JSONResponse({"error": text}, status if status == 500 else 200)
         if "text/html" not in request.headers.get("accept", ""):
@@ -109,6 +106,22 @@ class Site:
         with suppress(FourpoleError, KeyError):
             return self.place(request)
         return None
+
+
+def _told(error: Exception) -> tuple[int, str]:
+    """The status of an error, and its words."""
+    if isinstance(error, HTTPException):
+        known = error.status_code != 404
+        return error.status_code, error.detail if known else "there is no such page: the address may not be whole"
+    if isinstance(error, FourpoleError):
+        status = 404 if isinstance(error, NoCampaignError) else 409 if isinstance(error, ConflictError) else 400
+        return status, str(error)
+    if isinstance(error, MemoryError):
+        return 400, "not enough memory to show this: close other programs, or make the campaign smaller"
+    if isinstance(error, OSError):
+        name = "a file" if error.filename is None else shown(Path(os.fsdecode(error.filename)).name)
+        return 400, f"{name} cannot be read or written: {error.strerror or error}"
+    return 500, f"a fault in Fourpole itself ({type(error).__name__}: {error}); please report it"
 
 
 @pass_context

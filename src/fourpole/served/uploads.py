@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fourpole.errors import FileError
+from fourpole.io.door import check_name
 from fourpole.served.workspace import Workspace
 from fourpole.units import shown
 
@@ -49,13 +50,13 @@ class Uploads:
         for left in workspace.root.glob(f"{_HIDDEN}*"):
             shutil.rmtree(left, ignore_errors=True)
 
-    def begin(self, name: str, files: Sequence[tuple[str, int]]) -> str:
-        """A ticket for files with these names and sizes.
+    def begin(self, name: str, files: Sequence[tuple[str, int]]) -> tuple[str, dict[int, str]]:
+        """A ticket for files with these names and sizes, and the reasons why some of them are not taken, by number.
 
         Raises
         ------
         FileError
-            If they are too many or too large, or a name cannot be that of a file of the campaign.
+            If they are too many or too large, or none of the names can be that of a file of the campaign.
         """
         self._give_up()
         if len(self._open) >= _AT_ONCE:
@@ -70,15 +71,14 @@ class Uploads:
                 f"{total / 1e9:.1f} GB are too much: at most {MOST_BYTES / 1024**3:.0f} GiB at a time. Put the files "
                 "into a folder below the one that fourpole app was started with instead"
             )
-        paths = {at: (_path(name_), size) for at, (name_, size) in enumerate(files)}
-        folded = {path.as_posix().casefold() for path, _ in paths.values()}
-        if len(folded) < len(paths):
-            raise FileError("two of the files have the same name")
+        paths, refused = _sorted(files)
+        if not paths:
+            raise FileError(next(iter(refused.values())))
         folder = self._workspace.root / f"{_HIDDEN}{secrets.token_hex(8)}"
         folder.mkdir()
         ticket = secrets.token_urlsafe(24)
         self._open[ticket] = Upload(name, folder, paths)
-        return ticket
+        return ticket, refused
 
     async def take(self, ticket: str, number: int, body: AsyncIterator[bytes]) -> None:
         """Write one file as it comes; FileError, and no file, if it is not as long as announced."""
@@ -143,16 +143,43 @@ class Uploads:
                     self.drop(ticket)
 
 
+def _sorted(files: Sequence[tuple[str, int]]) -> tuple[dict[int, tuple[Path, int]], dict[int, str]]:
+    """The places and sizes of files, and the reasons why some are not taken; both by number."""
+    taken: dict[int, tuple[Path, int]] = {}
+    refused: dict[int, str] = {}
+    names: set[str] = set()
+    folders: set[str] = set()
+    for number, (name, size) in enumerate(files):
+        try:
+            path = _path(name)
+        except FileError as error:
+            refused[number] = str(error)
+            continue
+        folded = path.as_posix().casefold()
+        above = {place.as_posix() for place in Path(folded).parents}
+        if folded in names or folded in folders or above & names:
+            refused[number] = f"{shown(name, 80)} has the name of another of the files: rename it"
+            continue
+        names.add(folded)
+        folders |= above
+        taken[number] = path, size
+    return taken, refused
+
+
 def _path(name: str) -> Path:
-    """A file's place in its campaign, from the name that a browser gave it."""
+    """A file's place in its campaign, from the name that a browser gave it.
+
+    FileError for a name that is a path to elsewhere, or that some system cannot have.
+    """
     parts = [part for part in name.replace("\\", "/").split("/") if part]
     wrong = (
         not parts
         or len(parts) > _DEEPEST
         or name.startswith(("/", "\\"))
-        or any(part.strip(" .") == "" or len(part.encode()) > _LONGEST or part.startswith(".") for part in parts)
         or any(not character.isprintable() or character in '<>:"|?*' for character in name)
+        or any(part.startswith(".") or part[-1] in " ." or len(part.encode()) > _LONGEST for part in parts)
     )
     if wrong:
         raise FileError(f"{shown(name, 80)} cannot be the name of a file here: rename it")
+    check_name(name)
     return Path(*parts)

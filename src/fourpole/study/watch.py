@@ -27,7 +27,9 @@ from fourpole.errors import FourpoleError
 from fourpole.guess.gather import FolderContents, gather_more, recording_files
 from fourpole.guess.together import guess_more
 from fourpole.guess.write import Row, quoted, tests_csv
+from fourpole.io.documents import delimiter_of, rows_of
 from fourpole.io.door import read_bytes
+from fourpole.io.lock import campaign_lock
 from fourpole.io.source import decode
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text
@@ -130,7 +132,7 @@ class Watch:
             if more.recordings:
                 rows = guess_more(self.folder, self._known, more)
                 self._known.recordings += more.recordings
-                doubts = add_rows(self.folder, campaign, rows)
+                doubts = add_rows(self.folder, rows)
                 campaign = read_campaign(self.folder)
                 named = _by_file(campaign)
         former = _former(self.folder)
@@ -257,12 +259,22 @@ def _near(one: float | None, other: float | None) -> bool:
     return abs(one - other) <= 0.01 * max(abs(one), abs(other))
 
 
-def add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
+def add_rows(folder: Path, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
     """Write further rows into tests.csv, and specimens that are new into campaign.toml; returns the doubts of each.
 
-    A specimen that the names do not tell is the campaign's, if it has one; else that of the last test.
+    A specimen that the names do not tell is the campaign's, if it has one; else that of the last test. A recording that
+    someone else has stated meanwhile gets no row.
     """
-    text = decode(read_bytes(folder / "tests.csv", max_bytes=_MOST_BYTES), "tests.csv")[0].lstrip("\ufeff")
+    with campaign_lock(folder):
+        campaign = read_campaign(folder)
+        stated = _by_file(campaign)
+        new = [row for row in rows if row.file not in stated]
+        return _add_rows(folder, campaign, new) if new else {}
+
+
+def _add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
+    """Read, append and write, under the lock of the campaign."""
+    text = _text(folder, "tests.csv").lstrip("\ufeff")
     taken = {test.name for test in campaign.tests}
     last = next((test.tyre for test in reversed(campaign.tests) if test.tyre), "")
     specimens = list(campaign.stated.all_specimens)
@@ -279,10 +291,14 @@ def add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str,
     with staged(folder) as place:
         write_text(place / "tests.csv", _joined(text, tests_csv(named)))
         if new:
-            stated = decode(read_bytes(folder / "campaign.toml", max_bytes=_MOST_BYTES), "campaign.toml")[0]
+            stated = _text(folder, "campaign.toml")
             tables = "".join(f"\n[tyres.{_key(name)}]\n" for name in new)
             write_text(place / "campaign.toml", f"{stated.rstrip()}\n{tables}")
     return {row.name: tuple(text for _, text in row.doubts) for row in named}
+
+
+def _text(folder: Path, name: str) -> str:
+    return decode(read_bytes(folder / name, max_bytes=_MOST_BYTES, within=folder), name)[0]
 
 
 def _key(name: str) -> str:
@@ -291,10 +307,8 @@ def _key(name: str) -> str:
 
 def _joined(text: str, more: str) -> str:
     """A table with the rows of another below it; columns that it lacks are added at its end."""
-    delimiter = max(",;\t", key=text.split("\n", 1)[0].count)
     (heads, *rows), (others, *added) = (
-        [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(one, newline=""), delimiter=by) if row]
-        for one, by in ((text, delimiter), (more, ","))
+        [[cell.strip() for cell in row] for _, row in rows_of(one, "tests.csv")] for one in (text, more)
     )
     names = [column_unit(head)[0].casefold() for head in heads]
     places = []
@@ -313,5 +327,5 @@ def _joined(text: str, more: str) -> str:
             row[at] = f"{cell} {unit}" if cell and unit else cell
         table.append(row)
     made = io.StringIO()
-    csv.writer(made, lineterminator="\n", delimiter=delimiter).writerows([heads, *table])
+    csv.writer(made, lineterminator="\n", delimiter=delimiter_of(text)).writerows([heads, *table])
     return made.getvalue()

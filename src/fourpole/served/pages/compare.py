@@ -29,7 +29,7 @@ def routes(site: Site) -> list[Route]:
 
 
 def _shown(site: Site, asked: Mapping[str, str]) -> dict[str, Any]:
-    analysed = [one for one in site.workspace.campaigns() if (one.results / "study.json").is_file()]
+    analysed = [one for one in site.workspace.campaigns() if one.analysed]
     made: dict[str, Any] = {
         "campaign": None,
         "analysed": analysed,

@@ -40,7 +40,7 @@ def routes(site: Site) -> list[Route]:
 
     async def page(request: Request) -> Response:
         place = site.place(request)
-        if not (place.results / "study.json").is_file():
+        if not place.analysed:
             return RedirectResponse(address(place, "run"), 303)
         return await site.page("explore.html", lambda: _shown(site, place, request.query_params))
 

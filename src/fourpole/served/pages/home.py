@@ -12,7 +12,7 @@ from starlette.routing import Route
 from fourpole.errors import FileError
 from fourpole.served.site import Site, address, body_of
 from fourpole.served.uploads import MOST_BYTES, MOST_FILES
-from fourpole.served.workspace import state_of
+from fourpole.served.workspace import LeftOut, state_of
 
 
 def routes(site: Site) -> list[Route]:
@@ -28,8 +28,8 @@ def routes(site: Site) -> list[Route]:
             name = str(asked["name"])
         except (KeyError, TypeError, ValueError, OverflowError):
             raise FileError("the list of files is not whole") from None
-        ticket = await run_in_threadpool(site.uploads.begin, name, files)
-        return JSONResponse({"ticket": ticket})
+        ticket, refused = await run_in_threadpool(site.uploads.begin, name, files)
+        return JSONResponse({"ticket": ticket, "refused": refused})
 
     async def file(request: Request) -> Response:
         await site.uploads.take(request.path_params["ticket"], request.path_params["number"], request.stream())
@@ -57,8 +57,11 @@ def routes(site: Site) -> list[Route]:
 
 
 def _shown(site: Site) -> dict[str, Any]:
-    rows = []
-    for place in site.workspace.campaigns():
+    rows: list[Any] = []
+    for place in site.workspace.listed():
+        if isinstance(place, LeftOut):
+            rows.append(place)
+            continue
         job = site.jobs.of(place)
         rows.append({"place": place, "state": state_of(place), "job": None if job is None or job.over else job})
     return {

@@ -44,7 +44,7 @@ def routes(site: Site) -> list[Route]:
 
     async def page(request: Request) -> Response:
         place = site.place(request)
-        if not (place.results / "study.json").is_file():
+        if not place.analysed:
             return RedirectResponse(address(place, "run"), 303)
         return await site.page("model.html", lambda: _shown(site, place, dict(request.query_params)))
 
@@ -204,7 +204,7 @@ def _stated(kind: ExportKind, asked: Mapping[str, str]) -> dict[str, Any]:
 
 def _exported(site: Site, place: Place, kind: str, asked: Mapping[str, str], folder: Path) -> tuple[Path, list[str]]:
     """A file for another program in a temporary folder, and what it leaves out."""
-    if not (place.results / "study.json").is_file():
+    if not place.analysed:
         raise CampaignError("nothing is analysed yet: run the analysis first")
     if kind == _PDF:
         return _printed(site, place, folder), []

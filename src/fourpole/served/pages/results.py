@@ -25,7 +25,7 @@ def routes(site: Site) -> list[Route]:
 
     async def page(request: Request) -> Response:
         place = site.place(request)
-        if not (place.results / "study.json").is_file():
+        if not place.analysed:
             return RedirectResponse(address(place, "run"), 303)
 
         def made() -> dict[str, Any]:

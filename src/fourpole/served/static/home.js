@@ -14,20 +14,27 @@
     const first = files[0][0].split("/"), common = first.length > 1 && files.every(([name]) => name.split("/")[0] === first[0]);
     const name = byId("name").value.trim() || (common ? first[0] : "recordings");
     const inside = common ? files.map(([path, file]) => [path.split("/").slice(1).join("/"), file]) : files;
-    let ticket = null, done = 0;
+    let ticket = null, left = {}, done = 0;
     stopped = new AbortController();
     sending.hidden = false;
     bar.value = 0;
     try {
-      ({ ticket } = await app.send("/upload", { name, files: inside.map(([path, file]) => ({ name: path, size: file.size })) }));
+      ({ ticket, refused: left } = await app.send("/upload", { name, files: inside.map(([path, file]) => ({ name: path, size: file.size })) }));
       for (const [number, [path, file]] of inside.entries()) {
+        if (number in left) continue;
         howFar.textContent = `${number + 1} of ${inside.length}: ${path}`;
         await app.call(`/upload/${ticket}/${number}`, { method: "PUT", body: file, signal: stopped.signal });
         done += file.size;
         bar.value = size ? done / size : (number + 1) / inside.length;
       }
       const { next } = await app.call(`/upload/${ticket}`, { method: "POST" });
-      location.assign(next);
+      const texts = Object.values(left);
+      if (!texts.length) { location.assign(next); return; }
+      refuse(`Not taken: ${texts.join("; ")}. `);
+      const link = document.createElement("a");
+      link.href = next;
+      link.textContent = "Go on with the other files";
+      refused.append(link);
     } catch (error) {
       if (ticket) await app.call(`/upload/${ticket}`, { method: "DELETE" }).catch(() => {});
       refuse(error.name === "AbortError" ? "Stopped; nothing was kept." : `Not taken: ${error.message}`);
