@@ -18,7 +18,7 @@ from fourpole.io.documents import json_of, rows_of, toml_of
 @pytest.mark.parametrize("depth", [65, 5_000, 100_000])
 def test_a_deep_nest_is_refused(read, depth: int) -> None:
     text = "[" * depth + "]" * depth
-    with pytest.raises(TableError, match=r"a\.txt: nests more than 64 levels deep"):
+    with pytest.raises(TableError, match=r"a\.txt: (not valid TOML: )?nests more than 64 levels deep"):
         read(text if read is json_of else f"x = {text}", "a.txt")
 
 

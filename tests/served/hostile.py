@@ -65,8 +65,11 @@ def _sparse(name: str, size: int) -> Callable[[Path], None]:
 
 #: Changes of a good campaign by the name of its folder, and what its row of the home page says.
 FAULTS: dict[str, tuple[Callable[[Path], None], str]] = {
-    "nested statement": (_text(TOML, f"x = {'[' * 5000}"), "campaign.toml: nests more than"),
-    "nested statement of tables": (_text(TOML, "x = " + "{a = " * 5000), "campaign.toml: nests more than"),
+    "nested statement": (_text(TOML, f"x = {'[' * 5000}"), "campaign.toml: not valid TOML: nests more than"),
+    "nested statement of tables": (
+        _text(TOML, "x = " + "{a = " * 5000),
+        "campaign.toml: not valid TOML: nests more than",
+    ),
     "long key": (_text(TOML, ".".join("a" * 500_000) + " = 1"), "campaign.toml: a key has more than"),
     "long title": (_text(TOML, f"title = '{'x' * 10_000_000}'"), "campaign.toml: has 10 MB"),
     "large integer": (_text(TOML, f"title = {'1' * 4000}"), "campaign.toml: an integer has more than 64 bits"),

@@ -66,6 +66,62 @@ def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, tmp_path: 
         expect(page.get_by_text("No campaign is analysed yet")).to_be_visible()
 
 
+def test_a_file_that_leads_to_the_address_opens_the_app(browser: Browser, server: Server, tmp_path: Path) -> None:
+    """As `fourpole app` opens a browser; a link in a message of somebody else opens a page, too."""
+    page_of_file = tmp_path / "app.html"
+    page_of_file.write_text(f'<meta http-equiv="refresh" content="0; url={server.address}">')
+    link = tmp_path / "link.html"
+    link.write_text(f'<a href="http://{server.host}/compare">look at this</a>')
+    with browser.new_context(base_url=server.address) as room, watched(page := room.new_page()) as seen:
+        page.goto(page_of_file.as_uri())
+        expect(page.get_by_role("heading", name="Campaigns")).to_be_visible()
+        assert page.url == f"http://{server.host}/"
+        page.goto(link.as_uri())
+        page.get_by_role("link").click()
+        expect(page.get_by_role("heading", name="Compare")).to_be_visible()
+    assert [*seen.console, *seen.errors] == []
+
+
+def test_a_browser_without_the_token_is_told_where_the_address_stands(browser: Browser, server: Server) -> None:
+    with browser.new_context(base_url=server.address) as room:
+        page = room.new_page()
+        page.goto("/compare")
+        expect(page.get_by_role("heading", name="Open the whole address first")).to_be_visible()
+        expect(page.get_by_text("in the terminal where fourpole app runs")).to_be_visible()
+        assert barriers(page) == []
+
+
+def test_a_page_of_another_site_sees_and_changes_nothing(browser: Browser, server: Server, tmp_path: Path) -> None:
+    """Its requests are refused though the browser knows the token."""
+    (tmp_path / "evil.html").write_text("<title>evil</title>")
+    script = """async (address) => {
+      const said = [];
+      for (const options of [{}, { mode: "no-cors", credentials: "include" },
+        { method: "POST", mode: "no-cors", credentials: "include", body: "{}" }]) {
+        try { said.push((await fetch(address, options)).type); } catch (error) { said.push("refused"); }
+      }
+      return said;
+    }"""
+    with opened(browser, server) as page:
+        page.goto("/")
+        page.goto((tmp_path / "evil.html").as_uri())
+        found = page.evaluate(script, f"http://{server.host}/upload")
+        assert set(found) <= {"refused", "opaque"}
+        assert (
+            page.evaluate(
+                """(address) => new Promise((done) => {
+              const one = document.createElement("script");
+              one.src = address;
+              one.onload = () => done("loaded");
+              one.onerror = () => done("refused");
+              document.body.append(one);
+            })""",
+                f"http://{server.host}/static/app.js",
+            )
+            == "refused"
+        )
+
+
 def test_the_text_of_the_statement_is_mended(window: Page, server: Server) -> None:
     toml = next(server.root.rglob("campaign.toml"))
     before = toml.read_text()
