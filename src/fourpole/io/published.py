@@ -38,8 +38,8 @@ _HASH, _NEW = re.compile(r"[0-9a-f]{64}"), re.compile(r"new-[0-9a-f]{12}")
 #: Names that results may have; a list with others does not make them be read or written.
 _NAME = re.compile(r"(?:figures/)?[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.(?:csv|parquet|json|html|pdf|svg|png)")
 _MOST_BYTES = 2_000_000_000
-#: Largest study.json [byte]; the text of a document takes up to 30 times its room in memory.
-MOST_LIST = 20_000_000
+#: Largest study.json [byte]: that of 100,000 tests has 12 MB. A document takes up to 30 times its room in memory.
+MOST_LIST = 64_000_000
 #: Number of times that results are read which another process renews meanwhile.
 _TRIES = 5
 _AGAIN = "run fourpole analyse again"
