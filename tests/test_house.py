@@ -169,6 +169,52 @@ def test_a_module_says_what_it_is_and_keeps_quiet(path):
     assert not unsafe & {name.partition(".")[0] for name in imported_names(tree)}
 
 
+#: Modules by which processes are started, and names by which other modules start them.
+STARTERS = {"_posixsubprocess", "_winapi", "multiprocessing", "posix", "pty", "subprocess", "webbrowser"}
+STARTS = re.compile("create_subprocess_(exec|shell)|subprocess_(exec|shell)|ProcessPoolExecutor|LocalCluster|startfile")
+OF_SYSTEM = re.compile("exec[lv]p?e?|fork|forkpty|popen|posix_spawnp?|spawn[lv]p?e?|system")
+#: Where a name of an executor is only asked for: whether that of the user is one of processes.
+ASKED = {("study/workers.py", "ProcessPoolExecutor")}
+
+
+def starts_of(tree):
+    """Names in a module by which it could start a process."""
+    yield from (name for name in imported_names(tree) if name.partition(".")[0] in STARTERS)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            module, names = node.module or "", [alias.name for alias in node.names]
+        elif isinstance(node, ast.Attribute):
+            module, names = ast.unparse(node.value), [node.attr]
+        else:
+            continue
+        yield from filter(STARTS.fullmatch, names)
+        yield from filter(OF_SYSTEM.fullmatch, names if module == "os" else ())
+
+
+def test_processes_are_started_by_one_module():
+    """`fourpole.io.processes` is the door out: every other start would have the working folder and all variables."""
+    starts = set()
+    for path in SOURCES:
+        name = path.relative_to(ROOT / "src" / "fourpole").as_posix()
+        starts |= {(name, start) for start in starts_of(ast.parse(path.read_text(encoding="utf-8")))}
+    assert {start for name, start in starts if name == "io/processes.py"} >= {"subprocess", "create_subprocess_exec"}
+    assert {one for one in starts if one[0] != "io/processes.py"} <= ASKED
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import subprocess as s", "from multiprocessing import get_context", "import pty", "import webbrowser",
+        "import os\nos.system('x')", "import os\nos.posix_spawn('x')", "from os import execv", "os.startfile('x')",
+        "asyncio.create_subprocess_exec('x')", "loop.subprocess_exec(f)", "from asyncio import create_subprocess_shell",
+        "from asyncio.subprocess import create_subprocess_exec", "concurrent.futures.ProcessPoolExecutor()",
+        "from concurrent.futures import ProcessPoolExecutor as P",
+    ],
+)  # fmt: skip
+def test_each_way_to_start_a_process_is_seen(code):
+    assert list(starts_of(ast.parse(code)))
+
+
 def test_no_file_is_longer_than_500_lines():
     long = {path for path in SOURCES if len(path.read_text(encoding="utf-8").splitlines()) > 500}
     assert {path.relative_to(ROOT / "src" / "fourpole").as_posix() for path in long} <= LONG

@@ -1,9 +1,6 @@
 """What an analysis makes when it is asked for: models where they take long, and figures as PNG."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
-
-import pytest
 
 from fourpole.plot import FIGURES
 
@@ -64,22 +61,3 @@ def test_png_is_written_on_demand_and_goes_with_its_tables(run, campaign, monkey
     run("report", campaign / "results")
     assert not list(figures.glob("*.png"))
     assert list(figures.glob("*.svg"))
-
-
-@pytest.mark.parametrize("rows", [0, 10_000])
-def test_workers_draw_the_figures_of_a_large_campaign(run, campaign, monkeypatch, rows):
-    """With one thread in place of the processes, which is asked only if there are as many rows."""
-    made = []
-
-    def workers(count, **_):
-        made.append(count)
-        return ThreadPoolExecutor(1)
-
-    monkeypatch.setattr("fourpole.app.report.ProcessPoolExecutor", workers)
-    monkeypatch.setattr("fourpole.app.report.processors", lambda: 16)
-    monkeypatch.setattr("fourpole.app.report._MANY", rows)
-    some_figures(monkeypatch)
-    run("analyse", campaign, "--no-models")
-    figures = campaign / "results" / "figures"
-    assert {path.name for path in figures.iterdir()} == {"stiffness.svg", "tr.svg"}
-    assert made == ([] if rows else [4])

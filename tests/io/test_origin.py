@@ -39,7 +39,7 @@ def repository(root, head="ref: refs/heads/main\n", **files):
     ],
 )
 def test_the_commit_is_read_from_the_files_of_the_repository(tmp_path, monkeypatch, head, files):
-    monkeypatch.setattr("fourpole.io.origin.shutil.which", lambda name: None)
+    monkeypatch.setattr("fourpole.io.origin.program_path", lambda name: None)
     package = checkout(tmp_path)
     repository(tmp_path, head, **files)
     assert origin_of(package) == Origin(VERSION, COMMIT, None)
@@ -47,7 +47,7 @@ def test_the_commit_is_read_from_the_files_of_the_repository(tmp_path, monkeypat
 
 
 def test_a_further_work_tree_has_the_commit_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.setattr("fourpole.io.origin.shutil.which", lambda name: None)
+    monkeypatch.setattr("fourpole.io.origin.program_path", lambda name: None)
     package = checkout(tmp_path / "second")
     repository(tmp_path / "first", refs__heads__side=f"{COMMIT}\n", worktrees__second__HEAD="ref: refs/heads/side\n")
     (tmp_path / "first" / ".git" / "worktrees" / "second" / "commondir").write_text("../..\n")

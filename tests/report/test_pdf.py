@@ -1,7 +1,6 @@
 """Printing the report: by a real browser, and what is said without one."""
 
 import os
-import shutil
 import sys
 import time
 from pathlib import Path
@@ -25,7 +24,7 @@ def stands_in(monkeypatch, path, script):
     """A program in place of the browser."""
     path.write_text(f"#!{sys.executable}\n{script}")
     path.chmod(0o755)
-    monkeypatch.setattr(shutil, "which", lambda name: str(path))
+    monkeypatch.setattr(pdf, "program_path", lambda name: str(path))
 
 
 def test_a_page_becomes_a_pdf(page, tmp_path):
@@ -40,7 +39,7 @@ def test_a_page_becomes_a_pdf(page, tmp_path):
 
 
 def test_without_a_browser_the_remedy_is_said(monkeypatch):
-    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(pdf, "program_path", lambda name: None)
     monkeypatch.setattr(pdf, "_MAC", ())
     with pytest.raises(FileError, match=r"--pdf needs: install one, or open report\.html"):
         pdf.browser()

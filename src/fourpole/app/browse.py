@@ -1,14 +1,33 @@
-"""The command that shows the report in the browser."""
+"""The command that shows the report in the browser, and how a browser is started."""
 
 from __future__ import annotations
 
+import atexit
+import html
 import os
+import shlex
+import shutil
 import sys
-import webbrowser
+import tempfile
+import threading
+from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from fourpole.app.console import out, say
 from fourpole.errors import CampaignError
+from fourpole.io.processes import DEVNULL, OF_SCREEN, open_by_system, program_path, start
+
+#: Time that a program has to say that it cannot show a page [s].
+_REFUSES = 1.0
+#: Time after which the page that leads to an address is deleted [s]: the browser may have to start.
+_LEADS = 30.0
+#: Programs of a desktop that show a page in the browser that the user chose, and browsers.
+_PROGRAMS = ("xdg-open", "gio open", "x-www-browser", "firefox", "chromium", "google-chrome")
+_PAGE = (
+    '<!DOCTYPE html><meta charset="utf-8"><meta name="referrer" content="no-referrer"><title>Fourpole</title>'
+    '<meta http-equiv="refresh" content="0;url={0}"><a href="{0}">Fourpole</a>\n'
+)
 
 
 def run_open(folder: Path) -> None:
@@ -24,9 +43,67 @@ def run_open(folder: Path) -> None:
 
 
 def shown_in_browser(address: str) -> bool:
-    """Whether a browser was started; without a screen none is, for one in the terminal would take it over."""
+    """Whether a browser was started; without a screen none is, for one in the terminal would take it over.
+
+    An address with a query, which may have a token, is no part of a command, which other accounts can read: the browser
+    is given a page that leads there.
+    """
     screen = sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    try:
-        return bool(screen or os.environ.get("BROWSER")) and webbrowser.open(address)
-    except (webbrowser.Error, OSError):
+    if not (screen or os.environ.get("BROWSER")):
         return False
+    try:
+        if urlsplit(address).query:
+            address = _leading_to(address).as_uri()
+        return any(_starts(command) for command in _commands(address)) or open_by_system(address)
+    except (OSError, ValueError):
+        return False
+
+
+def _commands(address: str) -> Iterator[list[str]]:
+    """Commands that show an address: those that BROWSER lists, where %s stands for it, then those of the desktop."""
+    for stated in filter(None, os.environ.get("BROWSER", "").split(os.pathsep)):
+        words = [stated] if program_path(stated) else shlex.split(stated.rstrip("& "), posix=sys.platform != "win32")
+        if "%s" not in stated:
+            words.append("%s")
+        yield [word.replace("%s", address) for word in words]
+    if sys.platform == "darwin":
+        yield ["/usr/bin/open", address]
+    elif sys.platform != "win32":
+        yield from ([*words.split(), address] for words in _PROGRAMS)
+
+
+def _starts(command: list[str]) -> bool:
+    """Whether a program runs, or has ended well: one that only passes the page on ends at once."""
+    program = program_path(command[0])
+    if program is None:
+        return False
+    # It may outlive this command, and so may not stand in a folder that is deleted.
+    process = start([program, *command[1:]], also=OF_SCREEN, folder=Path.home().anchor, group=True, stderr=DEVNULL)
+    waiting = threading.Thread(target=process.wait, daemon=True)  # it also keeps the process object
+    waiting.start()
+    waiting.join(_REFUSES)
+    return not process.returncode
+
+
+def _leading_to(address: str) -> Path:
+    """A page that leads to an address, which only this user can read, and which is deleted after some seconds."""
+    folder = Path(tempfile.mkdtemp(prefix="fourpole-", dir=_private()))  # its mode is 0700
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    page = folder / "open.html"
+    with os.fdopen(os.open(page, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+        file.write(_PAGE.format(html.escape(address)))
+    deleting = threading.Timer(_LEADS, shutil.rmtree, (folder,), {"ignore_errors": True})
+    deleting.daemon = True
+    deleting.start()
+    return page
+
+
+def _private() -> str | None:
+    """A folder of the user for that page; None for the temporary folder of this machine.
+
+    A browser that is packed as a snap can read the home folder, but neither of the others.
+    """
+    home, own = Path.home(), os.environ.get("XDG_RUNTIME_DIR", "")
+    if (home / "snap").is_dir():
+        return str(home)
+    return own if Path(own).is_absolute() and Path(own).is_dir() else None

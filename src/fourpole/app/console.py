@@ -373,12 +373,12 @@ def _fault(error: Exception) -> NoReturn:
 
 
 def end_in_order() -> None:
-    """Let SIGTERM and a closed terminal end the command as Ctrl-C does, so that it leaves no hidden folders."""
+    """Let SIGTERM, a closed terminal and Ctrl-Break end the command as Ctrl-C does: it leaves no hidden folders."""
 
     def end(*_: object) -> NoReturn:
         raise Terminated
 
-    for name in ("SIGTERM", "SIGHUP"):
+    for name in ("SIGTERM", "SIGHUP", "SIGBREAK"):
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) is signal.SIG_DFL:
             signal.signal(getattr(signal, name), end)
     sys.unraisablehook = _once_more

@@ -158,7 +158,10 @@ class RunOptions:
     )
     scheduler: str | None = _given('A running Dask cluster to use, as "tcp://10.0.0.5:8786".')
     time_limit: float | None = _amount(
-        "--time-limit", "time", 'Time after which a recording is given up, as "60 s"; 1 s more per MB.', "positive"
+        "--time-limit",
+        "time",
+        'Processor time after which a recording is given up, as "60 s"; 1 s more per MB.',
+        "positive",
     )
     verify: bool = _given(
         "Hash every recording, even if its size, time and inode are as noted.", "--verify", default=False

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
-from multiprocessing import get_context
 from pathlib import Path
 
 from fourpole.app.console import out, progress, warn
@@ -20,10 +16,7 @@ from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.pdf import browser, print_page
 from fourpole.report.words.sentence import sentences
 from fourpole.study.results import Results, section
-from fourpole.study.workers import processors
 
-#: With so many rows of dynamic.csv worker processes draw, each of which takes a second to start; their largest number.
-_MANY, _MOST_DRAWERS = 5000, 4
 #: Files that `make_report` writes where all figures have data, with PNG.
 PAGE = "report.html"
 OF_REPORT = (*(f"figures/{name}" for name in figure_files()), PAGE, "report.pdf")
@@ -37,10 +30,10 @@ def make_report(
     With `paper`, the figures of the 1982 paper are among them.
     """
     formats = ("svg", "png") if png else ("svg",)
-    with progress("drawing") as advance, _drawers(results) as executor:
+    with progress("drawing") as advance:
         files = save_figures(
             results, folder / "figures", keys=figures_of(results, paper=paper), style=style, formats=formats,
-            progress=advance, executor=executor,
+            progress=advance,
         )  # fmt: skip
     drawings = {key: read_bytes(path, max_bytes=MAX_FILE_BYTES).decode() for key, path in files.items()}
     figures = {
@@ -49,21 +42,6 @@ def make_report(
     page = folder / PAGE
     write_report(results, page, findings=sentences(by_size(findings(results)), results.shown), figures=figures)
     return page
-
-
-@contextmanager
-def _drawers(results: Results) -> Iterator[Executor | None]:
-    """The processes of this machine that draw the figures of a large campaign; None for this thread."""
-    count = min(processors(), _MOST_DRAWERS)
-    if count < 2 or results.dynamic.height < _MANY:
-        yield None
-        return
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def run_report(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -13,6 +10,7 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.app import events
 from fourpole.app.console import out, print_json, say
+from fourpole.io.processes import DEVNULL, PIPE, Process, interrupt, start_module
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
 from fourpole.study.watch import Judged, Watch
 
@@ -54,7 +52,7 @@ class _Joint:
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._last, self._due = folder, 0.0, False
-        self._process: subprocess.Popen[str] | None = None
+        self._process: Process | None = None
 
     def follow(self, new: bool) -> list[str]:
         """Start it when it is time; its last line when it is done."""
@@ -64,18 +62,18 @@ class _Joint:
         if self._process is not None and self._process.poll() is not None:
             said, _ = self._process.communicate()
             self._process = None
-            lines = [line for line in said.splitlines() if line.strip()]
+            lines = [line for line in said.decode(errors="replace").splitlines() if line.strip()]
             return [f"all tests together: {line}" for line in lines if " tests, " in line or "report:" in line]
         if self._process is None and self._due and now - self._last > _QUIET:
             self._due = False
-            command = [sys.executable, "-m", "fourpole", "analyse", str(self._folder)]
-            self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+            words = ("analyse", str(self._folder.absolute()))
+            self._process = start_module("fourpole", *words, stdout=PIPE, stderr=DEVNULL, group=True)
         return []
 
     def stop(self) -> None:
         """End it as Ctrl-C does."""
         if self._process is not None:
-            self._process.send_signal(signal.SIGINT)
+            interrupt(self._process)
             self._process.communicate()
 
 

@@ -223,10 +223,17 @@ class Code(Enum):
     )
     READER = (
         "reader",
-        "whether the recording could be read at all, within the limits of time and memory",
+        "whether the recording could be read at all, within the limit of memory",
         "a recording ended the process that read it",
         "{file} {why}; ",
         "the file may be damaged: copy or export it again, or cut it with window [s]",
+    )
+    SLOW = (
+        "time",
+        "whether the recording could be read within the limit of processor time, and without standing still",
+        "a recording took longer to read than it may",
+        "{file} {why}; ",
+        "allow more with --time-limit, or cut it with window [s]",
     )
     FAULT = (
         "fault",

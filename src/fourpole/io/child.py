@@ -8,30 +8,36 @@ the main program, so a script needs no ``if __name__ == "__main__"``.
 from __future__ import annotations
 
 import atexit
-import os
+import select
 import signal
-import subprocess
-import sys
 import threading
 import time
 import weakref
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 from fourpole import errors
 from fourpole.io.packed import pack, unpack
+from fourpole.io.processes import PIPE, Process, cpu_time, start_module
 from fourpole.io.recordings import format_of
-from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.signals import MAX_FILE_BYTES, Format
 from fourpole.io.source import name_of
-from fourpole.io.worker import TOO_MUCH, receive, send
+from fourpole.io.worker import STILL, TOO_LATE, TOO_MUCH, receive, send
 
 #: Memory that a file may need beyond the interpreter and the file itself, mapped [byte]: the samples of a request may
 #: take 2 GB (`stream`), and half as much again is for what a library holds beside them.
 SPARE = 3_000_000_000
-#: Time that a file may need [s], and the additional time per byte [s/byte].
+#: Processor time that a file may need [s], and the additional time per byte [s/byte].
 SECONDS, _PER_BYTE = 60.0, 1e-6
+#: Time without progress after which a worker is ended [s]. Its progress is looked at once a second, and the looks are
+#: counted: while this process stands still, as after Ctrl-Z, so does the count.
+STALLED, _LOOK = 60.0, 1.0
+#: A file of more bytes is read in a worker in any format. Reading so much sound text takes as long as a worker takes to
+#: start (0.3 s), so this at most doubles the time of one file; less text is done at once, however it is made.
+OWN_BYTES = 8_000_000
 #: Threads of linear algebra in a worker: one, because there are several workers; and those for reading tables.
 _ONE_THREAD = (
     "OPENBLAS_NUM_THREADS",
@@ -51,18 +57,27 @@ _LOCAL = threading.local()
 _ALL: weakref.WeakSet[Child] = weakref.WeakSet()
 
 
-@atexit.register
 def _end() -> None:
     for one in list(_ALL):
         one.close()
 
 
 class Died(Exception):  # noqa: N818 - it is a report
-    """A worker ended before it answered; the text says why."""
+    """A worker ended before it answered; the text says why, and `remedy` what to do."""
+
+    remedy = "it may be damaged: copy or export it again"
 
 
 class Late(Died):
     """A worker took longer than it may: the same work would take another worker as long."""
+
+    remedy = "it is slow to read, not damaged: export a shorter part of it, or in another format"
+
+
+class Stalled(Late):
+    """A worker neither used the processor nor told of progress."""
+
+    remedy = "check that the drive or server with it answers, or copy it to a drive of this machine"
 
 
 class Child:
@@ -71,7 +86,7 @@ class Child:
     def __init__(self, threads: int = 1) -> None:
         _ALL.add(self)
         self._threads = threads
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Process | None = None
         self._closed = False
 
     def call(
@@ -92,7 +107,7 @@ class Child:
         size : int [byte]
             Size of the file that it reads.
         seconds : float [s]
-            Time limit of a small file.
+            Limit of the processor time of a small file.
         spare : int [byte]
             Memory that the file may need; by default `SPARE` and its size.
         progress : callable, optional
@@ -110,16 +125,18 @@ class Child:
         FourpoleError, MemoryError, RuntimeError
             What the function raised; RuntimeError stands for an error that is not one of Fourpole.
         """
-        limit = seconds + _PER_BYTE * size
+        limit, patience = seconds + _PER_BYTE * size, max(STALLED, seconds)
         most = spare or SPARE + size
-        message = pack((function.__module__, function.__name__, pack(args), progress is not None, limit, most))
+        args = tuple(one.absolute() if isinstance(one, Path) else one for one in args)  # it has another working folder
+        stated = (function.__module__, function.__name__, pack(args), progress is not None, limit, patience, most)
         process = self._running()
         began = time.monotonic()
         answer = None
         try:
             with suppress(OSError, ValueError):
-                send(cast("BinaryIO", process.stdin), message)
-                while (answer := receive(cast("BinaryIO", process.stdout))) and answer[:1] == b"P":
+                send(cast("BinaryIO", process.stdin), pack(stated))
+                pipe = _Watched(process, patience)
+                while (answer := receive(pipe)) and answer[:1] == b"P":
                     if progress is not None:
                         progress(*unpack(answer[1:]))
         except BaseException:  # Ctrl-C: the answer would be taken for that of the next call
@@ -127,23 +144,21 @@ class Child:
             raise
         if answer is None:
             self.close(for_good=False)
-            raise _death(process.returncode, time.monotonic() - began, limit)
+            raise _death(process.returncode, time.monotonic() - began, limit, patience)
         if answer[:1] == b"R":
             return answer[1:]
         raise _error(*unpack(answer[1:]))
 
-    def _running(self) -> subprocess.Popen[bytes]:
+    def _running(self) -> Process:
         if self._process is not None and self._process.poll() is not None:
             self.close(for_good=False)
         if self._process is None:
             if self._closed:
                 raise Died("it was stopped")
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "fourpole.io.worker"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=_environment(self._threads),
-            )
+            variables = {**dict.fromkeys(_ONE_THREAD, "1"), _OF_TABLES: str(self._threads), **_ALLOCATOR}
+            self._process = start_module("fourpole.io.worker", variables=variables, stdin=PIPE, stdout=PIPE)
+            atexit.unregister(_end)  # workers end before their folders are deleted, which what was started first does
+            atexit.register(_end)
         return self._process
 
     def close(self, *, for_good: bool = True) -> None:
@@ -166,17 +181,46 @@ def child(threads: int = 1) -> Child:
     return cast("Child", found)
 
 
-def _environment(threads: int) -> dict[str, str]:
-    """Environment of a worker: the same modules as here, one thread of linear algebra, and some for tables."""
-    paths = os.pathsep.join(path for path in sys.path if path)
-    limits = {**dict.fromkeys(_ONE_THREAD, "1"), _OF_TABLES: str(threads)}
-    return {**os.environ, **limits, **_ALLOCATOR, "PYTHONPATH": paths}
+class _Watched:
+    """The answers of a worker, which is ended if it makes no progress for a time [s]."""
+
+    def __init__(self, process: Process, patience: float) -> None:
+        self._process, self._patience = process, patience
+        assert isinstance(process.stdout, BufferedReader)
+        self._pipe = process.stdout.raw  # a buffer would hide bytes from `poll`
+
+    def read(self, count: int) -> bytes:
+        """So many bytes of the answer; fewer at its end."""
+        content, place = memoryview(bytearray(count)), 0
+        while place < count and (step := self._next_into(content[place:])):
+            place += step
+        return bytes(content[:place])
+
+    def _next_into(self, content: memoryview) -> int | None:
+        if hasattr(select, "poll"):
+            self._wait()
+        return self._pipe.readinto(content)
+
+    def _wait(self) -> None:
+        """Wait for bytes; Stalled if meanwhile the worker takes no processor time."""
+        waiting = select.poll()
+        waiting.register(self._pipe.fileno(), select.POLLIN)
+        looks, seen = 0, 0.0
+        while not waiting.poll(1000 * _LOOK):
+            taken = cpu_time(self._process)
+            if taken is None:  # a worker elsewhere than on Linux watches itself
+                return
+            looks, seen = (looks + 1, seen) if taken < seen + STILL else (0, taken)
+            if looks * _LOOK >= self._patience:
+                raise Stalled(f"made no progress for {self._patience:.0f} s")
 
 
-def _death(code: int | None, took: float, limit: float) -> Died:
+def _death(code: int | None, took: float, limit: float, patience: float) -> Died:
     """The death with its reason, from the exit code of the process."""
-    if code == 1 and took >= limit:  # the code of `faulthandler`, and of nothing that a library does
-        return Late(f"was not read within {limit:.0f} s")
+    if code in (TOO_LATE, -getattr(signal, "SIGXCPU", TOO_LATE)):
+        return Late(f"took more than {limit:.0f} s of processor time")
+    if code == 1 and took >= patience:  # the code of `faulthandler`, and of nothing that a library does
+        return Stalled(f"made no progress for {patience:.0f} s")
     if code == TOO_MUCH or code == -getattr(signal, "SIGKILL", 9):
         return Died("needed more memory than there is")
     if code == -getattr(signal, "SIGABRT", 6):  # so does a library end that is refused memory
@@ -213,6 +257,11 @@ def answer_of(
         return child().call(function, *args, size=size, seconds=limit, spare=spare, progress=progress)
 
 
+def is_guarded(kind: Format, size: int) -> bool:
+    """Whether a file of a format and size [byte] is read in a worker process."""
+    return kind.by_library or size > OWN_BYTES
+
+
 def read_apart(
     function: Callable[..., Any],
     path: Path,
@@ -221,7 +270,7 @@ def read_apart(
     label: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Any:
-    """The result of a function that reads a file, run in the worker of this thread if a library reads such a file.
+    """The result of a function that reads a file, run in the worker of this thread if the file is read in one.
 
     Parameters
     ----------
@@ -242,13 +291,11 @@ def read_apart(
         If no worker answers, or the file cannot be opened.
     """
     told = {} if progress is None else {"progress": progress}
-    kind = format_of(path, max_bytes=MAX_FILE_BYTES, label=label)
-    if not kind.by_library:
+    kind, size = format_of(path, max_bytes=MAX_FILE_BYTES, label=label), path.stat().st_size
+    if not is_guarded(kind, size):
         return function(path, *args, **told)
     try:
-        size = path.stat().st_size
-        # The worker may be in another folder than this process is now.
-        answer = answer_of(function, path.absolute(), *args, size=size, spare=kind.memory, progress=progress)
+        answer = answer_of(function, path, *args, size=size, spare=kind.memory, progress=progress)
     except Died as death:
-        raise errors.FileError(f"{name_of(path, label)} {death}; it may be damaged: copy or export it again") from None
+        raise errors.FileError(f"{name_of(path, label)} {death}; {death.remedy}") from None
     return unpack(bytearray(answer), classes)  # arrays on a bytearray can be written

@@ -40,7 +40,7 @@ def read_crg(path: str | os.PathLike[str], label: str | None = None) -> tuple[Fl
     try:
         answer = answer_of(along_line, place, name, size=place.stat().st_size)
     except Died as death:
-        raise FileError(f"{name} {death}; it may be damaged: copy or export it again") from None
+        raise FileError(f"{name} {death}; {death.remedy}") from None
     distance, height, warned = unpack(bytearray(answer))
     return distance, height, warned
 

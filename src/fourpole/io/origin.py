@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
-import subprocess
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from fourpole.io.processes import output_of, program_path
 from fourpole.version import VERSION
 
 _COMMIT = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}")
@@ -117,18 +115,16 @@ def _reference(folder: Path, name: str) -> str:
 
 def _changed(root: Path) -> bool | None:
     """Whether files of the package differ from the commit, as git says; None without git."""
-    program = shutil.which("git")
+    program = program_path("git")
     if program is None:
         return None
-    # Variables of git may name another repository, as inside a hook; a monitor of files would be a further program.
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
-    environment["GIT_OPTIONAL_LOCKS"] = "0"
+    # A monitor of files would be a further program.
     command = [program, "-c", "core.fsmonitor=false", "-C", str(root), "status", "--porcelain", "--", "src/fourpole"]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=True, env=environment)
-    except (OSError, subprocess.SubprocessError):
+        code, printed, _ = output_of(command, seconds=_PATIENCE, variables={"GIT_OPTIONAL_LOCKS": "0"})
+    except OSError:
         return None
-    return bool(done.stdout.strip())
+    return None if code else bool(printed.strip())
 
 
 def _noted_by_pip(package: Path) -> str:

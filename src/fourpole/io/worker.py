@@ -5,14 +5,18 @@ read it happens here: a crash ends this process alone, memory and time are limit
 
 - Work is the name of a function of Fourpole with its arguments. Both they and the answer are made by `packed`, so that
   neither side makes any object but those that the function's module lists in `OF_WORK`.
-- Time is limited by the watch of `faulthandler`, a thread of C that ends the process even if a library holds Python.
-- Memory is limited by the system on Linux (RLIMIT_AS); elsewhere a thread looks at the memory in use.
+- Limited is processor time, not the time of the clock, which says nothing on a busy machine: by the system
+  (RLIMIT_CPU), on Windows by a thread that looks at it.
+- A worker that makes no progress ends: on Linux the parent sees that it takes no processor time; elsewhere the watch of
+  `faulthandler`, a thread of C, ends the process unless the thread that looks sees progress.
+- Memory is limited by the system on Linux (RLIMIT_AS); elsewhere the same thread looks at the memory in use.
 - When the parent ends, standard input ends, and so does the worker.
 """
 
 from __future__ import annotations
 
 import faulthandler
+import math
 import os
 import queue
 import signal
@@ -25,19 +29,36 @@ from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 from fourpole.errors import FourpoleError
 from fourpole.io.packed import pack, unpack
+from fourpole.io.processes import FOLDERS
 
-#: Exit code of a worker that used more memory than it may; that of `faulthandler` is 1.
-TOO_MUCH = 77
+try:
+    import resource
+except ImportError:  # on Windows
+    resource = None  # type: ignore[assignment]
+
+#: Exit codes of a worker that used more memory or processor time than it may; that of `faulthandler` is 1.
+TOO_MUCH, TOO_LATE = 77, 78
+#: A worker that takes less processor time than this [s] between two looks or more makes no progress.
+STILL = 0.05
 #: A worker without work ends after this time [s].
 _IDLE = 300.0
 #: Interval at which the memory is looked at where the system has no limit [s].
 _LOOK = 0.1
+#: Time after which work ends in any case whose parent was killed while a library holds Python and stands still [s].
+_FORSAKEN = 86400.0
 #: Length of a message's own length [byte].
 _LENGTH = 8
+
+
+class Readable(Protocol):
+    """What gives bytes, fewer than are asked for only at its end."""
+
+    def read(self, count: int, /) -> bytes:
+        """So many bytes."""
 
 
 def send(pipe: BinaryIO, message: bytes) -> None:
@@ -46,7 +67,7 @@ def send(pipe: BinaryIO, message: bytes) -> None:
     pipe.flush()
 
 
-def receive(pipe: BinaryIO) -> bytes | None:
+def receive(pipe: Readable) -> bytes | None:
     """The next message; None at the end of the pipe."""
     head = pipe.read(_LENGTH)
     if len(head) < _LENGTH:
@@ -64,22 +85,19 @@ def main() -> None:
     _first_to_go()
     work: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(os.fdopen(os.dup(0), "rb"), work), daemon=True).start()
-    nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open as long as the process
-    memory = _Memory()
+    limits = _Limits()
     while True:
-        faulthandler.dump_traceback_later(_IDLE, exit=True, file=nowhere)
+        limits.watch(_IDLE)
         message = work.get()
-        faulthandler.cancel_dump_traceback_later()
-        module, name, content, tells, seconds, spare = unpack(message)
+        module, name, content, tells, seconds, patience, spare = unpack(message)
+        limits.watch(patience if limits.by_thread else _FORSAKEN + seconds)
         home = import_module(module)
         function, args = getattr(home, name), unpack(content, getattr(home, "OF_WORK", ()))
         if tells:
             function = partial(function, progress=partial(_tell, answers))
-        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
-        memory.allow(spare)
+        limits.allow(seconds, spare)
         answer = _answered(function, args)
-        memory.allow(None)
-        faulthandler.cancel_dump_traceback_later()
+        limits.allow(None, None)
         send(answers, answer)
 
 
@@ -115,6 +133,11 @@ def _listen(pipe: BinaryIO, work: queue.SimpleQueue[bytes]) -> None:
     """Pass the messages on; at the end of the pipe the process ends, even in the middle of its work."""
     while (message := receive(pipe)) is not None:
         work.put(message)
+    with suppress(OSError):  # a parent that was killed does not delete the folder that it made
+        folder = Path.cwd()
+        os.chdir(folder.parent)
+        if folder.name.startswith(FOLDERS):
+            folder.rmdir()
     os._exit(0)
 
 
@@ -124,37 +147,61 @@ def _first_to_go() -> None:
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
 
 
-class _Memory:
-    """The limit of the memory of this process, above what it needs without any file."""
+class _Limits:
+    """The limits of this process: memory above what it needs without any file, processor time, and standing still."""
 
     def __init__(self) -> None:
+        self.by_thread = not sys.platform.startswith("linux")
+        self._nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open as long as the process
+        self._patience = _IDLE
         self._most: int | None = None
+        self._latest: float | None = None
         self._own = 0
-        if not sys.platform.startswith("linux"):
-            threading.Thread(target=self._watch, daemon=True).start()
+        if resource is not None:  # a process that is ended for its time leaves no image of its memory
+            resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+        if self.by_thread:
+            threading.Thread(target=self._look, daemon=True).start()
 
-    def allow(self, spare: int | None) -> None:
-        """Allow this much memory [byte] beyond that of the interpreter and its libraries; None for any."""
-        if sys.platform.startswith("linux"):
-            import resource
+    def watch(self, patience: float) -> None:
+        """End this process after a time [s], unless this is called again before."""
+        self._patience = patience
+        faulthandler.dump_traceback_later(patience, exit=True, file=self._nowhere)
 
-            self._own = self._own or _address_space()
-            hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-            most = hard if spare is None else self._own + spare
-            with suppress(ValueError, OSError):
-                resource.setrlimit(
-                    resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
-                )
-        else:
+    def allow(self, seconds: float | None, spare: int | None) -> None:
+        """Allow this much processor time [s] from now on, and memory [byte] beyond that of the interpreter, or any."""
+        latest = None if seconds is None else time.process_time() + seconds
+        if resource is not None:
+            _limit(resource.RLIMIT_CPU, None if latest is None else math.ceil(latest))
+        if self.by_thread:
             self._own = self._own or memory_in_use()
             self._most = None if spare is None else self._own + spare
+            self._latest = latest
+        else:
+            self._own = self._own or _address_space()
+            _limit(resource.RLIMIT_AS, None if spare is None else self._own + spare)
 
-    def _watch(self) -> None:
+    def _look(self) -> None:
+        seen = 0.0
         while True:
             time.sleep(_LOOK)
-            most = self._most
+            most, latest, taken = self._most, self._latest, time.process_time()
             if most is not None and memory_in_use() > most:
                 os._exit(TOO_MUCH)
+            if latest is None:
+                continue
+            if taken > latest:
+                os._exit(TOO_LATE)
+            if taken > seen + STILL:
+                seen = taken
+                self.watch(self._patience)
+
+
+def _limit(kind: int, most: int | None) -> None:
+    """Set a limit of this process; None for the highest that it may have."""
+    hard = resource.getrlimit(kind)[1]
+    unlimited = hard == resource.RLIM_INFINITY
+    with suppress(ValueError, OSError):
+        resource.setrlimit(kind, (hard if most is None else most if unlimited else min(most, hard), hard))
 
 
 def _address_space() -> int:
@@ -182,8 +229,6 @@ def memory_in_use() -> int:
             ctypes.c_void_p(kernel.GetCurrentProcess()), ctypes.byref(counters), counters.size
         )
         return int(counters.in_use)
-    import resource
-
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak
 

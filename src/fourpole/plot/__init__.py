@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from fourpole.plot.fonts import list_fonts
+
 if TYPE_CHECKING:
     from fourpole.plot.catalogue import (
         FIGURES,
@@ -47,6 +49,8 @@ __all__ = [
     "save_figures",
     "write_figure",
 ]
+
+list_fonts()  # before any module of this room loads matplotlib
 
 
 def __getattr__(name: str) -> Any:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
-import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from fourpole.errors import FileError
+from fourpole.io.processes import output_of, program_path
 
 #: Names of browsers that print without a window, on the path, and their places on macOS and Windows.
 _NAMES = (
@@ -45,7 +44,7 @@ def browser() -> str:
 
 
 def _places() -> Iterator[str]:
-    yield from (found for name in _NAMES if (found := shutil.which(name)))
+    yield from (found for name in _NAMES if (found := program_path(name)))
     roots = [root for name in _WINDOWS_ROOTS if (root := os.environ.get(name))]
     yield from (place for place in (*_MAC, *(f"{root}\\{rest}" for root in roots for rest in _WINDOWS)) if _is(place))
 
@@ -78,8 +77,8 @@ def print_page(page: Path, path: Path) -> None:
             *(["--no-sandbox"] if _is_root() else []), f"--print-to-pdf={printed}", page.resolve().as_uri(),
         ]  # fmt: skip
         try:
-            code, said = _run(command)
-        except subprocess.TimeoutExpired:
+            code, _, said = output_of(command, seconds=_SECONDS)
+        except TimeoutError:
             raise FileError(f"{program} did not print {page.name} within {_SECONDS} s") from None
         except OSError as error:
             raise FileError(f"{program} cannot be started: {error.strerror or error}") from None
@@ -88,21 +87,6 @@ def print_page(page: Path, path: Path) -> None:
             why = f": {lines[-1][:200]}" if lines else f", exit code {code}"
             raise FileError(f"{program} did not print {page.name}{why}")
         shutil.copyfile(printed, path)
-
-
-def _run(command: Sequence[str]) -> tuple[int, bytes]:
-    """Exit code and error output of a program; after the time limit it is ended with the programs that it started."""
-    with subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
-    ) as program:
-        try:
-            _, said = program.communicate(timeout=_SECONDS)
-        except (subprocess.TimeoutExpired, KeyboardInterrupt):
-            if hasattr(os, "killpg"):
-                os.killpg(program.pid, signal.SIGKILL)
-            program.kill()
-            raise
-        return program.returncode, said
 
 
 def _is_root() -> bool:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import signal
-import sys
 from collections import deque
 from collections.abc import AsyncIterator
 from contextlib import suppress
@@ -14,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from fourpole.io.processes import interrupt, running_module
 from fourpole.served.workspace import Place
 
 #: The sign before an event, and the variable that asks for events; see fourpole.app.events.
@@ -101,8 +99,7 @@ class Job:
         if self.phase is Phase.WAITING:
             self.phase = Phase.STOPPED
         elif self._process is not None and self._process.returncode is None:
-            with suppress(ProcessLookupError):
-                self._process.send_signal(signal.SIGINT)
+            interrupt(self._process)
 
 
 class Jobs:
@@ -154,17 +151,16 @@ class Jobs:
 
 async def _run(job: Job) -> None:
     """Run the command of a job to its end."""
-    environment = {**os.environ, _EVENTS: "1", "NO_COLOR": "1"}
+    words = (*job.words, str(job.place.folder.absolute()), "--json")
     try:
-        process = job._process = await asyncio.create_subprocess_exec(  # noqa: SLF001 - the job is this module's own
-            sys.executable, "-m", "fourpole", *job.words, str(job.place.folder), "--json",
-            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
-            env=environment, limit=_LINE, start_new_session=True,
-        )  # fmt: skip
-        if job._asked:  # noqa: SLF001 - while the process was made, and has done nothing yet
-            process.kill()
-        printed, _ = await asyncio.gather(_printed(process), _said(process, job))
-        job.code = await process.wait()
+        async with running_module(
+            "fourpole", *words, variables={_EVENTS: "1", "NO_COLOR": "1"}, limit=_LINE
+        ) as process:
+            job._process = process  # noqa: SLF001 - the job is this module's own
+            if job._asked:  # noqa: SLF001 - while the process was made, and has done nothing yet
+                process.kill()
+            printed, _ = await asyncio.gather(_printed(process), _said(process, job))
+            job.code = await process.wait()
     except (OSError, ValueError) as error:
         job.messages.append(f"error: the command could not be run: {error}")
         job.phase = Phase.FAILED

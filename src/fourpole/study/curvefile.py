@@ -1,4 +1,4 @@
-"""The curve of a static test: from the cache, or from its file, in a worker process if a library reads it."""
+"""The curve of a static test: from the cache, or from its file, in a worker process if there is a reason."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import at_hand, identity_or_none
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FileError, FourpoleError
-from fourpole.io.child import SECONDS, Died, answer_of
+from fourpole.io.child import SECONDS, Died, Late, answer_of
 from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
 from fourpole.io.packed import pack, unpack
 from fourpole.study.cache import Cache
-from fourpole.study.guard import by_library
+from fourpole.study.guard import is_guarded
 from fourpole.study.load import MOST_BYTES, load_curve
 
 #: A curve of more bytes is not kept.
@@ -78,7 +78,7 @@ def read_curve(campaign: Campaign, test: Test, cache: Cache | None = None, secon
     cache : Cache, optional
         The cache, in which it may stand, and in which it is kept.
     seconds : float [s]
-        Time limit of a file that a library reads.
+        Limit of the processor time of a file that is read in a worker process.
 
     Raises
     ------
@@ -112,11 +112,12 @@ def _unpacked(content: bytes) -> CurveOfFile:
 
 
 def _read(job: CurveJob, identity: Identity | None, seconds: float) -> bytes:
-    """The packed curve, from a worker process if the file is one that a library reads."""
-    if not by_library(job.folder, job.test.file):
+    """The packed curve, from a worker process if the file is one that is read there."""
+    if not is_guarded(job.folder, job.test.file):
         return curve_of(job)
     size = identity.size if identity is not None else 0
     try:
         return answer_of(curve_of, job, size=size, seconds=seconds)
     except Died as death:
-        raise FileError(f"{job.test.file} {death}; the file may be damaged: copy or export it again") from None
+        remedy = f"allow more with --time-limit, or {death.remedy}" if isinstance(death, Late) else death.remedy
+        raise FileError(f"{job.test.file} {death}; {remedy}") from None

@@ -89,7 +89,7 @@ class StaticTest:
 def evaluate_statics(campaign: Campaign, cache: Cache | None = None, seconds: float = SECONDS) -> list[StaticTest]:
     """Evaluate each static test at its own preload and at the preloads of the dynamic tests that use its K1.
 
-    The cache keeps the curves; a file that a library reads has a time limit [s].
+    The cache keeps the curves; the processor time of a file that is read in a worker process has a limit [s].
     """
     statics, rule = campaign.of_kind("static"), campaign.stated.sameness
     loads = {test.name: {load} if (load := test.value("preload")) is not None else set() for test in statics}

@@ -334,7 +334,8 @@ def analyse(
         Executor that runs batches of recordings in place of these processes, in threads, in processes or on other
         machines, as that of `dask.distributed.Client.get_executor`.
     time_limit : float [s]
-        Time after which a recording is given up; a large file has 1 s per MB more. It holds in worker processes.
+        Processor time after which a recording is given up; a large file has 1 s per MB more. It holds in worker
+        processes, in which large files and those that a library reads are always read.
     progress : callable, optional
         Called with the number of reduced recordings and the number of all recordings.
     arrived : callable, optional

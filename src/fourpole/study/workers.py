@@ -27,14 +27,14 @@ from fourpole.campaign.place import at_hand, identity_or_none
 from fourpole.core.checks import Check, reported
 from fourpole.core.codes import Code
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.io.child import SECONDS, Child, Died, answer_of, child
+from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
 from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
 from fourpole.io.packed import unpack
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
-from fourpole.study.guard import by_library
+from fourpole.study.guard import is_guarded
 from fourpole.study.outcome import Demodulated, Reduced
 from fourpole.study.reduce import OF_WORK as OF_JOB
 from fourpole.study.reduce import Job, check_part, demodulated, reduced_of
@@ -68,12 +68,12 @@ def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer
     jobs : sequence of Job
         The jobs.
     seconds : float [s]
-        Time limit of a recording; a large file has more.
+        Limit of the processor time of a recording; a large file has more.
     guarded : bool
-        Whether all are run in the worker process of this thread; otherwise only those whose file a library reads.
+        Whether all are run in the worker process of this thread; otherwise only those for which there is a reason.
     """
     return [
-        _ran(job, seconds) if guarded or by_library(job.folder, job.test.file) else demodulate_packed(job)
+        _ran(job, seconds) if guarded or is_guarded(job.folder, job.test.file) else demodulate_packed(job)
         for job in jobs
     ]
 
@@ -81,14 +81,15 @@ def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer
 def check_part_of(job: Job, *, guarded: bool = False) -> tuple[Check, ...]:
     """The checks of the first part of a recording; see `check_part`.
 
-    It is read in the worker process of this thread if a library reads it, or if `guarded`.
+    It is read in the worker process of this thread if there is a reason, or if `guarded`.
     """
-    if not guarded and not by_library(job.folder, job.test.file):
+    if not guarded and not is_guarded(job.folder, job.test.file):
         return check_part(job)
     try:
         found: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), (Check, Code))
     except Died as death:
-        return (reported(Code.READER, "rejected", file=job.test.file, why=str(death)),)
+        code = Code.SLOW if isinstance(death, Late) else Code.READER
+        return (reported(code, "rejected", file=job.test.file, why=str(death)),)
     return found
 
 
@@ -119,6 +120,8 @@ def _ran(job: Job, seconds: float) -> Answer:
     """The answer of this thread's worker process."""
     try:
         return child().call(demodulate_packed, job, size=_size(job), seconds=seconds)
+    except Late as death:
+        why = reported(Code.SLOW, "rejected", file=job.test.file, why=death)
     except Died as death:
         return str(death)
     except MemoryError:
@@ -193,7 +196,7 @@ class Settings:
     executor : Executor or None
         An executor to use in place of worker processes.
     seconds : float [s]
-        Time limit of a recording; a large file has more.
+        Limit of the processor time of a recording; a large file has more.
     """
 
     workers: int | None = None

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import platform
-import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from fourpole.export.fmi.csource import COMPILED
+from fourpole.io.processes import output_of, program_path
 
 #: Commands that are tried, in this order.
 COMPILERS = ("gcc", "cc", "clang")
 #: Time that the compiler may take [s].
 _LONGEST = 120.0
+#: Variables by which a user says where the compiler finds its headers and libraries.
+_OF_COMPILER = ("C_INCLUDE_PATH", "CPATH", "DEVELOPER_DIR", "GCC_EXEC_PREFIX", "LIBRARY_PATH", "SDKROOT")
 _ENDINGS = {"win32": ".dll", "darwin": ".dylib"}
 _SYSTEMS = {"win32": ("win", "windows"), "darwin": ("darwin", "darwin")}
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
@@ -38,7 +39,7 @@ def binary_place(identifier: str, version: int) -> str:
 
 def compiled(source: Mapping[str, str], version: int) -> bytes:
     """The shared library of the files of a source; `NoBinaryError` if there is no compiler or it fails."""
-    compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
+    compiler = next((found for name in COMPILERS if (found := program_path(name))), None)
     if compiler is None:
         raise NoBinaryError(f"no C compiler was found ({', '.join(COMPILERS)}): install one, as gcc, and export again")
     flags = ["-std=c99", "-O2", "-shared", "-fvisibility=hidden", *([] if sys.platform == "win32" else ["-fPIC"])]
@@ -47,12 +48,10 @@ def compiled(source: Mapping[str, str], version: int) -> bytes:
             Path(folder, name).write_text(text, encoding="utf-8")
         command = [compiler, *flags, "-o", "binary", *COMPILED[version]]
         try:
-            done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=_LONGEST, check=False
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
+            code, _, said = output_of(command, seconds=_LONGEST, folder=folder, also=_OF_COMPILER)
+        except OSError as error:
             raise NoBinaryError(f"{compiler} could not be run ({error})") from None
-        if done.returncode or not Path(folder, "binary").is_file():
-            first = next(iter(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
+        if code or not Path(folder, "binary").is_file():
+            first = next(iter(said.decode(errors="replace").strip().splitlines()), f"exit code {code}")
             raise NoBinaryError(f"{compiler} failed: {first}")
         return Path(folder, "binary").read_bytes()
