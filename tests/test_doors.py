@@ -1,0 +1,157 @@
+"""The one door in: what opens files in the source code, and the few places that may do so beside `fourpole.io.door`."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.thorough
+
+#: Formats whose libraries open paths by themselves, in the guarded worker alone.
+BY_PATH = (
+    "io/formats/arrow.py",
+    "io/formats/parquet.py",
+    "io/formats/uff.py",
+    "io/formats/uff_responses.py",
+    "io/formats/workbook.py",
+)
+
+SOURCE = Path(__file__).resolve().parents[1] / "src" / "fourpole"
+#: Calls by which bytes of a file come in, by the last part of their name.
+READS = set(
+    [
+        "open",
+        "fdopen",
+        "read_text",
+        "read_bytes",
+        "open_code",
+        "FileIO",
+        "mmap",
+        "fromfile",
+        "memmap",
+        "loadtxt",
+        "genfromtxt",
+        "load",
+        "loadmat",
+        "imread",
+        "File",
+        "MDF",
+        "UFF",
+        "TdmsFile",
+        "ZipFile",
+        "read_csv",
+        "read_parquet",
+        "read_ipc",
+        "read_ipc_stream",
+        "read_json",
+        "read_ndjson",
+        "read_excel",
+        "read_database",
+        "scan_csv",
+        "scan_parquet",
+        "scan_ipc",
+        "scan_ndjson",
+        "copyfile",
+        "copy2",
+        "copytree",
+        "unpack_archive",
+        "extractall",
+    ]
+)
+#: Functions of these names that open no path: the door's own, and methods of what is open.
+OPENS_NONE = {"read_bytes", "guard.load", "opened.guard.load", "self._last.load", "tyre.load", "load", "self.open"}
+OPENS_NONE |= {"archive.open", "system.open", "writer.open", "webbrowser.open"}
+#: What a library is given: bytes, or an open file.
+IN_MEMORY = ("content", "part", "file", "opened.file", "self.file.fileno()", "file.fileno()", "number", "version")
+IN_MEMORY_BEGINS = ("io.BytesIO(", "results.read(", "beside.read(", "buffer")
+#: Where a call may stand, and why. A path with a colon names a function of the file.
+MAY = {
+    "io/door.py": "the door",
+    "io/lock.py": "opens folders, to lock them",
+    "io/worker.py": "the worker's own pipes and what the system says of it",
+    "io/processes.py": "what the system says of a process",
+    "app/console.py": "the null device",
+    "app/events.py": "standard input",
+    # made by this process just now, in a new folder that nobody else knows
+    "io/published.py": "a writer's own new files",
+    "io/staging.py": "keeps the former files",
+    "io/writers/parquet.py": "its own parts",
+    "io/writers/mdf.py": "makes an empty one",
+    "export/fmi/compiler.py": "what the compiler made",
+    "report/pdf.py": "what the browser printed",
+    "export/uff.py": "what it writes",
+    "virtual/folder.py": "truth.csv of the folder that it made",
+    # package data
+    "report/html.py": "templates and styles",
+    "report/selftest/run.py": "the reference data",
+    "report/selftest/vectors.py": "the reference data",
+    "served/site.py": "scripts and styles",
+    "export/fmi/csource.py": "the source of FMUs",
+    "io/origin.py": "the package's own repository",
+    # the user's own
+    "io/userfolders.py": "configuration and key",
+    "served/signals.py": "samples in the user's own cache folder",
+    "lab/layout.py": "the data set",
+}
+
+
+def openings(source: str) -> Iterator[tuple[int, str]]:
+    """Line and text of each call that opens a path to read it."""
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = ast.unparse(node.func)
+        given = ast.unparse(node.args[0]) if node.args else ""
+        last = name.rpartition(".")[2]
+        if last not in READS or name in OPENS_NONE or (last == "File" and name == "File"):
+            continue
+        in_memory = given in IN_MEMORY or given.startswith(IN_MEMORY_BEGINS)
+        if not (in_memory and name != "open") and not is_write(node):
+            yield node.lineno, ast.unparse(node)
+
+
+def is_write(call: ast.Call) -> bool:
+    """Whether a file is opened to be written, by the mode that stands in the call."""
+    if any("O_WRONLY" in ast.unparse(one) for one in call.args):
+        return True
+    modes = [one.value for one in (*call.args, *(key.value for key in call.keywords)) if isinstance(one, ast.Constant)]
+    return any(isinstance(mode, str) and set(mode) & set("wxa") and set(mode) <= set("wxab+t") for mode in modes)
+
+
+def test_only_the_door_opens_files() -> None:
+    found = {}
+    for path in sorted(SOURCE.rglob("*.py")):
+        where = path.relative_to(SOURCE).as_posix()
+        if where not in MAY and where not in BY_PATH:
+            found |= {f"{where}:{line}": text for line, text in openings(path.read_text(encoding="utf-8"))}
+    assert found == {}
+
+
+def test_each_exception_is_one() -> None:
+    for where in (*MAY, *BY_PATH):
+        assert list(openings((SOURCE / where).read_text(encoding="utf-8"))), where
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "open(path)",
+        "open(path, 'rb')",
+        "path.open()",
+        "(folder / 'a.csv').read_text()",
+        "path.read_bytes()",
+        "os.open(path, os.O_RDONLY)",
+        "pl.read_csv(path)",
+        "pl.scan_parquet(folder / 'a.parquet')",
+        "np.load(path)",
+        "h5py.File(path, 'r')",
+        "zipfile.ZipFile(path)",
+        "tomllib.load(path.open('rb'))",
+        "shutil.copyfile(path, target)",
+    ],
+)
+def test_a_call_that_opens_a_path_is_seen(line: str) -> None:
+    assert list(openings(line))
