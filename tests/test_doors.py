@@ -21,46 +21,12 @@ BY_PATH = (
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "fourpole"
 #: Calls by which bytes of a file come in, by the last part of their name.
-READS = set(
-    [
-        "open",
-        "fdopen",
-        "read_text",
-        "read_bytes",
-        "open_code",
-        "FileIO",
-        "mmap",
-        "fromfile",
-        "memmap",
-        "loadtxt",
-        "genfromtxt",
-        "load",
-        "loadmat",
-        "imread",
-        "File",
-        "MDF",
-        "UFF",
-        "TdmsFile",
-        "ZipFile",
-        "read_csv",
-        "read_parquet",
-        "read_ipc",
-        "read_ipc_stream",
-        "read_json",
-        "read_ndjson",
-        "read_excel",
-        "read_database",
-        "scan_csv",
-        "scan_parquet",
-        "scan_ipc",
-        "scan_ndjson",
-        "copyfile",
-        "copy2",
-        "copytree",
-        "unpack_archive",
-        "extractall",
-    ]
-)
+READS = {
+    "open", "fdopen", "read_text", "read_bytes", "open_code", "FileIO", "mmap", "fromfile", "memmap", "loadtxt",
+    "genfromtxt", "load", "loadmat", "imread", "File", "MDF", "UFF", "TdmsFile", "ZipFile", "read_csv", "read_parquet",
+    "read_ipc", "read_ipc_stream", "read_json", "read_ndjson", "read_excel", "read_database", "scan_csv", "scan_parquet",
+    "scan_ipc", "scan_ndjson", "copyfile", "copy2", "copytree", "unpack_archive", "extractall",
+}  # fmt: skip
 #: Functions of these names that open no path: the door's own, and methods of what is open.
 OPENS_NONE = {"read_bytes", "guard.load", "opened.guard.load", "self._last.load", "tyre.load", "load", "self.open"}
 OPENS_NONE |= {"archive.open", "system.open", "writer.open", "webbrowser.open"}
@@ -73,7 +39,6 @@ MAY = {
     "io/lock.py": "opens folders, to lock them",
     "io/worker.py": "the worker's own pipes and what the system says of it",
     "io/processes.py": "what the system says of a process",
-    "app/console.py": "the null device",
     "app/events.py": "standard input",
     # made by this process just now, in a new folder that nobody else knows
     "io/published.py": "a writer's own new files",
