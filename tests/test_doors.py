@@ -24,9 +24,8 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "fourpole"
 READS = {
     "open", "fdopen", "read_text", "read_bytes", "open_code", "FileIO", "mmap", "fromfile", "memmap", "loadtxt",
     "genfromtxt", "load", "loadmat", "imread", "File", "MDF", "UFF", "TdmsFile", "ZipFile", "read_csv", "read_parquet",
-    "read_ipc", "read_ipc_stream", "read_json", "read_ndjson", "read_excel", "read_database", "scan_csv", "scan_parquet",
-    "scan_ipc",
-    "scan_ndjson", "copyfile", "copy2", "copytree", "unpack_archive", "extractall",
+    "read_ipc", "read_ipc_stream", "read_json", "read_ndjson", "read_excel", "read_database", "scan_csv",
+    "scan_parquet", "scan_ipc", "scan_ndjson", "copyfile", "copy2", "copytree", "unpack_archive", "extractall",
 }  # fmt: skip
 #: Functions of these names that open no path: the door's own, and methods of what is open.
 OPENS_NONE = {"read_bytes", "guard.load", "opened.guard.load", "self._last.load", "tyre.load", "load", "self.open"}
