@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tests.reference import claims
 
 from fourpole import Study, analyse
+from fourpole.io.userfolders import user_key
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -34,6 +35,18 @@ def one_recording_at_a_time() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fourpole.study.workers._MOST", 1)
         yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def configuration_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The user's folders, with the key, are of the tests alone, for the processes that they start too."""
+    place = tmp_path_factory.mktemp("user")
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("CONFIG", "CACHE"):
+            patch.setenv(f"XDG_{name}_HOME", str(place / name.lower()))
+        user_key.cache_clear()
+        yield place
+    user_key.cache_clear()
 
 
 @pytest.fixture(scope="session")

@@ -26,6 +26,7 @@ from fourpole.fitting.rows import axes_record
 from fourpole.fitting.stated import rig_file
 from fourpole.io.child import SECONDS
 from fourpole.io.door import sha256_of
+from fourpole.io.folders import is_for_keeping
 from fourpole.io.origin import origin
 from fourpole.io.published import publishing
 from fourpole.io.write import remove_leftovers, write_table
@@ -369,8 +370,9 @@ def analyse(
     route, note = possible_route(campaign, route)
     _check_rig(campaign, dynamic, route)
 
-    kept = make_folder(cache) if cache is not None else None
-    if kept is not None:
+    kept = None
+    if cache is not None and is_for_keeping(Path(cache), campaign.folder):
+        kept = make_folder(cache)
         remove_leftovers(kept, abandoned=0.0)
     cached = Cache(kept, verify=verify) if kept is not None else None
     statics = evaluate_statics(campaign, cached, time_limit)

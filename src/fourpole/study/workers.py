@@ -260,7 +260,7 @@ class _Run:
         if self._cache is None or identity is None:
             return False
         sha256 = self._cache.hash_noted(job.test.file, identity)
-        if not sha256 and self._cache.is_noted(job.test.file):
+        if not sha256 and self._cache.may_have(job.test.file):
             sha256 = _hash(job)
             self._cache.note(job.test.file, identity, sha256)
         done = self._cache.recall(self._cache.name(self._stated[index], sha256)) if sha256 else None
