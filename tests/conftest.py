@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,10 +17,13 @@ from numpy.typing import NDArray
 from tests.reference import claims
 
 from fourpole import Study, analyse
-from fourpole.io.userfolders import user_key
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 ROOT = Path(__file__).resolve().parents[1]
+#: The user's folders, with the key, are of the tests alone, and of all processes that they start.
+USER = Path(tempfile.mkdtemp(prefix="fourpole-tests-"))
+os.environ |= {f"XDG_{name}_HOME": str(USER / name.lower()) for name in ("CONFIG", "CACHE")}
+atexit.register(shutil.rmtree, USER, ignore_errors=True)
 
 
 @pytest.fixture(scope="session")
@@ -35,18 +41,6 @@ def one_recording_at_a_time() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fourpole.study.workers._MOST", 1)
         yield
-
-
-@pytest.fixture(autouse=True, scope="session")
-def configuration_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The user's folders, with the key, are of the tests alone, for the processes that they start too."""
-    place = tmp_path_factory.mktemp("user")
-    with pytest.MonkeyPatch.context() as patch:
-        for name in ("CONFIG", "CACHE"):
-            patch.setenv(f"XDG_{name}_HOME", str(place / name.lower()))
-        user_key.cache_clear()
-        yield place
-    user_key.cache_clear()
 
 
 @pytest.fixture(scope="session")

@@ -165,13 +165,13 @@ def _demo_settings() -> dict[str, Any]:
 
 
 def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, options: RunOptions) -> Study:
-    from fourpole.study.study import analyse, make_folder  # here, so that a wrong name is said at once
+    from fourpole.study import analyse  # after the campaign is read, so that a wrong name is said at once
 
     if results == stated.folder / "results":
         check_no_way_out(stated.folder)
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
-    cache = make_folder(results) / "cache"
+    cache = results / "cache"
     if not is_for_keeping(cache, stated.folder):
         say(f"note: {cache} is a file or a link, or is led to by one: nothing is kept there for a second run")
     with _executor(options) as executor, progress("analysing") as advance:

@@ -173,6 +173,7 @@ def _identity(campaign: Path, name: str) -> Identity | None:
 
             return remote_identity(name)
         check_name(name)
+        check_name(name.rpartition("#")[0])
         return identity_of(_place(campaign, name))
     return None
 

@@ -87,10 +87,10 @@ def is_for_keeping(folder: Path, campaign: Path) -> bool:
         The campaign. A folder that is not named below it is the user's own word, and may lie anywhere.
     """
     try:
-        if folder.is_symlink() or not stat.S_ISDIR(folder.lstat().st_mode):
+        if not stat.S_ISDIR(folder.lstat().st_mode):
             return False
-    except FileNotFoundError:
-        pass  # it will be made
+    except (FileNotFoundError, NotADirectoryError):
+        pass  # it will be made, or the error says why it cannot
     except (OSError, ValueError):
         return False
     if not Path(os.path.abspath(folder)).is_relative_to(os.path.abspath(campaign)):  # noqa: PTH100 - links are kept

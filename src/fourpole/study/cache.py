@@ -12,6 +12,7 @@ is ignored without a word: the recording is reduced again.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import re
@@ -167,7 +168,7 @@ class Cache:
         with suppress(OSError, FourpoleError):
             self._here = {one.name for one in os.scandir(self._folder) if _ENTRY.fullmatch(one.name)}
             content = read_bytes(self._folder / _INDEX, max_bytes=_LARGEST, within=self._folder)
-            for line in content.splitlines():
+            for line in map(bytes.rstrip, io.BytesIO(content)):
                 signed, body = line[2 : _BODY - 2], line[_BODY:-1]
                 if not (_LINE.fullmatch(line) and is_signed(body, bytes.fromhex(signed.decode()), *self._purpose)):
                     return  # it was cut, or is of another user or folder, as the lines after it may be
