@@ -8,16 +8,19 @@ import sys
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.door import open_regular
 from fourpole.io.source import reason
 
-_NAME, _KEY = "fourpole", "key"
+_NAME, _KEY, CONFIG = "fourpole", "key", "config.toml"
 #: Length of the key [byte], and longest wait for another process that makes it [s].
 _LENGTH, _PATIENCE = 32, 5.0
 #: Bits of the mode by which others than the owner could change a folder.
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
+#: Largest configuration [byte].
+_MOST_BYTES = 100_000
 
 
 def cache_folder() -> Path:
@@ -37,6 +40,27 @@ def config_folder() -> Path:
     """The folder for what the user states and for the key: `fourpole` in XDG_CONFIG_HOME; see `cache_folder`."""
     below = {"darwin": "Library/Application Support"}.get(sys.platform, ".config")
     return _own(_place("XDG_CONFIG_HOME", "APPDATA", below))
+
+
+def configuration() -> dict[str, Any]:
+    """What the user states in config.toml of `config_folder`; empty where there is no such file.
+
+    Raises
+    ------
+    FileError, TableError
+        If the folder or the file is not the user's, or is not TOML.
+    """
+    path = config_folder() / CONFIG
+    if not path.exists():
+        return {}
+    with open_regular(path, max_bytes=_MOST_BYTES) as file:
+        if sys.platform != "win32" and os.fstat(file.fileno()).st_uid not in (os.geteuid(), 0):
+            raise FileError(f"{path}: belongs to someone else: write it anew")
+        text = file.read()
+    from fourpole.io.documents import toml_of
+    from fourpole.io.source import decode
+
+    return toml_of(decode(text, CONFIG)[0], CONFIG)
 
 
 @cache
