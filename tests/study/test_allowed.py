@@ -12,6 +12,7 @@ from fourpole.app.cli import app
 from fourpole.errors import FileError
 from fourpole.io import child as children
 from fourpole.io import remote, userfolders
+from fourpole.io.processes import REMOTE
 from fourpole.study.watch import Watch
 
 pytestmark = pytest.mark.thorough
@@ -32,7 +33,7 @@ def forgotten():
 def user(tmp_path, monkeypatch):
     """The folder of the configuration of one test; the function writes config.toml."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "user"))
-    monkeypatch.setenv(remote.ALLOWED, "")
+    monkeypatch.setenv(REMOTE, "")
     remote._configured.cache_clear()
     userfolders.user_key.cache_clear()
 
@@ -155,7 +156,7 @@ def test_with_the_option_the_server_is_asked(elsewhere, user, asked):
 )
 def test_a_prefix_covers_whole_parts_of_a_url(user, monkeypatch, prefix, url, says):
     assert remote.covers(prefix, url) is says
-    monkeypatch.setenv(remote.ALLOWED, f"s3://else/ {prefix}")
+    monkeypatch.setenv(REMOTE, f"s3://else/ {prefix}")
     if says:
         remote.check_allowed(url)
     else:

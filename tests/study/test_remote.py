@@ -14,6 +14,7 @@ from fourpole.app.cli import app
 from fourpole.errors import FileError
 from fourpole.io import child as children
 from fourpole.io import remote, userfolders
+from fourpole.io.processes import REMOTE
 from fourpole.io.remote import address_of, local_path
 
 pytestmark = pytest.mark.thorough
@@ -72,7 +73,7 @@ def bucket(server, monkeypatch):
     stated = {"ENDPOINT_URL": server, "ACCESS_KEY_ID": "a", "SECRET_ACCESS_KEY": "b", "DEFAULT_REGION": "us-east-1"}
     for name, value in stated.items():
         monkeypatch.setenv(f"AWS_{name}", value)
-    monkeypatch.setenv(remote.ALLOWED, "s3://")
+    monkeypatch.setenv(REMOTE, "s3://")
     children.child().close(for_good=False)
     client = boto3.client("s3")
     client.create_bucket(Bucket="rig")
@@ -131,7 +132,7 @@ def test_an_object_that_is_too_large_is_not_fetched(noisy, bucket, monkeypatch):
 def test_without_the_libraries_the_error_names_what_to_install(monkeypatch):
     from fourpole.io.remote import remote_identity
 
-    monkeypatch.setenv(remote.ALLOWED, "s3://rig/")
+    monkeypatch.setenv(REMOTE, "s3://rig/")
     monkeypatch.setitem(sys.modules, "s3fs", None)
     with pytest.raises(FileError, match=r"pip install 'fourpole\[remote\]'"):
         remote_identity("s3://rig/D2.csv")
@@ -152,7 +153,7 @@ def uploaded(noisy, bucket, monkeypatch):
     for name in ("D2", "S1"):
         bucket.upload_file(str(noisy.recording(name)), "rig", f"2026/{name}.csv")
         noisy.edit("tests.csv", f"recordings/{name}.csv", f"s3://rig/2026/{name}.csv")
-    monkeypatch.setenv(remote.ALLOWED, "")
+    monkeypatch.setenv(REMOTE, "")
     assert noisy.analyse(route="mobility").counts["rejected"] == 2  # by a worker that lives on, without permission
     return noisy, before
 
@@ -177,7 +178,7 @@ def test_the_users_configuration_reaches_worker_processes(uploaded, tmp_path, mo
 
 
 def without_permission():
-    os.environ.pop(remote.ALLOWED, None)
+    os.environ.pop(REMOTE, None)
 
 
 def test_a_job_takes_the_permission_of_its_sender_along(uploaded):

@@ -22,14 +22,13 @@ from urllib.parse import unquote, urlsplit
 
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.identity import Identity
+from fourpole.io.processes import REMOTE
 from fourpole.io.userfolders import CONFIG, configuration
 from fourpole.units import shown
 
 #: Schemes that need the extra `remote`, beside file://, which does not.
 SCHEMES = ("s3",)
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
-#: The variable of the prefixes of URLs that the user allows, with blanks between, for this process and its children.
-ALLOWED = "FOURPOLE_REMOTE"
 #: Prefixes that allow every URL which is read at all.
 EVERY = " ".join(f"{scheme}://" for scheme in SCHEMES)
 #: Size of the parts in which a recording is copied [byte].
@@ -42,13 +41,13 @@ _Answer = TypeVar("_Answer")
 
 def allowed() -> str:
     """The prefixes of URLs that are allowed to this process and its children, with blanks between."""
-    return os.environ.get(ALLOWED, "")
+    return os.environ.get(REMOTE, "")
 
 
 def allow(prefixes: str) -> None:
     """Allow the URLs with these prefixes, and no others, to this process and its children."""
     if prefixes != allowed():
-        os.environ[ALLOWED] = prefixes
+        os.environ[REMOTE] = prefixes
 
 
 @contextmanager

@@ -46,7 +46,7 @@ from fourpole.study.outcome import Demodulated
 _VERSION = 17
 _INDEX = "index.jsonl"
 #: The index is appended without following a link, and without waiting for who reads a pipe.
-_APPEND = os.O_WRONLY | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+_APPEND = os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 #: Files of the cache, and those of earlier versions of it.
 _ENTRY, _FORMER = re.compile(r"[0-9a-f]{40}\.fpp"), re.compile(r"[0-9a-f]{40}\.json")
 #: A file that was not used in this number of runs is deleted, and so are those used longest ago above this size [byte].
@@ -123,7 +123,7 @@ class Cache:
             if not self._begun:
                 self._begun = True
                 self._write_index(self._run - 1)
-                self._journal = os.fdopen(os.open(self._folder / _INDEX, _APPEND), "a", encoding="utf-8")
+                self._journal = os.fdopen(os.open(self._folder / _INDEX, os.O_WRONLY | _APPEND), "a", encoding="utf-8")
             elif self._journal is not None:
                 self._journal.write(self._line([file, list(identity.parts), sha256]))
                 self._journal.flush()
