@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +20,10 @@ from fourpole import Study, analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 ROOT = Path(__file__).resolve().parents[1]
+#: The user's folders, with the key, are of the tests alone, and of all processes that they start.
+USER = Path(tempfile.mkdtemp(prefix="fourpole-tests-"))
+os.environ |= {f"XDG_{name}_HOME": str(USER / name.lower()) for name in ("CONFIG", "CACHE")}
+atexit.register(shutil.rmtree, USER, ignore_errors=True)
 
 
 @pytest.fixture(scope="session")

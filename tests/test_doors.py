@@ -8,17 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from fourpole.io.recordings import BY_PATH as FORMATS
+
 pytestmark = pytest.mark.thorough
 
 #: Formats whose libraries open paths by themselves, in the guarded worker alone.
-BY_PATH = (
-    "io/formats/arrow.py",
-    "io/formats/parquet.py",
-    "io/formats/uff.py",
-    "io/formats/uff_responses.py",
-    "io/formats/workbook.py",
-)
-
+BY_PATH = [f"io/formats/{name}.py" for name in FORMATS]
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "fourpole"
 #: Calls by which bytes of a file come in, by the last part of their name.
 READS = {
@@ -43,6 +38,8 @@ MAY = {
     # made by this process just now, in a new folder that nobody else knows
     "io/published.py": "a writer's own new files",
     "io/staging.py": "keeps the former files",
+    "io/formats/uff.py": "its own copies of data sets",
+    "io/formats/uff_responses.py": "its own copies of data sets",
     "io/writers/parquet.py": "its own parts",
     "io/writers/mdf.py": "makes an empty one",
     "export/fmi/compiler.py": "what the compiler made",
@@ -57,7 +54,6 @@ MAY = {
     "export/fmi/csource.py": "the source of FMUs",
     "io/origin.py": "the package's own repository",
     # the user's own
-    "io/userfolders.py": "configuration and key",
     "served/signals.py": "samples in the user's own cache folder",
     "lab/layout.py": "the data set",
 }
@@ -80,7 +76,7 @@ def openings(source: str) -> Iterator[tuple[int, str]]:
 
 def is_write(call: ast.Call) -> bool:
     """Whether a file is opened to be written, by the mode that stands in the call."""
-    if any("O_WRONLY" in ast.unparse(one) for one in call.args):
+    if any("O_WRONLY" in ast.unparse(one) or ast.unparse(one) == "_APPEND" for one in call.args):
         return True
     modes = [one.value for one in (*call.args, *(key.value for key in call.keywords)) if isinstance(one, ast.Constant)]
     return any(isinstance(mode, str) and set(mode) & set("wxa") and set(mode) <= set("wxab+t") for mode in modes)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from tests.conftest import Folder
 from tests.processes import environment
 from typer.testing import CliRunner
 
 from fourpole.app import standing
 from fourpole.app.cli import app
+from fourpole.io import userfolders
+from fourpole.io.userfolders import user_key
 
 pytestmark = pytest.mark.thorough
 
@@ -115,6 +119,93 @@ def test_a_second_run_loads_neither_numpy_nor_polars(analysed):
 
 def test_a_damaged_note_is_no_note(analysed):
     noisy, _ = analysed
-    for content in ("", "{", "[]", '{"settings": 1}'):
+    for content in ("", "{", "[]", '{"settings": 1}', "[" * 100_000, '{"signature": "é'):
         Path(noisy.path, "results", "cache", "standing.json").write_text(content)
         assert STANDS not in run(noisy).stderr
+
+
+def note_of(folder):
+    return folder.path / "results" / "cache" / "standing.json"
+
+
+def test_the_note_is_json_and_an_edited_one_is_not_printed(analysed):
+    noisy, first = analysed
+    note = json.loads(note_of(noisy).read_text())
+    note["note"]["outcome"]["lines"] = ["all tests are good"]
+    for said in (json.dumps(note), json.dumps({**note, "signature": "0" * 64}), json.dumps(note["note"])):
+        note_of(noisy).write_text(said)
+        done = run(noisy)
+        assert STANDS not in done.stderr
+        assert done.stdout == first.stdout
+
+
+def test_a_note_that_another_user_wrote_is_not_believed(analysed):
+    noisy, _ = analysed
+    user_key.cache_clear()
+    key = userfolders.config_folder() / "key"
+    mine = key.read_bytes()
+    key.write_bytes(bytes(32))
+    assert STANDS not in run(noisy).stderr
+    assert STANDS in run(noisy).stderr
+    key.write_bytes(mine)
+    user_key.cache_clear()
+    assert STANDS not in run(noisy).stderr
+
+
+def test_a_note_of_another_folder_is_not_believed(analysed, tmp_path):
+    """A renamed folder has the same files, with their inodes; an archive may bring a note of this user's along."""
+    noisy, _ = analysed
+    moved = Folder(noisy.path.rename(tmp_path / "moved"))
+    assert STANDS not in run(moved).stderr
+
+
+def test_a_result_that_was_put_back_with_the_same_size_time_and_inode_is_seen(analysed):
+    noisy, _ = analysed
+    table = noisy.path / "results" / "dynamic.csv"
+    seen, content = table.stat(), table.read_bytes()
+    with table.open("r+b") as file:
+        file.write(content.replace(b"ok", b"ko"))
+    os.utime(table, ns=(seen.st_atime_ns, seen.st_mtime_ns))
+    assert table.stat().st_ino == seen.st_ino
+    assert STANDS not in run(noisy).stderr
+    assert table.read_bytes() == content
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes among the files here")
+@pytest.mark.parametrize("place", ["fifo", "link", "folder"])
+def test_what_is_no_file_in_place_of_the_note_is_no_note(analysed, tmp_path, place):
+    noisy, first = analysed
+    outside = tmp_path / "standing.json"
+    note_of(noisy).rename(outside)
+    content = outside.read_bytes()
+    {"fifo": os.mkfifo, "folder": os.mkdir, "link": lambda path: path.symlink_to(outside)}[place](note_of(noisy))
+    done = run(noisy)
+    assert STANDS not in done.stderr
+    assert done.stdout == first.stdout
+    assert outside.read_bytes() == content
+
+
+def test_a_cache_behind_a_link_is_neither_read_nor_written(analysed, tmp_path):
+    noisy, first = analysed
+    outside = tmp_path / "outside"
+    note_of(noisy).parent.rename(outside)
+    before = {path: path.stat().st_mtime_ns for path in outside.iterdir()}
+    note_of(noisy).parent.symlink_to(outside)
+    for _ in range(2):
+        done = run(noisy)
+        assert STANDS not in done.stderr
+        assert "nothing is kept there for a second run" in done.stderr
+        assert done.stdout == first.stdout
+    assert {path: path.stat().st_mtime_ns for path in outside.iterdir()} == before
+
+
+def test_without_a_home_folder_all_works_and_nothing_is_said(analysed, monkeypatch, tmp_path):
+    noisy, first = analysed
+    (tmp_path / "home").write_text("")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
+    for _ in range(2):
+        user_key.cache_clear()
+        done = run(noisy)
+        assert STANDS not in done.stderr
+        assert (done.stdout, done.stderr) == (first.stdout, first.stderr)
+    user_key.cache_clear()

@@ -68,6 +68,13 @@ def test_what_is_toml_of_few_parts_is_read_as_it_is(text: str) -> None:
         assert toml_of(text, "a.toml") == expected
 
 
+@pytest.mark.parametrize("text", ['{"a": ["\\ud800"]}', '{"\\udfff": 1}', '"a\\udc00\\ud800"'])
+def test_half_a_character_is_refused(text: str) -> None:
+    with pytest.raises(TableError, match="half a character"):
+        json_of(text, "a.json")
+    assert json_of('"\\ud83d\\ude00 ü"', "a.json") == "\U0001f600 ü"
+
+
 def test_a_long_cell_is_told_with_its_row() -> None:
     with pytest.raises(TableError, match=r"tests.csv row 3: a cell has more than 131072 characters"):
         list(rows_of("test,file\nD1,a.csv\nD2," + "x" * 140_000, "tests.csv"))

@@ -81,6 +81,8 @@ FAULTS: dict[str, tuple[Callable[[Path], None], str]] = {
     "large record": (_sparse(LIST, 1_500_000_000), "study.json: has 1.5 GB"),
     "record of a list": (_text(LIST, "[1]"), "study.json is not one that fourpole wrote"),
     "record of no number": (_text(LIST, '{"verdicts": NaN}'), "study.json: is not valid JSON"),
+    "half a title": (_record(title="\ud800"), "study.json: a text has half a character"),
+    "half a key": (_record(**{"\udc00": 1}), "study.json: a text has half a character"),
     "half a record": (_text(LIST, '{"verdicts": {"ok"'), "study.json: is not valid JSON"),
     "a file for results": (_instead("results", Path.touch), "results: is no folder"),
     **{
@@ -94,11 +96,10 @@ FAULTS: dict[str, tuple[Callable[[Path], None], str]] = {
 }
 #: Changes that leave a campaign with no fault on the home page, but with values of odd kinds.
 ODD: dict[str, Callable[[Path], None]] = {
-    "odd verdicts": _record(verdicts={"ok": "<b>7</b>", "warning": [1], "rejected": -1, "\ud800": {}}),
+    "odd verdicts": _record(verdicts={"ok": "<b>7</b>", "warning": [1], "rejected": -1}),
     "listed verdicts": _record(verdicts=["ok"], sha256=["a"]),
     "odd hashes": _record(sha256={"campaign.toml": {"a": 1}, "tests.csv": 5}, results=7, sizes={"a": 1}),
     "odd title": _text(TOML, "title = [[1979-05-27, {a = 1}]]"),
-    "half a title": _record(title="\ud800", stated={"title": "\udc00"}, notes=["\ud800"], assumptions=5),
     "empty statement": _text(TABLE, "test,file,kind\n"),
     "control \x01\x1b[2J\n": lambda _: None,
     "<script>alert(1)</script>": lambda _: None,

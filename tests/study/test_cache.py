@@ -1,10 +1,17 @@
 """The cache: a stopped run goes on, a changed setting redoes what it touches, and no cache is ever believed blindly."""
 
+import json
 import os
+import shutil
+import zlib
 
 import pytest
+from tests.conftest import Folder
 
 from fourpole.campaign import read_campaign
+from fourpole.io import userfolders
+from fourpole.io.identity import identity_of
+from fourpole.io.userfolders import user_key
 from fourpole.study import cache, curvefile, reduce
 
 pytestmark = pytest.mark.thorough
@@ -222,3 +229,165 @@ def test_a_curve_that_is_read_again_unchanged_is_not_written_again(noisy):
     entry.write_bytes(b"damaged")
     assert read(verify=True).curve is not None
     assert entry.read_bytes() != b"damaged"
+
+
+# --- what others put there -------------------------------------------------------------------------------------------
+
+
+def entries(folder):
+    return sorted(folder.glob("*.fpp"), key=lambda path: path.read_bytes())
+
+
+def rotate(folder):
+    """Each entry has the content of the next one."""
+    paths = entries(folder)
+    contents = [path.read_bytes() for path in paths]
+    for path, content in zip(paths, [*contents[1:], contents[0]], strict=True):
+        path.write_bytes(content)
+
+
+def edit_amplitudes(folder):
+    """Each entry has other numbers, and the checksum of them."""
+    for path in entries(folder):
+        body = bytearray(path.read_bytes()[8:])
+        body[-60] ^= 0x40
+        path.write_bytes(b"FPP1" + zlib.crc32(body).to_bytes(4, "little") + body)
+
+
+def exchange_hashes(folder):
+    """Each recording is noted with the hash of another, in lines as this user's Fourpole signed them."""
+    index = folder / "index.jsonl"
+    lines = index.read_text().splitlines()
+    said = [json.loads(line) for line in lines]
+    hashes = [body[2] for _, body in said[1:]]
+    for (_, body), other in zip(said[1:], [*hashes[1:], hashes[0]], strict=True):
+        body[2] = other
+    index.write_text("\n".join(json.dumps(line, separators=(",", ":")) for line in said) + "\n")
+
+
+def other_user(folder):
+    """Another user analysed the same folder: all is as it would be, but for the key."""
+    user_key.cache_clear()
+    key = (userfolders.config_folder() / "key").read_bytes()
+    (userfolders.config_folder() / "key").write_bytes(bytes(32))
+    again(Folder(folder.parent))
+    (userfolders.config_folder() / "key").write_bytes(key)
+    user_key.cache_clear()
+
+
+@pytest.mark.parametrize("attack", [rotate, edit_amplitudes, exchange_hashes, other_user])
+def test_what_others_put_into_a_cache_decides_no_number(kept, demodulated, attack):
+    noisy, _ = kept
+    noisy.cells("D3", slice(0, 1), 3, "0.0001")
+    settle(noisy)
+    fresh = noisy.analyse(route="mobility")
+    attack(noisy.path / "kept")
+    demodulated.clear()
+    second = again(noisy)
+    assert second.dynamic.equals(fresh.dynamic)
+    assert second.static.equals(fresh.static)
+    assert second.sha256 == fresh.sha256
+    assert second.notes == fresh.notes
+    assert sorted(demodulated) == (ALL if attack is not exchange_hashes else [])
+
+
+def test_an_index_of_another_folder_is_no_index(kept, demodulated, tmp_path):
+    """An archive may have files of the same name, size, time and inode number, and a signed index of this user."""
+    noisy, _ = kept
+    settle(noisy)
+    other = Folder(shutil.copytree(noisy.path, tmp_path / "other"))
+    signed = cache.Cache(noisy.path / "kept")
+    for name in ("D2", "D3"):
+        sha256 = signed.hash_noted(f"recordings/{name}.csv", identity_of(noisy.recording(name)))
+        other.recording(name).write_bytes(noisy.recording("D4").read_bytes())
+        os.utime(other.recording(name), ns=(10**18, 10**18))
+        signed.note(f"recordings/{name}.csv", identity_of(other.recording(name)), sha256)
+    signed.close()
+    shutil.copy(noisy.path / "kept" / "index.jsonl", other.path / "kept" / "index.jsonl")
+    fresh = other.analyse(route="mobility")
+    assert fresh.dynamic["verdict"].to_list() != ["ok"] * 4
+    assert again(other).dynamic.equals(fresh.dynamic)
+
+
+def test_a_campaign_that_was_moved_opens_its_recordings_and_reduces_none(kept, demodulated, tmp_path):
+    noisy, first = kept
+    moved = Folder(noisy.path.rename(tmp_path / "moved"))
+    assert again(moved).dynamic.equals(first.dynamic)
+    assert demodulated == []
+
+
+def test_an_index_goes_on_after_a_run_that_was_killed(kept, demodulated, monkeypatch):
+    """The lines that were written while it ran count, and so do those of the runs before it."""
+    noisy, first = kept
+    settle(noisy)
+    noisy.cells("D3", slice(0, 1), 3, "0.0001")
+    os.utime(noisy.recording("D3"), ns=(10**18, 10**18))
+    monkeypatch.setattr(cache.Cache, "close", lambda self: self._journal.close())
+    again(noisy)
+    monkeypatch.undo()
+    with (noisy.path / "kept" / "index.jsonl").open("ab") as file:
+        file.write(b'["0123')  # the line at which it was killed
+    monkeypatch.setattr(reduce, "sha256_of", None)
+    monkeypatch.setattr("fourpole.study.workers.sha256_of", None)
+    assert again(noisy).counts == first.counts
+
+
+# --- what stands in the place of the cache ---------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes among the files here")
+@pytest.mark.parametrize("name", ["index.jsonl", "entry"])
+@pytest.mark.parametrize("place", ["fifo", "link", "hard link", "folder"])
+def test_nothing_is_read_from_or_written_to_what_is_no_file_of_the_cache(kept, tmp_path, name, place):
+    noisy, first = kept
+    outside = tmp_path / "precious"
+    outside.write_text("mine\n")
+    for path in [noisy.path / "kept" / name] if name != "entry" else entries(noisy.path / "kept"):
+        path.unlink()
+        if place == "fifo":
+            os.mkfifo(path)
+        elif place == "link":
+            path.symlink_to(outside)
+        elif place == "hard link":
+            path.hardlink_to(outside)
+        else:
+            path.mkdir()
+    noisy.cells("D3", slice(0, 1), 3, "0.0001")
+    fresh = noisy.analyse(route="mobility")
+    assert again(noisy).dynamic.equals(fresh.dynamic)
+    assert again(noisy).dynamic.equals(fresh.dynamic)
+    assert outside.read_text() == "mine\n"
+    assert first.counts == fresh.counts
+
+
+@pytest.mark.parametrize("level", ["kept", "above"])
+@pytest.mark.parametrize("target", ["full", "empty", "missing"])
+def test_a_cache_that_a_link_leads_out_of_the_campaign_is_none(noisy, tmp_path, level, target):
+    """Neither read, nor written, nor tidied: what lies there is named as files of a cache are."""
+    outside = tmp_path / "outside"
+    if target != "missing":
+        (outside / "kept").mkdir(parents=True)
+    if target == "full":
+        for place in (outside, outside / "kept"):
+            (place / f"{'a' * 40}.json").write_text("{}")
+            (place / f"{'b' * 40}.fpp").write_text("")
+            (place / ".a.fpp.0123456789ab.tmp").mkdir()
+    before = sorted(outside.rglob("*"))
+    (noisy.path / level).symlink_to(outside)
+    fresh = noisy.analyse(route="mobility")
+    place = noisy.path / "kept" if level == "kept" else noisy.path / "above" / "kept"
+    assert noisy.analyse(route="mobility", cache=place).dynamic.equals(fresh.dynamic)
+    assert sorted(outside.rglob("*")) == before
+
+
+def test_a_link_within_the_campaign_is_no_cache_either(noisy):
+    (noisy.path / "kept").symlink_to("recordings")
+    before = sorted(noisy.path.rglob("*"))
+    assert again(noisy).dynamic.equals(noisy.analyse(route="mobility").dynamic)
+    assert sorted(noisy.path.rglob("*")) == before
+
+
+def test_a_file_in_place_of_the_cache_is_no_cache(noisy):
+    (noisy.path / "kept").write_text("mine")
+    assert again(noisy).dynamic.equals(noisy.analyse(route="mobility").dynamic)
+    assert (noisy.path / "kept").read_text() == "mine"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import sys
+from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 from typer.testing import CliRunner
@@ -10,6 +13,8 @@ from typer.testing import CliRunner
 from fourpole.app.cli import app
 from fourpole.errors import FileError
 from fourpole.io import child as children
+from fourpole.io import remote, userfolders
+from fourpole.io.processes import REMOTE
 from fourpole.io.remote import address_of, local_path
 
 pytestmark = pytest.mark.thorough
@@ -68,6 +73,7 @@ def bucket(server, monkeypatch):
     stated = {"ENDPOINT_URL": server, "ACCESS_KEY_ID": "a", "SECRET_ACCESS_KEY": "b", "DEFAULT_REGION": "us-east-1"}
     for name, value in stated.items():
         monkeypatch.setenv(f"AWS_{name}", value)
+    monkeypatch.setenv(REMOTE, "s3://")
     children.child().close(for_good=False)
     client = boto3.client("s3")
     client.create_bucket(Bucket="rig")
@@ -126,6 +132,7 @@ def test_an_object_that_is_too_large_is_not_fetched(noisy, bucket, monkeypatch):
 def test_without_the_libraries_the_error_names_what_to_install(monkeypatch):
     from fourpole.io.remote import remote_identity
 
+    monkeypatch.setenv(REMOTE, "s3://rig/")
     monkeypatch.setitem(sys.modules, "s3fs", None)
     with pytest.raises(FileError, match=r"pip install 'fourpole\[remote\]'"):
         remote_identity("s3://rig/D2.csv")
@@ -134,3 +141,49 @@ def test_without_the_libraries_the_error_names_what_to_install(monkeypatch):
 def test_the_group_is_no_part_of_the_address():
     assert address_of("s3://rig/a/D2.mf4#run 1") == "s3://rig/a/D2.mf4"
     assert local_path("file:///a/D2.mf4#run") == "/a/D2.mf4#run"
+
+
+# --- a permission reaches who reads ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def uploaded(noisy, bucket, monkeypatch):
+    """A campaign with two recordings on a server, which nothing allows yet; and its tables from local files."""
+    before = noisy.analyse(route="mobility")
+    for name in ("D2", "S1"):
+        bucket.upload_file(str(noisy.recording(name)), "rig", f"2026/{name}.csv")
+        noisy.edit("tests.csv", f"recordings/{name}.csv", f"s3://rig/2026/{name}.csv")
+    monkeypatch.setenv(REMOTE, "")
+    assert noisy.analyse(route="mobility").counts["rejected"] == 2  # by a worker that lives on, without permission
+    return noisy, before
+
+
+def test_the_argument_allows_it_for_the_call_alone(uploaded):
+    noisy, before = uploaded
+    assert noisy.analyse(route="mobility", remote=True).dynamic.equals(before.dynamic)
+    assert remote.allowed() == ""
+    assert noisy.analyse(route="mobility").counts["rejected"] == 2
+
+
+def test_the_users_configuration_reaches_worker_processes(uploaded, tmp_path, monkeypatch):
+    noisy, before = uploaded
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "user"))
+    (userfolders.config_folder() / "config.toml").write_text('[remote]\nallow = ["s3://rig/2026"]\n')
+    remote._configured.cache_clear()
+    try:
+        assert noisy.analyse(route="mobility", workers=2).dynamic.equals(before.dynamic)
+    finally:
+        remote._configured.cache_clear()
+        userfolders.user_key.cache_clear()
+
+
+def without_permission():
+    os.environ.pop(REMOTE, None)
+
+
+def test_a_job_takes_the_permission_of_its_sender_along(uploaded):
+    """As to a worker of a cluster, which was started by somebody else."""
+    noisy, before = uploaded
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=without_permission) as pool:
+        assert noisy.analyse(route="mobility", executor=pool, remote=True).dynamic.equals(before.dynamic)
+        assert noisy.analyse(route="mobility", executor=pool).counts["rejected"] == 2

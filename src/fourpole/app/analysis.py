@@ -33,7 +33,7 @@ from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes, sha256_of
-from fourpole.io.folders import check_no_way_out
+from fourpole.io.folders import check_no_way_out, is_for_keeping
 from fourpole.io.published import LIST, Published, published, publishing, without_list
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.quantities import CODE, STORAGE
@@ -80,7 +80,7 @@ def _outcome(
 
     Doubts about the statement are printed before the work, unless `silent`.
     """
-    forget(results)
+    forget(campaign, results)
     inputs = identities(campaign, list(STATEMENT))
     stated = read_campaign(campaign)
     for doubt in () if silent else stated.doubts:
@@ -110,7 +110,7 @@ def _outcome(
     )
     read = all(one is None or name in study.sha256 for name, one in inputs.items())
     if read and not _PASSING.intersection(study.checks[CODE.head].to_list()):
-        note_standing(results, settings, inputs, study.sha256, outcome)
+        note_standing(campaign, results, settings, inputs, study.sha256, outcome)
     return study, outcome
 
 
@@ -171,12 +171,15 @@ def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, opt
         check_no_way_out(stated.folder)
     if results.exists() and not results.is_dir():
         raise CampaignError(f"{results}: is a file: name a folder for the results with --out")
+    cache = results / "cache"
+    if not is_for_keeping(cache, stated.folder):
+        say(f"note: {cache} is a file or a link, or is led to by one: nothing is kept there for a second run")
     with _executor(options) as executor, progress("analysing") as advance:
         return analyse(
             stated,
             route=route,
             monte_carlo=monte_carlo,
-            cache=results / "cache",
+            cache=cache,
             verify=options.verify,
             workers=options.workers,
             executor=executor,

@@ -88,7 +88,7 @@ def _counted(campaign: Path, code: int) -> dict[str, Any]:
     """The number of tests by verdict, from the results that were just written."""
     if code not in (OK, SOME_REJECTED):
         return {}
-    from fourpole.io.published import published  # numpy comes with it
+    from fourpole.io.published import published
 
     record = published(campaign / "results").record
     return {"verdicts": record["verdicts"]}

@@ -22,10 +22,12 @@ from fourpole.app.options import (
     PlanOptions,
     PlotOptions,
     PointOptions,
+    RemoteFlag,
     ResultsFolder,
     RunOptions,
     ShapeOptions,
     Wanted,
+    allow_remote,
 )
 from fourpole.export.kinds import ABOUT
 from fourpole.version import VERSION
@@ -151,6 +153,7 @@ def analyse(
     from fourpole.app.standing import results_of, settings_of, show, standing
 
     settings = settings_of(route, monte_carlo, wanted)
+    allow_remote(options.remote)
 
     def run(campaign: Path) -> int:
         former = standing(campaign, results_of(campaign, folder), settings, verify=options.verify)
@@ -184,6 +187,7 @@ def app_(
     no_token: Annotated[
         bool, typer.Option("--no-token", help="Let everyone who reaches the address use it, without its token.")
     ] = False,
+    remote: RemoteFlag = False,
 ) -> None:
     """Open the app in the browser: drop recordings, state, analyse, look at every test, results and models.
 
@@ -192,6 +196,7 @@ def app_(
     """
     from fourpole.app.serving import run_app
 
+    allow_remote(remote)
     run_app(folder, host, port, no_browser=no_browser, no_token=no_token)
 
 
@@ -199,7 +204,7 @@ RUNS["app"] = app_
 
 
 @_command
-def watch(campaign: CampaignFolder, as_json: JsonFlag = False) -> None:
+def watch(campaign: CampaignFolder, remote: RemoteFlag = False, as_json: JsonFlag = False) -> None:
     """Judge each recording as a logger writes it into a campaign's folder, while the specimen is on the rig.
 
     A recording is judged by itself, and with the rig as the last analysis found it. One that tests.csv does not name
@@ -207,6 +212,7 @@ def watch(campaign: CampaignFolder, as_json: JsonFlag = False) -> None:
     """
     from fourpole.app.watching import run_watch
 
+    allow_remote(remote)
     run_watch(campaign, as_json=as_json)
 
 
@@ -215,6 +221,7 @@ def check(
     campaign: CampaignFolder,
     route: Annotated[str, typer.Option(help="Route of the analysis to come; see analyse.")] = "joint",
     workers: Processes = None,
+    remote: RemoteFlag = False,
     as_json: JsonFlag = False,
 ) -> int:
     """Check a campaign without analysing it: files, channels, units, times, K1, duplicates.
@@ -223,6 +230,7 @@ def check(
     """
     from fourpole.app.check import run_check
 
+    allow_remote(remote)
     return run_check(campaign, route, workers, as_json=as_json)
 
 

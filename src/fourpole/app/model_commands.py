@@ -15,10 +15,12 @@ from fourpole.app.options import (
     FitOptions,
     JsonFlag,
     OutFile,
+    RemoteFlag,
     RideOptions,
     RigOptions,
     Selection,
     ShiftOptions,
+    allow_remote,
     amount,
 )
 from fourpole.models.families import NAMES
@@ -157,6 +159,7 @@ def verify(
         Path | None,
         typer.Option("--seal", metavar="NEW", help="Model file from before seals: write a sealed copy and verify it."),
     ] = None,
+    remote: RemoteFlag = False,
     as_json: JsonFlag = False,
 ) -> int | None:
     """Check that results, or a model file, are as they were written, and that the analysis gives the same again.
@@ -171,6 +174,7 @@ def verify(
         from fourpole.app.verify_results import run_verify_results
         from fourpole.study.verified import folder_of
 
+        allow_remote(remote)
         folder = folder_of(path) or results_in(path)
         return run_verify_results(folder, campaign, quick=quick, workers=workers, as_json=as_json)
     from fourpole.app.verify import run_verify

@@ -31,6 +31,8 @@ CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder
 ResultsFolder = Annotated[
     Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote, or the campaign's folder.")
 ]
+_REMOTE = "Read recordings that tests.csv names by s3://, with your credentials."
+RemoteFlag = Annotated[bool, typer.Option("--remote", help=_REMOTE)]
 NamePatterns = Annotated[
     list[str] | None,
     typer.Option(
@@ -40,6 +42,14 @@ NamePatterns = Annotated[
         "anything. May be given several times: the first that matches counts.",
     ),
 ]
+
+
+def allow_remote(wanted: bool) -> None:
+    """Allow this process and its children to read all recordings that a statement names by URL, if that is wanted."""
+    if wanted:
+        from fourpole.io.remote import EVERY, allow
+
+        allow(EVERY)
 
 
 def amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
@@ -166,6 +176,7 @@ class RunOptions:
     verify: bool = _given(
         "Hash every recording, even if its size, time and inode are as noted.", "--verify", default=False
     )
+    remote: bool = _given(_REMOTE, "--remote", default=False)
 
 
 @dataclass(frozen=True, repr=False, eq=False)

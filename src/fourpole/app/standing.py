@@ -1,6 +1,7 @@
 """Results that stand: an analysis whose inputs, settings, programs and results are as noted is not repeated.
 
-Nothing heavy is imported here: a second run of an unchanged campaign costs little more than the start of Python.
+The note has the signature of the user: no other user's note, and none of another folder, is believed. Nothing heavy is
+imported here: a second run of an unchanged campaign costs little more than the start of Python.
 """
 
 from __future__ import annotations
@@ -17,10 +18,17 @@ from typing import Any
 import fourpole
 from fourpole.app.console import out, print_json, say
 from fourpole.app.options import Wanted
+from fourpole.io.door import check_name, read_bytes, sha256_of
+from fourpole.io.folders import is_for_keeping
 from fourpole.io.identity import Identity, identity_of
+from fourpole.io.signature import LENGTH, is_signed, signature
 
-#: The note in the folder of the cache.
-_NOTE = Path("cache", "standing.json")
+#: The folder of the cache, and the note in it: a JSON object with the signature of its other part.
+_CACHE, _NOTE = "cache", Path("cache", "standing.json")
+_HEAD, _MIDDLE, _END = b'{"signature": "', b'", "note": ', b"}"
+_START = len(_HEAD) + 2 * LENGTH + len(_MIDDLE)
+#: Largest note, which has 200 bytes of a recording, and largest input [byte].
+_LARGEST, _MOST_BYTES = 100_000_000, 64_000_000_000
 #: Programs on which the results depend; one that is not installed counts, too.
 _PROGRAMS = ("numpy", "scipy", "polars", "pint", "matplotlib", "asammdf", "h5py", "npTDMS", "pyuff", "s3fs")
 #: The files that state a campaign.
@@ -74,7 +82,9 @@ def standing(campaign: Path, results: Path, settings: dict[str, Any], *, verify:
         Whether the content of every input is hashed; otherwise that of those whose size, time or inode differ.
     """
     try:
-        note = json.loads((results / _NOTE).read_text(encoding="utf-8"))
+        note = _signed_note(campaign, results)
+        if note is None:
+            return None
         same = note["settings"] == settings and note["programs"] == _programs()
         if not same or not all(_is_as(results / name, noted) for name, noted in note["outputs"].items()):
             return None
@@ -92,6 +102,7 @@ def identities(campaign: Path, files: list[str]) -> dict[str, Identity | None]:
 
 
 def note_standing(
+    campaign: Path,
     results: Path,
     settings: dict[str, Any],
     inputs: dict[str, Identity | None],
@@ -100,13 +111,13 @@ def note_standing(
 ) -> None:
     """Note all on which the results depend, so that they stand the next time."""
     from fourpole.errors import FileError
-    from fourpole.io.write import write_text
+    from fourpole.io.write import write_bytes
 
     outputs = {}
     for path in sorted(results.rglob("*")):
         name = path.relative_to(results)
         if name.parts[0] != "cache" and not any(part.startswith(".") for part in name.parts) and path.is_file():
-            outputs[name.as_posix()] = list(identity_of(path).parts)
+            outputs[name.as_posix()] = _state(path)
     note = {
         "settings": settings,
         "programs": _programs(),
@@ -114,14 +125,34 @@ def note_standing(
         "outputs": outputs,
         "outcome": vars(outcome),
     }
+    body = json.dumps(note).encode()
+    content = _HEAD + signature(body, *_purpose(campaign, results)).hex().encode() + _MIDDLE + body + _END
     with suppress(FileError):
-        write_text(results / _NOTE, json.dumps(note))
+        if is_for_keeping(results / _CACHE, campaign):
+            write_bytes(results / _NOTE, content)
 
 
-def forget(results: Path) -> None:
+def forget(campaign: Path, results: Path) -> None:
     """Remove the note, before anything is written."""
     with suppress(OSError):
-        (results / _NOTE).unlink()
+        if is_for_keeping(results / _CACHE, campaign):
+            (results / _NOTE).unlink()
+
+
+def _signed_note(campaign: Path, results: Path) -> Any:
+    """The content of the note; None if there is none that this user's Fourpole wrote for these folders."""
+    if not is_for_keeping(results / _CACHE, campaign):
+        return None
+    content = read_bytes(results / _NOTE, max_bytes=_LARGEST, within=results)
+    body, signed = content[_START : -len(_END)], content[len(_HEAD) : len(_HEAD) + 2 * LENGTH]
+    if content != _HEAD + signed + _MIDDLE + body + _END:
+        return None
+    return json.loads(body) if is_signed(body, bytes.fromhex(signed.decode()), *_purpose(campaign, results)) else None
+
+
+def _purpose(campaign: Path, results: Path) -> tuple[str, ...]:
+    """What a note is for: the analysis of one campaign into one folder."""
+    return "standing", os.path.realpath(campaign), os.path.realpath(results)
 
 
 def _place(campaign: Path, name: str) -> Path:
@@ -141,14 +172,22 @@ def _identity(campaign: Path, name: str) -> Identity | None:
             from fourpole.io.remote import remote_identity
 
             return remote_identity(name)
+        check_name(name)
+        check_name(name.rpartition("#")[0])
         return identity_of(_place(campaign, name))
     return None
 
 
-def _is_as(path: Path, noted: list[Any]) -> bool:
-    """Whether a result has the noted size, time and inode."""
+def _state(path: Path) -> list[int]:
+    """Size, time of change, inode, and the time at which the inode changed, which nobody can state."""
+    seen = path.stat()
+    return [seen.st_size, seen.st_mtime_ns, seen.st_ino, seen.st_ctime_ns]
+
+
+def _is_as(path: Path, noted: list[int]) -> bool:
+    """Whether a result is in the noted state."""
     try:
-        return list(identity_of(path).parts[:3]) == noted[:3]
+        return _state(path) == noted
     except OSError:
         return False
 
@@ -162,8 +201,7 @@ def _holds(campaign: Path, name: str, noted: list[Any] | None, sha256: str, veri
         return True
     if not sha256 or found.size != noted[0] or found.inode == 0:  # what is elsewhere is not fetched for this
         return False
-    with _place(campaign, name).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+    return sha256_of(_place(campaign, name), max_bytes=_MOST_BYTES, within=campaign) == sha256
 
 
 def _programs() -> dict[str, str]:

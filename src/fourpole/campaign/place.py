@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import difflib
 import re
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from fourpole import units
 from fourpole.errors import FileError, FourpoleError
+from fourpole.io.door import check_name, open_regular, path_for_library
 from fourpole.io.identity import Identity, identity_of
 from fourpole.io.remote import fetched, is_elsewhere, local_path, remote_identity, scheme_of
 from fourpole.io.signals import MAX_FILE_BYTES
@@ -22,13 +24,15 @@ _NUMBERS = re.compile(r"[0-9]+")
 def inside(folder: Path, file: str) -> Path:
     """Absolute path of a file of a campaign; the group in `file#group` is ignored.
 
-    FileError if the path is outside the campaign folder after all links are resolved.
+    FileError if the path is outside the campaign folder after all links are resolved; or, before anything is looked up,
+    if its text alone shows that.
     """
     name = units.shown(file, 200)
     if is_elsewhere(file):
         raise FileError(f"file {name} is not on this machine: copy it into the campaign folder")
     if scheme_of(file):
         file = local_path(file)
+    check_text(folder, file)
     try:
         path = (folder / file).resolve()
         if "#" in file and not path.exists():
@@ -41,11 +45,23 @@ def inside(folder: Path, file: str) -> Path:
     return path
 
 
+def check_text(folder: Path, file: str) -> None:
+    """FileError if the text alone shows that a path names no file of a campaign: by `check_name`, or another drive."""
+    check_name(file)
+    check_name(file.rpartition("#")[0])
+    windows = PureWindowsPath(file)
+    if (windows.root or sys.platform == "win32") and windows.drive.lower() not in ("", folder.absolute().drive.lower()):
+        raise FileError(
+            f"file {units.shown(file, 200)} is on another drive: copy it into the folder, and name it from the "
+            "campaign's folder, with / in place of \\"
+        )
+
+
 @contextmanager
 def at_hand(folder: Path, file: str) -> Iterator[Path]:
     """The path of a file of a campaign for the time of the context: of a copy, if a URL names it.
 
-    FileError if it is outside the campaign folder, or the URL cannot be read.
+    FileError if it is outside the campaign folder, the URL cannot be read, or the file was replaced meanwhile.
     """
     if is_elsewhere(file):
         with fetched(file, max_bytes=MAX_FILE_BYTES) as path:
@@ -59,7 +75,11 @@ def at_hand(folder: Path, file: str) -> Iterator[Path]:
             raise FileError(f"{name} cannot be looked up: {error.strerror or error}") from None
         if not there:
             raise FileError(f"{name}: there is no such file; {_likely(folder, file)}")
-        yield path
+        with (
+            open_regular(path, max_bytes=MAX_FILE_BYTES, label=file, within=folder) as opened,
+            path_for_library(path, opened, label=file) as same,
+        ):
+            yield same
 
 
 def _likely(folder: Path, file: str) -> str:

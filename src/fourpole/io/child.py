@@ -23,6 +23,7 @@ from fourpole import errors
 from fourpole.io.packed import pack, unpack
 from fourpole.io.processes import PIPE, Process, cpu_time, start_module
 from fourpole.io.recordings import format_of
+from fourpole.io.remote import allowed
 from fourpole.io.signals import MAX_FILE_BYTES, Format
 from fourpole.io.source import name_of
 from fourpole.io.worker import STILL, TOO_LATE, TOO_MUCH, receive, send
@@ -88,6 +89,7 @@ class Child:
         self._threads = threads
         self._process: Process | None = None
         self._closed = False
+        self._allowed = ""
 
     def call(
         self,
@@ -150,11 +152,12 @@ class Child:
         raise _error(*unpack(answer[1:]))
 
     def _running(self) -> Process:
-        if self._process is not None and self._process.poll() is not None:
+        if self._process is not None and (self._process.poll() is not None or self._allowed != allowed()):
             self.close(for_good=False)
         if self._process is None:
             if self._closed:
                 raise Died("it was stopped")
+            self._allowed = allowed()  # its variables are those of its start
             variables = {**dict.fromkeys(_ONE_THREAD, "1"), _OF_TABLES: str(self._threads), **_ALLOCATOR}
             self._process = start_module("fourpole.io.worker", variables=variables, stdin=PIPE, stdout=PIPE)
             atexit.unregister(_end)  # workers end before their folders are deleted, which what was started first does

@@ -14,6 +14,8 @@ from fourpole.errors import TableError
 
 #: Deepest nesting of tables and lists; an integer has at most 64 bits.
 _DEEPEST, _LARGEST = 64, 2**63
+#: Half a character, as JSON can write it: \\ud800.
+_HALF = re.compile("[\ud800-\udfff]")
 #: Most parts of a dotted key: for each of them tomllib holds a key of all parts before it.
 _MOST_PARTS = 16
 #: Texts and comments of TOML; each quantifier keeps what it took, so that the time is linear.
@@ -36,7 +38,8 @@ def json_of(content: bytes | str, name: str) -> Any:
     Raises
     ------
     TableError
-        If it is no JSON, nests too deep, or has an integer of more than 64 bits or a number that is not finite.
+        If it is no JSON, nests too deep, has an integer of more than 64 bits, a number that is not finite, or half a
+        character.
 
     Examples
     --------
@@ -125,7 +128,7 @@ def _no_constant(text: str) -> float:
 
 
 def _check_value(value: Any, name: str) -> None:
-    """TableError for nesting or an integer beyond the bounds; level by level, without recursion."""
+    """TableError for nesting, an integer or a text beyond the bounds; level by level, without recursion."""
     level = [value]
     for _ in range(_DEEPEST + 1):
         if not level:
@@ -133,10 +136,12 @@ def _check_value(value: Any, name: str) -> None:
         for one in level:
             if type(one) is int and not -_LARGEST <= one < _LARGEST:
                 raise TableError(f"{name}: an integer has more than 64 bits; write it with a decimal point")
+            if type(one) is str and not one.isascii() and _HALF.search(one):
+                raise TableError(f"{name}: a text has half a character, which no file can hold; write it whole")
         level = [
             inner
             for one in level
             if isinstance(one, dict | list)
-            for inner in (one.values() if isinstance(one, dict) else one)
+            for inner in ((*one, *one.values()) if isinstance(one, dict) else one)
         ]
     raise TableError(f"{name}: nests more than {_DEEPEST} levels deep; state it flat")

@@ -21,8 +21,8 @@ from fourpole.units import shown
 
 #: The file is opened without blocking: what was a regular file may have become a pipe.
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
-#: Names of devices on Windows, whatever follows after a point.
-_DEVICES = re.compile(r"(?:con|prn|aux|nul|conin\$|conout\$|(?:com|lpt)[0-9¹²³])(?: *\..*)?", re.IGNORECASE)
+#: Names of devices on Windows, whatever follows after a point or a colon.
+_DEVICES = re.compile(r"(?:con|prn|aux|nul|conin\$|conout\$|(?:com|lpt)[0-9¹²³])(?: *[.:].*)?", re.IGNORECASE)
 
 
 def open_regular(
@@ -107,7 +107,7 @@ def sha256_of(
 
 @contextmanager
 def path_for_library(path: str | os.PathLike[str], file: BinaryIO, *, label: str | None = None) -> Iterator[Path]:
-    """The path of an open file, for a library that opens paths itself; for the guarded worker process alone.
+    """The path of an open file, for a library that opens it once more by its path, in the guarded worker process.
 
     FileError if another file stands at the path before or after the context.
     """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
 
 from fourpole.errors import CampaignError
@@ -72,6 +74,28 @@ def model_in(path: str | Path) -> Path:
         if (folder / name).is_file():
             return folder / name
     raise CampaignError(f"{path}: has no model yet: run fourpole fit {path}, or fourpole map {path}, first")
+
+
+def is_for_keeping(folder: Path, campaign: Path) -> bool:
+    """Whether a program may write and delete in a folder: it is no link, and no link in the campaign leads out to it.
+
+    Parameters
+    ----------
+    folder : Path
+        A folder, which need not exist.
+    campaign : Path
+        The campaign. A folder that is not named below it is the user's own word, and may lie anywhere.
+    """
+    try:
+        if not stat.S_ISDIR(folder.lstat().st_mode):
+            return False
+    except (FileNotFoundError, NotADirectoryError):
+        pass  # it will be made, or the error says why it cannot
+    except (OSError, ValueError):
+        return False
+    if not Path(os.path.abspath(folder)).is_relative_to(os.path.abspath(campaign)):  # noqa: PTH100 - links are kept
+        return True
+    return Path(os.path.realpath(folder)).is_relative_to(os.path.realpath(campaign))
 
 
 def why_no_folder(path: Path) -> str:

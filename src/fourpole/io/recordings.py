@@ -19,6 +19,9 @@ _MODULES = (
     *("mdf", "tdms", "hdf5", "matlab", "npz", "parquet", "arrow", "famos"),
     *("rpc", "uff", "wav", "tydex", "lvm", "workbook", "json_columns", "text"),
 )
+#: The formats whose library opens the file once more, by its path; see `fourpole.io.door.path_for_library`. All others
+#: get the open file, or its bytes.
+BY_PATH = ("parquet", "arrow", "workbook")
 
 
 def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> Format:

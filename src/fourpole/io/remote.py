@@ -2,32 +2,112 @@
 
 The libraries that read recordings need files of this machine, so a copy is made where the recording is read, and is
 removed after it. Credentials and the address of the server come from the environment, as s3fs takes them.
+
+The statement of a campaign may come from anyone. A server is asked only if the user allows the URL: by --remote, by the
+variable FOURPOLE_REMOTE, or in the user's own config.toml.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import unquote, urlsplit
 
-from fourpole.errors import FileError
+from fourpole.errors import FileError, FourpoleError
 from fourpole.io.identity import Identity
+from fourpole.io.processes import REMOTE
+from fourpole.io.userfolders import CONFIG, configuration
 from fourpole.units import shown
 
 #: Schemes that need the extra `remote`, beside file://, which does not.
 SCHEMES = ("s3",)
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
+#: Prefixes that allow every URL which is read at all.
+EVERY = " ".join(f"{scheme}://" for scheme in SCHEMES)
 #: Size of the parts in which a recording is copied [byte].
 _BLOCK = 1 << 22
 #: Seconds that a server may take to answer, and how often it is asked.
 _PATIENCE = {"connect_timeout": 10, "read_timeout": 30, "retries": {"max_attempts": 3}}
 
 _Answer = TypeVar("_Answer")
+
+
+def allowed() -> str:
+    """The prefixes of URLs that are allowed to this process and its children, with blanks between."""
+    return os.environ.get(REMOTE, "")
+
+
+def allow(prefixes: str) -> None:
+    """Allow the URLs with these prefixes, and no others, to this process and its children."""
+    if prefixes != allowed():
+        os.environ[REMOTE] = prefixes
+
+
+@contextmanager
+def allowing(prefixes: str) -> Iterator[None]:
+    """Allow the URLs with these prefixes, and no others, for the time of the context."""
+    former = allowed()
+    allow(prefixes)
+    try:
+        yield
+    finally:
+        allow(former)
+
+
+def permission(files: Iterable[str]) -> str:
+    """The prefixes that the user allows, for workers that read some files; empty if none of them is elsewhere."""
+    return " ".join([*allowed().split(), *_configured()[0]]) if any(map(is_elsewhere, files)) else ""
+
+
+def check_allowed(url: str) -> None:
+    """FileError, with the remedy, unless the user allows a URL.
+
+    If config.toml allows it, what that allows is allowed to the children of this process from then on.
+    """
+    if any(covers(prefix, url) for prefix in allowed().split()):
+        return
+    prefixes, why = _configured()
+    if any(covers(prefix, url) for prefix in prefixes):
+        allow(" ".join([*allowed().split(), *prefixes]))
+        return
+    bucket = shown("/".join(url.split("/", 3)[:3]) + "/", 100)[1:-1]
+    raise FileError(
+        f"recordings of {bucket} are read only if you allow it: by --remote, or in your own {CONFIG} by [remote] "
+        f'allow = ["{bucket}"]{why and f" ({why})"}'
+    )
+
+
+def covers(prefix: str, url: str) -> bool:
+    """Whether a URL is of a prefix, by whole parts of its path; a blank in the prefix may be %20.
+
+    Examples
+    --------
+    >>> covers("s3://our-lab", "s3://our-lab/2026/D1.mf4"), covers("s3://our-lab", "s3://our-lab-2/D1.mf4")
+    (True, False)
+    """
+    (scheme, mark, wanted), (other, _, place) = prefix.partition("://"), url.partition("://")
+    whole = wanted.replace("%20", " ").strip("/")
+    return bool(mark) and scheme.lower() == other.lower() and (not whole or f"{place}/".startswith(f"{whole}/"))
+
+
+@cache
+def _configured() -> tuple[list[str], str]:
+    """The prefixes that config.toml allows, and the reason if it cannot be read."""
+    try:
+        stated = configuration().get("remote", {})
+    except FourpoleError as error:
+        return [], str(error)
+    prefixes = stated.get("allow", []) if isinstance(stated, dict) else None
+    if not isinstance(prefixes, list) or not all(isinstance(one, str) and "://" in one for one in prefixes):
+        return [], f'{CONFIG}: [remote] allow is a list of prefixes, as ["s3://our-lab/"]'
+    return [one.strip().replace(" ", "%20") for one in prefixes], ""
 
 
 def scheme_of(file: str) -> str:
@@ -116,8 +196,9 @@ def _copy(system: Any, url: str, path: Path, size: int) -> None:
 
 
 def _asked(file: str, ask: Callable[[Any, str], _Answer]) -> _Answer:
-    """What `ask` gets of a server, by its file system and the URL of the file; FileError if it gets no answer."""
+    """What `ask` gets of a server, by its file system and the URL of the file; FileError if it may not, or cannot."""
     url, name = address_of(file), shown(file, 200)[1:-1]
+    check_allowed(url)
     try:
         import fsspec
         import s3fs  # noqa: F401 - fsspec finds it by its name

@@ -1,18 +1,26 @@
-"""Folders of the user who runs Fourpole, which nobody else can write into."""
+"""Folders of the user who runs Fourpole, which nobody else can write into, and the key of that user."""
 
 from __future__ import annotations
 
 import os
 import stat
 import sys
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-from fourpole.errors import FileError
+from fourpole.errors import FileError, FourpoleError
+from fourpole.io.door import open_regular
 from fourpole.io.source import reason
 
-_NAME = "fourpole"
+_NAME, _KEY, CONFIG = "fourpole", "key", "config.toml"
+#: Length of the key [byte], and longest wait for another process that makes it [s].
+_LENGTH, _PATIENCE = 32, 5.0
 #: Bits of the mode by which others than the owner could change a folder.
 _OTHERS = stat.S_IWGRP | stat.S_IWOTH
+#: Largest configuration [byte].
+_MOST_BYTES = 100_000
 
 
 def cache_folder() -> Path:
@@ -28,6 +36,78 @@ def cache_folder() -> Path:
     return _own(_place("XDG_CACHE_HOME", "LOCALAPPDATA", {"darwin": "Library/Caches"}.get(sys.platform, ".cache")))
 
 
+def config_folder() -> Path:
+    """The folder for what the user states and for the key: `fourpole` in XDG_CONFIG_HOME; see `cache_folder`."""
+    below = {"darwin": "Library/Application Support"}.get(sys.platform, ".config")
+    return _own(_place("XDG_CONFIG_HOME", "APPDATA", below))
+
+
+def configuration() -> dict[str, Any]:
+    """What the user states in config.toml of `config_folder`; empty where there is no such file.
+
+    Raises
+    ------
+    FileError, TableError
+        If the folder or the file is not the user's, or is not TOML.
+    """
+    path = config_folder() / CONFIG
+    if not path.exists():
+        return {}
+    with open_regular(path, max_bytes=_MOST_BYTES) as file:
+        if sys.platform != "win32" and os.fstat(file.fileno()).st_uid not in (os.geteuid(), 0):
+            raise FileError(f"{path}: belongs to someone else: write it anew")
+        text = file.read()
+    from fourpole.io.documents import toml_of
+    from fourpole.io.source import decode
+
+    return toml_of(decode(text, CONFIG)[0], CONFIG)
+
+
+@cache
+def user_key() -> bytes:
+    """The key of this user, 32 random bytes that are made once; one of this process alone where none can be kept."""
+    with suppress(FourpoleError, OSError):
+        return _key_in(config_folder())
+    return os.urandom(_LENGTH)
+
+
+def _key_in(folder: Path) -> bytes:
+    """The key of a folder, made if there is none; one that others can read, or made, is replaced."""
+    key = _read_key(folder / _KEY)
+    if key is None:
+        from fourpole.io.lock import campaign_lock
+
+        with campaign_lock(folder, patience=_PATIENCE):
+            key = _read_key(folder / _KEY)  # another process may have made it meanwhile
+            if key is None:
+                key = _write_key(folder / _KEY)
+    return key
+
+
+def _read_key(path: Path) -> bytes | None:
+    """The key in a file; None unless it is a file of the user's, of 32 bytes, that nobody else can open."""
+    with suppress(FourpoleError), open_regular(path, max_bytes=_LENGTH) as file:
+        about = os.fstat(file.fileno())
+        private = sys.platform == "win32" or (about.st_uid == os.geteuid() and not about.st_mode & 0o077)
+        content = file.read()
+        return content if private and len(content) == _LENGTH else None
+    return None
+
+
+def _write_key(path: Path) -> bytes:
+    """A new key, which the file has in one step."""
+    key, new = os.urandom(_LENGTH), path.with_name(f"new-{os.urandom(6).hex()}")
+    try:
+        with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+            file.write(key)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
+    return key
+
+
 def _place(variable: str, windows: str, below_home: str) -> Path:
     """The folder that a variable names, if its path is absolute; else one below the home folder."""
     stated = os.environ.get(windows if sys.platform == "win32" else variable, "")
@@ -35,6 +115,8 @@ def _place(variable: str, windows: str, below_home: str) -> Path:
         above = Path(stated) if os.path.isabs(stated) else Path.home() / below_home  # noqa: PTH117 - "" is none
     except RuntimeError as error:
         raise FileError(f"the home folder is not known: {error}") from None
+    if not above.is_absolute():  # below the working folder, others may have put a key
+        raise FileError(f"{above}: is no folder of the user: HOME names a whole path")
     return above / _NAME
 
 

@@ -305,6 +305,7 @@ def _stated(former: str, form: Mapping[str, Any]) -> str:
     """The text of campaign.toml with what the form states."""
     if "text" in form:
         text = str(form["text"])
+        text.encode()  # half a character is no text
         _parsed(text)
         return text
     if "channels" not in form:

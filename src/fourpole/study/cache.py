@@ -4,17 +4,22 @@ A file of the cache is found by the content of the recording and by the settings
 neither the rig nor an uncertainty is among them. The index notes size, time of change and inode of each recording, with
 the hash of its content. A recording that is as noted is not opened; of one that differs, the hash decides. Only the
 process that analyses writes here.
+
+Each file and each line of the index has the signature of the user. What another user kept, what was edited or exchanged
+is ignored without a word: the recording is reduced again.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -28,19 +33,29 @@ from fourpole.core.demodulation.harmonics import Harmonics
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
 from fourpole.core.spectra.excited import Excited
-from fourpole.errors import FileError
+from fourpole.errors import FileError, FourpoleError
+from fourpole.io.door import read_bytes
 from fourpole.io.identity import Identity
-from fourpole.io.packed import pack, unpack
-from fourpole.io.write import write_bytes, write_text
+from fourpole.io.packed import extended, pack, unpack
+from fourpole.io.remote import is_elsewhere
+from fourpole.io.signature import LENGTH, is_signed, signature
+from fourpole.io.write import write_bytes
 from fourpole.study.outcome import Demodulated
 
 #: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
-_VERSION = 16
+_VERSION = 17
 _INDEX = "index.jsonl"
+#: The index is appended without following a link, and without waiting for who reads a pipe.
+_APPEND = os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 #: Files of the cache, and those of earlier versions of it.
 _ENTRY, _FORMER = re.compile(r"[0-9a-f]{40}\.fpp"), re.compile(r"[0-9a-f]{40}\.json")
 #: A file that was not used in this number of runs is deleted, and so are those used longest ago above this size [byte].
 _RUNS, _MOST = 10, 2_000_000_000
+#: Largest file of the cache, the index too [byte].
+_LARGEST = 200_000_000
+#: Where the body of packed bytes begins, and that of a line of the index: ["signature", body].
+_PACKED, _BODY = 8, 4 + 2 * LENGTH
+_LINE = re.compile(rb'\["[0-9a-f]{64}",.+\]')
 _CLASSES = (Check, Code, Correction, Demodulated, Demodulation, Excited, Harmonics, Phasors, Preview)
 
 
@@ -82,7 +97,9 @@ class Cache:
         self._run = 1
         self._here: set[str] = set()
         self._journal: TextIO | None = None
+        self._begun = False
         self._read()
+        self._lost = not self._index and bool(self._here)
 
     # --- what is known of a recording ------------------------------------------------------------------------------
 
@@ -93,9 +110,9 @@ class Cache:
             return ""
         return noted[1] if noted[0] == identity and identity.settled else ""
 
-    def is_noted(self, file: str) -> bool:
-        """Whether the index has the recording, whatever its content was."""
-        return file in self._index
+    def may_have(self, file: str) -> bool:
+        """Whether the index has the recording, whatever its content was, or the index of the kept files is lost."""
+        return file in self._index or (self._lost and not is_elsewhere(file))
 
     def note(self, file: str, identity: Identity | None, sha256: str) -> None:
         """Note the hash of a recording."""
@@ -103,10 +120,13 @@ class Cache:
             return
         self._index[file] = identity, sha256
         with suppress(OSError):
-            if self._journal is None:
-                self._journal = (self._folder / _INDEX).open("a", encoding="utf-8")
-            self._journal.write(json.dumps([file, list(identity.parts), sha256]) + "\n")
-            self._journal.flush()
+            if not self._begun:
+                self._begun = True
+                self._write_index(self._run - 1)
+                self._journal = os.fdopen(os.open(self._folder / _INDEX, os.O_WRONLY | _APPEND), "a", encoding="utf-8")
+            elif self._journal is not None:
+                self._journal.write(self._line([file, list(identity.parts), sha256]))
+                self._journal.flush()
 
     # --- what it gave ------------------------------------------------------------------------------------------------
 
@@ -123,30 +143,36 @@ class Cache:
         return None
 
     def bytes_of(self, name: str) -> bytes | None:
-        """The bytes that are kept under a name; None if it is missing."""
+        """The bytes that are kept under a name; None unless this user's Fourpole kept them under it."""
         if name not in self._here:
             return None
-        with suppress(OSError):
-            content = (self._folder / name).read_bytes()
-            self._used[name] = self._run
-            return content
+        with suppress(FourpoleError):
+            content = read_bytes(self._folder / name, max_bytes=_LARGEST, within=self._folder)
+            if is_signed(content[_PACKED:-LENGTH], content[-LENGTH:], "entry", name):
+                self._used[name] = self._run
+                return content
         return None
 
     def keep(self, name: str, content: bytes) -> None:
-        """Keep the bytes of a recording; a full disk changes no result."""
+        """Keep the packed bytes of a recording under a name; a full disk changes no result."""
+        signed = extended(content, signature(content[_PACKED:], "entry", name))
         with suppress(FileError):
-            write_bytes(self._folder / name, content)
-            self._here.add(name)
-            self._used[name] = self._run
+            if len(signed) <= _LARGEST and self.bytes_of(name) != signed:
+                write_bytes(self._folder / name, signed)
+                self._here.add(name)
+                self._used[name] = self._run
 
     # --- the folder --------------------------------------------------------------------------------------------------
 
     def _read(self) -> None:
-        with suppress(OSError):
+        with suppress(OSError, FourpoleError):
             self._here = {one.name for one in os.scandir(self._folder) if _ENTRY.fullmatch(one.name)}
-            for line in (self._folder / _INDEX).read_text(encoding="utf-8", errors="replace").splitlines():
-                with suppress(ValueError, TypeError, KeyError, AttributeError):  # the last line may be cut
-                    self._take(json.loads(line))
+            content = read_bytes(self._folder / _INDEX, max_bytes=_LARGEST, within=self._folder)
+            for line in map(bytes.rstrip, io.BytesIO(content)):
+                signed, body = line[2 : _BODY - 2], line[_BODY:-1]
+                if not (_LINE.fullmatch(line) and is_signed(body, bytes.fromhex(signed.decode()), *self._purpose)):
+                    return  # it was cut, or is of another user or folder, as the lines after it may be
+                self._take(json.loads(body))
 
     def _take(self, line: Any) -> None:
         if isinstance(line, dict):
@@ -156,6 +182,23 @@ class Cache:
         file, parts, sha256 = line
         self._index[str(file)] = Identity(*parts), str(sha256)
 
+    @cached_property
+    def _purpose(self) -> tuple[str, ...]:
+        """What a line of the index is for: this folder, since its recordings are known by their names and inodes."""
+        return "index", str(_VERSION), os.path.realpath(self._folder)
+
+    def _line(self, value: Any) -> str:
+        """A line of the index with its signature."""
+        body = json.dumps(value)
+        return f'["{signature(body.encode(), *self._purpose).hex()}",{body}]\n'
+
+    def _write_index(self, run: int) -> None:
+        """Write the index anew, in one step: what stands in its place may be a link or a pipe."""
+        lines = [self._line({"run": run, "used": self._used})]
+        lines += [self._line([file, list(one.parts), sha256]) for file, (one, sha256) in self._index.items()]
+        with suppress(FileError):
+            write_bytes(self._folder / _INDEX, "".join(lines).encode())
+
     def close(self) -> None:
         """Write the index anew, and delete the files that are too old or too many."""
         if self._journal is not None:
@@ -163,10 +206,7 @@ class Cache:
                 self._journal.close()
             self._journal = None
         self._prune()
-        lines = [json.dumps({"run": self._run, "used": self._used})]
-        lines += [json.dumps([file, list(one.parts), sha256]) for file, (one, sha256) in self._index.items()]
-        with suppress(FileError):
-            write_text(self._folder / _INDEX, "\n".join(lines) + "\n")
+        self._write_index(self._run)
 
     def _prune(self) -> None:
         with suppress(OSError):

@@ -96,9 +96,8 @@ def read_curve(campaign: Campaign, test: Test, cache: Cache | None = None, secon
     found = _unpacked(content)
     if cache is not None:
         cache.note(test.file, identity, found.sha256)
-        name = cache.name(job.settings, found.sha256)
-        if found.curve is not None and len(content) < _MOST_KEPT and cache.bytes_of(name) != content:
-            cache.keep(name, content)
+        if found.curve is not None and len(content) < _MOST_KEPT:
+            cache.keep(cache.name(job.settings, found.sha256), content)
     return found
 
 

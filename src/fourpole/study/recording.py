@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from fourpole import units
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.place import check_text
 from fourpole.campaign.schema import validated
 from fourpole.core.chain import Calibrated, Delay, Geophone, HighPass, LowPass
 from fourpole.core.phasor import CHANNELS
@@ -102,9 +104,17 @@ def _row(campaign: Campaign, file: str) -> Test:
     """The row of tests.csv that names the file, or a row without further values."""
     given = (campaign.folder / file).resolve()
     for test in campaign.tests:
-        if test.kind != "static" and (test.file == file or (campaign.folder / test.file).resolve() == given):
+        if test.kind != "static" and (test.file == file or _resolved(campaign.folder, test.file) == given):
             return test
     return Test(Path(file).name, 0, file, "dynamic")
+
+
+def _resolved(folder: Path, file: str) -> Path | None:
+    """The path of a file of a campaign with its links resolved; None if its text names none."""
+    with suppress(FileError):
+        check_text(folder, file)
+        return (folder / file).resolve()
+    return None
 
 
 def _path(folder: Path, file: str) -> Path:

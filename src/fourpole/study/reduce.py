@@ -38,6 +38,7 @@ from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import ConstantError, FourpoleError, RecordingError, TableError, TooShortError
 from fourpole.io.door import sha256_of
+from fourpole.io.remote import permission
 from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
 from fourpole.study.outcome import Demodulated, Point, Reduced
 
@@ -82,6 +83,8 @@ class Job:
         Roles of the channels that the route needs.
     responses : dict of str to str
         Hash of each table of a calibrated response, by its name in the campaign.
+    remote : str
+        Prefixes of URLs that the user who sends the job allows to read.
     """
 
     folder: Path
@@ -90,6 +93,7 @@ class Job:
     rig: RigFile | None
     needed: tuple[str, ...]
     responses: dict[str, str] = field(default_factory=dict)
+    remote: str = ""
 
     def run(self) -> Reduced:
         """Reduce the recording in this thread; an error becomes a check that rejects the test."""
@@ -120,7 +124,8 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Job]:
     channels, rigs, responses = campaign.stated.channels, campaign.stated.all_rigs, response_hashes(campaign)
     needed = ROUTE_NEEDS[route]
     folder = campaign.folder.absolute()  # a worker of a cluster has another working folder
-    return [Job(folder, test, channels, rigs.get(test.rig), needed, responses) for test in tests]
+    remote = permission(test.file for test in tests)
+    return [Job(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
 
 
 def _problem_code(test: Test) -> Code:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,7 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from fourpole.campaign.folder import LIMITS, Campaign, Test, read_campaign
+from fourpole.campaign.place import inside
 from fourpole.core.checks import Check
 from fourpole.core.codes import Code
 from fourpole.core.condition import Sameness
@@ -26,8 +28,10 @@ from fourpole.fitting.rows import axes_record
 from fourpole.fitting.stated import rig_file
 from fourpole.io.child import SECONDS
 from fourpole.io.door import sha256_of
+from fourpole.io.folders import is_for_keeping
 from fourpole.io.origin import origin
 from fourpole.io.published import publishing
+from fourpole.io.remote import EVERY, allowing
 from fourpole.io.write import remove_leftovers, write_table
 from fourpole.models.families import by_amplitude
 from fourpole.study.cache import Cache
@@ -307,6 +311,7 @@ def analyse(
     workers: int | None = None,
     executor: Executor | None = None,
     time_limit: float = SECONDS,
+    remote: bool = False,
     progress: Callable[[int, int], None] | None = None,
     arrived: Callable[[str, Reduced], None] | None = None,
 ) -> Study:
@@ -336,6 +341,9 @@ def analyse(
     time_limit : float [s]
         Processor time after which a recording is given up; a large file has 1 s per MB more. It holds in worker
         processes, in which large files and those that a library reads are always read.
+    remote : bool
+        Whether all recordings that are named by s3:// are read; otherwise those that the variable FOURPOLE_REMOTE or
+        the user's config.toml allows.
     progress : callable, optional
         Called with the number of reduced recordings and the number of all recordings.
     arrived : callable, optional
@@ -363,24 +371,26 @@ def analyse(
     """
     if route not in ("joint", *ROUTES):
         raise CampaignError(f"no route {route!r}: choose one of joint, {', '.join(ROUTES)}")
-    if not isinstance(campaign, Campaign):
-        campaign = read_campaign(campaign)
-    dynamic = campaign.of_kind("dynamic")
-    route, note = possible_route(campaign, route)
-    _check_rig(campaign, dynamic, route)
+    with allowing(EVERY) if remote else nullcontext():
+        if not isinstance(campaign, Campaign):
+            campaign = read_campaign(campaign)
+        dynamic = campaign.of_kind("dynamic")
+        route, note = possible_route(campaign, route)
+        _check_rig(campaign, dynamic, route)
 
-    kept = make_folder(cache) if cache is not None else None
-    if kept is not None:
-        remove_leftovers(kept, abandoned=0.0)
-    cached = Cache(kept, verify=verify) if kept is not None else None
-    statics = evaluate_statics(campaign, cached, time_limit)
-    reduced = reduce_tests(
-        jobs_of(campaign, dynamic, route),
-        cache=cached,
-        settings=Settings(workers, executor, time_limit),
-        progress=progress,
-        arrived=arrived,
-    )
+        kept = None
+        if cache is not None and is_for_keeping(Path(cache), campaign.folder):
+            kept = make_folder(cache)
+            remove_leftovers(kept, abandoned=0.0)
+        cached = Cache(kept, verify=verify) if kept is not None else None
+        statics = evaluate_statics(campaign, cached, time_limit)
+        reduced = reduce_tests(
+            jobs_of(campaign, dynamic, route),
+            cache=cached,
+            settings=Settings(workers, executor, time_limit),
+            progress=progress,
+            arrived=arrived,
+        )
     analysed, remarks = _analysed(campaign, statics, reduced, route, (monte_carlo, seed))
     assumed = (*campaign.stated.assumptions(), *_assumed(dynamic))
     return Study(
@@ -473,14 +483,11 @@ def _hashes(
     campaign: Campaign, statics: Sequence[StaticTest], dynamic: Sequence[Test], reduced: Sequence[Reduced]
 ) -> dict[str, str]:
     """Hash of each file that was read, by its name in the campaign."""
-    logo = campaign.stated.report.logo
-    statements = [
-        "campaign.toml",
-        "tests.csv",
-        *([LIMITS] if campaign.limits.limits else []),
-        *([logo] if logo else []),
-    ]
-    hashes = {name: sha256_of(campaign.folder / name, max_bytes=MOST_BYTES) for name in statements}
+    folder, logo = campaign.folder, campaign.stated.report.logo
+    statements = ["campaign.toml", "tests.csv", *([LIMITS] if campaign.limits.limits else [])]
+    hashes = {name: sha256_of(folder / name, max_bytes=MOST_BYTES) for name in statements}
+    if logo:
+        hashes[logo] = sha256_of(inside(folder, logo), max_bytes=MOST_BYTES, label=logo, within=folder)
     hashes |= response_hashes(campaign)
     hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
     hashes |= {test.file: item.sha256 for test, item in zip(dynamic, reduced, strict=True) if item.sha256}

@@ -18,7 +18,7 @@ from fourpole.fitting.verified import verify
 from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.published import LIST as NAME
 from fourpole.io.published import published
-from fourpole.io.remote import is_elsewhere
+from fourpole.io.remote import address_of, check_allowed, is_elsewhere
 from fourpole.io.seal import KEY, alterations
 from fourpole.study.repeated import Difference, differences
 from fourpole.study.results import section
@@ -304,6 +304,11 @@ def _why_not(campaign: Path | None, inputs: tuple[File, ...], *, quick: bool) ->
         return "hashes only, as wanted"
     if campaign is None:
         return "the campaign is not known: name its folder with --campaign"
+    for name in (one.name for one in inputs if one.state is State.ELSEWHERE):
+        try:
+            check_allowed(address_of(name))
+        except FileError as error:
+            return str(error)
     gone = [one.name for one in inputs if one.state is State.MISSING]
     changed = [one.name for one in inputs if one.state is State.CHANGED]
     for names, one, many in ((changed, "has changed", "have changed"), (gone, "is not there", "are not there")):

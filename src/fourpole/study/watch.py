@@ -20,6 +20,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.place import inside
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core.checks import worst_verdict
 from fourpole.core.sources import Kind
@@ -110,10 +111,16 @@ class Watch:
     def warm(self) -> None:
         """Judge a test that is there already, so that the first new one does not wait for libraries to load."""
         campaign = read_campaign(self.folder)
-        there = [test for test in campaign.tests if test.kind != "static" and (self.folder / test.file).is_file()]
+        there = [test for test in campaign.tests if test.kind != "static" and self._is_there(test)]
         for test in there[-1:]:
             gather_more(self.folder, [self.folder / test.file])
             self._judged(campaign, test, _former(self.folder), ())
+
+    def _is_there(self, test: Test) -> bool:
+        """Whether a test names a file of the campaign that is there."""
+        with suppress(FourpoleError, OSError):
+            return inside(self.folder, test.file).is_file() and (self.folder / test.file).is_file()
+        return False
 
     def look(self) -> Iterator[Judged]:
         """The judgements on recordings that have been all there since the last look, each once for each content."""

@@ -31,7 +31,7 @@ from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
 from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
 from fourpole.io.packed import unpack
-from fourpole.io.remote import is_elsewhere
+from fourpole.io.remote import allow, is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
 from fourpole.study.guard import is_guarded
@@ -72,6 +72,8 @@ def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer
     guarded : bool
         Whether all are run in the worker process of this thread; otherwise only those for which there is a reason.
     """
+    if any(is_elsewhere(job.test.file) for job in jobs):
+        allow(jobs[0].remote)  # a worker of a cluster has the permission of the user who sends the jobs
     return [
         _ran(job, seconds) if guarded or is_guarded(job.folder, job.test.file) else demodulate_packed(job)
         for job in jobs
@@ -260,7 +262,7 @@ class _Run:
         if self._cache is None or identity is None:
             return False
         sha256 = self._cache.hash_noted(job.test.file, identity)
-        if not sha256 and self._cache.is_noted(job.test.file):
+        if not sha256 and self._cache.may_have(job.test.file):
             sha256 = _hash(job)
             self._cache.note(job.test.file, identity, sha256)
         done = self._cache.recall(self._cache.name(self._stated[index], sha256)) if sha256 else None

@@ -11,13 +11,15 @@ import re
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
 from fractions import Fraction
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import TYPE_CHECKING
 
 from fourpole.errors import UnitError
 from fourpole.units.grammar import SPELLINGS, add_up, parse, shown, spelled_out
 from fourpole.units.kinds import COMMON, KINDS, MOTIONS, SUGGESTED, TEMPERATURES, affine, kind_named, kind_of, scale_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "KINDS",
@@ -173,6 +175,8 @@ def to_si(values: ArrayLike, unit: str, kind: str) -> NDArray[np.float64]:
     >>> to_si([293.15, 300.0], "K", "temperature").round(6).tolist()
     [20.0, 26.85]
     """
+    import numpy as np  # here, since what reads bytes names files by `shown`, and a second run waits for it
+
     scale, offset = affine(unit, kind)
     return np.asarray(values, dtype=np.float64) * float(scale) + float(offset)
 
@@ -477,6 +481,8 @@ def _range(part: str, text: str, example: str) -> Iterator[Fraction]:
         yield values[0]
         return
     if len(values) == 2:
+        import numpy as np
+
         low, high = map(float, values)
         if not 0 < low < high:
             raise UnitError(f"frequencies {shown(text)}: {shown(part)} must rise, as start:stop; {example}")

@@ -12,6 +12,7 @@ RFC 8259, "The JavaScript Object Notation (JSON) Data Interchange Format".
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -37,7 +38,7 @@ def _recognises(head: bytes) -> bool:
 
 def _content(opened: OpenFile) -> Any:
     """The value that the file holds; a list, if it has one value on each line."""
-    size = opened.path.stat().st_size
+    size = os.fstat(opened.file.fileno()).st_size
     if size > _MOST_BYTES:
         raise TableError(f"{opened.name}: has {size / 1e6:.4g} MB; save so much as CSV, Parquet or HDF5")
     afford(_PER_BYTE * size, opened.max_bytes, opened.name)

@@ -13,6 +13,7 @@ NumPy Enhancement Proposal 1, "A simple file format for NumPy arrays".
 from __future__ import annotations
 
 import ast
+import os
 import struct
 import zipfile
 from collections.abc import Callable, Iterator
@@ -147,7 +148,7 @@ class _Content(Variables):
             self._channels = [replace(one, name=one.name.removeprefix(".") or "1") for one in self._channels]
 
     def _array(self, opened: OpenFile) -> Iterator[Node]:
-        size = opened.path.stat().st_size
+        size = os.fstat(opened.file.fileno()).st_size
         dtype, shape, by_column, begin = _header(opened.file, size)
         if dtype.hasobject:
             raise TableError(f"{opened.name}: holds Python objects, which are never opened; save numbers")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.door import open_regular
+from fourpole.io.door import open_regular, path_for_library
 from fourpole.io.formats.guard import Guard, guarded
 from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal
 from fourpole.io.source import name_of
@@ -131,7 +131,7 @@ class OpenFile:
     Attributes
     ----------
     path : Path
-        The path of the file, for a library that must open it by name.
+        The path of the file, for a library that must open it by name; see `fourpole.io.recordings.BY_PATH`.
     file : BinaryIO
         The open file, at its beginning.
     name : str
@@ -182,7 +182,8 @@ def track_format(
             if not recognises(file.read(HEAD_BYTES)):
                 raise TableError(f"{name}: is not {kind}: it does not begin as one; check what wrote it")
             file.seek(0)
-            yield content(OpenFile(path, file, name, max_bytes, guard, closing))
+            with path_for_library(path, file, label=name) as same:
+                yield content(OpenFile(same, file, name, max_bytes, guard, closing))
 
     def survey(path: Path, label: str, max_bytes: int) -> FileInfo:
         guard = Guard(name_of(path, label), kind)

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from fourpole.errors import TableError
-from fourpole.io.door import open_regular
+from fourpole.io.door import open_regular, path_for_library
 from fourpole.io.formats import text
 from fourpole.io.formats.guard import Guard, find, guarded, tidy
 from fourpole.io.formats.sheets import check_cells
@@ -53,9 +53,9 @@ class _Sheet:
     info: FileInfo
 
 
-def _check_archive(path: Path, name: str) -> None:
+def _check_archive(content: BinaryIO, name: str) -> None:
     """TableError if an archive is no workbook, or its cells need too much memory."""
-    with zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(content) as archive:
         names = set(archive.namelist())
         for folder, what in _OTHER.items():
             if any(one.startswith(folder) for one in names):
@@ -76,18 +76,19 @@ def _opened(path: Path, label: str | None, guard: Guard, max_bytes: int) -> Iter
     name = name_of(path, label)
     with open_regular(path, max_bytes=min(max_bytes, _MOST_BYTES), label=label) as file:
         head = file.read(HEAD_BYTES)
-    if not _recognises(head):
-        raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
-    if head.startswith(_ZIP):
-        _check_archive(path, name)
-    import_module("polars")  # so that the memory which is left is that of the cells
-    library = guard.load("fastexcel")
-    try:
-        book = library.read_excel(str(path))
-    except library.FastExcelError as error:
-        if "assword" in str(error) or "ncrypt" in str(error):
-            raise TableError(f"{name}: is protected by a password; save it without one") from None
-        raise
+        if not _recognises(head):
+            raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
+        if head.startswith(_ZIP):
+            _check_archive(file, name)
+        import_module("polars")  # so that the memory which is left is that of the cells
+        library = guard.load("fastexcel")
+        with path_for_library(path, file, label=label) as same:
+            try:
+                book = library.read_excel(str(same))
+            except library.FastExcelError as error:
+                if "assword" in str(error) or "ncrypt" in str(error):
+                    raise TableError(f"{name}: is protected by a password; save it without one") from None
+                raise
     with TemporaryDirectory() as folder:
         sheets: list[_Sheet] = []
         refused: list[str] = []
