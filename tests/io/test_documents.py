@@ -68,6 +68,14 @@ def test_what_is_toml_of_few_parts_is_read_as_it_is(text: str) -> None:
         assert toml_of(text, "a.toml") == expected
 
 
+@pytest.mark.parametrize("part", ["[],", "{},", "1,"])
+def test_a_document_of_too_many_values_is_refused(part: str) -> None:
+    text = f"[{part * 4_000_000}0]"
+    for content in (text, text.encode()):
+        with pytest.raises(TableError, match="more than 4000000 values"):
+            json_of(content, "a.json")
+
+
 @pytest.mark.parametrize("text", ['{"a": ["\\ud800"]}', '{"\\udfff": 1}', '"a\\udc00\\ud800"'])
 def test_half_a_character_is_refused(text: str) -> None:
     with pytest.raises(TableError, match="half a character"):

@@ -14,6 +14,8 @@ from fourpole.errors import TableError
 
 #: Deepest nesting of tables and lists; an integer has at most 64 bits.
 _DEEPEST, _LARGEST = 64, 2**63
+#: Most values, lists and tables of a JSON document: an empty list of three characters takes 64 bytes of memory.
+_MOST_VALUES = 4_000_000
 #: Half a character, as JSON can write it: \\ud800.
 _HALF = re.compile("[\ud800-\udfff]")
 #: Most parts of a dotted key: for each of them tomllib holds a key of all parts before it.
@@ -38,14 +40,17 @@ def json_of(content: bytes | str, name: str) -> Any:
     Raises
     ------
     TableError
-        If it is no JSON, nests too deep, has an integer of more than 64 bits, a number that is not finite, or half a
-        character.
+        If it is no JSON, has too many values, nests too deep, has an integer of more than 64 bits, a number that is not
+        finite, or half a character.
 
     Examples
     --------
     >>> json_of('{"K1": [1.5, null]}', "a.json")
     {'K1': [1.5, None]}
     """
+    text = content if isinstance(content, str) else content.decode("latin-1")
+    if sum(map(text.count, ",[{")) > _MOST_VALUES:
+        raise TableError(f"{name}: has more than {_MOST_VALUES} values; Fourpole writes no such file")
     try:
         found = json.loads(content, parse_constant=_no_constant)
     except RecursionError:
