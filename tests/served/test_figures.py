@@ -16,6 +16,7 @@ from tests.report.browser import launched
 from tests.served.barriers import barriers
 from tests.served.server import Server, serving
 from tests.served.test_pages import LONG, opened, visiting
+from tests.unlisted import unlisted
 
 from fourpole.app.models import run_map
 from fourpole.app.options import DataOptions
@@ -228,7 +229,7 @@ def test_the_sliders_answer_and_stand_in_the_address(window: Page) -> None:
 
 
 def test_without_a_map_a_condition_is_chosen(window: Page, mapped: Server) -> None:
-    folder = mapped.root / "one" / "results"
+    folder = unlisted(mapped.root / "one" / "results")
     shutil.move(folder / "map.json", folder / "map.away")
     try:
         with visiting(window) as page:
@@ -249,7 +250,7 @@ def test_without_a_map_a_condition_is_chosen(window: Page, mapped: Server) -> No
 
 
 def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
-    fitted = mapped.root / "two" / "results" / "model.json"
+    fitted = unlisted(mapped.root / "two" / "results") / "model.json"
     with visiting(window) as page:
         page.goto("/c/two/model")
         expect(page.get_by_text("No model was fitted yet")).to_be_visible()

@@ -1,8 +1,4 @@
-"""Model files: models and operating maps as one versioned JSON document, described in docs/model-file.md.
-
-A file of a later version is refused. A file is also refused if its parameters, with their units, differ from those of
-the model that it names.
-"""
+"""Model files: models and operating maps as one versioned JSON document, described in docs/model-file.md."""
 
 from __future__ import annotations
 
@@ -289,22 +285,20 @@ def read_model_file(path: str | Path) -> ModelFile:
     FileError
         If the file cannot be read.
     ModelError
-        If the file is not a model file, has a later version, contradicts itself, is not sealed, or was changed since it
-        was sealed.
+        If it is no model file, has a later version, contradicts itself, is not sealed, or was changed since.
     """
     try:
-        content = read_listed(path, max_bytes=MOST_BYTES)
+        return model_file_of(read_listed(path, max_bytes=MOST_BYTES), Path(path).name)
     except TableError as error:
         raise ModelError(str(error)) from None
-    return model_file_of(content, Path(path).name)
 
 
 def model_file_of(content: bytes, name: str) -> ModelFile:
     """The checked content of a model file from its bytes; see `read_model_file`."""
     document = document_of(content, name)
-    found = checked(name, document)
+    made = checked(name, document)
     check_seal(name, document)
-    return found
+    return made
 
 
 def checked(name: str, document: dict[str, Any]) -> ModelFile:
