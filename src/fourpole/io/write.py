@@ -155,7 +155,7 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     finally:
         if old.exists() and not target.exists():
             old.replace(target)
-        shutil.rmtree(folder, ignore_errors=True)
+        delete_folder(folder)
 
 
 def hidden_folder(target: Path, label: str | None = None) -> Path:
@@ -168,6 +168,35 @@ def hidden_folder(target: Path, label: str | None = None) -> Path:
         hint = "" if target.parent.is_dir() else "; does its folder exist?"
         raise FileError(f"{name_of(target, label)}: cannot be written: {why(error)}{hint}") from None
     return folder
+
+
+def delete_folder(folder: Path) -> None:
+    """Delete a folder with its content, as far as it can be deleted."""
+    with suppress(OSError):  # not all errors are ignored by rmtree
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def files_below(folder: Path) -> list[str]:
+    """Names of all files below a folder, sorted; OSError if a folder cannot be listed, which `rglob` would leave out.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pathlib.Path(folder, "figures").mkdir()
+    ...     _ = pathlib.Path(folder, "figures", "a.svg").write_text("<svg/>")
+    ...     files_below(pathlib.Path(folder))
+    ['figures/a.svg']
+    """
+
+    def fail(error: OSError) -> None:
+        raise error
+
+    return sorted(
+        Path(place, name).relative_to(folder).as_posix()
+        for place, _, names in os.walk(folder, onerror=fail)
+        for name in names
+    )
 
 
 def is_full(error: Exception) -> bool:
