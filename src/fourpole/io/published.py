@@ -204,6 +204,17 @@ def listed_in(record: Mapping[str, Any]) -> dict[str, Listed] | None:
     }
 
 
+def is_complete(folder: str | os.PathLike[str]) -> bool:
+    """Whether each result stands under its usual name, as it is listed."""
+    with suppress(FourpoleError, OSError):
+        results = published(folder)
+        return all(
+            sha256_of(results.folder / name, max_bytes=max(file.size, 1), within=folder) == file.sha256
+            for name, file in (results.files or {}).items()
+        )
+    return False
+
+
 def without_list(record: Mapping[str, Any]) -> dict[str, Any]:
     """The content of study.json that does not depend on which files stand beside it."""
     return {key: value for key, value in record.items() if key not in (_HASHES, _SIZES, "seal")}
@@ -321,8 +332,10 @@ def _complete(folder: Path, files: Mapping[str, Listed], gone: Iterable[str]) ->
         except OSError as error:
             held.append(f"{name} ({why(error)})")
     for name in gone:
-        with suppress(OSError):
-            _inner(folder, name).unlink()
+        try:
+            _inner(folder, name).unlink(missing_ok=True)
+        except OSError as error:
+            held.append(f"{name} ({why(error)})")
     if held:
         warnings.warn(
             f"{folder}: {', '.join(held[:3])}{' and others' * (len(held) > 3)} cannot be replaced now: the results are "

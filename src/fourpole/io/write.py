@@ -24,6 +24,12 @@ if TYPE_CHECKING:
 _TOKEN = 6
 _HIDDEN = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 _FULL = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG") if hasattr(errno, name)}
+#: Errors of a disk, a network drive or permissions, and of too many open files: no mistake of the program.
+_OF_SYSTEM = {
+    getattr(errno, name)
+    for name in "EIO EACCES EPERM EROFS ESTALE ENODEV ENXIO EBUSY ETIMEDOUT ENFILE EMFILE".split()
+    if hasattr(errno, name)
+}
 #: A hidden folder that was not changed for this time is of a process that was killed [s].
 _ABANDONED = 3600.0
 
@@ -153,8 +159,9 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     except OSError as error:
         raise FileError(f"{name}: cannot be written: {why(error)}") from error
     finally:
-        if old.exists() and not target.exists():
-            old.replace(target)
+        with suppress(OSError):
+            if old.exists() and not target.exists():
+                old.replace(target)
         delete_folder(folder)
 
 
@@ -202,6 +209,11 @@ def files_below(folder: Path) -> list[str]:
 def is_full(error: Exception) -> bool:
     """Whether an error says that a disk is full, a quota is exhausted, or a file is larger than a limit allows."""
     return getattr(error, "errno", None) in _FULL
+
+
+def is_of_system(error: Exception) -> bool:
+    """Whether an error comes from a disk or from permissions, and not from a mistake of the program."""
+    return getattr(error, "errno", None) in _OF_SYSTEM
 
 
 def why(error: Exception) -> str:
