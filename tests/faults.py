@@ -1,9 +1,8 @@
 """Commands whose n-th call of the system fails, or kills them: `python -m tests.faults` goes through every n.
 
-A process with all modules loaded forks a child for each command. strace is attached to it, counts the calls of the
-child, and lets one of them fail (https://strace.io: `inject=...:when=n`). It sees every call, also those of libraries,
-and neither the command nor Python knows of it. Only calls below the campaign are chosen: what Python or the C library
-does elsewhere is not ours.
+strace lets one call of a command fail (https://strace.io: `inject=...:when=n`). It sees every call, also those of
+libraries, and neither the command nor Python knows of it. Only calls below the campaign are chosen: what Python or the
+C library does elsewhere is not ours.
 """
 
 from __future__ import annotations
@@ -11,43 +10,22 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
-import re
 import shutil
-import socket
-import subprocess
 import sys
 import tempfile
 import warnings
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
+
+from tests.forked import CALLS, CHANGING, KILLED, NAMING, ROOT, WRITING, Call, Commands, Run, commands
 
 from fourpole.errors import FourpoleError
 from fourpole.io.published import LIST, STORE, published, without_list
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
-ROOT = Path(__file__).resolve().parents[1]
-#: Calls that write; calls that name a file; all that change or read files and folders.
-WRITING = ("write", "pwrite64", "sendfile", "copy_file_range", "mkdir", "mkdirat")
-NAMING = ("openat", "rename", "renameat", "renameat2", "unlink", "unlinkat", "mkdir", "mkdirat", "rmdir")
-CHANGING = (*WRITING, *NAMING, "fsync", "fdatasync", "ftruncate", "truncate", "link", "linkat", "symlinkat", "chmod")
-CALLS = (
-    *CHANGING,
-    "read",
-    "pread64",
-    "stat",
-    "lstat",
-    "newfstatat",
-    "fstat",
-    "statx",
-    "getdents64",
-    "flock",
-    "readlink",
-)
 #: What happens at a call: the process is killed, or the call fails; with a full disk, so do all that write from there.
 KINDS: Mapping[str, Sequence[str]] = {
     "SIGKILL": CHANGING,
@@ -56,15 +34,6 @@ KINDS: Mapping[str, Sequence[str]] = {
     "ENOSPC": (*WRITING, "openat", "rename", "renameat", "renameat2", "fsync"),
     "full": WRITING,
 }
-KILLED = -9
-
-
-class Call(NamedTuple):
-    """A call of the system: its name, its number among those of this name, and its line in the log."""
-
-    name: str
-    number: int
-    line: str
 
 
 class Fault(NamedTuple):
@@ -85,167 +54,19 @@ class Fault(NamedTuple):
         return f"{self.kind} at {self.call.name} {self.call.number}, {self.call.line}"
 
 
-@dataclass(frozen=True)
-class Run:
-    """How a command ended: exit code, standard output and error, and its calls."""
-
-    code: int
-    out: str
-    err: str
-    log: Sequence[str] = ()
-
-    def calls(self, below: Path) -> list[tuple[Call, Mapping[str, int]]]:
-        """The calls of the command below a folder, each with the number of calls of each name before it."""
-        counts: Counter[str] = Counter()
-        found = []
-        for line in self.log:
-            if begun := re.match(r"(\w+)\(", line):
-                before = dict(counts)
-                counts[begun[1]] += 1
-                if str(below) in line:
-                    found.append((Call(begun[1], counts[begun[1]], line), before))
-        return found
-
-    def struck(self, below: Path) -> bool:
-        """Whether the fault came at a call below the folder."""
-        return any(str(below) in line for line in self.log if "(INJECTED)" in line) or self.code == KILLED
-
-
-class Commands:
-    """Runs commands of Fourpole in children of one process that has all modules loaded."""
-
-    def __init__(self, line: TextIO, folder: Path) -> None:
-        self._line, self._log = line, folder / "log"
-        self.cpu = 0.0  # of all commands [s]
-
-    def run(self, *command: str | Path, injections: Sequence[str] | None = None) -> Run:
-        """Run a command; with injections, even none, its calls are counted and logged."""
-        process = self._ask([str(word) for word in command])
-        with self._traced(process, injections) if injections is not None else nullcontext():
-            *done, self.cpu = self._ask("go")
-        return Run(*done, self._log.read_text(errors="replace").splitlines() if injections is not None else ())
-
-    def _ask(self, asked: Any) -> Any:
-        self._line.write(json.dumps(asked) + "\n")
-        self._line.flush()
-        return json.loads(self._line.readline())
-
-    @contextmanager
-    def _traced(self, process: int, injections: Sequence[str]) -> Iterator[None]:
-        """Attach strace to the first thread of a process; those of libraries are not counted."""
-        words = ["-y", "-s", "300", "-o", str(self._log), "-e", "trace=" + ",".join(f"?{name}" for name in CALLS)]
-        words += [word for injection in injections for word in ("-e", f"inject={injection}")]
-        with subprocess.Popen(["strace", *words, "-p", str(process)], stderr=subprocess.PIPE, text=True) as strace:
-            assert strace.stderr is not None
-            said = strace.stderr.readline()
-            assert " attached" in said, said
-            yield
-
-
-@contextmanager
-def commands(modules: Sequence[str] = ()) -> Iterator[Commands]:
-    """A process that runs commands; it has loaded these modules."""
-    here, there = socket.socketpair()
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1", "COLUMNS": "1000"}
-    command = [sys.executable, "-m", "tests.faults", "--serve", str(there.fileno())]
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        stack.enter_context(here)
-        line = stack.enter_context(here.makefile("rw", encoding="utf-8"))
-        stack.enter_context(subprocess.Popen(command, cwd=ROOT, env=environment, pass_fds=[there.fileno()]))
-        stack.callback(here.shutdown, socket.SHUT_RDWR)
-        there.close()
-        line.write(json.dumps(list(modules)) + "\n")
-        line.flush()
-        yield Commands(line, folder)
-
-
-# ---- the process that forks
-
-
-def serve(descriptor: int) -> None:
-    """Fork a child for each command; all that is said goes through sockets, whose calls are not among `CALLS`."""
-    with socket.socket(fileno=descriptor) as asked, asked.makefile("rw", encoding="utf-8") as lines:
-        for name in json.loads(lines.readline()):
-            with suppress(ImportError):
-                __import__(name)
-        while command := lines.readline():
-            serve_one(json.loads(command), lines)
-
-
-def serve_one(command: Sequence[str], lines: TextIO) -> None:
-    """Fork a child, say its number, let it begin when that is asked, and say how it ended."""
-
-    def answer(said: Any) -> None:
-        lines.write(json.dumps(said) + "\n")
-        lines.flush()
-
-    (out, out_there), (err, err_there), (gate, gate_there) = (socket.socketpair() for _ in range(3))
-    process = os.fork()
-    if process == 0:
-        code = 70
-        try:
-            sys.stdout, sys.stderr = out_there.makefile("w"), err_there.makefile("w")
-            allow_tracing()
-            gate_there.send(b"?")
-            gate_there.recv(1)
-            code = called(command)
-        except BaseException:  # noqa: BLE001 - the child ends here, whatever happened
-            sys.excepthook(*sys.exc_info())
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
-    gate.recv(1)
-    answer(process)
-    lines.readline()
-    gate.send(b"!")
-    for there in (out_there, err_there, gate_there):
-        there.close()
-    said = [b"".join(iter(lambda: end.recv(65536), b"")).decode() for end in (out, err)]  # noqa: B023
-    for end in (out, err, gate):
-        end.close()
-    answer([os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), *said, sum(os.times()[:4])])
-
-
-def allow_tracing() -> None:
-    """Let strace attach to this process, also where by default only those above it may."""
-    import ctypes
-
-    ctypes.CDLL(None).prctl(0x59616D61, ctypes.c_ulong(2**64 - 1), 0, 0, 0)  # PR_SET_PTRACER, PR_SET_PTRACER_ANY
-
-
-def called(command: Sequence[str]) -> int:
-    """Run a command in this process; returns its exit code."""
-    sys.argv = ["fourpole", *command]
-    try:
-        if command[0] == "publish":
-            publish(Path(command[1], "results"))
-        elif command[0] == "modules":
-            called(command[1:])
-            sys.stdout.write("\n" + json.dumps(sorted(sys.modules)))
-        else:
-            from fourpole.__main__ import main
-
-            main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
 FORMER = {"dynamic.csv": "former", "gone.csv": "former", "figures/a.svg": "former"}
 NEW = {"dynamic.csv": "new", "figures/a.svg": "new", "figures/b.svg": "also new"}
 
 
-def publish(folder: Path, files: Mapping[str, str] = NEW) -> None:
-    """Publish a few files over the former results, as a command does that ends with one message."""
+def publish(words: Sequence[str], files: Mapping[str, str] = NEW) -> None:
+    """Publish a few files over the former results of a campaign, as a command does that ends with one message."""
     import typer
 
     from fourpole.app.console import run_to_exit, show_warnings
     from fourpole.io.published import publishing
 
     def write() -> None:
-        with publishing(folder, ["gone.csv", "never.csv"]) as new:
+        with publishing(Path(words[0], "results"), ["gone.csv", "never.csv"]) as new:
             for name, text in {**files, LIST: json.dumps({"title": files["dynamic.csv"]})}.items():
                 (new / name).parent.mkdir(exist_ok=True)
                 (new / name).write_text(text)
@@ -400,9 +221,9 @@ def publishing_experiment(folder: Path) -> Iterator[Experiment]:
     results.mkdir(parents=True)
     (results / "mine.txt").write_text("mine")
     with suppress(SystemExit):
-        publish(results, FORMER)
+        publish([str(results.parent)], FORMER)
     with commands(["fourpole.app.console", "fourpole.io.published", "rich.console", "rich.markup", "typer"]) as loaded:
-        yield Experiment.of(loaded, results.parent, "publish", "campaign")
+        yield Experiment.of(loaded, results.parent, "tests.faults:publish", "campaign")
 
 
 @contextmanager
@@ -411,7 +232,7 @@ def analysis_experiment(folder: Path) -> Iterator[Experiment]:
     campaign, words = folder / "template", ("--tables-only", "--workers", "1")
     simulate_campaign(campaign, tyres=[RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 14.0])
     with commands() as fresh:
-        analysed = fresh.run("modules", "analyse", campaign, *words)
+        analysed = fresh.run("tests.forked:loaded", "analyse", campaign, *words)
     recording = campaign / "recordings" / "D2.csv"
     recording.write_text("".join(recording.read_text().splitlines(keepends=True)[:-100]))
     with commands(json.loads(analysed.out.splitlines()[-1])) as loaded:
@@ -458,7 +279,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--serve"]:
-        serve(int(sys.argv[2]))
-    else:
-        sys.exit(main())
+    sys.exit(main())

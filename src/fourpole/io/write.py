@@ -25,11 +25,8 @@ _TOKEN = 6
 _HIDDEN = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 _FULL = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG") if hasattr(errno, name)}
 #: Errors of a disk, a network drive or permissions, and of too many open files: no mistake of the program.
-_OF_SYSTEM = {
-    getattr(errno, name)
-    for name in "EIO EACCES EPERM EROFS ESTALE ENODEV ENXIO EBUSY ETIMEDOUT ENFILE EMFILE".split()
-    if hasattr(errno, name)
-}
+_OF_SYSTEM = {errno.EIO, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENODEV, errno.ENXIO, errno.EBUSY, errno.ESTALE}
+_OF_SYSTEM |= {errno.ETIMEDOUT, errno.ENFILE, errno.EMFILE}
 #: A hidden folder that was not changed for this time is of a process that was killed [s].
 _ABANDONED = 3600.0
 
