@@ -1,6 +1,5 @@
 """Commands in children of one process that has all modules loaded; strace may count their calls.
 
-
 The calls of the first thread are counted: those of the threads of libraries are not ours.
 """
 

@@ -17,6 +17,7 @@ from fourpole.core.recording import Channel, CrossTalk, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import CampaignError, FileError
 from fourpole.io.child import read_apart
+from fourpole.io.folders import resolved
 from fourpole.study.load import load_recording
 
 
@@ -100,9 +101,9 @@ def _column(role: str, text: str | Mapping[str, Any]) -> Any:
 
 def _row(campaign: Campaign, file: str) -> Test:
     """The row of tests.csv that names the file, or a row without further values."""
-    given = (campaign.folder / file).resolve()
+    given = resolved(campaign.folder / file)
     for test in campaign.tests:
-        if test.kind != "static" and (test.file == file or (campaign.folder / test.file).resolve() == given):
+        if test.kind != "static" and (test.file == file or resolved(campaign.folder / test.file) == given):
             return test
     return Test(Path(file).name, 0, file, "dynamic")
 
