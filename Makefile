@@ -17,7 +17,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs figures links format chromium compiler pytest lowest lowest-install bench bench-install validate lock clean
+.PHONY: help demo test ready check docs figures links format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -64,7 +64,7 @@ test:  ## everything: check, the peers, the tests on the lowest versions, the te
 	@$(MAKE) --no-print-directory lowest
 	@$(MAKE) --no-print-directory pytest
 
-ready: bench-install docs compiler check lowest-install
+ready: bench-install docs strace check lowest-install
 
 # $(call program,COMMANDS,PACKAGES,WHAT NEEDS IT): install packages with apt-get unless one of the commands is there.
 define program
@@ -87,7 +87,10 @@ chromium:  ## the browser that the tests of the report need; installed here wher
 compiler: chromium  ## the C compiler that the tests of FMUs need; after chromium, for one apt-get runs at a time
 	$(call program,gcc cc clang,gcc libc6-dev,the tests of FMUs)
 
-pytest: $(READY) compiler  ## the tests, the examples of the docstrings and of the README
+strace: compiler  ## the tracer that the tests of faults need; after the compiler, for one apt-get runs at a time
+	$(call program,strace,strace,the tests of faults)
+
+pytest: $(READY) strace  ## the tests, the examples of the docstrings and of the README
 	@$(BIN)/python -m pytest $(TWO_AT_A_TIME)
 
 check: $(READY)  ## lint, format, types, direction of imports
@@ -137,6 +140,9 @@ bench: $(READY_BENCH)  ## compare with the peers, write the table of docs/speed.
 
 validate: $(READY)  ## thousands of virtual campaigns, faulty ones too; goes on where it was stopped; ONLY=faults: these
 	@$(BIN)/python validation/validate.py $(if $(ONLY),--only $(ONLY))
+
+faults: $(READY) strace  ## errors, a full disk and kills at every call of two commands; 20 CPU minutes, goes on where it was
+	@$(BIN)/python -m tests.faults
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml

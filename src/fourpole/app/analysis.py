@@ -34,7 +34,7 @@ from fourpole.io.child import SECONDS
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.folders import check_no_way_out, is_for_keeping
-from fourpole.io.published import LIST, Published, published, publishing, without_list
+from fourpole.io.published import LIST, Published, is_complete, published, publishing, without_list
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.quantities import CODE, STORAGE
 
@@ -109,7 +109,7 @@ def _outcome(
         code=SOME_REJECTED if study.counts["rejected"] else OK,
     )
     read = all(one is None or name in study.sha256 for name, one in inputs.items())
-    if read and not _PASSING.intersection(study.checks[CODE.head].to_list()):
+    if read and is_complete(results) and not _PASSING.intersection(study.checks[CODE.head].to_list()):
         note_standing(campaign, results, settings, inputs, study.sha256, outcome)
     return study, outcome
 

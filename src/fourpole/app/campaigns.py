@@ -23,6 +23,7 @@ from fourpole.app.console import (
     within,
 )
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.folders import resolved
 
 _VERDICTS = ("ok", "warning", "rejected")
 #: Exit codes from good to bad; of several campaigns, the worst counts. Any other code is a fault of Fourpole.
@@ -43,7 +44,7 @@ def run_each(
     run : callable
         Analyses one campaign and returns its exit code.
     """
-    named = list({campaign.resolve(): campaign for campaign in reversed(campaigns)}.values())[::-1]
+    named = list({resolved(campaign): campaign for campaign in reversed(campaigns)}.values())[::-1]
     if len(named) == 1:
         return run(named[0]) or OK
     if folder is not None:

@@ -354,11 +354,14 @@ def run_to_exit(run: Callable[..., int | None], **given: Any) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = OK
     except OSError as error:
-        from fourpole.io.write import is_full, why  # numpy comes with it
+        from fourpole.io.write import is_full, is_of_system, why  # numpy comes with it
 
-        if not is_full(error):
+        name = error.filename or "a file"
+        if is_full(error):
+            fail(f"{name}: cannot be written: {why(error)}")
+        if not is_of_system(error):
             _fault(error)
-        fail(f"{error.filename or 'a file'}: cannot be written: {why(error)}")
+        fail(f"{name}: cannot be used: {why(error)}; check the disk and the permissions, and run it again")
     except Exception as error:  # noqa: BLE001 - the last resort: a fault of Fourpole, reported as such
         _fault(error)
     raise typer.Exit(code or OK)

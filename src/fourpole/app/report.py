@@ -8,6 +8,7 @@ from fourpole.app.console import out, progress, warn
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
 from fourpole.io.door import read_bytes, sha256_of
+from fourpole.io.folders import resolved
 from fourpole.io.published import publishing
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.plot import FIGURES, Style, figures_of, save_figures
@@ -77,7 +78,7 @@ def renew_report(
 
 def _changed(results: Results, folder: Path) -> list[str]:
     """Statements of the campaign around a results folder that are not those that were analysed, with the remedy."""
-    hashes, campaign = section(results.record, "sha256"), folder.resolve().parent
+    hashes, campaign = section(results.record, "sha256"), resolved(folder).parent
     changed = []
     for name in ("campaign.toml", "tests.csv", LIMITS):
         path = campaign / name

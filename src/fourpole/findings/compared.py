@@ -20,7 +20,7 @@ from fourpole.findings.common import none, of_one_campaign, of_two_campaigns
 from fourpole.findings.points import QUANTITIES, Common, Points, differences
 from fourpole.fitting.common_errors import COVARIANCE, covariance_of
 from fourpole.fitting.rows import conditions_in, rule_in
-from fourpole.io.folders import results_in
+from fourpole.io.folders import resolved, results_in
 from fourpole.io.published import published_beside
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
 from fourpole.study import Study
@@ -164,7 +164,7 @@ def _of_two(one: _Side, two: _Side) -> tuple[Common, tuple[str, ...]]:
 def _check_apart(first: Path, second: Path) -> None:
     """CampaignError if both paths are the same results."""
     places = [results_in(one) if one.is_dir() else one for one in (first, second)]
-    if places[0].resolve() == places[1].resolve():
+    if resolved(places[0]) == resolved(places[1]):
         raise CampaignError(
             f"{first} and {second} are the same results: name two, or two specimens with --specimens X Y"
         )
@@ -247,7 +247,7 @@ def _labels(first: Any, second: Any) -> tuple[str, str]:
     """Short names of both results: the parts in which their paths differ, or "first" and "second"."""
     if not isinstance(first, str | Path) or not isinstance(second, str | Path | None):
         return "first", "second"
-    parts = [[part for part in Path(one).resolve().parts if part != "results"] for one in (first, second or first)]
+    parts = [[part for part in resolved(one).parts if part != "results"] for one in (first, second or first)]
     short = ["/".join(one[-1:]) for one in parts]
     for depth in range(2, 4):
         if short[0] == short[1] and second is not None:

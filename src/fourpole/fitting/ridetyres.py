@@ -14,7 +14,7 @@ from fourpole.errors import FourpoleError, ModelError
 from fourpole.fitting.measured import Measured, read_measured
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, read_model_file
 from fourpole.fitting.placed import PlacedModel, placed_models
-from fourpole.io.folders import model_in
+from fourpole.io.folders import model_in, resolved
 from fourpole.models.discrepancy import with_error
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
@@ -87,7 +87,7 @@ def tyres_for_ride(
     FileError
         If the file cannot be read.
     """
-    place = model_in(path).resolve()
+    place = resolved(model_in(path))
     file, wanted = read_model_file(place), ShownUnits() if units is None else units
     found = [
         _tyre(place, one, wanted)

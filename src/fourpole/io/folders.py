@@ -48,10 +48,15 @@ def results_in(path: str | Path) -> Path:
     )
 
 
+def resolved(path: str | Path) -> Path:
+    """The absolute path without links; `Path.resolve` fails at a circle of links before Python 3.13."""
+    return Path(os.path.realpath(path))
+
+
 def check_no_way_out(campaign: Path) -> None:
     """CampaignError if `results` of a campaign is a link out of the campaign, where nobody named a folder."""
     own = campaign / "results"
-    if own.is_symlink() and not own.resolve().is_relative_to(campaign.resolve()):
+    if own.is_symlink() and not resolved(own).is_relative_to(resolved(campaign)):
         raise CampaignError(
             f"{own}: is a link out of the campaign, which is not followed: name the folder of the results itself, or "
             "fourpole analyse --out FOLDER"

@@ -28,7 +28,7 @@ from fourpole.io.documents import json_of
 from fourpole.io.door import open_regular, read_bytes, sha256_of
 from fourpole.io.lock import LOCK, campaign_lock, is_locked, opened_folder
 from fourpole.io.seal import sealed
-from fourpole.io.write import why, write_bytes
+from fourpole.io.write import delete_folder, files_below, why, write_bytes
 
 #: The list of the files, and the folder of their contents.
 LIST, STORE = "study.json", ".store"
@@ -206,6 +206,17 @@ def listed_in(record: Mapping[str, Any]) -> dict[str, Listed] | None:
     }
 
 
+def is_complete(folder: str | os.PathLike[str]) -> bool:
+    """Whether each result stands under its usual name, as it is listed."""
+    with suppress(FourpoleError, OSError):
+        results = published(folder)
+        return all(
+            sha256_of(results.folder / name, max_bytes=max(file.size, 1), within=folder) == file.sha256
+            for name, file in (results.files or {}).items()
+        )
+    return False
+
+
 def without_list(record: Mapping[str, Any]) -> dict[str, Any]:
     """The content of study.json that does not depend on which files stand beside it."""
     return {key: value for key, value in record.items() if key not in (_HASHES, _SIZES, "seal")}
@@ -247,7 +258,7 @@ def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *
     except OSError as error:
         raise FileError(f"{folder}: cannot be written: {why(error)}; all files are the former ones") from error
     finally:
-        shutil.rmtree(new, ignore_errors=True)
+        delete_folder(new)
         if living >= 0:
             os.close(living)
 
@@ -272,8 +283,7 @@ def _publish(folder: Path, new: Path, obsolete: Collection[str], basis: str) -> 
     table = (former.files or {}).get("dynamic.csv")
     if basis and table is not None and table.sha256 != basis:
         raise FileError(f"{folder}: the results were renewed meanwhile: run it again")
-    paths = (path for path in new.rglob("*") if path.is_file() and path.name != LOCK)
-    names = sorted(path.relative_to(new).as_posix() for path in paths)
+    names = [name for name in files_below(new) if name != LOCK]
     record = former.record
     if LIST in names:
         names.remove(LIST)
@@ -285,7 +295,7 @@ def _publish(folder: Path, new: Path, obsolete: Collection[str], basis: str) -> 
     files = {name: file for name, file in (former.files or {}).items() if name not in gone}
     files |= {name: _stored(new / name, folder / STORE) for name in names}
     _sync(folder / STORE)
-    _write_list(folder, record, files)
+    _write_list(folder, new, record, files)
     _complete(folder, files, gone)
     _clear(folder / STORE, {file.sha256 for file in (*files.values(), *(former.files or {}).values())})
 
@@ -300,22 +310,18 @@ def _stored(path: Path, store: Path) -> Listed:
     return Listed(size, sha256)
 
 
-def _write_list(folder: Path, record: Mapping[str, Any], files: Mapping[str, Listed]) -> None:
-    """Replace study.json: the step by which the files become the results."""
+def _write_list(folder: Path, new: Path, record: Mapping[str, Any], files: Mapping[str, Listed]) -> None:
+    """Replace study.json: the step by which the files become the results. Nothing after it is an error."""
     whole = {
         **without_list(record),
         _HASHES: {name: file.sha256 for name, file in sorted(files.items())},
         _SIZES: {name: file.size for name, file in sorted(files.items())},
     }
-    part = folder / STORE / f"new-{secrets.token_hex(6)}"
-    try:
-        with part.open("xb") as file:
-            file.write((json.dumps(sealed(whole), indent=2, ensure_ascii=False) + "\n").encode())
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(folder / LIST)
-    finally:
-        part.unlink(missing_ok=True)
+    with (new / LIST).open("wb") as file:
+        file.write((json.dumps(sealed(whole), indent=2, ensure_ascii=False) + "\n").encode())
+        file.flush()
+        os.fsync(file.fileno())
+    (new / LIST).replace(folder / LIST)
     _sync(folder)
 
 
@@ -328,8 +334,10 @@ def _complete(folder: Path, files: Mapping[str, Listed], gone: Iterable[str]) ->
         except OSError as error:
             held.append(f"{name} ({why(error)})")
     for name in gone:
-        with suppress(OSError):
-            _inner(folder, name).unlink()
+        try:
+            _inner(folder, name).unlink(missing_ok=True)
+        except OSError as error:
+            held.append(f"{name} ({why(error)})")
     if held:
         warnings.warn(
             f"{folder}: {', '.join(held[:3])}{' and others' * (len(held) > 3)} cannot be replaced now: the results are "
@@ -409,16 +417,16 @@ def _clear_unfinished(store: Path) -> None:
                 lock = opened_folder(path)
                 try:
                     if is_locked(lock):
-                        shutil.rmtree(path, ignore_errors=True)
+                        delete_folder(path)
                 finally:
                     os.close(lock)
 
 
 def _clear(store: Path, kept: Collection[str]) -> None:
-    """Delete the contents that neither this list nor the former one has."""
-    for path in store.iterdir():
-        if _HASH.fullmatch(path.name) and path.name not in kept:
-            with suppress(OSError):
+    """Delete the contents that neither this list nor the former one has; what remains, the next writer deletes."""
+    with suppress(OSError):
+        for path in store.iterdir():
+            if _HASH.fullmatch(path.name) and path.name not in kept:
                 path.unlink()
 
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fourpole.errors import FileError
-from fourpole.io.write import hidden_folder, remove_leftovers, why
+from fourpole.io.write import delete_folder, files_below, hidden_folder, remove_leftovers, why
 
 
 @contextmanager
@@ -53,14 +53,14 @@ def staged(folder: str | os.PathLike[str], obsolete: Iterable[str] = (), *, last
     try:
         new.mkdir()
         yield new
-        names = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
+        names = files_below(new)
         _exchange(folder, new, old, sorted(names, key=lambda name: name == last))
         for name in obsolete:
             with suppress(OSError):
                 if name not in names:
                     (folder / name).unlink()
     finally:
-        shutil.rmtree(hidden, ignore_errors=True)
+        delete_folder(hidden)
 
 
 def _exchange(folder: Path, new: Path, old: Path, names: Iterable[str]) -> None:

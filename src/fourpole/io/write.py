@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 _TOKEN = 6
 _HIDDEN = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 _FULL = {getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG") if hasattr(errno, name)}
+#: Errors of a disk, a network drive or permissions, and of too many open files: no mistake of the program.
+_OF_SYSTEM = {errno.EIO, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENODEV, errno.ENXIO, errno.EBUSY, errno.ESTALE}
+_OF_SYSTEM |= {errno.ETIMEDOUT, errno.ENFILE, errno.EMFILE}
 #: A hidden folder that was not changed for this time is of a process that was killed [s].
 _ABANDONED = 3600.0
 
@@ -153,9 +156,10 @@ def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterato
     except OSError as error:
         raise FileError(f"{name}: cannot be written: {why(error)}") from error
     finally:
-        if old.exists() and not target.exists():
-            old.replace(target)
-        shutil.rmtree(folder, ignore_errors=True)
+        with suppress(OSError):
+            if old.exists() and not target.exists():
+                old.replace(target)
+        delete_folder(folder)
 
 
 def hidden_folder(target: Path, label: str | None = None) -> Path:
@@ -170,9 +174,43 @@ def hidden_folder(target: Path, label: str | None = None) -> Path:
     return folder
 
 
+def delete_folder(folder: Path) -> None:
+    """Delete a folder with its content, as far as it can be deleted."""
+    with suppress(OSError):  # not all errors are ignored by rmtree
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def files_below(folder: Path) -> list[str]:
+    """Names of all files below a folder, sorted; OSError if a folder cannot be listed, which `rglob` would leave out.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pathlib.Path(folder, "figures").mkdir()
+    ...     _ = pathlib.Path(folder, "figures", "a.svg").write_text("<svg/>")
+    ...     files_below(pathlib.Path(folder))
+    ['figures/a.svg']
+    """
+
+    def fail(error: OSError) -> None:
+        raise error
+
+    return sorted(
+        Path(place, name).relative_to(folder).as_posix()
+        for place, _, names in os.walk(folder, onerror=fail)
+        for name in names
+    )
+
+
 def is_full(error: Exception) -> bool:
     """Whether an error says that a disk is full, a quota is exhausted, or a file is larger than a limit allows."""
     return getattr(error, "errno", None) in _FULL
+
+
+def is_of_system(error: Exception) -> bool:
+    """Whether an error comes from a disk or from permissions, and not from a mistake of the program."""
+    return getattr(error, "errno", None) in _OF_SYSTEM
 
 
 def why(error: Exception) -> str:

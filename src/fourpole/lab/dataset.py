@@ -21,6 +21,7 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.fitting.rows import keyed
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
+from fourpole.io.folders import resolved
 from fourpole.io.published import Published, consistently
 from fourpole.io.staging import staged
 from fourpole.io.write import write_table, write_text
@@ -148,7 +149,7 @@ def _results_below(folder: Path, out: Path) -> Iterator[Path]:
 
 
 def _same(one: Path, other: Path) -> bool:
-    return one.name == other.name and one.resolve() == other.resolve()
+    return one.name == other.name and resolved(one) == resolved(other)
 
 
 def _names(folder: Path, found: list[Path]) -> dict[Path, str]:

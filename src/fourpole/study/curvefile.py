@@ -56,11 +56,13 @@ _CLASSES = (CurveOfFile, LoadCurve)
 
 
 def curve_of(job: CurveJob) -> bytes:
-    """The packed curve of a file; FourpoleError if there is no such file."""
+    """The packed curve of a file; FileError if it cannot be read."""
     with at_hand(job.folder, job.test.file) as path:
         sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=job.test.file)
         try:
             curve = load_curve(path, job.test, job.channels)
+        except FileError:  # says nothing of the content
+            raise
         except FourpoleError as error:
             return pack(CurveOfFile(None, sha256, reason=str(error)))
         return pack(CurveOfFile(curve, sha256, curve.missing))

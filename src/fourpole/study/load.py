@@ -17,7 +17,7 @@ from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.recordingchecks import clipped_share
 from fourpole.core.reference import Reference
-from fourpole.errors import FourpoleError, RecordingError, TableError
+from fourpole.errors import FileError, FourpoleError, RecordingError, TableError
 from fourpole.io.recordings import survey
 from fourpole.io.signals import MAX_FILE_BYTES, Signal
 from fourpole.io.stream import Chunk, Stream, StreamSource, stream, times_of
@@ -40,11 +40,16 @@ def group_of(path: Path, test: Test) -> str:
 
 
 def recorded_at(path: Path) -> float | None:
-    """Time at which a recording began [s], from 1970 on; None where its file does not state it, or cannot be read."""
+    """Time at which a recording began [s], from 1970 on; None where its file does not state it.
+
+    FileError if the file cannot be opened or read.
+    """
     if path.suffix.lower() not in _DATED:
         return None
     try:
         return survey(path, max_bytes=MOST_BYTES).began
+    except FileError:  # a disk that fails now must not make other results than one that does not
+        raise
     except FourpoleError:
         return None
 
@@ -94,6 +99,8 @@ def _timed(path: Path, test: Test, channels: ChannelsFile) -> Channel | None:
     """The load with the times that the file or campaign.toml states; None if they are unknown or not uniform."""
     try:
         return _gathered(path, test, channels, ("load", "deflection"), None)[0]["load"]
+    except FileError:
+        raise
     except FourpoleError:
         return None
 

@@ -19,6 +19,7 @@ from fourpole.core.recording import Channel, CrossTalk, Recording
 from fourpole.core.reference import Reference
 from fourpole.errors import CampaignError, FileError
 from fourpole.io.child import read_apart
+from fourpole.io.folders import resolved
 from fourpole.study.load import load_recording
 
 
@@ -102,7 +103,7 @@ def _column(role: str, text: str | Mapping[str, Any]) -> Any:
 
 def _row(campaign: Campaign, file: str) -> Test:
     """The row of tests.csv that names the file, or a row without further values."""
-    given = (campaign.folder / file).resolve()
+    given = resolved(campaign.folder / file)
     for test in campaign.tests:
         if test.kind != "static" and (test.file == file or _resolved(campaign.folder, test.file) == given):
             return test
@@ -113,7 +114,7 @@ def _resolved(folder: Path, file: str) -> Path | None:
     """The path of a file of a campaign with its links resolved; None if its text names none."""
     with suppress(FileError):
         check_text(folder, file)
-        return (folder / file).resolve()
+        return resolved(folder / file)
     return None
 
 

@@ -16,6 +16,7 @@ from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.verified import verify
 from fourpole.io.door import read_bytes, sha256_of
+from fourpole.io.folders import resolved
 from fourpole.io.published import LIST as NAME
 from fourpole.io.published import published
 from fourpole.io.remote import address_of, check_allowed, is_elsewhere
@@ -223,7 +224,7 @@ def _campaign_of(folder: Path, campaign: str | Path | None) -> Path | None:
         if not (Path(campaign) / "campaign.toml").is_file():
             raise CampaignError(f"{campaign}: no campaign: name the folder with campaign.toml and tests.csv")
         return Path(campaign)
-    above = folder.resolve().parent
+    above = resolved(folder).parent
     return above if (above / "campaign.toml").is_file() else None
 
 
