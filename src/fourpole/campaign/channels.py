@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -12,11 +11,14 @@ from fourpole import units
 from fourpole.campaign import defaults
 from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.recording import DRIVE, CrossTalk
+from fourpole.core.wording import first_of
 from fourpole.errors import TableError, UnitError
 
 #: Highest order of a filter.
 _HIGHEST_ORDER = 12
 _ROLES = ("force_in", "motion_in", "motion_out")
+#: Largest number of known names that a message lists.
+_SHOWN = 40
 #: Keys that only a channel of dynamic tests has, because they belong to an amplitude at a frequency.
 _DYNAMIC_ONLY = ("std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk")
 
@@ -33,8 +35,8 @@ def known_keys(raw: dict[str, Any], known: tuple[str, ...]) -> None:
 
 def did_you_mean(key: str, known: tuple[str, ...]) -> str:
     """End of a message: the known key most similar to `key`, or all known keys if none is similar."""
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-    return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known)}"
+    near = units.nearest(key, known, 0.4)
+    return f"; did you mean '{near}'?" if near else f"; known are {first_of(known, _SHOWN)}"
 
 
 def _quantity(raw: Any, kind: str) -> float:

@@ -7,7 +7,6 @@ rule with the campaign's own axes, and `condition_of` gives the condition of a r
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 import json
 import re
@@ -39,9 +38,11 @@ from fourpole.io.source import decode
 #: The file with the limits that results are held against.
 LIMITS = "limits.toml"
 #: Largest size of campaign.toml and of tests.csv [byte].
-_MOST_TOML, _MOST_TESTS = 4_000_000, 200_000_000
+_MOST_TOML, _MOST_TESTS = 1_000_000, 200_000_000
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
+#: Last row whose unknown names are compared with those of campaign.toml.
+_HINTED = 1000
 
 _KINDS = ("static", "dynamic", "calibration", "random", "sweep")
 #: Kinds whose excitation has a band of frequencies.
@@ -238,7 +239,7 @@ def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFil
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     texts["kind"] = texts.get("kind", "").lower()
-    problems += _contradictions(texts, stated)
+    problems += _contradictions(row, texts, stated)
     if texts["kind"] in _OF_BAND and test.band is None:
         problems.append(f"a {texts['kind']} test needs the band of its excitation: fill in frequency, as in 5:200 Hz")
     if texts["kind"] in _KINDS and texts["kind"] not in _OF_BAND and test.band is not None:
@@ -321,9 +322,9 @@ def _fill(test: Test, cell: str, column: Column, measured: set[str]) -> None:
 
 def _is_band(cell: str) -> bool:
     """Whether the cell of a frequency has two numbers."""
-    return re.search(r"\d\s*[A-Za-z]*\s*(:|\.\.|-|to)\s*\d", cell) is not None and not re.fullmatch(
-        r"[-+0-9.,eE]+", cell.strip()
-    )
+    bare = "".join(cell.split())
+    number = re.fullmatch(r"[-+0-9.,eE]+", cell.strip())
+    return number is None and re.search(r"\d[A-Za-z]*(:|\.\.|-|to)\d", bare) is not None
 
 
 def _united(cell: str, unit: str) -> str:
@@ -377,12 +378,12 @@ def _window(cell: str, unit: str) -> tuple[float, float]:
     return low, high
 
 
-def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
+def _contradictions(row: int, texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
     """Faults of a row: names that campaign.toml lacks, and cells that must be filled in or left blank."""
     kind = texts["kind"]
     if kind not in _KINDS:
-        near = difflib.get_close_matches(kind, _KINDS, n=1, cutoff=0.5)
-        hint = f"; did you mean '{near[0]}'?" if near else f"; it must be {' or '.join(_KINDS)}"
+        near = units.nearest(kind, _KINDS)
+        hint = f"; did you mean '{near}'?" if near else f"; it must be {' or '.join(_KINDS)}"
         yield f"kind {units.shown(kind)} is not known{hint}"
     tyre, known = texts.get("tyre", ""), tuple(stated.all_specimens)
     if kind == "calibration":
@@ -391,13 +392,13 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
     elif not tyre:
         yield "the tyre is not named: fill in the column 'tyre'"
     elif tyre not in known:
-        near = difflib.get_close_matches(tyre, known, n=1, cutoff=0.5)
-        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [tyres.{_key(tyre)}]"
+        near = units.nearest(tyre, known if row <= _HINTED else ())
+        hint = f"did you mean {units.shown(near)}?" if near else f"add [tyres.{_key(tyre)}]"
         yield f"tyre {units.shown(tyre)} is not in campaign.toml; {hint}"
     rig = texts.get("rig", "")
     if rig and rig not in stated.all_rigs:
-        near = difflib.get_close_matches(rig, tuple(stated.all_rigs), n=1, cutoff=0.5)
-        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [rigs.{_key(rig)}]"
+        near = units.nearest(rig, stated.all_rigs if row <= _HINTED else ())
+        hint = f"did you mean {units.shown(near)}?" if near else f"add [rigs.{_key(rig)}]"
         yield f"rig {units.shown(rig)} is not in campaign.toml; {hint}"
     if not rig and len(stated.all_rigs) > 1 and kind != "static":
         yield "several rigs are stated: name one of them in the column 'rig'"

@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from fourpole.errors import UnitError
-from fourpole.units.grammar import SPELLINGS, add_up, parse, shown, spelled_out
+from fourpole.units.grammar import SPELLINGS, add_up, nearest, parse, shown, spelled_out
 from fourpole.units.kinds import COMMON, KINDS, MOTIONS, SUGGESTED, TEMPERATURES, affine, kind_named, kind_of, scale_of
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ __all__ = [
     "frequency_band",
     "frequency_grid",
     "is_unit",
+    "nearest",
     "quantity",
     "sensitivity",
     "shown",
@@ -44,11 +45,11 @@ _MOST_POINTS = 100_000
 _NUMBER = r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3}(?![0-9]))?"
 _QUANTITY = re.compile(rf"({_NUMBER})(.*)", re.DOTALL)
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
-_BRACKETED = re.compile(r"(?P<stem>.*?)[\s_]*(?:\[(?P<square>[^\[\]]*)\]|(?<=[\s_])\((?P<round>[^()]*)\))\s*")
+_BRACKETED = re.compile(r"(?P<stem>.*[^\s_])[\s_]*(?:\[(?P<square>[^\[\]]*)\]|(?<=[\s_])\((?P<round>[^()]*)\))\s*")
 _ATTACHED = re.compile(r"(?P<stem>[^()]*)\((?P<round>[^()]+)\)\s*")
 _CHARGE = re.compile(r"(?<![A-Za-z°])[pnµum]?C(?![A-Za-z])")
 _BAND = re.compile(
-    rf"\s*(?P<low>{_NUMBER})\s*(?P<first>[A-Za-z/]*?)\s*"
+    rf"\s*(?P<low>{_NUMBER})\s*+(?P<first>[A-Za-z/]*?)\s*+"
     rf"(?:(?::|\.\.\.?|-|–|\bto\b)\s*(?P<high>{_NUMBER})\s*)?(?P<last>[A-Za-z][^0-9:]*|)"
 )
 #: Number of frequencies of a range without a step.
@@ -420,7 +421,7 @@ def column_unit(name: str) -> tuple[str, str | None]:
     if len(whole) > _LONGEST:
         return whole, None
     match = _BRACKETED.fullmatch(whole)
-    if match is not None and match["stem"].strip():
+    if match is not None:
         unit = (match["square"] or match["round"] or "").strip()
         return match["stem"].strip(), "1" if unit in ("", "-", "–") else unit
     match = _ATTACHED.fullmatch(whole)
