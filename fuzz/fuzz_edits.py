@@ -2,9 +2,9 @@
 
     python fuzz/fuzz_edits.py [--minutes 2] [--first N] [--only statement] [--state FILE]
 
-A command is at fault if it blames Fourpole itself, prints a traceback, has an exit code other than 0, 2 and 3, or takes
-more than a second per MB beyond a fixed time. Every edit follows from its number alone; those at fault are listed beside
-the state file, in `broken.txt`, with the edits and what was said.
+A command is at fault if it blames Fourpole itself, prints a traceback or a warning of Python, has an exit code other
+than 0, 2 and 3, or takes more than a second per MB beyond a fixed time. Every edit follows from its number alone; those
+at fault are listed beside the state file, in `broken.txt`, with the edits and what was said.
 """
 
 from __future__ import annotations
@@ -372,7 +372,7 @@ def said(arguments: tuple[str, ...]) -> tuple[str, float, str]:
     taken, text = time.process_time() - begun, result.output
     if isinstance(result.exception, Overdue):
         return "overdue", taken, text
-    if "a fault in Fourpole itself" in text or "Traceback" in text:
+    if "a fault in Fourpole itself" in text or "Traceback" in text or re.search("[a-z]Warning:", text):
         return "fault", taken, text
     if result.exit_code not in (0, 2, 3):
         return f"exit code {result.exit_code}", taken, f"{text}{result.exception!r}"

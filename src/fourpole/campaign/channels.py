@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from fourpole import units
 from fourpole.campaign import defaults
@@ -106,7 +106,7 @@ class ChannelFile(File):
 
     column: str = Field(min_length=1)
     unit: str | None = None
-    gain: float = Field(1.0, allow_inf_nan=False)
+    gain: Annotated[float, AfterValidator(lambda value: units.bounded(value, value))] = 1.0
     offset: float | str = 0.0
     sensitivity: str | None = None
     delay: Annotated[float, _si("time")] = 0.0
@@ -207,7 +207,7 @@ class ChannelFile(File):
     def _in_recorded(value: float | str, unit: str) -> float:
         """Value in the recorded unit of a number, which has this unit already, or of a text with a unit."""
         if isinstance(value, float):
-            return value
+            return units.bounded(value, value)
         kind, scale = units.channel_scale(unit, ("voltage", "force", *units.MOTIONS))
         return units.quantity(value, kind, default_unit=unit) / scale
 

@@ -6,8 +6,6 @@ rule with the campaign's own axes, and `condition_of` gives the condition of a r
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import re
 from collections.abc import Iterator, Sequence
@@ -29,6 +27,7 @@ from fourpole.core.arrays import short_repr
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
+from fourpole.io.documents import rows_of
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.recordings import survey
@@ -211,22 +210,19 @@ def _text(path: Path, most: int, *, strict: bool) -> str:
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each row with at least one filled cell; CampaignError for an open quotation mark."""
-    head = text.lstrip("\ufeff").split("\n", 1)[0]
-    delimiter = max(",;\t", key=head.count)
-    reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), delimiter=delimiter, skipinitialspace=True)
     before = width = 0
     try:
-        for cells in reader:
+        for line, cells in rows_of(text, "tests.csv"):
             width = width or len(cells)
             if len(cells) != width and any("\n" in cell for cell in cells):
                 raise CampaignError(
                     f"tests.csv row {before + 1}: a quotation mark is not closed on its line: close or remove it"
                 )
-            before = reader.line_num
+            before = line
             if any(cell.strip() for cell in cells):
-                yield reader.line_num, [cell.strip() for cell in cells]
-    except csv.Error as error:
-        raise CampaignError(f"tests.csv row {reader.line_num}: {error}") from None
+                yield line, [cell.strip() for cell in cells]
+    except TableError as error:
+        raise CampaignError(str(error)) from None
 
 
 def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFile) -> Test:

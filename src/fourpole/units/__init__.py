@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "KINDS",
     "MOTIONS",
+    "bounded",
     "channel_scale",
     "column_unit",
     "crosstalk",
@@ -39,9 +40,12 @@ __all__ = [
     "unit_in",
     "unit_scale",
 ]
-_LONGEST = 100
-_LONGEST_GRID = 4000
-_MOST_POINTS = 100_000
+#: Bounds of texts and of numbers: name, value, unit, and reason.
+_LONGEST = 100  # [characters] of the head of a column; longer ones have no unit
+_LONGEST_GRID = 4000  # [characters] of a list of frequencies
+_MOST_POINTS = 100_000  # [frequencies] of a list
+_LARGEST = 1e30  # [SI] magnitude: the tenth power is still a number, and no quantity of a rig is as large
+_SMALLEST = 1e-30  # [SI] magnitude other than zero: its inverse is within the same bound
 _NUMBER = r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3}(?![0-9]))?"
 _QUANTITY = re.compile(rf"({_NUMBER})(.*)", re.DOTALL)
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
@@ -104,6 +108,20 @@ def quantity(text: str | float, kind: str, *, default_unit: str | None = None) -
         unit = default_unit
     scale, offset = affine(unit, kind)
     return _finite(number * scale + offset, text)
+
+
+def bounded(value: float, text: object) -> float:
+    """The value of a quantity [SI]; UnitError, with the text as written, unless it is 0 or of magnitude 1e-30 to 1e30.
+
+    Examples
+    --------
+    >>> bounded(1e30, "1e30 N")
+    1e+30
+    """
+    if value != 0.0 and not _SMALLEST <= abs(value) <= _LARGEST:
+        what = "is beyond the range of numbers"
+        raise UnitError(f"{shown(text)} {what}: in SI units, magnitudes of {_SMALLEST:g} to {_LARGEST:g} are taken")
+    return value
 
 
 def unit_in(text: str) -> str:
@@ -433,14 +451,12 @@ def column_unit(name: str) -> tuple[str, str | None]:
 
 
 def _finite(value: Fraction, text: object) -> float:
-    """The nearest float; UnitError if the value is outside the range of floats."""
+    """The nearest float; UnitError if the value is beyond the bounds."""
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
-    if math.isinf(number) or (number == 0.0 and value != 0):
-        raise UnitError(f"{shown(text)} is beyond the range of numbers")
-    return number
+    return bounded(number if number or not value else math.inf, text)
 
 
 def _number_and_unit(text: object, kind: str | None) -> tuple[Fraction, str]:
