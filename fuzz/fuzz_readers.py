@@ -2,7 +2,7 @@
 
 These are the readers of Fourpole's own; a file that a library reads is read in a worker process.
 
-    python fuzz/fuzz_readers.py [--minutes 2] [--reader tydex] [--state FILE]
+    python fuzz/fuzz_readers.py [--minutes 2] [--reader tydex] [--first N] [--state FILE]
 
 It goes on where it was stopped: the state file holds the number of the next mutation, and every mutation
 follows from its number alone. What breaks a reader is kept beside the state file, in a folder `broken`.
@@ -34,7 +34,7 @@ from fourpole.io.formats import famos, lvm, rpc, text, tydex, wav
 from fourpole.io.signals import FileInfo, Format, Request, Signal
 
 MAX_BYTES = 20_000_000
-TIME_LIMIT = 2  # seconds for an input of a few kilobytes
+TIME_LIMIT = 2  # seconds of processor time for an input of at most 200 kilobytes
 MEMORY_LIMIT = 4_000_000_000
 WORDS = [b"**", b"**END", b"**HEADER", b"**MEASURDATA 99999999999", b"**MEASURCHANNELS", b"***End_of_Header***"]
 WORDS += [
@@ -273,13 +273,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Mutated recordings through the readers.")
     parser.add_argument("--minutes", type=float, default=2.0)
     parser.add_argument("--reader", choices=sorted(READERS), action="append")
+    parser.add_argument("--first", type=int, default=0, help="number of the first mutation of a new state file")
     parser.add_argument("--state", type=Path, default=Path("fuzz-state/readers.json"))
     asked = parser.parse_args()
     warnings.simplefilter("error")
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
     asked.state.parent.mkdir(parents=True, exist_ok=True)
     state = json.loads(asked.state.read_text()) if asked.state.exists() else {}
-    signal.signal(signal.SIGALRM, _overdue)
+    signal.signal(signal.SIGPROF, _overdue)
     chosen = asked.reader or sorted(READERS)
     until = time.monotonic() + 60 * asked.minutes
     counts: Counter[str] = Counter()
@@ -290,12 +291,12 @@ def main() -> int:
                 tried(reader, seed, Path(folder, "input.dat"))
         while time.monotonic() < until:
             for name in chosen:
-                number = state[name] = state.get(name, -1) + 1
+                number = state[name] = state.get(name, asked.first - 1) + 1
                 reader, seeds = READERS[name]
                 chance = random.Random(f"{name} {number}")
                 content = mutated(chance.choice(seeds), chance)
-                begun = time.monotonic()
-                signal.setitimer(signal.ITIMER_REAL, TIME_LIMIT)
+                begun = time.process_time()
+                signal.setitimer(signal.ITIMER_PROF, TIME_LIMIT)
                 try:
                     counts[f"{name}: {tried(reader, content, Path(folder, 'input.dat'))}"] += 1
                 except (Exception, Overdue) as error:  # noqa: BLE001 - that is what is looked for
@@ -306,8 +307,8 @@ def main() -> int:
                     print(f"{name} {number}: {type(error).__name__}: {error!s:.300}")
                     print("".join(traceback.format_tb(error.__traceback__)[-2:]))
                 finally:
-                    signal.setitimer(signal.ITIMER_REAL, 0)
-                slowest = max(slowest, time.monotonic() - begun)
+                    signal.setitimer(signal.ITIMER_PROF, 0)
+                slowest = max(slowest, time.process_time() - begun)
             if number % 500 == 0:
                 asked.state.write_text(json.dumps(state))
     asked.state.write_text(json.dumps(state))

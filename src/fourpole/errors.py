@@ -18,6 +18,25 @@ also a builtin error, which a caller can catch without knowing Fourpole::
 
 from __future__ import annotations
 
+import errno
+
+#: Words of an error of polars, or of Python's threads, that has no type of its own where memory runs out.
+_NO_MEMORY = ("os error 12", "out of memory", "can't start new thread", "could not spawn threads")
+
+
+def out_of_memory(error: BaseException) -> bool:
+    """Whether an error of Python or of a library says that memory ran out.
+
+    Examples
+    --------
+    >>> out_of_memory(MemoryError()), out_of_memory(OSError("Cannot allocate memory (os error 12)"))
+    (True, True)
+    """
+    if isinstance(error, FourpoleError | ValueError):
+        return False
+    known = isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM
+    return known or any(words in str(error) for words in _NO_MEMORY)
+
 
 class FourpoleError(Exception):
     """Base of all errors that Fourpole raises for its user's input."""

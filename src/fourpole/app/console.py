@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
 import typer
 
 from fourpole.app import events
-from fourpole.errors import FourpoleError, UnitError
+from fourpole.errors import FourpoleError, UnitError, out_of_memory
 
 if TYPE_CHECKING:
     from rich.console import Console, JustifyMethod
@@ -362,13 +362,17 @@ def run_to_exit(run: Callable[..., int | None], **given: Any) -> None:
         if not is_of_system(error):
             _fault(error)
         fail(f"{name}: cannot be used: {why(error)}; check the disk and the permissions, and run it again")
-    except Exception as error:  # noqa: BLE001 - the last resort: a fault of Fourpole, reported as such
+    except BaseException as error:  # the last resort: a fault of Fourpole, reported as such; polars panics beside these
+        if not isinstance(error, Exception) and not out_of_memory(error):
+            raise
         _fault(error)
     raise typer.Exit(code or OK)
 
 
-def _fault(error: Exception) -> NoReturn:
-    """End the command with the message that Fourpole itself has a fault."""
+def _fault(error: BaseException) -> NoReturn:
+    """End the command with the message that memory ran out, or else that Fourpole itself has a fault."""
+    if out_of_memory(error):
+        fail("not enough memory: close other programs, cut long recordings with window [s], or give fewer at a time")
     if os.environ.get("FOURPOLE_DEBUG"):
         traceback.print_exc()
     kind = type(error).__name__

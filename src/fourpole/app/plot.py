@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _INCH = 0.0254
 #: Dots per inch of a PNG, for screens and for printing.
 _SCREEN, _PRINT = 150, 300
-_SIZE = re.compile(r"\s*([0-9.,]+)\s*([a-z]*)\s*[x×]\s*([0-9.,]+)\s*([a-z]+)\s*", re.IGNORECASE)
+_SIZE = re.compile(r"\s*([0-9.,]+)\s*+([a-z]*?)\s*+[x×]\s*([0-9.,]+)\s*([a-z]+)\s*", re.IGNORECASE)
 
 
 def run_plot(results: Results, folder: Path, key: str | None, file: Path | None, options: PlotOptions) -> None:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from fourpole import units
 from fourpole.campaign import defaults
 from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.recording import DRIVE, CrossTalk
+from fourpole.core.wording import first_of
 from fourpole.errors import TableError, UnitError
 
 #: Highest order of a filter.
 _HIGHEST_ORDER = 12
 _ROLES = ("force_in", "motion_in", "motion_out")
+#: Largest number of known names that a message lists.
+_SHOWN = 40
 #: Keys that only a channel of dynamic tests has, because they belong to an amplitude at a frequency.
 _DYNAMIC_ONLY = ("std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk")
 
@@ -33,8 +35,8 @@ def known_keys(raw: dict[str, Any], known: tuple[str, ...]) -> None:
 
 def did_you_mean(key: str, known: tuple[str, ...]) -> str:
     """End of a message: the known key most similar to `key`, or all known keys if none is similar."""
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-    return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known)}"
+    near = units.nearest(key, known, 0.4)
+    return f"; did you mean '{near}'?" if near else f"; known are {first_of(known, _SHOWN)}"
 
 
 def _quantity(raw: Any, kind: str) -> float:
@@ -104,7 +106,7 @@ class ChannelFile(File):
 
     column: str = Field(min_length=1)
     unit: str | None = None
-    gain: float = Field(1.0, allow_inf_nan=False)
+    gain: Annotated[float, AfterValidator(lambda value: units.bounded(value, value))] = 1.0
     offset: float | str = 0.0
     sensitivity: str | None = None
     delay: Annotated[float, _si("time")] = 0.0
@@ -205,7 +207,7 @@ class ChannelFile(File):
     def _in_recorded(value: float | str, unit: str) -> float:
         """Value in the recorded unit of a number, which has this unit already, or of a text with a unit."""
         if isinstance(value, float):
-            return value
+            return units.bounded(value, value)
         kind, scale = units.channel_scale(unit, ("voltage", "force", *units.MOTIONS))
         return units.quantity(value, kind, default_unit=unit) / scale
 

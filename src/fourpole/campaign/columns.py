@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -29,6 +28,8 @@ _NAMES = (*_TEXTS, *QUANTITIES, "window", "time")
 PASSED = ("extra", "time")
 #: Columns that tests.csv must have.
 _REQUIRED = ("test", "file", "kind", "tyre")
+#: Largest number of columns; least similarity of a name that was meant as a required one.
+_MOST_COLUMNS, _ALIKE = 1000, 0.6
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,9 @@ class Column:
 
 
 def columns_of(header: list[str]) -> list[Column]:
-    """The columns that the first row names; CampaignError if one is missing or named twice."""
+    """The columns that the first row names; CampaignError if one is missing or named twice, or too many are."""
+    if len(header) > _MOST_COLUMNS:
+        raise CampaignError(f"tests.csv row 1: names {len(header)} columns, at most {_MOST_COLUMNS} are taken")
     columns = [_column(label) for label in header]
     names = [column.name for column in columns if column.role not in PASSED]
     for name in names:
@@ -51,8 +54,8 @@ def columns_of(header: list[str]) -> list[Column]:
             raise CampaignError(f"tests.csv row 1: column '{name}' stands twice: keep one of them")
     for name in _REQUIRED:
         if name not in names:
-            near = difflib.get_close_matches(name, header, n=1)
-            hint = f"; did you mean {units.shown(near[0])}?" if near else ""
+            near = units.nearest(name, header, _ALIKE)
+            hint = f"; did you mean {units.shown(near)}?" if near else ""
             raise CampaignError(f"tests.csv row 1: column '{name}' is missing{hint}")
     labels = [column.label for column in columns if column.role in PASSED and column.label]
     if len(set(labels)) < len(labels):
@@ -72,13 +75,9 @@ def _column(label: str) -> Column:
     """The column with this head; CampaignError if it lacks its unit, or is probably misspelt."""
     written, unit = units.column_unit(label)
     name = _MEANT.get(_plain(written), written)
-    if (
-        name == written
-        and (near := difflib.get_close_matches(_plain(written), _MEANT, n=1, cutoff=0.9))
-        and name not in _NAMES
-    ):
+    if name == written and (near := units.nearest(_plain(written), _MEANT, 0.9)) and name not in _NAMES:
         raise CampaignError(
-            f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_MEANT[near[0]]}'? "
+            f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_MEANT[near]}'? "
             "(a column of your own needs a name less like it)"
         )
     if name in _TEXTS:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf
 
@@ -43,9 +42,9 @@ def doubtful_columns(own: tuple[str, ...], kinds: Mapping[str, str], present: tu
         name, unit = units.column_unit(head)
         alike = [known for known, kind in kinds.items() if unit is not None and units.is_unit(unit, kind)]
         near = [known for known in alike if known not in present]
-        near = near or difflib.get_close_matches(name, alike, n=1, cutoff=_ALIKE)
+        near = near or list(filter(None, [units.nearest(name, alike, _ALIKE)]))
         if near:
-            best = (difflib.get_close_matches(name, near, n=1, cutoff=0.0) or near)[0]
+            best = units.nearest(name, near, 0.0) or near[0]
             yield (
                 f"tests.csv: column {units.shown(head)} is taken as one of your own, so the analysis does not use it; "
                 f"if '{best} [{unit}]' is meant, rename it"

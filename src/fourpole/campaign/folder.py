@@ -6,9 +6,6 @@ rule with the campaign's own axes, and `condition_of` gives the condition of a r
 
 from __future__ import annotations
 
-import csv
-import difflib
-import io
 import json
 import re
 from collections.abc import Iterator, Sequence
@@ -30,6 +27,7 @@ from fourpole.core.arrays import short_repr
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
+from fourpole.io.documents import rows_of
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.recordings import survey
@@ -39,9 +37,11 @@ from fourpole.io.source import decode
 #: The file with the limits that results are held against.
 LIMITS = "limits.toml"
 #: Largest size of campaign.toml and of tests.csv [byte].
-_MOST_TOML, _MOST_TESTS = 4_000_000, 200_000_000
+_MOST_TOML, _MOST_TESTS = 1_000_000, 200_000_000
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
+#: Last row whose unknown names are compared with those of campaign.toml.
+_HINTED = 1000
 
 _KINDS = ("static", "dynamic", "calibration", "random", "sweep")
 #: Kinds whose excitation has a band of frequencies.
@@ -210,22 +210,19 @@ def _text(path: Path, most: int, *, strict: bool) -> str:
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each row with at least one filled cell; CampaignError for an open quotation mark."""
-    head = text.lstrip("\ufeff").split("\n", 1)[0]
-    delimiter = max(",;\t", key=head.count)
-    reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), delimiter=delimiter, skipinitialspace=True)
     before = width = 0
     try:
-        for cells in reader:
+        for line, cells in rows_of(text, "tests.csv"):
             width = width or len(cells)
             if len(cells) != width and any("\n" in cell for cell in cells):
                 raise CampaignError(
                     f"tests.csv row {before + 1}: a quotation mark is not closed on its line: close or remove it"
                 )
-            before = reader.line_num
+            before = line
             if any(cell.strip() for cell in cells):
-                yield reader.line_num, [cell.strip() for cell in cells]
-    except csv.Error as error:
-        raise CampaignError(f"tests.csv row {reader.line_num}: {error}") from None
+                yield line, [cell.strip() for cell in cells]
+    except TableError as error:
+        raise CampaignError(str(error)) from None
 
 
 def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFile) -> Test:
@@ -238,7 +235,7 @@ def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFil
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     texts["kind"] = texts.get("kind", "").lower()
-    problems += _contradictions(texts, stated)
+    problems += _contradictions(row, texts, stated)
     if texts["kind"] in _OF_BAND and test.band is None:
         problems.append(f"a {texts['kind']} test needs the band of its excitation: fill in frequency, as in 5:200 Hz")
     if texts["kind"] in _KINDS and texts["kind"] not in _OF_BAND and test.band is not None:
@@ -321,9 +318,9 @@ def _fill(test: Test, cell: str, column: Column, measured: set[str]) -> None:
 
 def _is_band(cell: str) -> bool:
     """Whether the cell of a frequency has two numbers."""
-    return re.search(r"\d\s*[A-Za-z]*\s*(:|\.\.|-|to)\s*\d", cell) is not None and not re.fullmatch(
-        r"[-+0-9.,eE]+", cell.strip()
-    )
+    bare = "".join(cell.split())
+    number = re.fullmatch(r"[-+0-9.,eE]+", cell.strip())
+    return number is None and re.search(r"\d[A-Za-z]*(:|\.\.|-|to)\d", bare) is not None
 
 
 def _united(cell: str, unit: str) -> str:
@@ -377,12 +374,12 @@ def _window(cell: str, unit: str) -> tuple[float, float]:
     return low, high
 
 
-def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
+def _contradictions(row: int, texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
     """Faults of a row: names that campaign.toml lacks, and cells that must be filled in or left blank."""
     kind = texts["kind"]
     if kind not in _KINDS:
-        near = difflib.get_close_matches(kind, _KINDS, n=1, cutoff=0.5)
-        hint = f"; did you mean '{near[0]}'?" if near else f"; it must be {' or '.join(_KINDS)}"
+        near = units.nearest(kind, _KINDS)
+        hint = f"; did you mean '{near}'?" if near else f"; it must be {' or '.join(_KINDS)}"
         yield f"kind {units.shown(kind)} is not known{hint}"
     tyre, known = texts.get("tyre", ""), tuple(stated.all_specimens)
     if kind == "calibration":
@@ -391,13 +388,13 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str
     elif not tyre:
         yield "the tyre is not named: fill in the column 'tyre'"
     elif tyre not in known:
-        near = difflib.get_close_matches(tyre, known, n=1, cutoff=0.5)
-        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [tyres.{_key(tyre)}]"
+        near = units.nearest(tyre, known if row <= _HINTED else ())
+        hint = f"did you mean {units.shown(near)}?" if near else f"add [tyres.{_key(tyre)}]"
         yield f"tyre {units.shown(tyre)} is not in campaign.toml; {hint}"
     rig = texts.get("rig", "")
     if rig and rig not in stated.all_rigs:
-        near = difflib.get_close_matches(rig, tuple(stated.all_rigs), n=1, cutoff=0.5)
-        hint = f"did you mean {units.shown(near[0])}?" if near else f"add [rigs.{_key(rig)}]"
+        near = units.nearest(rig, stated.all_rigs if row <= _HINTED else ())
+        hint = f"did you mean {units.shown(near)}?" if near else f"add [rigs.{_key(rig)}]"
         yield f"rig {units.shown(rig)} is not in campaign.toml; {hint}"
     if not rig and len(stated.all_rigs) > 1 and kind != "static":
         yield "several rigs are stated: name one of them in the column 'rig'"

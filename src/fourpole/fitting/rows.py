@@ -14,9 +14,11 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
+from fourpole.core.checks import VERDICTS
 from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
+from fourpole.errors import TableError
 from fourpole.quantities import Quantity
-from fourpole.units import column_unit
+from fourpole.units import column_unit, shown
 
 if TYPE_CHECKING:
     from fourpole.core.identification import Identification
@@ -25,7 +27,38 @@ if TYPE_CHECKING:
 #: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)
 
+#: Largest magnitude of a number of a result table: its square is still a number.
+_LARGEST = 1e150
+
 Key = tuple[str, int]
+
+
+def checked(table: pl.DataFrame, name: str, kinds: Mapping[str, Any] | None = None) -> pl.DataFrame:
+    """A result table that another program may have changed, with its columns of the `kinds` that they should have.
+
+    Raises
+    ------
+    TableError
+        If a cell of a column of numbers has text, or a number that is not finite or whose square is none; or if a
+        verdict is none. The message has the row as the file has it, and the column.
+    """
+    for column, dtype in table.schema.items():
+        wanted = (kinds or {}).get(column, dtype)
+        cells = table[column] if dtype == wanted else table[column].cast(wanted, strict=False)
+        lost = cells.is_null() & table[column].is_not_null()
+        if wanted == pl.String and dtype != wanted and table.height:
+            lost = table[column].is_not_null()
+        elif wanted.is_float():
+            lost |= ~(cells.abs() <= _LARGEST).fill_null(True)
+        elif column == q.VERDICT.head:
+            lost |= ~cells.is_in(["", *VERDICTS])
+        if lost.any():
+            at = int(lost.arg_max() or 0)
+            what = "no verdict" if column == q.VERDICT.head else f"no number up to {_LARGEST:g}"
+            where = f"{name} row {at + 2}, column {shown(column)}: {shown(table[column][at])}"
+            raise TableError(f"{where} is {what if wanted != pl.String or what == 'no verdict' else 'no text'}")
+        table = table.with_columns(cells)
+    return table
 
 
 def keyed(table: pl.DataFrame) -> pl.DataFrame:

@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 
 from fourpole import quantities as q
 from fourpole import units
@@ -109,7 +110,9 @@ _DATES = re.compile(
 )
 #: Hexadecimal identifiers.
 _HASHES = re.compile(
-    r"(?<![0-9A-Za-z])(?=[0-9a-f-]*[0-9])(?=[0-9a-f-]*[a-f])[0-9a-f]{8,}(?:-[0-9a-f]{4,12})*(?![0-9A-Za-z])", re.I
+    r"(?<![0-9A-Za-z])(?=[0-9a-f]{8})(?=[a-f-]*+[0-9])(?=[0-9-]*+[a-f])"
+    r"[0-9a-f]{8,}(?:-[0-9a-f]{4,12})*(?![0-9A-Za-z])",
+    re.I,
 )
 #: Six digits of a date, the year first or last.
 _SHORT_DATES = re.compile(
@@ -125,12 +128,17 @@ _BANDS = re.compile(
 )
 #: Number of a copy, such as " (2)".
 _COPY = re.compile(r"[ _]?\((\d{1,3})\)(?=$|[_. /])")
-_WORDS_BEFORE = "|".join(sorted((re.escape(key) for key in KEYS if len(key) > 1), key=len, reverse=True))
+_KEY_WORDS = sorted((key for key in KEYS if len(key) > 1), key=lambda key: (key[0], -len(key)))
+#: The longest word of a first letter comes first; the alternatives are by first letter, because they are tried in turn.
+_WORDS_BEFORE = "|".join(
+    f"{re.escape(letter)}(?:{'|'.join(re.escape(key[1:]) for key in keys)})"
+    for letter, keys in groupby(_KEY_WORDS, key=lambda key: key[0])
+)
 #: Letters before a number. Several letters may follow any character; a single letter must begin a word, or be a capital
 #: after a small letter. The "p" of 0p10 is a decimal sign.
 _KEY = rf"(?P<key>(?i:{_WORDS_BEFORE})|(?:(?<![^\W\d_])(?!(?<=\d)p\d)|(?<=[a-zß-ÿ])(?=[A-Z]))[A-Za-z])"
 #: Letters of Chinese and Japanese before a number.
-_GLUED = r"(?P<glued>[\u3040-\u30ff\u3400-\u9fff々]{1,12})?"
+_GLUED = r"(?P<glued>[\u3040-\u30ff\u3400-\u9fff々]{1,12}+)?"
 _UNIT = "|".join(f"(?P<u{at}>{pattern})" for at, (pattern, _, _) in enumerate(UNITS))
 #: A number with its unit. In "5 N10" the N belongs to the 10, because a gap separates it from the 5.
 _WITH_UNIT = re.compile(
@@ -292,7 +300,8 @@ def kind_word(word: str) -> str:
 
 #: A line "key: value", with another separator or in quotation marks if need be.
 _PAIR = re.compile(
-    r"^[\s#%\"'/*;-]*(?P<key>[^\W\d][^:=;\t\"]{0,60}?)\"?\s*(?:[:=;\t]|,(?=[^,]*$))\s*\"?(?P<value>[^\t]{1,200}?)[\s\";,\t]*$"
+    r"^[\s#%\"'/*;-]*+(?P<key>[^\W\d][^:=;\t\"]{0,60}?)\"?(?:\s*+(?:[:=;]|,(?=[^,]*+$))|[^\S\t]*+\t)\s*+"
+    r"\"?(?P<value>[^\t]{0,199}[^\s\";,]|[^\t])[\s\";,]*+$"
 )
 
 

@@ -8,9 +8,11 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator
+from itertools import islice
 from typing import Any
 
 from fourpole.errors import TableError
+from fourpole.units import shown
 
 #: Deepest nesting of tables and lists; an integer has at most 64 bits.
 _DEEPEST, _LARGEST = 64, 2**63
@@ -18,6 +20,11 @@ _DEEPEST, _LARGEST = 64, 2**63
 _MOST_VALUES = 4_000_000
 #: Half a character, as JSON can write it: \\ud800.
 _HALF = re.compile("[\ud800-\udfff]")
+#: More digits than Python reads as an integer; it reads hundreds of them too, but they are refused by their value.
+_DIGITS = re.compile(r"(?<![0-9_])[0-9](?:_?[0-9]){4299}")
+_TOO_LARGE = "an integer has more than 64 bits; write it with a decimal point"
+#: Largest magnitude of a number with a decimal point: its square is still a number.
+_GREATEST = 1e150
 #: Most parts of a dotted key: for each of them tomllib holds a key of all parts before it.
 _MOST_PARTS = 16
 #: Texts and comments of TOML; each quantifier keeps what it took, so that the time is linear.
@@ -55,8 +62,10 @@ def json_of(content: bytes | str, name: str) -> Any:
         found = json.loads(content, parse_constant=_no_constant)
     except RecursionError:
         raise TableError(f"{name}: nests more than {_DEEPEST} levels deep; Fourpole writes no such file") from None
-    except ValueError as error:
+    except json.JSONDecodeError as error:
         raise TableError(f"{name}: is not valid JSON ({error})") from None
+    except ValueError as error:
+        raise TableError(_of_digits(content, name) or f"{name}: is not valid JSON ({error})") from None
     _check_value(found, name)
     return found
 
@@ -81,6 +90,8 @@ def toml_of(text: str, name: str) -> dict[str, Any]:
     except RecursionError:
         raise TableError(f"{name}: not valid TOML: nests more than {_DEEPEST} levels deep; state it flat") from None
     except ValueError as error:
+        if why := _of_digits(text, name):
+            raise TableError(why) from None
         end = f"at line {text.count(chr(10)) + 1}, the end of the document"
         raise TableError(f"{name}: not valid TOML: {str(error).replace('at end of document', end)}") from None
     _check_value(found, name)
@@ -111,9 +122,12 @@ def rows_of(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
             if cells:
                 yield reader.line_num, cells
     except csv.Error:
+        line = next(islice(io.StringIO(text, newline=""), reader.line_num - 1, None), "")
+        lengths = map(len, line.split(delimiter_of(text)))
+        column = next((f", column {place}" for place, length in enumerate(lengths, 1) if length > MOST_CHARACTERS), "")
         raise TableError(
-            f"{name} row {reader.line_num}: a cell has more than {MOST_CHARACTERS} characters: shorten it, or close "
-            "its quotation mark"
+            f"{name} row {reader.line_num}{column}: a cell has more than {MOST_CHARACTERS} characters: shorten it, or "
+            "close its quotation mark"
         ) from None
 
 
@@ -132,6 +146,13 @@ def _no_constant(text: str) -> float:
     raise ValueError(f"{text} is no number of JSON")
 
 
+def _of_digits(content: bytes | str, name: str) -> str:
+    """Message on an integer of more digits than Python reads; empty if there is none."""
+    text = content.decode(errors="replace") if isinstance(content, bytes) else content
+    found = _DIGITS.search(text)
+    return f"{name} line {text.count(chr(10), 0, found.start()) + 1}: {_TOO_LARGE}" if found else ""
+
+
 def _check_value(value: Any, name: str) -> None:
     """TableError for nesting, an integer or a text beyond the bounds; level by level, without recursion."""
     level = [value]
@@ -140,7 +161,9 @@ def _check_value(value: Any, name: str) -> None:
             return
         for one in level:
             if type(one) is int and not -_LARGEST <= one < _LARGEST:
-                raise TableError(f"{name}: an integer has more than 64 bits; write it with a decimal point")
+                raise TableError(f"{name}: {shown(one, 30)}: {_TOO_LARGE}")
+            if type(one) is float and abs(one) > _GREATEST:
+                raise TableError(f"{name}: {one}: a number is beyond {_GREATEST:g}; mend or remove it")
             if type(one) is str and not one.isascii() and _HALF.search(one):
                 raise TableError(f"{name}: a text has half a character, which no file can hold; write it whole")
         level = [

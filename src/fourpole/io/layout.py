@@ -37,7 +37,7 @@ _NAME_AND_UNIT = re.compile(r"[^\s\[\]]+\s*\[[^\[\]]*\]|\S+")
 _CATMAN_TIME = re.compile(r"(?:Time|Zeit|Temps)  ?[0-9]+ - .*")
 _NTH = re.compile(r"(.+)\.([1-9][0-9]{0,3})")
 #: A line without letters but those of exponents: a row of numbers.
-_NUMBERS = re.compile(r"[^A-DF-Za-df-z\u0080-\U0010ffff]*[0-9][^A-DF-Za-df-z\u0080-\U0010ffff]*")
+_NUMBERS = re.compile(r"[^A-DF-Za-df-z0-9\u0080-\U0010ffff]*[0-9][^A-DF-Za-df-z\u0080-\U0010ffff]*")
 _SIGNS = re.compile(r"[|=&<>]+")
 #: Share of the cells of a row of units that are known units.
 _KNOWN_UNITS = 0.5

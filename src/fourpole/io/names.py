@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 from collections.abc import Callable, Sequence
 
 from fourpole.core.wording import first_of
 from fourpole.errors import TableError
-from fourpole.units import column_unit, shown
+from fourpole.units import column_unit, nearest, shown
 
 Place = tuple[str, str]
 """Group and name of a channel."""
@@ -86,7 +85,7 @@ def listed(names: Sequence[str], wanted: str) -> str:
     if not known:
         return "; it has none"
     folded = {one[:_COMPARED].casefold(): one for one in reversed(known[:_MOST_COMPARED])}
-    near = [folded[one] for one in difflib.get_close_matches(wanted[:_COMPARED].casefold(), folded, n=1, cutoff=0.5)]
+    near = [folded[one] for one in filter(None, [nearest(wanted[:_COMPARED].casefold(), folded)])]
     hint = f"; did you mean {shown(near[0])}?" if near else ";"
     ordered = list(dict.fromkeys([*near, *known]))
     return f"{hint} it has {first_of([shown(one)[1:-1] for one in ordered], _SHOWN)}"

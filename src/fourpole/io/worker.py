@@ -31,7 +31,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
-from fourpole.errors import FourpoleError
+from fourpole.errors import FourpoleError, out_of_memory
 from fourpole.io.packed import pack, unpack
 from fourpole.io.processes import FOLDERS
 
@@ -108,9 +108,9 @@ def _answered(function: Callable[..., Any], args: tuple[Any, ...]) -> bytes:
         return b"R" + (result if isinstance(result, bytes) else pack(result))
     except FourpoleError as error:
         return b"E" + pack((type(error).__name__, str(error)))
-    except MemoryError:
-        return b"E" + pack(("MemoryError", ""))
     except Exception as error:  # noqa: BLE001 - the parent says that this is a fault of ours
+        if out_of_memory(error):
+            return b"E" + pack(("MemoryError", ""))
         return b"E" + pack(("Exception", f"{type(error).__name__}: {error}"))
 
 

@@ -261,7 +261,7 @@ def _numbered(figures: Sequence[ReportFigure]) -> list[tuple[str, ReportFigure]]
 def _compact(svg: str) -> str:
     """An SVG without its invisible parts: prolog, metadata, space between elements, third decimals of points."""
     svg = re.sub(r"<\?xml.*?\?>|<!DOCTYPE[^>\[]*>|<!--.*?-->|<metadata>.*?</metadata>", "", svg, flags=re.S)
-    svg = re.sub(r">\s*\n\s*<", "><", svg)
+    svg = re.sub(r">[^\S\n]*+\n\s*+<", "><", svg)
     return re.sub(r'(?<=\sd=")[^"]*', lambda path: _short_path(path[0]), svg).strip()
 
 

@@ -51,7 +51,7 @@ KEYS = {
 RIG = {"moving_mass": "moving mass", "preload_stiffness": "preload spring", "preload_damping": "preload damper"}
 #: The column of tests.csv with the reason why a test is left out.
 EXCLUDED = "excluded"
-_DOUBT = re.compile(r"^\s*#\s*doubt:\s*(.*)$")
+_DOUBT = re.compile(r"\s*#\s*doubt:\s*+(.*)$")
 _ROW = re.compile(r"(?:^|; )tests\.csv row (\d+): ")
 _PLACE = re.compile(r"^campaign\.toml: \[?([\w.\-]+)\]?:?(?: ([\w.]+)(?=[: ]))?")
 _QUOTED = re.compile(r"'([^']*)'")

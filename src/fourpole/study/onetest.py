@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from fourpole.core.checks import worst_verdict
 from fourpole.core.notebook import notebook_html
 from fourpole.core.phasor import Phasors
 from fourpole.errors import CampaignError
-from fourpole.units import shown
+from fourpole.units import nearest, shown
 
 if TYPE_CHECKING:
     from fourpole.core.recording import Recording
@@ -165,8 +164,8 @@ class TestsByName(Mapping[str, OneTest]):
 
     def __getitem__(self, name: str) -> OneTest:
         if name not in self._stated:
-            near = difflib.get_close_matches(str(name), self._stated, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"there are {len(self)}, as {next(iter(self), 'none')!r}"
+            near = nearest(str(name), self._stated)
+            hint = f"did you mean {near!r}?" if near else f"there are {len(self)}, as {next(iter(self), 'none')!r}"
             raise UnknownTestError(f"no test {shown(str(name))}: {hint}")
         return OneTest(self._stated[name], self._study)
 

@@ -36,7 +36,15 @@ from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noi
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
-from fourpole.errors import ConstantError, FileError, FourpoleError, RecordingError, TableError, TooShortError
+from fourpole.errors import (
+    ConstantError,
+    FileError,
+    FourpoleError,
+    RecordingError,
+    TableError,
+    TooShortError,
+    out_of_memory,
+)
 from fourpole.io.door import sha256_of
 from fourpole.io.remote import permission
 from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
@@ -146,10 +154,9 @@ def demodulated(job: Job) -> Demodulated:
         why = reported(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
         lasting = isinstance(error, RecordingError)
         sha256 = "" if isinstance(error, FileError) else sha256  # no result of the content, which may be read again
-    except MemoryError:
-        why, lasting = reported(Code.MEMORY, "rejected", file=job.test.file), False
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
         why, lasting = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}"), False
+        why = reported(Code.MEMORY, "rejected", file=job.test.file) if out_of_memory(error) else why
     return Demodulated(checks=(why,), sha256=sha256, lasting=lasting)
 
 

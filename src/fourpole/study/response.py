@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
 import numpy as np
@@ -44,11 +43,9 @@ def read_response(path: Path, label: str) -> Calibrated:
                 "and perhaps u(gain) [%], u(phase) [deg]"
             )
     for name in table.names:
-        near = difflib.get_close_matches(name.strip().casefold(), _COLUMNS, n=1, cutoff=0.6)
+        near = units.nearest(name.strip().casefold(), _COLUMNS, 0.6)
         if name.strip().casefold() not in _COLUMNS and (near or name.strip().casefold().startswith("u(")):
-            raise TableError(
-                f"{label}: column {units.shown(name)} is not known; did you mean '{(near or ['u(gain)'])[0]}'?"
-            )
+            raise TableError(f"{label}: column {units.shown(name)} is not known; did you mean '{near or 'u(gain)'}'?")
     for name in ("u(gain)", "u(phase)"):
         if name in found and np.any(found[name] < 0):
             raise TableError(f"{label}: column '{name}' has a negative uncertainty: state it zero or positive")

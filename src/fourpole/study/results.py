@@ -14,7 +14,7 @@ from fourpole.campaign.shown import shown_units
 from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.face import public
-from fourpole.fitting.rows import conditions_in, names_apart, rule_in
+from fourpole.fitting.rows import checked, conditions_in, names_apart, rule_in
 from fourpole.io.folders import results_in, why_no_folder
 from fourpole.io.published import LIST, Published, consistently, published_beside
 from fourpole.quantities import TYRE, ShownUnits
@@ -26,6 +26,7 @@ from fourpole.study.tables import DYNAMIC, OPTIONAL, TABLES, Tables, TableSpec
 if TYPE_CHECKING:
     from fourpole.fitting.modelfile import ModelFile
 
+_AGAIN = "run fourpole analyse again"
 _MADE_BY = {"model": "fit", "map": "map"}
 
 
@@ -214,18 +215,29 @@ def read_table(results: Published, spec: TableSpec, needed: Collection[str] | No
     if (not spec.always or ending == ".parquet") and not results.has(name):
         return pl.DataFrame()
     try:
-        content = results.read(name)
-        if ending == ".parquet":
-            return pl.read_parquet(content)
-        names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
-        known = {**OPTIONAL, **spec.columns}
-        kinds = {name: known.get(name, pl.String) for name in names}
-        counts = [name for name, kind in kinds.items() if kind == pl.Int64]  # another program may write 4.0 for 4
-        frame = pl.read_csv(content, schema={**kinds, **dict.fromkeys(counts, pl.Float64)})
-        frame = frame.with_columns(pl.col(counts).cast(pl.Int64, strict=False))
+        frame = _frame(results.read(name), name, {**OPTIONAL, **spec.columns})
     except pl.exceptions.PolarsError as error:
-        raise CampaignError(f"{name}: cannot be read ({error}): run fourpole analyse again") from None
-    lacking = [name for name in (spec.columns if needed is None else needed) if name not in names]
-    if lacking:
-        raise CampaignError(f"{name}: has no column {lacking[0]!r}: run fourpole analyse again")
-    return frame.with_columns(pl.col(pl.String).fill_null(""))
+        why = str(error).partition("\n")[0][:200]
+        raise CampaignError(f"{name}: cannot be read ({why}): {_AGAIN}") from None
+    except TableError as error:
+        raise CampaignError(f"{error}: {_AGAIN}") from None
+    lacking = [name for name in (spec.columns if needed is None else needed) if name not in frame.columns]
+    if lacking and ending != ".parquet":
+        raise CampaignError(f"{name}: has no column {lacking[0]!r}: {_AGAIN}")
+    return frame if ending == ".parquet" else frame.with_columns(pl.col(pl.String).fill_null(""))
+
+
+def _frame(content: bytes, name: str, known: Mapping[str, Any]) -> pl.DataFrame:
+    """The table of a CSV or Parquet file, its columns of known kinds; TableError for a cell of another kind."""
+    if name.endswith(".parquet"):
+        return checked(pl.read_parquet(content), name, known)
+    names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
+    kinds = {name: known.get(name, pl.String) for name in names}
+    counts = [name for name, kind in kinds.items() if kind == pl.Int64]  # another program may write 4.0 for 4
+    numbers = {**kinds, **dict.fromkeys(counts, pl.Float64)}
+    try:
+        frame = checked(pl.read_csv(content, schema=numbers), name)
+    except pl.exceptions.PolarsError:
+        checked(pl.read_csv(content, infer_schema=False), name, numbers)  # names the cell at fault
+        raise
+    return frame.with_columns(pl.col(counts).cast(pl.Int64, strict=False))

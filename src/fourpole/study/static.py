@@ -16,7 +16,7 @@ from fourpole.core.codes import Code
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
 from fourpole.core.sources import Kind, Source
-from fourpole.errors import FourpoleError, LoadCurveError
+from fourpole.errors import FourpoleError, LoadCurveError, out_of_memory
 from fourpole.io.child import SECONDS
 from fourpole.study.cache import Cache
 from fourpole.study.curvefile import CurveOfFile, read_curve
@@ -194,6 +194,7 @@ def _evaluated(
         why = reported(Code.LOAD_CURVE, "rejected", why=error)
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
         why = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
+        why = reported(Code.MEMORY, "rejected", file=test.file) if out_of_memory(error) else why
     else:
         rows = tuple(_at(campaign, curve, whole, load) for load in preloads)
         rows = rows or (replace(whole, checks=(reported(Code.NO_PRELOAD, "ok"),)),)

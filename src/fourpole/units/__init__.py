@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from fourpole.errors import UnitError
-from fourpole.units.grammar import SPELLINGS, add_up, parse, shown, spelled_out
+from fourpole.units.grammar import SPELLINGS, add_up, nearest, parse, shown, spelled_out
 from fourpole.units.kinds import COMMON, KINDS, MOTIONS, SUGGESTED, TEMPERATURES, affine, kind_named, kind_of, scale_of
 
 if TYPE_CHECKING:
@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 __all__ = [
     "KINDS",
     "MOTIONS",
+    "bounded",
     "channel_scale",
     "column_unit",
     "crosstalk",
     "frequency_band",
     "frequency_grid",
     "is_unit",
+    "nearest",
     "quantity",
     "sensitivity",
     "shown",
@@ -38,17 +40,20 @@ __all__ = [
     "unit_in",
     "unit_scale",
 ]
-_LONGEST = 100
-_LONGEST_GRID = 4000
-_MOST_POINTS = 100_000
+#: Bounds of texts and of numbers: name, value, unit, and reason.
+_LONGEST = 100  # [characters] of the head of a column; longer ones have no unit
+_LONGEST_GRID = 4000  # [characters] of a list of frequencies
+_MOST_POINTS = 100_000  # [frequencies] of a list
+_LARGEST = 1e30  # [SI] magnitude: the tenth power is still a number, and no quantity of a rig is as large
+_SMALLEST = 1e-30  # [SI] magnitude other than zero: its inverse is within the same bound
 _NUMBER = r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3}(?![0-9]))?"
 _QUANTITY = re.compile(rf"({_NUMBER})(.*)", re.DOTALL)
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
-_BRACKETED = re.compile(r"(?P<stem>.*?)[\s_]*(?:\[(?P<square>[^\[\]]*)\]|(?<=[\s_])\((?P<round>[^()]*)\))\s*")
+_BRACKETED = re.compile(r"(?P<stem>.*[^\s_])[\s_]*(?:\[(?P<square>[^\[\]]*)\]|(?<=[\s_])\((?P<round>[^()]*)\))\s*")
 _ATTACHED = re.compile(r"(?P<stem>[^()]*)\((?P<round>[^()]+)\)\s*")
 _CHARGE = re.compile(r"(?<![A-Za-z°])[pnµum]?C(?![A-Za-z])")
 _BAND = re.compile(
-    rf"\s*(?P<low>{_NUMBER})\s*(?P<first>[A-Za-z/]*?)\s*"
+    rf"\s*(?P<low>{_NUMBER})\s*+(?P<first>[A-Za-z/]*?)\s*+"
     rf"(?:(?::|\.\.\.?|-|–|\bto\b)\s*(?P<high>{_NUMBER})\s*)?(?P<last>[A-Za-z][^0-9:]*|)"
 )
 #: Number of frequencies of a range without a step.
@@ -103,6 +108,20 @@ def quantity(text: str | float, kind: str, *, default_unit: str | None = None) -
         unit = default_unit
     scale, offset = affine(unit, kind)
     return _finite(number * scale + offset, text)
+
+
+def bounded(value: float, text: object) -> float:
+    """The value of a quantity [SI]; UnitError, with the text as written, unless it is 0 or of magnitude 1e-30 to 1e30.
+
+    Examples
+    --------
+    >>> bounded(1e30, "1e30 N")
+    1e+30
+    """
+    if value != 0.0 and not _SMALLEST <= abs(value) <= _LARGEST:
+        what = "is beyond the range of numbers"
+        raise UnitError(f"{shown(text)} {what}: in SI units, magnitudes of {_SMALLEST:g} to {_LARGEST:g} are taken")
+    return value
 
 
 def unit_in(text: str) -> str:
@@ -420,7 +439,7 @@ def column_unit(name: str) -> tuple[str, str | None]:
     if len(whole) > _LONGEST:
         return whole, None
     match = _BRACKETED.fullmatch(whole)
-    if match is not None and match["stem"].strip():
+    if match is not None:
         unit = (match["square"] or match["round"] or "").strip()
         return match["stem"].strip(), "1" if unit in ("", "-", "–") else unit
     match = _ATTACHED.fullmatch(whole)
@@ -432,14 +451,12 @@ def column_unit(name: str) -> tuple[str, str | None]:
 
 
 def _finite(value: Fraction, text: object) -> float:
-    """The nearest float; UnitError if the value is outside the range of floats."""
+    """The nearest float; UnitError if the value is beyond the bounds."""
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
-    if math.isinf(number) or (number == 0.0 and value != 0):
-        raise UnitError(f"{shown(text)} is beyond the range of numbers")
-    return number
+    return bounded(number if number or not value else math.inf, text)
 
 
 def _number_and_unit(text: object, kind: str | None) -> tuple[Fraction, str]:

@@ -6,10 +6,13 @@ names only, so that no text can make pint evaluate an expression. Arithmetic is 
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections import Counter
+from collections.abc import Iterable
 from fractions import Fraction
 from functools import lru_cache
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from fourpole.errors import UnitError
@@ -24,6 +27,8 @@ _LONGEST = 100
 _MOST_NAMES = 12
 _DEEPEST = 3
 _HIGHEST_POWER = 4
+#: Longest word, and most known ones, that are compared: the time grows with their product.
+_LONGEST_COMPARED, _MOST_COMPARED = 100, 500
 _ALIASES = {
     "%": "percent",
     "‰": "permille",
@@ -73,6 +78,28 @@ def shown(text: object, limit: int = 60) -> str:
     kept = whole if len(whole) <= limit else whole[: limit - 1] + "…"
     clean = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in kept)
     return f"'{clean}'"
+
+
+def nearest(word: str, known: Iterable[str], cutoff: float = 0.5) -> str | None:
+    """The known word most similar to a word of a user, for a message; None if none is similar, or the word is long.
+
+    Parameters
+    ----------
+    word : str
+        As written.
+    known : iterable of str
+        Only the first 500 are compared.
+    cutoff : float [1]
+        Least similarity, of at most 1, as in `difflib.get_close_matches`.
+
+    Examples
+    --------
+    >>> nearest("radail", ["bias", "radial"])
+    'radial'
+    """
+    if len(word) > _LONGEST_COMPARED:
+        return None
+    return next(iter(difflib.get_close_matches(word, islice(known, _MOST_COMPARED), n=1, cutoff=cutoff)), None)
 
 
 def spelled_out(text: str, longest: int = _LONGEST) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
 from fourpole.errors import UnitError
-from fourpole.units.grammar import SPELLINGS, add_up, lookup, parse, shown, spelled_out
+from fourpole.units.grammar import SPELLINGS, add_up, lookup, nearest, parse, shown, spelled_out
 from fourpole.units.usual import Dimensions
 
 
@@ -158,5 +157,4 @@ def _likely(spelled: str, kinds: tuple[str, ...]) -> str | None:
 
 def _nearest(spelled: str, kinds: tuple[str, ...]) -> str | None:
     known = [unit for kind in kinds for unit in kind_named(kind).units]
-    near = difflib.get_close_matches(spelled, known, n=1, cutoff=0.5)
-    return _likely(spelled, kinds) or (near[0] if near else None)
+    return _likely(spelled, kinds) or nearest(spelled, known)

@@ -12,8 +12,8 @@ from fourpole.errors import TableError
 _MOST_UNPACKED, _MOST_TEXT, _PART = 1_000_000_000, 100_000_000, 1 << 20
 #: Cells of a rectangle that are allowed for each filled cell, and beside them.
 _SPARSE, _BESIDE = 50, 200_000
-_CELL = re.compile(rb"<(?:[a-z]+:)?c (?:[^>]*? )?r=\"([A-Z]{1,3})([0-9]{1,7})\"")
-_PLACE = re.compile(rb"<table:(table|table-row|(?:covered-)?table-cell)(?![a-z-])([^>]*)>")
+_CELL = re.compile(rb"<(?:[a-z]+:)?c (?:[^<>]*? )?r=\"([A-Z]{1,3})([0-9]{1,7})\"")
+_PLACE = re.compile(rb"<table:(table|table-row|(?:covered-)?table-cell)(?![a-z-])([^<>]*)>")
 _FILLED = re.compile(rb"value-type=")
 _COLUMNS, _ROWS = (re.compile(rb"number-%s-repeated=\"([0-9]{1,9})\"" % kind) for kind in (b"columns", b"rows"))
 

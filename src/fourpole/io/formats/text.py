@@ -34,7 +34,7 @@ _INTERVAL = re.compile(
     rf"{_GAP}{_NUMBER}[\s;,\"]{{0,3}}(?P<after>[mµu]?s\b)?",
     re.IGNORECASE,
 )
-_CATMAN_RATE = re.compile(r"[0-9.,]+ m?s \((?P<value>[0-9]+(?:[.,][0-9]+)?)\s?(?P<after>k?Hz)\)")
+_CATMAN_RATE = re.compile(r"(?<![0-9.,])[0-9.,]++ m?s \((?P<value>[0-9]++(?:[.,][0-9]++)?)\s?(?P<after>k?Hz)\)")
 #: Lowest and highest rate that is accepted [Hz].
 _LOWEST, _HIGHEST = 1e-6, 1e12
 _MOST_NOTES = 20

@@ -34,7 +34,7 @@ from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import encoding_of, name_of
 from fourpole.units import shown
 
-_KEYWORD = re.compile(r"\*\*\s*([A-Za-z_]+)[ \t]*(.*)")
+_KEYWORD = re.compile(r"\*\*\s*+([A-Za-z_]++)[ \t]*+(.*)")
 _LONGEST_LINE = 1_000_000
 #: Largest number of lines outside the measured data.
 _MOST_LINES = 100_000

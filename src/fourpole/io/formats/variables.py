@@ -64,8 +64,8 @@ class Node(ByValue):
 
 _RATES = re.compile(r"(?:fs|f_s|rate|sample_?rate|sampling_?rate|sampling_?frequency|samp_?freq)", re.IGNORECASE)
 _STEPS = re.compile(r"(?:dt|ts|delta_?t|increment|sample_?time|sampling_?time)", re.IGNORECASE)
-_NAMES = re.compile(r".*(?:name|label|channel|signal|header|column|title).*", re.IGNORECASE)
-_UNITS = re.compile(r".*(?:unit|einheit|dimension).*", re.IGNORECASE)
+_NAMES = re.compile(r"name|label|channel|signal|header|column|title", re.IGNORECASE)
+_UNITS = re.compile(r"unit|einheit|dimension", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _texts(nodes: Sequence[Node], wanted: re.Pattern[str], count: int) -> list[s
     """The texts beside a matrix, one per column, in an array of a wanted name; None if there is none."""
     for one in nodes:
         texts = one.texts
-        if texts is not None and len(texts) == count and wanted.fullmatch(one.name):
+        if texts is not None and len(texts) == count and wanted.search(one.name):
             return texts
     return None
 
@@ -139,17 +139,15 @@ def _units_by_name(nodes: Sequence[Node]) -> dict[str, str]:
     """Units of vectors by their names, if two cell arrays beside them, or in a struct beside them, list both."""
     for place in (nodes, *(one.below for one in nodes if one.kind == "struct")):
         lists = [(one.name, one.texts) for one in place if one.texts]
-        units = next((texts for name, texts in lists if texts and _UNITS.fullmatch(name)), [])
-        names = next(
-            (texts for name, texts in lists if texts and _NAMES.fullmatch(name) and len(texts) == len(units)), []
-        )
+        units = next((texts for name, texts in lists if texts and _UNITS.search(name)), [])
+        names = next((texts for name, texts in lists if texts and _NAMES.search(name) and len(texts) == len(units)), [])
         if names and any(one.is_vector and one.name in names for one in nodes):
             return dict(zip(names, units, strict=True))
     return {}
 
 
 def _only_text(nodes: Sequence[Node], wanted: re.Pattern[str]) -> str | None:
-    return next((one.value for one in nodes if isinstance(one.value, str) and wanted.fullmatch(one.name)), None)
+    return next((one.value for one in nodes if isinstance(one.value, str) and wanted.search(one.name)), None)
 
 
 def _rate(nodes: Sequence[Node]) -> float | None:

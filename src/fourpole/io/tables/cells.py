@@ -32,7 +32,9 @@ _LARGEST_TEXT, _LIMS = 64_000_000, ("Variables", "Units", "Data point")
 BY_NUMBER = "the columns are known by their numbers"
 #: A line of numbers alone.
 _ROW = re.compile(r"[\s;,0-9.eE+-]+")
-_WORDED_UNIT = re.compile(r"(?P<stem>[^/,]+?)\s*(?:/|,|\sin\s)\s*(?P<unit>[^,]+)")
+#: Largest number of characters of a head in which a unit is looked for.
+_LONGEST_HEAD = 100
+_WORDED_UNIT = re.compile(r"(?P<stem>[^/,]+?)(?:/|,|\sin\s)(?P<unit>[^,]+)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +207,7 @@ def name_and_unit(head: str, stated: str | None) -> tuple[str, str | None]:
     name, unit = column_unit(head)
     if stated is not None or unit is not None:
         return name, (stated if stated is not None else unit)
-    parted = _WORDED_UNIT.fullmatch(head.strip())
+    parted = _WORDED_UNIT.fullmatch(head.strip()) if len(head) <= _LONGEST_HEAD else None
     if parted is not None and is_unit(parted["unit"]):
         return parted["stem"].strip(), parted["unit"].strip()
     return name, None

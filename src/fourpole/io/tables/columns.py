@@ -21,7 +21,7 @@ from fourpole.units import shown
 _SAME = 2e-3
 _UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*")
 #: Units of a frequency that are rad/s for an angular frequency.
-_PER_SECOND = re.compile(r"1\s*/\s*s|s\s*\^?\s*[-−]1|s⁻¹|1/sec")
+_PER_SECOND = re.compile(r"1\s*/\s*s|s\s*+\^?\s*[-−]1|s⁻¹|1/sec")
 #: Kind of a motion without a unit, by the first letter of the column's name; else a displacement.
 _MOTIONS = {"v": "velocity", "a": "acceleration"}
 
