@@ -88,7 +88,7 @@ def test_a_long_cell_is_told_with_its_row() -> None:
         list(rows_of("test,file\nD1,a.csv\nD2," + "x" * 140_000, "tests.csv"))
     former = csv.field_size_limit(10**9)
     try:
-        with pytest.raises(TableError, match=r"row 2: a cell has more than"):
+        with pytest.raises(TableError, match=r"row 2, column 2: a cell has more than"):
             list(rows_of('test,file\nD2,"' + "x" * 140_000, "tests.csv"))
     finally:
         csv.field_size_limit(former)

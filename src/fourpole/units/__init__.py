@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from fourpole.errors import UnitError
-from fourpole.units.grammar import SPELLINGS, add_up, nearest, parse, shown, spelled_out
+from fourpole.units.grammar import SPELLINGS, add_up, bounded, nearest, parse, shown, spelled_out
 from fourpole.units.kinds import COMMON, KINDS, MOTIONS, SUGGESTED, TEMPERATURES, affine, kind_named, kind_of, scale_of
 
 if TYPE_CHECKING:
@@ -44,8 +44,6 @@ __all__ = [
 _LONGEST = 100  # [characters] of the head of a column; longer ones have no unit
 _LONGEST_GRID = 4000  # [characters] of a list of frequencies
 _MOST_POINTS = 100_000  # [frequencies] of a list
-_LARGEST = 1e30  # [SI] magnitude: the tenth power is still a number, and no quantity of a rig is as large
-_SMALLEST = 1e-30  # [SI] magnitude other than zero: its inverse is within the same bound
 _NUMBER = r"[+-]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3}(?![0-9]))?"
 _QUANTITY = re.compile(rf"({_NUMBER})(.*)", re.DOTALL)
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
@@ -108,20 +106,6 @@ def quantity(text: str | float, kind: str, *, default_unit: str | None = None) -
         unit = default_unit
     scale, offset = affine(unit, kind)
     return _finite(number * scale + offset, text)
-
-
-def bounded(value: float, text: object) -> float:
-    """The value of a quantity [SI]; UnitError, with the text as written, unless it is 0 or of magnitude 1e-30 to 1e30.
-
-    Examples
-    --------
-    >>> bounded(1e30, "1e30 N")
-    1e+30
-    """
-    if value != 0.0 and not _SMALLEST <= abs(value) <= _LARGEST:
-        what = "is beyond the range of numbers"
-        raise UnitError(f"{shown(text)} {what}: in SI units, magnitudes of {_SMALLEST:g} to {_LARGEST:g} are taken")
-    return value
 
 
 def unit_in(text: str) -> str:

@@ -29,6 +29,8 @@ _DEEPEST = 3
 _HIGHEST_POWER = 4
 #: Longest word, and most known ones, that are compared: the time grows with their product.
 _LONGEST_COMPARED, _MOST_COMPARED = 100, 500
+_LARGEST = 1e30  # [SI] magnitude: the tenth power is still a number, and no quantity of a rig is as large
+_SMALLEST = 1e-30  # [SI] magnitude other than zero: its inverse is within the same bound
 _ALIASES = {
     "%": "percent",
     "‰": "permille",
@@ -231,3 +233,17 @@ def _looked_up(name: str) -> _Scaled:
     if Fraction(str(two.magnitude)) != 2 * scale or any(power.denominator != 1 for power in powers.values()):
         raise UnitError(f"unknown unit {shown(name)}")
     return scale, tuple(sorted((root, int(power)) for root, power in powers.items()))
+
+
+def bounded(value: float, text: object) -> float:
+    """The value of a quantity [SI]; UnitError, with the text as written, unless it is 0 or of magnitude 1e-30 to 1e30.
+
+    Examples
+    --------
+    >>> bounded(1e30, "1e30 N")
+    1e+30
+    """
+    if value != 0.0 and not _SMALLEST <= abs(value) <= _LARGEST:
+        what = "is beyond the range of numbers"
+        raise UnitError(f"{shown(text)} {what}: in SI units, magnitudes of {_SMALLEST:g} to {_LARGEST:g} are taken")
+    return value
