@@ -12,7 +12,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fourpole.errors import FileError, FourpoleError, TableError, UnitError, out_of_memory
+from fourpole.errors import FileError, FourpoleError, TableError, UnitError
 from fourpole.io.names import Place, in_group, only
 from fourpole.io.signals import Request
 from fourpole.io.source import name_of
@@ -56,7 +56,7 @@ class Guard:
         self._quiet.close()
         if error is None or isinstance(error, FourpoleError) or not isinstance(error, Exception):
             return
-        if out_of_memory(error):
+        if isinstance(error, MemoryError):
             raise FileError(
                 f"{self._name}: needs more memory than there is, or declares more than it holds; read fewer of its "
                 "channels, or export it again"
