@@ -39,7 +39,7 @@ def checked(table: pl.DataFrame, name: str, kinds: Mapping[str, Any] | None = No
     Raises
     ------
     TableError
-        If a cell of a column of numbers has text, or a number that is not finite or whose square is none; or if a
+        If a cell of a column of numbers has text, or a number that is infinite or whose square is none; or if a
         verdict is none. The message has the row as the file has it, and the column.
     """
     for column, dtype in table.schema.items():
@@ -49,7 +49,7 @@ def checked(table: pl.DataFrame, name: str, kinds: Mapping[str, Any] | None = No
         if wanted == pl.String and dtype != wanted and table.height:
             lost = table[column].is_not_null()
         elif wanted.is_float():
-            lost |= ~(cells.abs() <= _LARGEST).fill_null(True)
+            lost |= ~((cells.abs() <= _LARGEST) | cells.is_nan()).fill_null(True)  # not-a-number is a blank cell
         elif column == q.VERDICT.head:
             lost |= ~cells.is_in(["", *VERDICTS])
         if lost.any():

@@ -335,7 +335,8 @@ def _complete(folder: Path, files: Mapping[str, Listed], gone: Iterable[str]) ->
             held.append(f"{name} ({why(error)})")
     for name in gone:
         try:
-            _inner(folder, name).unlink(missing_ok=True)
+            with suppress(FileNotFoundError):
+                _inner(folder, name).unlink()
         except OSError as error:
             held.append(f"{name} ({why(error)})")
     if held:
