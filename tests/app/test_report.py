@@ -1,7 +1,6 @@
 """`fourpole report`: the statement of the report and its limits reach the page, and a PDF is printed beside it."""
 
 import json
-import shutil
 
 import pytest
 
@@ -63,7 +62,7 @@ def test_a_pdf_needs_a_browser_before_anything_is_made(run, stated, monkeypatch)
     assert run("analyse", stated, "--no-models").exit_code == 0
     page = stated / "results" / "report.html"
     former = page.stat().st_mtime_ns
-    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(pdf, "program_path", lambda name: None)
     monkeypatch.setattr(pdf, "_MAC", ())
     ran = run("report", stated, "--pdf")
     assert ran.exit_code == 2
