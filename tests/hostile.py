@@ -348,7 +348,8 @@ class Corpus:
         before = state_of(beside)
         run = self.commands.run("tests.hostile:bounded", command, *self._words(command, campaign))
         said = self._wrong(run) or ("" if state_of(beside) == before else "wrote outside")
-        if command == "analyse" and "exchanged" in name and run.code == 0 and published(campaign / "results").files != self._files():
+        taken = command == "analyse" and "exchanged" in name and run.code == 0
+        if taken and published(campaign / "results").files != self._files():
             said = said or "took an entry of the cache for another recording"
         return said and f"{command} of {name}: {said}: exit code {run.code}: {run.err.strip()[-500:]}"
 

@@ -29,6 +29,8 @@ from fourpole.io.documents import toml_of
 from fourpole.models.shape import shape_of
 
 #: Kind of quantity of each value of the rig.
+#: Most axes of [conditions]: a condition is compared with the others axis by axis.
+_MOST_AXES = 20
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
 
 
@@ -199,6 +201,8 @@ class ConditionsFile(File):
     def _read(cls, raw: Any) -> Any:
         if not isinstance(raw, list):
             raise ValueError('must be a list: axes = ["batch", "amplitude [mm]"]')
+        if len(raw) > _MOST_AXES:
+            raise ValueError(f"has {len(raw)} axes, at most {_MOST_AXES} are taken")
         found = tuple(_axis(one) for one in raw)
         names = [axis.name for axis in found]
         for name in names:

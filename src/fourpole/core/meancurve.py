@@ -212,7 +212,7 @@ def _ranked(
     that the data do not require may still be there.
     """
     count, width = rows.shape[0], rows.shape[1] - 1
-    floor = count * (_ROUND_OFF * largest) ** 2
+    floor = max(count * (_ROUND_OFF * largest) ** 2, float(np.finfo(np.float64).tiny))  # of a curve without any load
     exact = count > width and float(np.asarray(np.linalg.qr(rows, mode="r"))[-1, -1] ** 2) < 10.0 * floor
     tables, logs, parameters = whitened(rows, starts, plain=exact or count < _FEWEST_FOR_MEMORY)
     gaps = _gap_choices(plain, rounded)

@@ -13,6 +13,8 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.fitting.amplitude import COLUMN
+from fourpole.fitting.rows import each_once
+from fourpole.io.documents import GREATEST
 from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.units import column_unit, shown, to_si
 
@@ -47,7 +49,7 @@ def table_frame(name: str, content: bytes) -> pl.DataFrame:
     try:
         if name.endswith(".parquet"):
             return pl.read_parquet(io.BytesIO(content))
-        return pl.read_csv(content, infer_schema=False, comment_prefix="#")
+        return each_once(pl.read_csv(content, infer_schema=False, comment_prefix="#"), name)
     except pl.exceptions.PolarsError as error:
         raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
 
@@ -98,7 +100,14 @@ def numbers_of(frame: pl.DataFrame, column: str, name: str, used: BoolArray) -> 
             at = int(lost.arg_max() or 0)
             raise TableError(f"{name}: row {at + 2}, column {shown(column)}: {shown(str(series[at]))} is no number")
         series = found
-    return np.asarray(series.cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)
+    numbers = np.asarray(series.cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)
+    beyond = used & (np.abs(numbers) > GREATEST)
+    if np.any(beyond):
+        at = int(np.argmax(beyond))
+        raise TableError(
+            f"{name}: row {at + 2}, column {shown(column)}: {numbers[at]:g} is no number up to {GREATEST:g}"
+        )
+    return numbers
 
 
 def usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:

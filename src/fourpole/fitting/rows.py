@@ -17,6 +17,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import VERDICTS
 from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
 from fourpole.errors import TableError
+from fourpole.io.documents import GREATEST
 from fourpole.quantities import Quantity
 from fourpole.units import column_unit, shown
 
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
 
 #: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)
-
-#: Largest magnitude of a number of a result table: its square is still a number.
-_LARGEST = 1e150
 
 Key = tuple[str, int]
 
@@ -49,15 +47,26 @@ def checked(table: pl.DataFrame, name: str, kinds: Mapping[str, Any] | None = No
         if wanted == pl.String and dtype != wanted and table.height:
             lost = table[column].is_not_null()
         elif wanted.is_float():
-            lost |= ~((cells.abs() <= _LARGEST) | cells.is_nan()).fill_null(True)  # not-a-number is a blank cell
+            lost |= ~((cells.abs() <= GREATEST) | cells.is_nan()).fill_null(True)  # not-a-number is a blank cell
         elif column == q.VERDICT.head:
             lost |= ~cells.is_in(["", *VERDICTS])
         if lost.any():
             at = int(lost.arg_max() or 0)
-            what = "no verdict" if column == q.VERDICT.head else f"no number up to {_LARGEST:g}"
+            what = "no verdict" if column == q.VERDICT.head else f"no number up to {GREATEST:g}"
             where = f"{name} row {at + 2}, column {shown(column)}: {shown(table[column][at])}"
             raise TableError(f"{where} is {what if wanted != pl.String or what == 'no verdict' else 'no text'}")
         table = table.with_columns(cells)
+    return table
+
+
+def each_once(table: pl.DataFrame, name: str) -> pl.DataFrame:
+    """The table; TableError if it has a point of a test twice."""
+    if q.TEST.head in table.columns:
+        keys, named = keyed(table).select(KEY), table[q.TEST.head].cast(pl.String).fill_null("") != ""
+        again = ~keys.to_struct().is_first_distinct() & named
+        if again.any():
+            test, point = keys.row(at := int(again.arg_max() or 0))
+            raise TableError(f"{name} row {at + 2}: test {shown(str(test))}, point {point} stands there twice")
     return table
 
 
@@ -69,8 +78,8 @@ def keyed(table: pl.DataFrame) -> pl.DataFrame:
     >>> keyed(pl.DataFrame({"test": ["D1", "D2"]})).rows()
     [('D1', 1), ('D2', 1)]
     """
-    written = pl.col(q.POINT.head).fill_null(1) if q.POINT.head in table.columns else pl.lit(1)
-    return table.with_columns(written.cast(pl.Int64).alias(q.POINT.head))
+    written = pl.col(q.POINT.head).cast(pl.Int64, strict=False) if q.POINT.head in table.columns else pl.lit(1)
+    return table.with_columns(written.fill_null(1).cast(pl.Int64).alias(q.POINT.head))
 
 
 def key_of(row: Mapping[str, Any]) -> Key:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+import polars.selectors as cs
 from pydantic import Field
 
 from fourpole import quantities as q
@@ -19,6 +20,7 @@ from fourpole.errors import ModelError, TableError
 from fourpole.fitting.common_errors import MOST_BYTES
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelparts import Strict
+from fourpole.fitting.rows import checked
 from fourpole.io.published import published_beside
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
@@ -174,9 +176,8 @@ class _StaticTests:
                     "time and the loop of each static test; or state --static rest"
                 )
         try:
-            texts = dict.fromkeys((q.TEST.head, q.TYRE.head, q.K1_OF.head, q.VERDICT.head), pl.String)
-            content = results.read(STATIC, max_bytes=MOST_BYTES)
-            static = pl.read_csv(content, infer_schema_length=None, schema_overrides=texts)
+            static = pl.read_csv(results.read(STATIC, max_bytes=MOST_BYTES), infer_schema=False)
+            static = checked(static, STATIC, _NUMBERS).with_columns(cs.float().fill_nan(None))
             loops = pl.read_parquet(results.read(LOOPS, max_bytes=MOST_BYTES))
         except pl.exceptions.PolarsError as error:
             raise TableError(f"{folder}: {STATIC} or {LOOPS} is no table ({str(error).splitlines()[0]})") from None
@@ -235,6 +236,7 @@ _MEAN, _DEFLECTION = (q.MEAN_DEFLECTION.head, q.MEAN_LOAD.head), q.DEFLECTION.he
 _COLUMNS = (
     q.TEST.head, q.TYRE.head, q.PRELOAD.head, q.K1.head, q.K1_OF.head, q.BRANCH_TIME.head, q.CYCLE.head, q.VERDICT.head
 )  # fmt: skip
+_NUMBERS = dict.fromkeys((*(axis.column for axis in AXES), q.K1.head, q.BRANCH_TIME.head, q.CYCLE.head), pl.Float64)
 
 
 def _is_of(row: Mapping[str, Any], one: Measured) -> bool:

@@ -24,7 +24,7 @@ _HALF = re.compile("[\ud800-\udfff]")
 _DIGITS = re.compile(r"(?<![0-9_])[0-9](?:_?[0-9]){4299}")
 _TOO_LARGE = "an integer has more than 64 bits; write it with a decimal point"
 #: Largest magnitude of a number with a decimal point: its square is still a number.
-_GREATEST = 1e150
+GREATEST = 1e150
 #: Most parts of a dotted key: for each of them tomllib holds a key of all parts before it.
 _MOST_PARTS = 16
 #: Texts and comments of TOML; each quantifier keeps what it took, so that the time is linear.
@@ -161,11 +161,13 @@ def _check_value(value: Any, name: str) -> None:
             return
         for one in level:
             if type(one) is int and not -_LARGEST <= one < _LARGEST:
-                raise TableError(f"{name}: {shown(one, 30)}: {_TOO_LARGE}")
-            if type(one) is float and abs(one) > _GREATEST:
-                raise TableError(f"{name}: {one}: a number is beyond {_GREATEST:g}; mend or remove it")
+                raise TableError(f"{name}{_place_of(one, value)}: {shown(one, 30)}: {_TOO_LARGE}")
+            if type(one) is float and abs(one) > GREATEST:
+                why = f"a number is beyond {GREATEST:g}; mend or remove it"
+                raise TableError(f"{name}{_place_of(one, value)}: {one}: {why}")
             if type(one) is str and not one.isascii() and _HALF.search(one):
-                raise TableError(f"{name}: a text has half a character, which no file can hold; write it whole")
+                why = "a text has half a character, which no file can hold; write it whole"
+                raise TableError(f"{name}{_place_of(one, value)}: {why}")
         level = [
             inner
             for one in level
@@ -173,3 +175,19 @@ def _check_value(value: Any, name: str) -> None:
             for inner in ((*one, *one.values()) if isinstance(one, dict) else one)
         ]
     raise TableError(f"{name}: nests more than {_DEEPEST} levels deep; state it flat")
+
+
+def _place_of(sought: Any, value: Any) -> str:
+    """The keys that lead to a value, as ": rig.moving_mass"; empty if it is itself a key."""
+    level = [("", value)]
+    for _ in range(_DEEPEST):
+        level = [
+            (f"{path}.{key}" if path else f": {shown(str(key))[1:-1]}", inner)
+            for path, one in level
+            if isinstance(one, dict | list)
+            for key, inner in (one.items() if isinstance(one, dict) else enumerate(one, 1))
+        ]
+        for path, one in level:
+            if one is sought:
+                return path
+    return ""

@@ -14,7 +14,7 @@ from fourpole.campaign.shown import shown_units
 from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.face import public
-from fourpole.fitting.rows import checked, conditions_in, names_apart, rule_in
+from fourpole.fitting.rows import checked, conditions_in, each_once, names_apart, rule_in
 from fourpole.io.folders import results_in, why_no_folder
 from fourpole.io.published import LIST, Published, consistently, published_beside
 from fourpole.quantities import TYRE, ShownUnits
@@ -216,6 +216,7 @@ def read_table(results: Published, spec: TableSpec, needed: Collection[str] | No
         return pl.DataFrame()
     try:
         frame = _frame(results.read(name), name, {**OPTIONAL, **spec.columns})
+        frame = each_once(frame, name) if spec is DYNAMIC else frame
     except pl.exceptions.PolarsError as error:
         why = str(error).partition("\n")[0][:200]
         raise CampaignError(f"{name}: cannot be read ({why}): {_AGAIN}") from None

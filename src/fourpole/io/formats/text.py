@@ -219,6 +219,8 @@ def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
             return
         except TableError as error:
             stretches = _several(request, error)
+            if done > max(one.rows for one, _ in _chosen(request, stretches).values()):
+                raise  # what came as one table was none
     groups = list(_by_stretch(_chosen(request, stretches)).values())
     runs = [_stretch_blocks(request, rows, stretch, names) for stretch, names in groups]
     # The stretches of a test advance together; many at a time are only looked at, one file open after the other.
