@@ -27,7 +27,7 @@ OPENS_NONE = {"read_bytes", "guard.load", "opened.guard.load", "self._last.load"
 OPENS_NONE |= {"archive.open", "system.open", "writer.open", "webbrowser.open"}
 #: What a library is given: bytes, or an open file.
 IN_MEMORY = ("content", "part", "file", "opened.file", "self.file.fileno()", "file.fileno()", "number", "version")
-IN_MEMORY_BEGINS = ("io.BytesIO(", "results.read(", "beside.read(", "buffer")
+IN_MEMORY_BEGINS = ("io.BytesIO(", "results.read(", "files.read(", "buffer")
 #: Where a call may stand, and why. A path with a colon names a function of the file.
 MAY = {
     "io/door.py": "the door",

@@ -151,3 +151,32 @@ def test_memory_that_runs_out_is_no_fault(folder, monkeypatch):
     ran = CliRunner().invoke(app, ["check", str(folder)])
     assert "not enough memory" in message(ran)
     assert ran.exit_code == 2
+
+
+@pytest.mark.parametrize("number", ["0x" + "f" * 5000, "0o" + "7" * 5000, "0b" + "1" * 20_000, "inf"])
+def test_an_integer_of_many_digits_of_another_base_is_named(run, folder, number):
+    path = folder / "campaign.toml"
+    path.write_text(f"x = {number}\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    ran = run("check", folder)
+    assert "campaign.toml: x: " in message(ran)
+    assert ran.exit_code == 2
+
+
+@pytest.mark.parametrize("stated", ['std_gain = "1000 %"', 'std_phase = "1e4 deg"'])
+def test_sensors_that_are_hardly_known_give_tables_without_a_model(run, folder, stated):
+    path = folder / "campaign.toml"
+    text = re.sub(r'std_gain = "[^"]*", std_phase = "[^"]*"', stated, path.read_text(encoding="utf-8"))
+    path.write_text(text, encoding="utf-8")
+    ran = run("analyse", folder)
+    assert "RuntimeWarning" not in message(ran)
+    assert ran.exit_code == 0
+    assert "results:" in ran.output
+
+
+def test_a_report_of_new_results_says_nothing_of_former_models(run, small_campaign, tmp_path):
+    folder = shutil.copytree(small_campaign, tmp_path / "campaign")
+    assert run("analyse", folder).exit_code == 0
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text(encoding="utf-8").replace("value = 15.0, unit", "value = 15.2, unit"))
+    assert run("analyse", folder).exit_code == 0
+    assert "is of other results" not in (folder / "results" / "report.html").read_text(encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -247,7 +248,9 @@ def _modelled(tables: Results, new: Path, results: Path, obsolete: list[str], wa
     former = Published(results, {})
     with suppress(FourpoleError):
         former = published(results)
-    kept = with_models(tables, former, sha256_of(new / "dynamic.csv", max_bytes=MAX_FILE_BYTES))
+    sha256 = sha256_of(new / "dynamic.csv", max_bytes=MAX_FILE_BYTES)
+    kept = with_models(tables, former, sha256, ["map"])
+    kept = replace(kept, models=with_models(tables, former, sha256, ["model"]).models)  # one of other tables goes
     if tables.dynamic.is_empty() or tables.dynamic[STORAGE.head].null_count() == tables.dynamic.height:
         obsolete.append("model.json")
         return kept

@@ -320,12 +320,17 @@ def rising(text: str, name: str, example: str, read: Callable[[str], float] = fl
 
 
 def show_warnings() -> None:
-    """Print what is warned of the results as other warnings are; Python would add a line of its source."""
+    """Print what is warned of the results as other warnings are; Python would add a line of its source.
+
+    That a number left its range is told by a check or an error of what it is a part of.
+    """
     import warnings
 
     from fourpole.errors import ResultsWarning
 
     former = warnings.showwarning
+    if not os.environ.get("FOURPOLE_DEBUG") and not sys.warnoptions:
+        warnings.filterwarnings("ignore", category=RuntimeWarning, module="fourpole")
 
     def shown(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, ResultsWarning):

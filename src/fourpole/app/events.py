@@ -39,7 +39,10 @@ def _wait_for_caller() -> None:
     with open(0, "rb", buffering=0, closefd=False) as told:
         while told.read(4096):
             pass
-    os.kill(os.getpid(), signal.SIGINT)
+    if sys.platform == "win32":  # there, os.kill ends the process at once
+        signal.raise_signal(signal.SIGINT)
+    else:
+        os.kill(os.getpid(), signal.SIGINT)
 
 
 def tell(**event: Any) -> None:

@@ -43,7 +43,7 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
     if key is None and options.paper:
         if file is not None:
             raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
-        with publishing(folder) as new:
+        with publishing(folder, basis=results.sha256) as new:
             made = save_figures(results, new / "figures", keys=list(PAPER), style=style)
         out(f"figures: {len(made)} in {folder / 'figures'}")
     elif key is None:
@@ -57,7 +57,7 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
             raise CampaignError(f"the results in {folder} hold no data for {key}: {spec_of(key).title}")
         path = file if file is not None else folder / "figures" / f"{key}.svg"
         if file is None:
-            with publishing(folder) as new:
+            with publishing(folder, basis=results.sha256) as new:
                 (new / "figures").mkdir()
                 write_figure(figure, key, new / "figures" / path.name, style)
         else:

@@ -69,8 +69,7 @@ def renew_report(
     pdf: bool = False,
 ) -> None:
     """Make figures and report anew from the results of a folder, and put them among these; see `make_report`."""
-    table = str(section(results.record, "results").get("dynamic.csv") or "")
-    with publishing(folder, OF_REPORT, basis=table) as new:
+    with publishing(folder, OF_REPORT, basis=results.sha256) as new:
         page = make_report(results, new, style, png=png, paper=paper)
         if pdf:
             print_page(page, new / "report.pdf")

@@ -31,9 +31,10 @@ def run_rig(folder: Path, *, as_json: bool) -> None:
     results = read_results(folder)
     found = rigs_in_words(results)
     if not found:
-        route = str(section(results.record, "settings").get("route") or "another")
+        route = str(section(results.record, "settings").get("route") or "")
+        made = f"for it was made by the {route} route; " if route else ""
         raise CampaignError(
-            f"{folder}: holds no rig.csv, for it was made by the {route} route; only the joint route finds the rig's "
+            f"{folder}: holds no rig.csv, {made}only the joint route finds the rig's "
             "values and the channels' gains: run fourpole analyse CAMPAIGN --route joint, with V1 and V2 measured"
         )
     if as_json:

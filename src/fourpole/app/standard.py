@@ -19,7 +19,7 @@ def run_standard(results: Results, folder: Path, name: str, *, as_json: bool) ->
     """Print the requirements of a standard with their answers, and write its page beside the report."""
     standard = standard_named(name)
     found, page = answered(standard, results), folder / PAGES[standard.key]
-    write_result(page, render_standard(standard, results).encode())
+    write_result(page, render_standard(standard, results).encode(), basis=results.sha256)
     if as_json:
         print_json(_document(standard, found, results, page))
         return

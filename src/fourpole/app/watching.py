@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.app import events
 from fourpole.app.console import out, print_json, say
-from fourpole.io.processes import DEVNULL, PIPE, Process, interrupt, start_module
+from fourpole.io.processes import DEVNULL, Process, interrupt, start_module
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
 from fourpole.study.watch import Judged, Watch
 
@@ -53,6 +54,7 @@ class _Joint:
     def __init__(self, folder: Path) -> None:
         self._folder, self._last, self._due = folder, 0.0, False
         self._process: Process | None = None
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - a pipe that is not read would fill
 
     def follow(self, new: bool) -> list[str]:
         """Start it when it is time; its last line when it is done."""
@@ -60,21 +62,22 @@ class _Joint:
         if new:
             self._last, self._due = now, True
         if self._process is not None and self._process.poll() is not None:
-            said, _ = self._process.communicate()
             self._process = None
-            lines = [line for line in said.decode(errors="replace").splitlines() if line.strip()]
+            self._said.seek(0)
+            lines = self._said.read().decode(errors="replace").splitlines()
             return [f"all tests together: {line}" for line in lines if " tests, " in line or "report:" in line]
         if self._process is None and self._due and now - self._last > _QUIET:
             self._due = False
             words = ("analyse", str(self._folder.absolute()))
-            self._process = start_module("fourpole", *words, stdout=PIPE, stderr=DEVNULL, group=True)
+            self._said.truncate(0)
+            self._process = start_module("fourpole", *words, stdout=self._said.fileno(), stderr=DEVNULL, group=True)
         return []
 
     def stop(self) -> None:
         """End it as Ctrl-C does."""
         if self._process is not None:
             interrupt(self._process)
-            self._process.communicate()
+            self._process.wait()
 
 
 def document(one: Judged) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -23,21 +23,18 @@ from fourpole.campaign.limits import Limits, read_limits
 from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
+from fourpole.campaign.statement import MOST_TESTS, MOST_TOML, statement_text
 from fourpole.core.arrays import short_repr
 from fourpole.core.condition import Condition, Sameness
-from fourpole.errors import CampaignError, FileError, FourpoleError, TableError, UnitError
+from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
 from fourpole.io.documents import rows_of
-from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
-from fourpole.io.source import decode
 
 #: The file with the limits that results are held against.
 LIMITS = "limits.toml"
-#: Largest size of campaign.toml and of tests.csv [byte].
-_MOST_TOML, _MOST_TESTS = 1_000_000, 200_000_000
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
 #: Last row whose unknown names are compared with those of campaign.toml.
@@ -95,6 +92,8 @@ class Campaign:
         Content of limits.toml.
     logo : str
         The logo of [report] as a data: URL; empty without one.
+    sha256 : dict of str to str
+        SHA-256 of campaign.toml, tests.csv and limits.toml as they were read, by name.
     """
 
     folder: Path
@@ -104,6 +103,7 @@ class Campaign:
     doubts: tuple[str, ...] = ()
     limits: Limits = field(default_factory=Limits)
     logo: str = ""
+    sha256: Mapping[str, str] = field(default_factory=dict)
 
     __repr__ = short_repr
 
@@ -153,8 +153,9 @@ def read_campaign(folder: str | Path) -> Campaign:
     for name, why in (("campaign.toml", why_no_campaign), ("tests.csv", why_no_tests)):
         if not (folder / name).exists():
             raise CampaignError(why(folder))
-    stated = parse_campaign(_text(folder / "campaign.toml", _MOST_TOML, strict=True))
-    rows = list(_rows(_text(folder / "tests.csv", _MOST_TESTS, strict=False)))
+    sha256: dict[str, str] = {}
+    stated = parse_campaign(statement_text(folder / "campaign.toml", MOST_TOML, sha256, strict=True))
+    rows = list(_rows(statement_text(folder / "tests.csv", MOST_TESTS, sha256, strict=False)))
     if not rows:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
     columns = columns_of(rows[0][1])
@@ -174,7 +175,8 @@ def read_campaign(folder: str | Path) -> Campaign:
             )
     doubts = (*doubts_of(columns, stated), *_doubtful(columns, tests), *doubtful_uncertainties(stated))
     logo = logo_of(folder, stated.report.logo)
-    return Campaign(folder, stated, tuple(tests), extra, doubts, _limits(folder, tests), logo)
+    limits = _limits(folder, tests, sha256)
+    return Campaign(folder, stated, tuple(tests), extra, doubts, limits, logo, sha256)
 
 
 def _doubtful(columns: Sequence[Column], tests: Sequence[Test]) -> Iterator[str]:
@@ -185,27 +187,13 @@ def _doubtful(columns: Sequence[Column], tests: Sequence[Test]) -> Iterator[str]
             yield from doubtful_values(column.label, column.name, column.unit or "", found)
 
 
-def _limits(folder: Path, tests: Sequence[Test]) -> Limits:
+def _limits(folder: Path, tests: Sequence[Test], sha256: dict[str, str]) -> Limits:
     """The limits of limits.toml; none without such a file."""
     path = folder / LIMITS
     specimens = tuple(dict.fromkeys(test.tyre for test in tests))
     if not (path.exists() or path.is_symlink()):
         return Limits()
-    return read_limits(_text(path, _MOST_TOML, strict=True), specimens)
-
-
-def _text(path: Path, most: int, *, strict: bool) -> str:
-    """The text of a file of at most `most` bytes; CampaignError if `strict` and the text is not UTF-8."""
-    try:
-        content = read_bytes(path, max_bytes=most, label=path.name, within=path.parent)
-        if strict:
-            return content.decode("utf-8-sig")
-        return decode(content, path.name)[0]
-    except UnicodeDecodeError as error:
-        line = content[: error.start].count(b"\n") + 1
-        raise CampaignError(f"{path.name}: line {line} is not UTF-8 text; save the file as UTF-8") from None
-    except (FileError, TableError) as error:
-        raise CampaignError(str(error)) from None
+    return read_limits(statement_text(path, MOST_TOML, sha256, strict=True), specimens)
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:

@@ -20,7 +20,6 @@ from fourpole.core.arrays import ByValue
 from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FileError
 from fourpole.io.folders import results_in
-from fourpole.io.published import published_beside
 from fourpole.plot.names import counted, distinct
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.study.results import Results, read_results, section
@@ -186,9 +185,10 @@ def some(names: Sequence[str]) -> str:
 def read_source(folder: str | Path) -> ExportTables:
     """Read a results folder; CampaignError if it has no results."""
     folder = results_in(folder)
-    results, beside = read_results(folder), published_beside(Path(folder) / _PHASORS)
+    results = read_results(folder)
+    files = results.files
     try:
-        frame = pl.read_parquet(beside.read(_PHASORS)) if beside.has(_PHASORS) else pl.DataFrame()
+        frame = pl.read_parquet(files.read(_PHASORS)) if files and files.has(_PHASORS) else pl.DataFrame()
         made = datetime.fromtimestamp((Path(folder) / "study.json").stat().st_mtime, UTC)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise CampaignError(f"{folder}: cannot be read ({error}): run fourpole analyse again") from None

@@ -21,7 +21,6 @@ from fourpole.findings.points import QUANTITIES, Common, Points, differences
 from fourpole.fitting.common_errors import COVARIANCE, covariance_of
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import resolved, results_in
-from fourpole.io.published import published_beside
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
 from fourpole.study import Study
 from fourpole.study.results import Results, read_results
@@ -177,10 +176,9 @@ def _read(source: str | Path | Results | Study) -> Results:
     if isinstance(source, Study):
         return replace(source.results, tables={**source.results.tables, "covariance": source.covariance})
     results = read_results(source)
-    beside = published_beside(results_in(Path(source)) / COVARIANCE)
-    if not beside.has(COVARIANCE):
+    if results.files is None or not results.files.has(COVARIANCE):
         return results
-    return replace(results, tables={**results.tables, "covariance": covariance_of(beside.read(COVARIANCE))})
+    return replace(results, tables={**results.tables, "covariance": covariance_of(results.files.read(COVARIANCE))})
 
 
 # ---- which specimens

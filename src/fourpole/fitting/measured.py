@@ -233,7 +233,7 @@ def read_measured(
     path = results_in(path)
     table = path / "dynamic.csv" if path.is_dir() else path
     results = published_beside(table)
-    content = read_listed(table, max_bytes=MOST_BYTES)
+    content = read_listed(table, max_bytes=MOST_BYTES, results=results)
     own = table.name in (*_RESULTS, MASTER) and not (options and options.columns)
     frame, spoken = (table_frame(table.name, content), list[str]()) if own else k_star_frame(table, options)
     covariance = None

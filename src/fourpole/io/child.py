@@ -135,12 +135,16 @@ class Child:
         began = time.monotonic()
         answer = None
         try:
+            pipe = _Watched(process, patience)
             with suppress(OSError, ValueError):
                 send(cast("BinaryIO", process.stdin), pack(stated))
-                pipe = _Watched(process, patience)
-                while (answer := receive(pipe)) and answer[:1] == b"P":
-                    if progress is not None:
-                        progress(*unpack(answer[1:]))
+                answer = receive(pipe)
+            while answer and answer[:1] == b"P":
+                if progress is not None:
+                    progress(*unpack(answer[1:]))
+                answer = None
+                with suppress(OSError, ValueError):
+                    answer = receive(pipe)
         except BaseException:  # Ctrl-C: the answer would be taken for that of the next call
             self.close(for_good=False)
             raise

@@ -173,7 +173,7 @@ def _check(found: os.stat_result, name: str, max_bytes: int) -> None:
         raise FileError(f"{name}: is a pipe or device; copy what it gives into a file first")
     if found.st_size > max_bytes:
         much = f"{_size(found.st_size)}, more than the {_size(max_bytes)} allowed"
-        raise FileError(f"{name}: has {much}; split it or raise the limit")
+        raise FileError(f"{name}: has {much}; make it smaller, or split it")
     if found.st_size == 0:
         raise TableError(f"{name}: is empty")
 

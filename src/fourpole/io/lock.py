@@ -20,10 +20,10 @@ LOCK = ".fourpole.lock"
 
 @contextmanager
 def campaign_lock(folder: str | os.PathLike[str], *, patience: float = _PATIENCE) -> Iterator[None]:
-    """Hold the lock of a campaign, by its folder or that of its results; of any other folder its own lock.
+    """Hold the lock of a campaign, which that of its results is, too; any other folder has a lock of its own.
 
     It is the lock of the folder itself where the system has such locks, so that no file is made. It ends with the
-    context or with the process. It is not entered twice by one thread.
+    context or with the process. A thread that holds it and asks for it again gets the error.
 
     Parameters
     ----------
@@ -37,8 +37,9 @@ def campaign_lock(folder: str | os.PathLike[str], *, patience: float = _PATIENCE
     FileError
         If another process holds the lock for longer.
     """
-    above = Path(folder).absolute().parent
-    place = above if (above / _STATEMENT).is_file() else Path(folder)
+    place = Path(folder).absolute()
+    if not (place / _STATEMENT).is_file() and (place.parent / _STATEMENT).is_file():
+        place = place.parent
     descriptor = opened_folder(place)
     try:
         end = time.monotonic() + patience

@@ -68,7 +68,7 @@ def program_path(name: str) -> str | None:
     """The absolute path of a program, which is looked for in the absolute folders of PATH alone; None without it."""
     if os.path.dirname(name):  # noqa: PTH120 - Path("./name") loses the step
         return name if Path(name).is_absolute() and _is_program(name) else None
-    endings = ["", *os.environ.get("PATHEXT", "").split(os.pathsep)] if sys.platform == "win32" else [""]
+    endings = [*os.environ.get("PATHEXT", "").split(os.pathsep), ""] if sys.platform == "win32" else [""]
     places = (os.path.join(folder, name + ending) for folder in _absolute(_path()) for ending in endings)  # noqa: PTH118
     return next(filter(_is_program, places), None)
 
@@ -136,10 +136,17 @@ async def running_module(
     import asyncio
 
     with tempfile.TemporaryDirectory(prefix=FOLDERS, ignore_cleanup_errors=True) as folder:
-        yield await asyncio.create_subprocess_exec(
+        process = await asyncio.create_subprocess_exec(
             *_checked(python_command(module, *words)), stdin=PIPE, stdout=PIPE, stderr=PIPE, limit=limit,
             **_settings(_with_modules(variables), (), folder, group=True),
         )  # fmt: skip
+        try:
+            yield process
+        finally:
+            if process.returncode is None:
+                with suppress(ProcessLookupError):
+                    process.kill()
+                await process.wait()
 
 
 def output_of(command: Sequence[str], *, seconds: float, **settings: Any) -> tuple[int, bytes, bytes]:

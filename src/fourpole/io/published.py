@@ -3,7 +3,7 @@
 A writer puts each new file into the hidden folder `.store`, under the SHA-256 of its content. Replacing study.json is
 the one step by which all of them become the results. Copies then take the usual names, and the store keeps the files of
 this list and of the former one. A reader opens study.json, and takes each file from its usual name if it is as listed
-there, else from the store. So it finds the files of one analysis at any time, and wherever a writer was stopped. It
+there, else from the store: at any time, and wherever a writer was stopped, it finds the files of one analysis. It
 changes nothing.
 """
 
@@ -42,6 +42,8 @@ _MOST_BYTES = 2_000_000_000
 MOST_LIST = 64_000_000
 #: Number of times that results are read which another process renews meanwhile.
 _TRIES = 5
+#: Keys of which each study.json of Fourpole has one.
+_OWN_KEYS = {"versions", "settings", _HASHES}
 _AGAIN = "run fourpole analyse again"
 
 _Result = TypeVar("_Result")
@@ -95,9 +97,9 @@ class Published:
         """
         if self.files is None:
             return read_bytes(self.folder / name, max_bytes=max_bytes, label=name, within=self.folder)
-        listed = self.files.get(name)
-        if listed is None:
-            raise FileError(f"{name}: is not among the results in {self.folder}, by their {LIST}: {_AGAIN}")
+        listed = self._listed(self.files, name)
+        if listed.size > max_bytes:
+            raise FileError(f"{name}: has {listed.size / 1e6:.4g} MB, more than the {max_bytes / 1e6:.4g} MB allowed")
         content = self._as_listed(self.folder / name, listed, max_bytes)
         if content is not None:
             return content
@@ -136,14 +138,17 @@ class Published:
         """SHA-256 of a file, as listed; FileError if there is none."""
         if self.files is None:
             return sha256_of(self.folder / name, max_bytes=_MOST_BYTES, label=name, within=self.folder)
-        if name not in self.files:
+        return self._listed(self.files, name).sha256
+
+    def _listed(self, files: Mapping[str, Listed], name: str) -> Listed:
+        if name not in files:
             raise FileError(f"{name}: is not among the results in {self.folder}, by their {LIST}: {_AGAIN}")
-        return self.files[name].sha256
+        return files[name]
 
     def _is_current(self) -> bool:
         """Whether study.json still is as it was read."""
         with suppress(FileError, TableError):
-            return published(self.folder).mark == self.mark
+            return sha256_of(self.folder / LIST, max_bytes=MOST_LIST, within=self.folder) == self.mark
         return True
 
 
@@ -170,14 +175,17 @@ def published(folder: str | os.PathLike[str]) -> Published:
 
 
 def published_beside(path: str | os.PathLike[str]) -> Published:
-    """The results of the folder of a file; without study.json they have no record and no list."""
+    """The results of the folder of a file; without a study.json of Fourpole they have no record and no list."""
     folder = Path(path).parent
-    return published(folder) if (folder / LIST).exists() else Published(folder, {})
+    found = published(folder) if (folder / LIST).exists() else Published(folder, {})
+    return found if _OWN_KEYS & found.record.keys() else Published(folder, {})
 
 
-def read_listed(path: str | os.PathLike[str], *, max_bytes: int = _MOST_BYTES) -> bytes:
-    """The bytes of a file, which are those of the list if the file is one of the results of its folder."""
-    results, name = published_beside(path), Path(path).name
+def read_listed(
+    path: str | os.PathLike[str], *, max_bytes: int = _MOST_BYTES, results: Published | None = None
+) -> bytes:
+    """The bytes of a file, which are those of the list if it is one of the `results` of its folder, by default now."""
+    results, name = results or published_beside(path), Path(path).name
     if results.files is not None and name in results.files:
         return results.read(name, max_bytes=max_bytes)
     return read_bytes(path, max_bytes=max_bytes)
@@ -185,7 +193,7 @@ def read_listed(path: str | os.PathLike[str], *, max_bytes: int = _MOST_BYTES) -
 
 def consistently(folder: str | os.PathLike[str], read: Callable[[Published], _Result]) -> _Result:
     """What a function reads of the results of a folder; it is called again if they are renewed meanwhile."""
-    for _ in range(_TRIES):
+    for _ in range(_TRIES - 1):
         with suppress(_RenewedError):
             return read(published(folder))
     return read(published(folder))
@@ -226,11 +234,12 @@ def without_list(record: Mapping[str, Any]) -> dict[str, Any]:
 def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *, basis: str = "") -> Iterator[Path]:
     """A new folder; at the end of the context its files become results together, or none of them does.
 
+    In a folder whose study.json has no list, they replace the files of the same name one by one.
+
     Parameters
     ----------
     folder : path
-        The folder of the results, which exists. If it has no study.json with a list, and the new folder has none
-        either, the files replace those of the same name one by one.
+        The folder of the results, which exists.
     obsolete : collection of str
         Names of results that end unless the new folder has them; it may grow until the end of the context.
     basis : str
@@ -258,19 +267,22 @@ def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *
     except OSError as error:
         raise FileError(f"{folder}: cannot be written: {why(error)}; all files are the former ones") from error
     finally:
-        delete_folder(new)
         if living >= 0:
-            os.close(living)
+            os.close(living)  # before it is deleted, which Windows wants
+        delete_folder(new)
 
 
-def write_result(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write one file; if its folder has a list of results, the file becomes one of them."""
-    folder = Path(path).parent
-    if published_beside(path).files is None:
-        write_bytes(path, content)
+def write_result(path: str | os.PathLike[str], content: bytes, *, basis: str = "") -> None:
+    """Write one file; if its folder has a list of results, which may have this name, the file becomes one of them.
+
+    With `basis`, the SHA-256 of dynamic.csv, it is an error if that is no longer the listed one.
+    """
+    place = Path(path)
+    if published_beside(place).files is None or not _NAME.fullmatch(place.name):
+        write_bytes(place, content)
         return
-    with publishing(folder) as new:
-        (new / Path(path).name).write_bytes(content)
+    with publishing(place.parent, basis=basis) as new:
+        (new / place.name).write_bytes(content)
 
 
 # ---- the steps of a writer
@@ -399,8 +411,7 @@ def _store(folder: Path) -> Path:
 
 def _make(folder: Path, *, exist_ok: bool = False) -> None:
     try:
-        if not (exist_ok and folder.is_dir()):
-            folder.mkdir()
+        folder.mkdir(exist_ok=exist_ok)
         if not stat.S_ISDIR(folder.lstat().st_mode):
             raise NotADirectoryError(None, "it is no folder, but a file or a link: delete it")
     except (OSError, ValueError) as error:
@@ -417,10 +428,11 @@ def _clear_unfinished(store: Path) -> None:
                     continue
                 lock = opened_folder(path)
                 try:
-                    if is_locked(lock):
-                        delete_folder(path)
+                    killed = is_locked(lock)
                 finally:
                     os.close(lock)
+                if killed:
+                    delete_folder(path)
 
 
 def _clear(store: Path, kept: Collection[str]) -> None:

@@ -156,7 +156,9 @@ def address_of(file: str) -> str:
 
 
 def _check_steps(file: str, path: str) -> None:
-    if ".." in re.split(r"[/\\]", path) or not path.isprintable():
+    if not path.isprintable():
+        raise FileError(f"file {shown(file, 200)} has a character that is not printed: write its name anew")
+    if ".." in re.split(r"[/\\]", path):
         raise FileError(f"file {shown(file, 200)} has a step upwards, '..': name the place itself")
 
 
@@ -179,7 +181,7 @@ def fetched(file: str, *, max_bytes: int) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="fourpole-") as folder:
         if size > shutil.disk_usage(folder).free:
             raise FileError(f"{name}: has {size / 1e9:.4g} GB, more than is free in {folder}; free some space")
-        path = Path(folder, Path(address_of(file)).name)
+        path = Path(folder, re.sub(r'[<>:"|?*\\]', "_", Path(address_of(file)).name))  # as Windows allows
         _asked(file, lambda system, url: _copy(system, url, path, size))
         yield path
 

@@ -276,13 +276,21 @@ class StiffnessData(ByValue):
         return replace(self, **made)
 
     def whitener(self) -> FloatArray:
-        """Matrices W (..., N, 2, 2) or (..., 2N, 2N) with W S W^T = 1, where S is the covariance."""
+        """Matrices W (..., N, 2, 2) or (..., 2N, 2N) with W S W^T = 1, where S is the covariance.
+
+        ModelError if S is not positive definite, as one is whose uncertainties are many times K*.
+        """
         size = np.abs(self.stiffness) * _FLOOR
         if self.full:
             at = np.arange(2 * self.count)
             whole = self.covariance.copy()
             whole[..., at, at] += np.repeat(size, 2, axis=-1) ** 2
-            return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
+            try:
+                return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
+            except np.linalg.LinAlgError:
+                raise ModelError(
+                    "the covariance of K* is not positive definite: are the stated uncertainties of the channels right?"
+                ) from None
         # The closed form of the inverse Cholesky factor is many times as fast for many 2 x 2 matrices.
         first = np.sqrt(self.covariance[..., 0, 0] + size**2)
         share = self.covariance[..., 1, 0] / first

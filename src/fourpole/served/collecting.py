@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import tempfile
 import threading
@@ -92,8 +93,8 @@ class Collector:
             folder = self._folder() / wanted.key
         except OSError as error:
             raise FileError(f"{wanted.path.name}: {error.strerror or error}") from None
-        if (folder / "about.json").is_file():
-            (folder / "about.json").touch()
+        with suppress(FileNotFoundError):
+            os.utime(folder / "about.json")
             return kept_in(folder)
         with self._lock:
             work = self._works.get(folder)

@@ -18,6 +18,7 @@ from tomlkit.items import InlineTable, Table
 
 from fourpole import quantities as q
 from fourpole.campaign import read_campaign
+from fourpole.campaign.statement import MOST_TOML
 from fourpole.errors import CampaignError, FourpoleError, TableError
 from fourpole.io.documents import delimiter_of, rows_of, toml_of
 from fourpole.io.door import read_bytes
@@ -170,6 +171,7 @@ def _save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
         former = _text(folder, "tests.csv")
         table = _written(form["heads"], form["rows"], delimiter_of(former)) if form.get("heads") else None
         f"{text}{table}".encode()  # a text with half a character cannot be written
+        _check_readable(text, table or former)
     except FourpoleError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError):
@@ -179,6 +181,16 @@ def _save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
         if table is not None:
             write_text(new / "tests.csv", table)
     return version_of(folder)
+
+
+def _check_readable(text: str, table: str) -> None:
+    """CampaignError or TableError for a statement that no command would read, whatever it says."""
+    for name, content, most in (("campaign.toml", text, MOST_TOML), ("tests.csv", table, MOST_TABLE)):
+        if len(content.encode()) > most:
+            raise CampaignError(f"{name}: has {len(content.encode()) / 1e6:.4g} MB, at most {most / 1e6:g} MB are read")
+    toml_of(text, "campaign.toml")
+    for _ in rows_of(table, "tests.csv"):
+        pass
 
 
 def exclude(folder: Path, test: str, reason: str) -> None:
@@ -250,7 +262,8 @@ def _text(folder: Path, name: str) -> str:
             return ""
     except FileNotFoundError:
         return ""
-    return decode(read_bytes(folder / name, max_bytes=MOST_TABLE, within=folder), name)[0].lstrip("\ufeff")
+    most = MOST_TOML if name.endswith(".toml") else MOST_TABLE
+    return decode(read_bytes(folder / name, max_bytes=most, within=folder), name)[0].lstrip("\ufeff")
 
 
 def _table(stated: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
-from fourpole.io.published import Published, published
+from fourpole.io.published import Published
 from fourpole.plot import FIGURES
 from fourpole.report.page import ReportFigure, page_parts
 from fourpole.report.wanted import in_units
@@ -37,11 +37,11 @@ class Shown:
     @cached_property
     def parts(self) -> dict[str, Any]:
         """What the templates of the report show."""
-        files = published(self.place.results)
+        files = self.results.files
         figures = {
             key: ReportFigure(key, spec.title, spec.caption, _drawing(files, f"figures/{key}.svg"))
             for key, spec in FIGURES.items()
-            if files.has(f"figures/{key}.svg")
+            if files is not None and files.has(f"figures/{key}.svg")
         }
         found = sentences(by_size(findings(self.results)), self.results.shown)
         with in_units(self.results.shown):

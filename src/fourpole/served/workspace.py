@@ -15,6 +15,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from fourpole.campaign.statement import MOST_TESTS, MOST_TOML
 from fourpole.errors import CampaignError, FileError, FourpoleError
 from fourpole.io.documents import MOST_CHARACTERS, json_of, rows_of, toml_of
 from fourpole.io.door import check_name, open_regular, read_bytes, sha256_of
@@ -27,8 +28,8 @@ from fourpole.units import shown
 _DEPTH, _MOST, _MOST_ENTRIES = 3, 500, 100_000
 #: Files that make a folder a campaign.
 _STATEMENT = ("campaign.toml", "tests.csv")
-#: Largest campaign.toml, largest tests.csv of a form, and largest file of both whose hash is compared [byte].
-_MOST_TOML, MOST_TABLE, _MOST_BYTES = 4_000_000, 20_000_000, 200_000_000
+#: Largest tests.csv of a form [byte].
+MOST_TABLE = 20_000_000
 #: Longest title that is shown, and longest name of a new folder [byte].
 _LONGEST, _LONGEST_NAME = 200, 80
 #: The folder of the results of a campaign, which is no campaign itself.
@@ -204,7 +205,7 @@ def _title(place: Place) -> tuple[str, bool, str]:
         return "", False, ""
     try:
         with _READING:
-            content = read_bytes(path, max_bytes=_MOST_TOML, within=place.folder)
+            content = read_bytes(path, max_bytes=MOST_TOML, within=place.folder)
             title = toml_of(content.decode("utf-8-sig"), path.name).get("title", "")
     except UnicodeDecodeError:
         return "", True, f"{path.name}: is not UTF-8 text; save the file as UTF-8"
@@ -254,7 +255,7 @@ def version_of(folder: Path) -> str:
 
 def _hash(folder: Path, name: str) -> str:
     with suppress(FourpoleError):
-        return sha256_of(folder / name, max_bytes=_MOST_BYTES, within=folder)
+        return sha256_of(folder / name, max_bytes=MOST_TESTS, within=folder)
     return ""
 
 

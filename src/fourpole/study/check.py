@@ -169,7 +169,7 @@ class _Inspection:
 
     campaign: Campaign
     guarded: bool = False
-    problems: list[CampaignProblem] = field(default_factory=list)
+    problems: dict[CampaignProblem, None] = field(default_factory=dict)  # a set that keeps their order
     paths: dict[str, Path] = field(default_factory=dict)
 
     def test(self, job: Job) -> None:
@@ -209,8 +209,7 @@ class _Inspection:
         for label in (units.shown(test.file, 200)[1:-1], test.file):
             text = text.removeprefix(f"{label}: ").removeprefix(f"{label} ")
         problem = CampaignProblem(test.name, test.row, test.file, about, verdict, text)
-        if problem not in self.problems:
-            self.problems.append(problem)
+        self.problems[problem] = None
 
     def _window(self, test: Test, path: Path) -> None:
         """Check whether a window ends after the recording, by the first samples and the number of samples."""

@@ -47,6 +47,8 @@ class Results(Tables):
         Content of model.json and of map.json; None where there is no such file.
     faults : tuple of str
         Reasons why an existing model file is not used.
+    files : Published or None
+        The files that were read, for further ones of the same analysis; None for results that are of no folder.
     """
 
     tables: Mapping[str, pl.DataFrame]
@@ -54,6 +56,7 @@ class Results(Tables):
     models: ModelFile | None
     maps: ModelFile | None
     faults: tuple[str, ...]
+    files: Published | None
 
     def __init__(
         self,
@@ -66,12 +69,14 @@ class Results(Tables):
         models: ModelFile | None = None,
         maps: ModelFile | None = None,
         faults: tuple[str, ...] = (),
+        files: Published | None = None,
         **more: pl.DataFrame,
     ) -> None:
         """Tables by name, or in one mapping; a table by name replaces that of the mapping."""
         named = {"static": static, "dynamic": dynamic, "previews": previews, **more}
         held = {**(tables or {}), **{name: table for name, table in named.items() if table is not None}}
-        values = {"tables": held, "record": record or {}, "models": models, "maps": maps, "faults": faults}
+        values: dict[str, Any] = {"tables": held, "record": record or {}, "models": models, "maps": maps}
+        values |= {"faults": faults, "files": files}
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
@@ -83,6 +88,11 @@ class Results(Tables):
     def plot(self, figure: str = "stiffness", **options: Any) -> Any:
         """A figure of the results, as `fourpole.draw` makes it: `results.plot("K2")`."""
         return public("draw")(self, figure, **options)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of dynamic.csv, as study.json lists it; empty if it lists none."""
+        return str(section(self.record, "results").get(f"{DYNAMIC.name}.csv") or "")
 
     @cached_property
     def derived(self) -> dict[Any, Any]:
@@ -183,16 +193,18 @@ def read_results(folder: str | Path) -> Results:
 
 def _read_published(found: Published) -> Results:
     tables = {spec.name: read_table(found, spec) for spec in TABLES.values() if spec.read}
-    return with_models(Results(record=found.record, tables=tables), found, found.sha256(f"{DYNAMIC.name}.csv"))
+    return with_models(
+        Results(record=found.record, tables=tables, files=found), found, found.sha256(f"{DYNAMIC.name}.csv")
+    )
 
 
-def with_models(results: Results, found: Published, sha256: str) -> Results:
+def with_models(results: Results, found: Published, sha256: str, names: Collection[str] = ("model", "map")) -> Results:
     """The results with those model files of a folder that were made of the dynamic.csv of this SHA-256."""
     from fourpole.fitting.modelfile import model_file_of
 
     files: dict[str, Any] = {}
     faults = []
-    for name, field_name in (("model", "models"), ("map", "maps")):
+    for name in names:
         file = f"{name}.json"
         try:
             made = model_file_of(found.read(file), file) if found.has(file) else None
@@ -202,7 +214,7 @@ def with_models(results: Results, found: Published, sha256: str) -> Results:
         if made is not None and made.provenance.sha256 != sha256:
             faults.append(f"{file} is of other results and left out: run fourpole {_MADE_BY[name]} again")
         elif made is not None:
-            files[field_name] = made
+            files[f"{name}s"] = made
     return replace(results, faults=tuple(faults), **files)
 
 

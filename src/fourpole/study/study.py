@@ -484,8 +484,7 @@ def _hashes(
 ) -> dict[str, str]:
     """Hash of each file that was read, by its name in the campaign."""
     folder, logo = campaign.folder, campaign.stated.report.logo
-    statements = ["campaign.toml", "tests.csv", *([LIMITS] if campaign.limits.limits else [])]
-    hashes = {name: sha256_of(folder / name, max_bytes=MOST_BYTES) for name in statements}
+    hashes = {name: sha256 for name, sha256 in campaign.sha256.items() if name != LIMITS or campaign.limits.limits}
     if logo:
         hashes[logo] = sha256_of(inside(folder, logo), max_bytes=MOST_BYTES, label=logo, within=folder)
     hashes |= response_hashes(campaign)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -18,16 +19,16 @@ from fourpole.fitting.verified import verify
 from fourpole.io.door import read_bytes, sha256_of
 from fourpole.io.folders import resolved
 from fourpole.io.published import LIST as NAME
-from fourpole.io.published import published
+from fourpole.io.published import STORE, published
 from fourpole.io.remote import address_of, check_allowed, is_elsewhere
 from fourpole.io.seal import KEY, alterations
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.repeated import Difference, differences
 from fourpole.study.results import section
 from fourpole.study.study import DRAWS, SEED, Study, analyse
 from fourpole.study.tables import TABLE_FILES, TABLES
 from fourpole.version import VERSION
 
-_MOST_BYTES = 50_000_000_000
 _MODELS = ("model.json", "map.json")
 #: Changes of study.json that are named.
 _LISTED = 5
@@ -207,7 +208,7 @@ def verify_results(
 def _record_of(folder: Path) -> Mapping[str, Any]:
     """study.json of results; CampaignError if it is not there or cannot be read, or if no table can be checked."""
     again = "run fourpole analyse again"
-    if not (folder / NAME).is_file():
+    if not os.path.lexists(folder / NAME):
         raise CampaignError(f"{folder}: the results are not complete, {NAME} is not there: {again}")
     try:
         record = published(folder).record
@@ -248,7 +249,7 @@ def _input(campaign: Path, name: str, sha: str) -> File:
         path = inside(campaign, name)
         if not path.exists():
             return File(name, State.MISSING)
-        return File(name, State.SAME if sha256_of(path, max_bytes=_MOST_BYTES) == sha else State.CHANGED)
+        return File(name, State.SAME if sha256_of(path, max_bytes=MAX_FILE_BYTES) == sha else State.CHANGED)
     except TableError:  # an empty file
         return File(name, State.CHANGED, "is empty")
     except FileError as error:
@@ -280,18 +281,21 @@ def _result(folder: Path, name: str, sha: str) -> File:
     if not path.is_file():
         return File(name, State.MISSING)
     try:
-        same = sha256_of(path, max_bytes=_MOST_BYTES) == sha
+        there = sha256_of(path, max_bytes=MAX_FILE_BYTES)
     except (FileError, TableError) as error:
         return File(name, State.CHANGED, str(error))
-    return File(name, State.SAME if same else State.CHANGED)
+    if there == sha:
+        return File(name, State.SAME)
+    former = (folder / STORE / there).is_file() and (folder / STORE / sha).is_file()
+    return File(name, State.CHANGED, "is of the results before, whose renewal was stopped" if former else "")
 
 
 def _model(folder: Path, name: str, stated: Mapping[str, str]) -> File:
     """A model file, by its own seal and the hash of its table; fit and map may have written it after the analysis."""
     try:
         origin = verify(folder / name).file.provenance
-        table = stated.get("dynamic.csv") or sha256_of(folder / "dynamic.csv", max_bytes=_MOST_BYTES)
-        same = sha256_of(folder / name, max_bytes=_MOST_BYTES) == stated.get(name)
+        table = stated.get("dynamic.csv") or sha256_of(folder / "dynamic.csv", max_bytes=MAX_FILE_BYTES)
+        same = sha256_of(folder / name, max_bytes=MAX_FILE_BYTES) == stated.get(name)
     except FourpoleError as error:
         return File(name, State.CHANGED, str(error))
     if origin.sha256 != table:
@@ -351,7 +355,7 @@ def _repeated(former: Path, new: Path, name: str) -> Repeated:
     spec = TABLES.get(Path(name).stem)
     key = spec.key if spec is not None else ()  # findings stand in their order
     try:
-        was, now = (read_bytes(folder / name, max_bytes=_MOST_BYTES, within=folder) for folder in (former, new))
+        was, now = (read_bytes(folder / name, max_bytes=MAX_FILE_BYTES, within=folder) for folder in (former, new))
         if was == now:
             return Repeated(name, True)
         tables = [_table(content, name) for content in (was, now)]

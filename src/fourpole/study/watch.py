@@ -22,6 +22,7 @@ from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.place import inside
 from fourpole.campaign.schema import RigFile, Stated
+from fourpole.campaign.statement import MOST_TESTS
 from fourpole.core.checks import worst_verdict
 from fourpole.core.sources import Kind
 from fourpole.errors import FourpoleError
@@ -44,7 +45,6 @@ SETTLED = 2.0
 _PATIENCE = 3.5
 #: Number of former tests at the condition of a recording with which it is compared.
 _FORMER = 4
-_MOST_BYTES = 200_000_000
 
 
 @dataclass(frozen=True)
@@ -305,7 +305,7 @@ def _add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str
 
 
 def _text(folder: Path, name: str) -> str:
-    return decode(read_bytes(folder / name, max_bytes=_MOST_BYTES, within=folder), name)[0]
+    return decode(read_bytes(folder / name, max_bytes=MOST_TESTS, within=folder), name)[0]
 
 
 def _key(name: str) -> str:

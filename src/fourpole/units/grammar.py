@@ -76,7 +76,10 @@ def shown(text: object, limit: int = 60) -> str:
     >>> print(shown("ra\x1bdial"))
     'ra\x1bdial'
     """
-    whole = str(text)
+    try:
+        whole = str(text)
+    except ValueError:  # an integer of more digits than Python writes
+        whole = f"{text:#x}"
     kept = whole if len(whole) <= limit else whole[: limit - 1] + "…"
     clean = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in kept)
     return f"'{clean}'"

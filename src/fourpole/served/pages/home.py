@@ -26,6 +26,8 @@ def routes(site: Site) -> list[Route]:
         try:
             files = [(str(one["name"]), int(one["size"])) for one in asked["files"]]
             name = str(asked["name"])
+            if not all(0 <= size < 2**63 for _, size in files):
+                raise ValueError
         except (KeyError, TypeError, ValueError, OverflowError):
             raise FileError("the list of files is not whole") from None
         ticket, refused = await run_in_threadpool(site.uploads.begin, name, files)
@@ -63,7 +65,12 @@ def _shown(site: Site) -> dict[str, Any]:
             rows.append(place)
             continue
         job = site.jobs.of(place)
-        rows.append({"place": place, "state": state_of(place), "job": None if job is None or job.over else job})
+        try:
+            state = state_of(place)
+        except Exception as error:  # noqa: BLE001 - whatever one campaign is like, the others are listed
+            rows.append(LeftOut(place.name, f"a fault in Fourpole itself ({type(error).__name__}): please report it"))
+            continue
+        rows.append({"place": place, "state": state, "job": None if job is None or job.over else job})
     return {
         "campaign": None,
         "rows": rows,

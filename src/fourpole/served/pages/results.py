@@ -38,10 +38,13 @@ def routes(site: Site) -> list[Route]:
 
     async def file(request: Request) -> Response:
         place, name = site.place(request), request.path_params["name"]
-        files = published_beside(place.results / name)
-        if name not in _FILES or not files.has(name):
+
+        def read() -> bytes:
+            if name in _FILES and (files := published_beside(place.results / name)).has(name):
+                return files.read(name)
             raise CampaignError("there is no such file yet: run the analysis")
-        content = await run_in_threadpool(files.read, name)
+
+        content = await run_in_threadpool(read)
         head = {"Content-Disposition": f'attachment; filename="{place.key}-{name}"'}
         return Response(content, media_type=_FILES[name], headers=head)
 
