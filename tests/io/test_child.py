@@ -28,6 +28,9 @@ def compute(seconds):
 def stand(seconds):
     ctypes.PyDLL(None).usleep(int(seconds * 1e6))  # holds Python all the time
     return "done"
+def told(progress):
+    progress(1, 2)
+    return "done"
 def trickle(seconds):
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -170,3 +173,15 @@ def test_what_is_slow_is_not_called_damaged(noisy, monkeypatch):
     assert "D1.csv took more than 60 s of processor time; allow more with --time-limit" in remark
     assert "allow more with --time-limit" in " ".join(study.static["remarks"])
     assert "damaged" not in remark.replace("not damaged", "")
+
+
+def test_a_console_that_breaks_while_progress_is_shown_ends_the_call_and_no_later_one(work):
+    def broken(done, total):
+        raise BrokenPipeError(f"{done} of {total}")
+
+    with pytest.raises(BrokenPipeError, match="1 of 2"):
+        work.worker.call(work.told, progress=broken)
+    seen = []
+    assert answer(work, "told", progress=lambda *numbers: seen.append(numbers)) == "done"
+    assert seen == [(1, 2)]
+    assert answer(work, "compute", 0.01) == "done"

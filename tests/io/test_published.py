@@ -13,7 +13,17 @@ from pathlib import Path
 import pytest
 
 from fourpole.errors import FileError, FourpoleError, ResultsWarning
-from fourpole.io.published import LIST, STORE, Published, consistently, published, publishing, read_listed, write_result
+from fourpole.io.published import (
+    LIST,
+    STORE,
+    Published,
+    consistently,
+    published,
+    published_beside,
+    publishing,
+    read_listed,
+    write_result,
+)
 
 FORMER = {"dynamic.csv": "former", "gone.csv": "former", "figures/a.svg": "former"}
 NEW = {"dynamic.csv": "new", "figures/a.svg": "new", "figures/b.svg": "new"}
@@ -207,6 +217,40 @@ def test_a_pipe_in_place_of_a_result_does_not_block(folder: Path) -> None:
     os.mkfifo(folder / LIST)
     with pytest.raises(FileError, match="is a pipe or device"):
         published(folder)
+
+
+def test_a_study_of_another_program_lists_nothing(tmp_path: Path) -> None:
+    (tmp_path / LIST).write_text('{"trials": 3}')
+    (tmp_path / "k-star.csv").write_text("mine")
+    assert read_listed(tmp_path / "k-star.csv") == b"mine"
+    write_result(tmp_path / "model.json", b"{}")
+    assert (tmp_path / LIST).read_text() == '{"trials": 3}'
+
+
+def test_a_result_that_is_too_large_for_its_reader_is_not_said_to_be_changed(folder: Path) -> None:
+    with pytest.raises(FileError, match=r"dynamic.csv: has .* MB, more than the .* MB allowed"):
+        published(folder).read("dynamic.csv", max_bytes=3)
+
+
+def test_a_table_and_what_belongs_to_it_are_of_one_list(folder: Path) -> None:
+    seen = published_beside(folder / "dynamic.csv")
+    publish(folder, NEW, {"title": "new"})
+    assert read_listed(folder / "dynamic.csv", results=seen) == b"former"
+    assert seen.read("figures/a.svg") == b"former"
+
+
+def test_a_file_of_former_tables_is_not_put_beside_new_ones(folder: Path) -> None:
+    basis = published(folder).sha256("dynamic.csv")
+    publish(folder, NEW, {"title": "new"})
+    with pytest.raises(FileError, match="renewed meanwhile"):
+        write_result(folder / "page.html", b"of the former", basis=basis)
+    assert not (folder / "page.html").exists()
+
+
+def test_a_name_that_no_list_has_is_written_as_a_file_of_the_user(folder: Path) -> None:
+    write_result(folder / "my model.json", b"{}")
+    publish(folder, NEW)
+    assert (folder / "my model.json").read_bytes() == b"{}"
 
 
 # ---- processes that are killed, and others that read meanwhile

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fourpole.campaign import read_campaign
-from fourpole.errors import CampaignError
+from fourpole.errors import CampaignError, FourpoleError
 from fourpole.served.editing import ConflictError, exclude, problems_of, read_statement, save
 
 TOML = """# kept: why this rig
@@ -112,6 +112,13 @@ def test_a_form_that_is_not_whole_changes_nothing(folder: Path, wrong: dict) -> 
 def test_text_that_is_no_toml_is_refused_with_its_line(folder: Path) -> None:
     with pytest.raises(CampaignError, match=r"no TOML.*line 1"):
         save(folder, read_statement(folder).version, {"text": "[rig"})
+
+
+@pytest.mark.parametrize("large", [{"rows": [["a" * 140_000, *[""] * 6]]}, {"text": f"# {'x' * 1_000_000}"}])
+def test_what_could_not_be_read_again_is_not_written(folder: Path, large: dict) -> None:
+    with pytest.raises(FourpoleError, match=r"131072 characters|at most 1 MB are read"):
+        save(folder, read_statement(folder).version, {**form(folder), **large})
+    assert ((folder / "campaign.toml").read_text(), (folder / "tests.csv").read_text()) == (TOML, TESTS)
 
 
 def test_faults_are_told_at_their_places(folder: Path) -> None:

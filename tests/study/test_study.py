@@ -11,6 +11,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from fourpole import analyse
+from fourpole.campaign import read_campaign
+
 STATIC = [
     "test",
     "tyre",
@@ -156,6 +159,13 @@ def test_study_json_holds_what_it_takes_to_repeat_the_run(results, noisy_campaig
     assert {"python", "fourpole", "numpy", "scipy", "polars"} <= set(study["versions"])
     read = ["campaign.toml", "tests.csv", *(f"recordings/{test}.csv" for test in ("S1", "D1", "D2", "D3", "D4"))]
     assert study["sha256"] == {name: hashlib.sha256((noisy_campaign / name).read_bytes()).hexdigest() for name in read}
+
+
+def test_hashes_are_of_the_statement_as_it_was_read(noisy):
+    path = noisy.path / "campaign.toml"
+    campaign, read = read_campaign(noisy.path), hashlib.sha256(path.read_bytes()).hexdigest()
+    path.write_text(path.read_text(encoding="utf-8").replace("15.0", "16.0"), encoding="utf-8")
+    assert analyse(campaign).results.record["sha256"]["campaign.toml"] == read
 
 
 def test_results_do_not_say_where_or_when_they_were_made(noisy):
