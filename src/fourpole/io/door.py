@@ -97,10 +97,7 @@ def sha256_of(
     """SHA-256 of a regular file in hexadecimal digits; the file is read in blocks. See `open_regular`."""
     with open_regular(path, max_bytes=max_bytes, label=label, within=within) as file:
         try:
-            digest = hashlib.sha256()
-            while block := file.read(1 << 20):
-                digest.update(block)
-            return digest.hexdigest()
+            return hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
         except OSError as error:
             raise FileError(f"{name_of(path, label)}: cannot be read: {reason(error)}") from None
 
@@ -129,14 +126,6 @@ def check_name(name: str) -> None:
     windows = PureWindowsPath(name)
     if any(_DEVICES.fullmatch(part.rstrip(" .")) for part in windows.parts):
         raise FileError(f"{told} is the name of a device on Windows: rename the file")
-
-
-def resolved_below(folder: str | os.PathLike[str], path: str | os.PathLike[str]) -> Path:
-    """The path with all links resolved; FileError unless it lies below the folder."""
-    root, place = os.path.realpath(folder), os.path.realpath(Path(folder, path))
-    if not Path(place).is_relative_to(root):
-        raise FileError(f"{name_of(path, None)}: lies outside {shown(str(folder), 200)}: copy it into the folder")
-    return Path(place)
 
 
 def _opened_below(path: str | os.PathLike[str], folder: str | os.PathLike[str], name: str) -> int:

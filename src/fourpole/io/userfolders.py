@@ -65,23 +65,19 @@ def configuration() -> dict[str, Any]:
 
 @cache
 def user_key() -> bytes:
-    """The key of this user, 32 random bytes that are made once; one of this process alone where none can be kept."""
+    """The key of this user, 32 random bytes that are made once; one of this process alone where none can be kept.
+
+    One that others can read, or made, is replaced.
+    """
+    from fourpole.io.lock import campaign_lock
+
     with suppress(FourpoleError, OSError):
-        return _key_in(config_folder())
+        path = config_folder() / _KEY
+        if key := _read_key(path):
+            return key
+        with campaign_lock(path.parent, patience=_PATIENCE):  # another process may have made it meanwhile
+            return _read_key(path) or _write_key(path)
     return os.urandom(_LENGTH)
-
-
-def _key_in(folder: Path) -> bytes:
-    """The key of a folder, made if there is none; one that others can read, or made, is replaced."""
-    key = _read_key(folder / _KEY)
-    if key is None:
-        from fourpole.io.lock import campaign_lock
-
-        with campaign_lock(folder, patience=_PATIENCE):
-            key = _read_key(folder / _KEY)  # another process may have made it meanwhile
-            if key is None:
-                key = _write_key(folder / _KEY)
-    return key
 
 
 def _read_key(path: Path) -> bytes | None:
