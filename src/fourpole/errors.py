@@ -43,7 +43,7 @@ class FourpoleError(Exception):
 
 
 class ResultsWarning(UserWarning):
-    """A file of the results is not as they list it, and is not used."""
+    """A file of the results is not as they list it, and another copy is used; or it cannot be replaced now."""
 
 
 class UnitError(FourpoleError, ValueError):

@@ -189,7 +189,7 @@ async def _said(process: asyncio.subprocess.Process, job: Job) -> None:
     async for line in process.stderr:
         text = line.decode(errors="replace").rstrip()
         if text.startswith(_MARK):
-            with suppress(ValueError, KeyError):
+            with suppress(ValueError, KeyError, TypeError):
                 _take(job, json.loads(text[1:]))
         elif text:
             job.messages.append(text[:2000])

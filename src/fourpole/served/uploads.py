@@ -41,7 +41,7 @@ class Uploads:
     Parameters
     ----------
     workspace : Workspace
-        Where the campaigns are made; hidden folders of former servers are deleted.
+        Where the campaigns are made, by this server alone: what former ones left of uploads is deleted.
     """
 
     def __init__(self, workspace: Workspace) -> None:
