@@ -142,6 +142,7 @@ WORST = {
     "io/origin._reference#2": ("", "refs/-", "\t"),
     "io/remote._URL": ("a", "z", "a"),
     "io/remote._check_steps": ("", "/", "\x00"),
+    "io/remote.fetched": ("", "a", "*"),
     "io/remote.local_path": ("", "a", ""),
     "io/rows._LINE_END": ("", "\r", ","),
     "io/source._ASCII": ("", "\x7f\u5b57", "\t"),

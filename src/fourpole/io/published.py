@@ -43,7 +43,7 @@ MOST_LIST = 64_000_000
 #: Number of times that results are read which another process renews meanwhile.
 _TRIES = 5
 #: Keys of which each study.json of Fourpole has one.
-_OWN_KEYS = {"versions", "settings", _HASHES}
+_OWN_KEYS = {"versions", "settings", "stated", _HASHES}
 _AGAIN = "run fourpole analyse again"
 
 _Result = TypeVar("_Result")
