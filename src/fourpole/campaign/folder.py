@@ -37,7 +37,7 @@ from fourpole.io.signals import FileInfo, SignalInfo
 LIMITS = "limits.toml"
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
-#: Last row whose unknown names are compared with those of campaign.toml.
+#: Largest number of unknown names and units that are compared with known ones.
 _HINTED = 1000
 
 _KINDS = ("static", "dynamic", "calibration", "random", "sweep")
@@ -122,6 +122,7 @@ class Campaign:
         return [test for test in self.tests if (test.kind == "static") == (kind == "static")]
 
 
+@units.hints(_HINTED)
 def read_campaign(folder: str | Path) -> Campaign:
     """Read campaign.toml and tests.csv of a folder.
 
@@ -223,7 +224,7 @@ def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFil
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     texts["kind"] = texts.get("kind", "").lower()
-    problems += _contradictions(row, texts, stated)
+    problems += _contradictions(texts, stated)
     if texts["kind"] in _OF_BAND and test.band is None:
         problems.append(f"a {texts['kind']} test needs the band of its excitation: fill in frequency, as in 5:200 Hz")
     if texts["kind"] in _KINDS and texts["kind"] not in _OF_BAND and test.band is not None:
@@ -362,7 +363,7 @@ def _window(cell: str, unit: str) -> tuple[float, float]:
     return low, high
 
 
-def _contradictions(row: int, texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
+def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
     """Faults of a row: names that campaign.toml lacks, and cells that must be filled in or left blank."""
     kind = texts["kind"]
     if kind not in _KINDS:
@@ -376,12 +377,12 @@ def _contradictions(row: int, texts: dict[str, str], stated: CampaignFile) -> It
     elif not tyre:
         yield "the tyre is not named: fill in the column 'tyre'"
     elif tyre not in known:
-        near = units.nearest(tyre, known if row <= _HINTED else ())
+        near = units.nearest(tyre, known)
         hint = f"did you mean {units.shown(near)}?" if near else f"add [tyres.{_key(tyre)}]"
         yield f"tyre {units.shown(tyre)} is not in campaign.toml; {hint}"
     rig = texts.get("rig", "")
     if rig and rig not in stated.all_rigs:
-        near = units.nearest(rig, stated.all_rigs if row <= _HINTED else ())
+        near = units.nearest(rig, stated.all_rigs)
         hint = f"did you mean {units.shown(near)}?" if near else f"add [rigs.{_key(rig)}]"
         yield f"rig {units.shown(rig)} is not in campaign.toml; {hint}"
     if not rig and len(stated.all_rigs) > 1 and kind != "static":

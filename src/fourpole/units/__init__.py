@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from fourpole.errors import UnitError
-from fourpole.units.grammar import SPELLINGS, add_up, bounded, nearest, parse, shown, spelled_out
+from fourpole.units.grammar import SPELLINGS, add_up, bounded, hints, nearest, parse, shown, spelled_out
 from fourpole.units.kinds import COMMON, KINDS, MOTIONS, SUGGESTED, TEMPERATURES, affine, kind_named, kind_of, scale_of
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ __all__ = [
     "crosstalk",
     "frequency_band",
     "frequency_grid",
+    "hints",
     "is_unit",
     "nearest",
     "quantity",
