@@ -69,7 +69,8 @@ class _Joint:
         if self._process is None and self._due and now - self._last > _QUIET:
             self._due = False
             words = ("analyse", str(self._folder.absolute()))
-            self._said.truncate(0)
+            self._said.seek(0)  # the process writes on from here
+            self._said.truncate()
             self._process = start_module("fourpole", *words, stdout=self._said.fileno(), stderr=DEVNULL, group=True)
         return []
 
@@ -78,6 +79,7 @@ class _Joint:
         if self._process is not None:
             interrupt(self._process)
             self._process.wait()
+        self._said.close()
 
 
 def document(one: Judged) -> dict[str, Any]:
