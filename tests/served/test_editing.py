@@ -9,6 +9,7 @@ import pytest
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.served.editing import ConflictError, exclude, problems_of, read_statement, save
+from fourpole.served.workspace import version_of
 
 TOML = """# kept: why this rig
 title = "A"   # kept beside
@@ -173,3 +174,12 @@ def test_a_table_without_the_column_test_is_told(folder: Path) -> None:
     (folder / "tests.csv").write_text("name;file\nD1;d1.csv\n")
     with pytest.raises(CampaignError, match="no column test"):
         exclude(folder, "D1", "slipped")
+
+
+def test_one_file_is_saved_beside_another_that_is_broken(folder: Path) -> None:
+    now = form(folder)
+    (folder / "campaign.toml").write_text("[rig\n")
+    save(folder, read_statement(folder).version, {"heads": now["heads"], "rows": now["rows"]})
+    (folder / "tests.csv").write_text("test;" + "n" * 140_000)
+    save(folder, version_of(folder), {"text": TOML})
+    assert (folder / "campaign.toml").read_text() == TOML

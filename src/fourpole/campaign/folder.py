@@ -122,7 +122,6 @@ class Campaign:
         return [test for test in self.tests if (test.kind == "static") == (kind == "static")]
 
 
-@units.hints(_HINTED)
 def read_campaign(folder: str | Path) -> Campaign:
     """Read campaign.toml and tests.csv of a folder.
 
@@ -155,12 +154,14 @@ def read_campaign(folder: str | Path) -> Campaign:
         if not (folder / name).exists():
             raise CampaignError(why(folder))
     sha256: dict[str, str] = {}
-    stated = parse_campaign(statement_text(folder / "campaign.toml", MOST_TOML, sha256, strict=True))
+    with units.hints(_HINTED):
+        stated = parse_campaign(statement_text(folder / "campaign.toml", MOST_TOML, sha256, strict=True))
     rows = list(_rows(statement_text(folder / "tests.csv", MOST_TESTS, sha256, strict=False)))
     if not rows:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
     columns = columns_of(rows[0][1])
-    tests = _held([_test(row, cells, columns, stated) for row, cells in rows[1:]], stated)
+    with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts below
+        tests = _held([_test(row, cells, columns, stated) for row, cells in rows[1:]], stated)
     if not tests:
         raise CampaignError("tests.csv: lists no test below its row of names")
     _check_names(tests)

@@ -93,7 +93,7 @@ _LEFT: ContextVar[list[int] | None] = ContextVar("left", default=None)
 
 @contextmanager
 def hints(most: int) -> Iterator[None]:
-    """At most so many words are compared by `nearest` within the context, which a decorated function is, too.
+    """At most so many words are compared by `nearest` within the context.
 
     A file with a mistake in each cell is then read about as fast as a sound one.
     """
