@@ -41,7 +41,7 @@ from fourpole.quantities import CODE, STORAGE
 
 if TYPE_CHECKING:
     from fourpole.study import Study
-    from fourpole.study.outcome import Reduced
+    from fourpole.study.points import Points
     from fourpole.study.results import Results
 
 
@@ -190,9 +190,9 @@ def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, opt
         )
 
 
-def _tell(test: str, reduced: Reduced) -> None:
+def _tell(test: str, points: Points) -> None:
     """The verdict on a recording by itself, as an event."""
-    checks = [check for point in reduced.points for check in point.checks]
+    checks = [check for row in points.checks for check in row]
     said = {check.remark: None for check in checks if check.verdict != "ok"}
     events.tell(test=test, verdict=worst_verdict([check.verdict for check in checks]), remarks=list(said))
 

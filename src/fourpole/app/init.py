@@ -13,7 +13,7 @@ from fourpole.core.condition import FREQUENCY
 from fourpole.errors import CampaignError
 from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
 from fourpole.report.digits import spread
-from fourpole.study.identified import no_rig, possible_route
+from fourpole.study.identify import no_rig, possible_route
 
 _MOST_LISTED = 40
 _ROLES = {

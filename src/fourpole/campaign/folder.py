@@ -1,8 +1,4 @@
-"""A campaign folder: campaign.toml and tests.csv become a Campaign; each faulty row has the reason in `problem`.
-
-The rule that says when two tests are of one condition is `core.condition.Sameness`. `CampaignFile.sameness` is the
-rule with the campaign's own axes, and `condition_of` gives the condition of a row of tests.csv.
-"""
+"""A campaign folder: campaign.toml and tests.csv become a Campaign; each faulty row has the reason in `problem`."""
 
 from __future__ import annotations
 
@@ -25,7 +21,6 @@ from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.campaign.statement import MOST_TESTS, MOST_TOML, statement_text
 from fourpole.core.arrays import short_repr
-from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
 from fourpole.io.child import read_apart
 from fourpole.io.documents import rows_of
@@ -479,9 +474,3 @@ def _check_units(file: str, signals: Sequence[SignalInfo], unitless: dict[str, s
                 f'campaign.toml: [channels] {role}: unit is missing: write it, as unit = "N", or give a sensitivity '
                 f"for volts ({units.shown(file)} states none)"
             )
-
-
-def condition_of(test: Test, rule: Sameness) -> Condition:
-    """The condition of a row of tests.csv on the axes of a rule; a blank cell is None."""
-    values = (test.extra.get(axis.name) or None if axis.text else test.value(axis.name) for axis in rule.axes)
-    return Condition(test.tyre, tuple(values))

@@ -18,6 +18,8 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.core.routes import arm_slopes, maxwell_arm
 from fourpole.core.sources import Source
 
+#: Relative uncertainty of K2 or C above which propagation of uncertainty to second order is not valid.
+NOT_LINEAR = 0.3
 #: Mean of the fourth power of a standard normal deviation: the mean square of s z² about 0, over s².
 _FOURTH_MOMENT = 3.0
 

@@ -106,6 +106,13 @@ class Phasors(ByRows):
         """Phasors of tests of the same shape, joined along a new first axis."""
         return cls(*(np.stack([getattr(item, f.name) for item in items]) for f in fields(cls)))
 
+    @classmethod
+    def joined(cls, items: Sequence[Phasors]) -> Phasors:
+        """Phasors of rows of tests, one after the other."""
+        none = np.zeros(0)
+        empty = cls(none, np.zeros((0, 3), dtype=complex), np.zeros((0, 6, 6)), none, none)
+        return cls(*(np.concatenate([getattr(item, f.name) for item in (empty, *items)]) for f in fields(cls)))
+
     @property
     def omega(self) -> FloatArray:
         """Angular frequency [rad/s]."""

@@ -62,8 +62,8 @@ def likelihood_of(joint: Joint) -> Likelihood:
     return Likelihood(problem, joint.solution.z, joint.solution.stiffness)
 
 
-def likelihood_rows(found: Likelihood) -> list[dict[str, Any]]:
-    """Rows of likelihood.parquet without test and rig, in the order of the problem."""
+def likelihood_columns(found: Likelihood) -> dict[str, np.ndarray]:
+    """Columns of likelihood.parquet without test and rig, in the order of the problem."""
     problem = found.problem
     observed, conditions = problem.observed, problem.conditions
     tyre = conditions.label >= 0
@@ -77,12 +77,10 @@ def likelihood_rows(found: Likelihood) -> list[dict[str, Any]]:
     counts = (conditions.label, family, observed.specimen)
     amplitudes = np.stack([observed.amplitudes.real, observed.amplitudes.imag], axis=2).reshape(-1, 6)
     turns = np.stack([observed.turns.real, observed.turns.imag], axis=3).reshape(len(tyre), -1)
-    columns: dict[str, Any] = dict(zip((one.head for one in _COUNTS), (one.tolist() for one in counts), strict=True))
-    columns |= zip((one.head for one in _NUMBERS), (one.tolist() for one in numbers), strict=True)
-    columns |= zip(_PARTS, amplitudes.T.tolist(), strict=True)
-    columns |= {q.STORAGE.head: stiffness.real.tolist(), q.LOSS.head: stiffness.imag.tolist()}
-    columns |= {q.WEIGHTS.head: observed.whiten.reshape(-1, 36).tolist(), q.TURNS.head: turns.tolist()}
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    columns = dict(zip((one.head for one in (*_COUNTS, *_NUMBERS)), (*counts, *numbers), strict=True))
+    columns |= zip(_PARTS, amplitudes.T, strict=True)
+    columns |= {q.STORAGE.head: stiffness.real, q.LOSS.head: stiffness.imag}
+    return columns | {q.WEIGHTS.head: observed.whiten.reshape(-1, 36), q.TURNS.head: turns}
 
 
 def likelihood_record(found: Likelihood) -> dict[str, Any]:

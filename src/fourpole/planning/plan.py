@@ -12,7 +12,8 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test, condition_of, read_campaign
+from fourpole.campaign.conditions import condition_numbers, condition_of
+from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.core.arrays import FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.condition import Axis, Condition, Sameness, Value
@@ -23,9 +24,8 @@ from fourpole.core.rig import Rig
 from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, RigError
 from fourpole.fitting.rows import conditions_in, tyre_columns
-from fourpole.study.identified import setup_of
+from fourpole.study.identify import added_masses, channel_uncertainty
 from fourpole.study.results import read_results
-from fourpole.study.static import StaticStiffness
 
 #: Value of the column ``plan`` for the tests as tests.csv states them.
 AS_STATED = "as stated"
@@ -244,22 +244,22 @@ def _to_plan(campaign: Campaign) -> list[Test]:
 
 def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Sequence[_Tyre], run: Run) -> RigPlan:
     """The plan of the tests of one rig, for the guessed tyre of each test."""
-    setup = setup_of(campaign, name, tests, [StaticStiffness(tyre.k1, tyre.k1_std) for tyre in tyres])
-    if setup.rig is None:
+    stated = campaign.stated.all_rigs.get(name)
+    if stated is None:
         raise RigError("campaign.toml: [rig] is missing: a plan needs moving_mass and preload_stiffness")
     force, motion, beyond = (campaign.stated.channels.named(role) is not None for role in CHANNELS)
     if not motion or not (force or beyond):
         raise CampaignError("campaign.toml: [channels] a plan needs motion_in and one of force_in and motion_out")
+    added, added_std = added_masses(tests)
     expected = _expected(
-        tests, tyres, run, family=setup.family, added_mass=setup.added, added_mass_std=setup.added_std,
+        tests, tyres, run, family=condition_numbers(campaign, tests), added_mass=added, added_mass_std=added_std,
         present=(force, motion, beyond),
     )  # fmt: skip
     # Static tests of one specimen, pressure and temperature give one K1, whatever the preload of the dynamic tests is.
     rule = campaign.stated.sameness.without("preload")
     statics = set(rule.groups([condition_of(test, rule) for test in tests if test.kind == "dynamic"]).tolist())
-    return RigPlan(
-        name, Plan(expected, setup.rig, setup.channels, run.cycles, max(len(statics), 1), defaults.MASS_STD), tests
-    )
+    rig, channels = stated.rig(), channel_uncertainty(campaign)
+    return RigPlan(name, Plan(expected, rig, channels, run.cycles, max(len(statics), 1), defaults.MASS_STD), tests)
 
 
 def _expected(tests: Sequence[Test], tyres: Sequence[_Tyre], run: Run, **more: Any) -> PlannedTests:

@@ -11,7 +11,8 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Test, condition_of
+from fourpole.campaign.conditions import condition_of
+from fourpole.campaign.folder import Test
 from fourpole.core.condition import Sameness
 from fourpole.planning.plan import CampaignPlan
 

@@ -40,7 +40,7 @@ from fourpole.io.packed import extended, pack, unpack
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signature import LENGTH, is_signed, signature
 from fourpole.io.write import write_bytes
-from fourpole.study.outcome import Demodulated
+from fourpole.study.points import Demodulated
 
 #: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
 _VERSION = 17

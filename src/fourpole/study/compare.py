@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Campaign, Test, condition_of
-from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, judged, reported, worst_verdict
+from fourpole.campaign.conditions import condition_of, condition_words
+from fourpole.campaign.folder import Campaign
+from fourpole.core.alone import Alone
+from fourpole.core.arrays import BoolArray
+from fourpole.core.checks import Check, judged, reported
 from fourpole.core.codes import Code
+from fourpole.core.condition import Condition
 from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.scales import check_scale, k1_exchanged
 from fourpole.study.excitations import excitations
-from fourpole.study.outcome import Point
-from fourpole.study.own import Own, named, own_of
+from fourpole.study.points import Points
 
 #: A channel is noisier than usual above both: noise over the median noise of all tests, and noise over the amplitude.
 _NOISIER, _MATTERS = 10.0, 0.003
@@ -42,19 +44,19 @@ class Compared:
 
     Attributes
     ----------
-    checks : dict of int to list of Check
-        Checks of each test, by its place.
-    strange : frozenset of int
-        Tests whose K* is not that of their condition: they must not share it with other tests.
-    conditions : list of (str, Check)
+    points : Points
+        The points with their checks.
+    strange : (N,) bool array
+        Rows whose K* is not that of their condition: they must not share it with other tests.
+    conditions : tuple of (str, Check)
         Checks of whole conditions, by the condition in words.
     linear : bool
         Whether no test showed a specimen that is not linear.
     """
 
-    checks: dict[int, list[Check]] = field(default_factory=dict)
-    strange: frozenset[int] = frozenset()
-    conditions: list[tuple[str, Check]] = field(default_factory=list)
+    points: Points
+    strange: BoolArray
+    conditions: tuple[tuple[str, Check], ...]
     linear: bool = True
 
     @property
@@ -68,94 +70,87 @@ class Compared:
         return [f"{worst.cause.removesuffix(': ')}{more}: {worst.remedy}"]
 
 
-def compare_tests(campaign: Campaign, tests: Sequence[Test], points: Sequence[Point], k1: Sequence[float]) -> Compared:
-    """Compare the tests of a campaign with each other, and with K1 [N/m]; `tests` has a test once per point."""
-    used = [i for i, point in enumerate(points) if _used(point)]
-    members = [i for i in used if tests[i].kind != "calibration"]
+def compare_points(campaign: Campaign, points: Points) -> Compared:
+    """Compare the tests of a campaign with each other and with K1."""
+    sound = points.sound
+    used = sound & (points.condition >= 0)
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
-    own = [own_of(points[i].phasors, rigs.get(tests[i].rig), tests[i].value("added_mass") or 0.0) for i in members]
-    rows = noises(tests, points, [i for i in used if tests[i].band is None])
-    rows += scales(members, points, own, k1)
-    rows += exchanged_k1(campaign, [tests[i] for i in members], members, own, [k1[i] for i in members])
+    added = np.array([test.value("added_mass") or 0.0 for test in points.tests])
+    unknown = replace(points.phasors, amplitudes=np.where(used[:, None], points.phasors.amplitudes, np.nan))
+    alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
-    linear = [i for i in range(len(members)) if not _not_linear(points[members[i]])]
-    on_curves = [tests[members[i]] for i in linear]
-    curves = _curves(campaign, on_curves, [own[i] for i in linear])
-    strange: frozenset[int] = frozenset()
-    if curves is not None:
-        strange = frozenset(members[linear[i]] for i in np.flatnonzero(curves.strange).tolist())
-        rows += [(members[linear[i]], check) for i, check in curve_checks(curves, on_curves)]
-    rows = copies(tests, points, frozenset(used) - strange) + rows
-    checks: dict[int, list[Check]] = {i: [] for i in range(len(tests))}
-    for i, check in rows:
-        checks[i].append(check)
-    ranges = [
-        *amplitudes(campaign, [tests[i] for i in members], own),
-        *excitations(campaign, [tests[i] for i in members], own),
+    bent = [any(row.code is Code.LINEARITY and row.verdict != "ok" for row in rows) for rows in points.checks]
+    straight = used & ~np.array(bent, dtype=bool)
+    strange, on_curves = np.zeros(len(points), dtype=bool), []
+    if (curves := _curves(campaign, points, alone, np.flatnonzero(straight))) is not None:
+        strange[np.flatnonzero(straight)[curves.strange]] = True
+        on_curves = list(curve_checks(curves, points, np.flatnonzero(straight)))
+    checks = [
+        *copies(points, sound & ~strange),
+        *noises(points, sound & np.array([test.band is None for test in points.tests], dtype=bool)),
+        *scales(points, alone),
+        *_exchanged_k1(campaign, points, alone, np.flatnonzero(used)),
+        *on_curves,
     ]
-    return Compared(checks, strange, ranges, linear=len(linear) == len(members))
+    further = [axis.name for axis in campaign.stated.sameness.further]
+    ranges = [*_amplitudes(points, alone, further), *excitations(points, alone, further)]
+    return Compared(points.with_checks(checks), strange, tuple(ranges), bool((straight == used).all()))
 
 
-def scales(
-    members: Sequence[int], points: Sequence[Point], own: Sequence[Own], k1: Sequence[float]
-) -> list[tuple[int, Check]]:
+def scales(points: Points, alone: Alone) -> Iterator[tuple[int, Check]]:
     """Checks of K1 against K'.
 
     V1 is common to all tests. If a mistake in V1 does not explain most of them, K1 alone is checked.
     """
+    k1 = [stiffness.value for stiffness in points.stiffness]
     for motion in (True, False):
         rows = []
-        for i, one in zip(members, own, strict=True):
-            phasors = points[i].phasors
-            check = None if phasors is None else check_scale(phasors, one.stiffness, k1[i], motion=motion)
-            rows += [(i, check)] if check is not None else []
+        for row, value in enumerate(alone.stiffness.tolist()):
+            if (check := check_scale(points.phasors.part(row), value, k1[row], motion=motion)) is not None:
+                rows.append((row, check))
         if 2 * sum(check.code is Code.V1_SCALE for _, check in rows) > len(rows):
             break
     # Many tests have one K1. If K' is below K1 in a few of them only, these tests have a fault of their own.
     # The same holds if K' is far above K1 at a few lines: K' rises by the loss at lower frequencies, too.
-    of_k1 = Counter(k1[i] for i, _ in rows)
-    doubted = Counter((k1[i], check.code) for i, check in rows if check.verdict == "warning")
+    of_k1 = Counter(k1[row] for row, _ in rows)
+    doubted = Counter((k1[row], check.code) for row, check in rows if check.verdict == "warning")
+    for row, check in rows:
+        line = check.code is Code.K1_RATIO and points.tests[row].band is not None
+        few = 2 * doubted[k1[row], check.code] <= of_k1[k1[row]]
+        if not (check.verdict == "warning" and few and (line or check.code is Code.K1_LARGE)):
+            yield row, check
 
-    def is_of_few(i: int, check: Check) -> bool:
-        alone = check.code is Code.K1_LARGE or (check.code is Code.K1_RATIO and points[i].line is not None)
-        return check.verdict == "warning" and alone and 2 * doubted[k1[i], check.code] <= of_k1[k1[i]]
 
-    return [(i, check) for i, check in rows if not is_of_few(i, check)]
-
-
-def exchanged_k1(
-    campaign: Campaign, tests: Sequence[Test], members: Sequence[int], own: Sequence[Own], k1: Sequence[float]
-) -> list[tuple[int, Check]]:
+def _exchanged_k1(campaign: Campaign, points: Points, alone: Alone, used: np.ndarray) -> Iterator[tuple[int, Check]]:
     """Checks of tyres, or pressures of a tyre, whose K1 looks exchanged, from tests equal in all else."""
-    rule = campaign.stated.sameness
-    alike = [replace(test, tyre="", values={**test.values, _PRESSURE: np.nan}) for test in tests]
-    conditions = rule.groups([condition_of(test, rule) for test in alike]).tolist()
-    logs = [float(np.log(max(one.frequency, 1e-300))) for one in own]
-    of_static: dict[tuple[str, float], dict[int, list[int]]] = {}
-    for i, test in enumerate(tests):
-        if np.isfinite(own[i].stiffness) and np.isfinite(k1[i]):
-            group = test.tyre, test.value(_PRESSURE) or 0.0
-            of_static.setdefault(group, {}).setdefault(conditions[i], []).append(i)
-    rows = []
-    for one, other in combinations(of_static, 2):
-        if one[0] != other[0] and one[1] != other[1]:
+    rule = campaign.stated.sameness.without(_PRESSURE)
+    of_static: dict[tuple[str, float], dict[Condition, list[int]]] = {}
+    for row in used.tolist():
+        if np.isfinite(alone.stiffness[row]) and np.isfinite(points.stiffness[row].value):
+            static = points.tests[row].tyre, points.tests[row].value(_PRESSURE) or 0.0
+            condition = replace(condition_of(points.tests[row], rule), specimen="")
+            of_static.setdefault(static, {}).setdefault(condition, []).append(row)
+    logs = np.log(np.maximum(alone.frequency, 1e-300))
+    for first, second in combinations(of_static, 2):
+        if first[0] != second[0] and first[1] != second[1]:
             continue
         pairs = [
             (a, b)
-            for condition, here in of_static[one].items()
+            for condition, here in of_static[first].items()
             for a in here
-            for b in of_static[other].get(condition, ())
+            for b in of_static[second].get(condition, ())
             if abs(logs[a] - logs[b]) < _SAME_FREQUENCY
         ]
-        stiffness = np.array([[own[i].stiffness for i in pair] for pair in pairs]).reshape(-1, 2)
-        static = np.array([[k1[i] for i in pair] for pair in pairs]).reshape(-1, 2)
-        ratios = k1_exchanged(stiffness, static, same=one[0] == other[0]) if pairs else None
+        static_k1 = np.array([[points.stiffness[row].value for row in pair] for pair in pairs]).reshape(-1, 2)
+        same = first[0] == second[0]
+        ratios = k1_exchanged(alone.stiffness[np.array(pairs)], static_k1, same=same) if pairs else None
         if ratios is not None:
             a, b, usual = ratios
-            unlike, names = abs(a - b) / usual, f"{_static_name(*one)} and {_static_name(*other)}"
+            names = " and ".join(_static_name(*static) for static in (first, second))
+            unlike = abs(a - b) / usual
             check = reported(Code.K1_EXCHANGED, "warning", unlike, names=names, one=a, other=b, usual=usual)
-            rows += [(members[i], check) for group in (one, other) for here in of_static[group].values() for i in here]
-    return rows
+            for static in (first, second):
+                yield from ((row, check) for rows in of_static[static].values() for row in rows)
 
 
 def _static_name(tyre: str, pressure: float) -> str:
@@ -163,111 +158,84 @@ def _static_name(tyre: str, pressure: float) -> str:
     return f"{tyre} at {pressure / q.PRESSURE.scale:.4g} {q.PRESSURE.shown}" if pressure else tyre
 
 
-def amplitudes(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> list[tuple[str, Check]]:
+def _amplitudes(points: Points, alone: Alone, further: Sequence[str]) -> Iterator[tuple[str, Check]]:
     """Checks of the range of deflection amplitudes of each condition; a range is no fault of a test."""
-    rule = campaign.stated.sameness
-    groups: dict[int, list[int]] = {}
-    for i, number in enumerate(rule.groups([condition_of(test, rule) for test in tests]).tolist()):
-        if np.isfinite(own[i].deflection) and own[i].deflection > 0:
-            groups.setdefault(number, []).append(i)
-    rows = []
-    for group in groups.values():
-        sizes = [1e3 * own[i].deflection for i in group]
-        further = [axis.name for axis in rule.further]
-        name, ratio = named(tests[group[0]], further=further), max(sizes) / min(sizes)
-        check = Check(Code.AMPLITUDES, ratio, _MIXED, "ok")
+    for rows in points.by_condition(alone.deflection > 0):
+        sizes = 1e3 * alone.deflection[rows]
+        name, ratio = condition_words(points.tests[rows[0]], further=further), float(sizes.max() / sizes.min())
         if ratio > _MIXED:
-            check = reported(Code.AMPLITUDES, "ok", ratio, _MIXED, name=name, low=min(sizes), high=max(sizes))
-        rows.append((name, check))
-    return rows
+            low, high = float(sizes.min()), float(sizes.max())
+            yield name, reported(Code.AMPLITUDES, "ok", ratio, _MIXED, name=name, low=low, high=high)
+        else:
+            yield name, Check(Code.AMPLITUDES, ratio, _MIXED, "ok")
 
 
-def _used(point: Point) -> bool:
-    return point.phasors is not None and worst_verdict(row.verdict for row in point.checks) != "rejected"
-
-
-def _not_linear(point: Point) -> bool:
-    return any(row.code is Code.LINEARITY and row.verdict != "ok" for row in point.checks)
-
-
-def copies(tests: Sequence[Test], points: Sequence[Point], sound: frozenset[int]) -> list[tuple[int, Check]]:
+def copies(points: Points, sound: BoolArray) -> Iterator[tuple[int, Check]]:
     """Checks of tests with the same recording, whatever the names of their files.
 
-    If only one of them is sound by all other checks, the copy is the other one.
+    If only one of them is sound by all other checks, the copy is the other one. Amplitudes are equal within a fraction
+    of their noise: their last digits depend on the stated frequency, from which the search begins. Repeats without
+    noise are no copies.
     """
+    amplitudes = points.phasors.amplitudes
+    size = np.nan_to_num(np.hypot(amplitudes[:, 1].real, amplitudes[:, 1].imag))
+    noise = np.nan_to_num(points.phasors.std.reshape(-1, 3, 2).min(axis=2))
     same: list[list[int]] = []
-    size = [0.0 if point.phasors is None else float(abs(point.phasors.amplitudes[1])) for point in points]
-    for i in sorted(range(len(points)), key=lambda i: size[i]):
-        if size[i] > 0 and same and _equal(points[same[-1][-1]], points[i]):
-            same[-1].append(i)
-        elif size[i] > 0:
-            same.append([i])
-    rows = []
-    for group in map(sorted, same):
-        names = list(dict.fromkeys(tests[i].name for i in group))
-        alone = len(sound.intersection(group)) == 1
-        for i in group if len(names) > 1 else ():
-            if not (alone and i in sound):
-                others = " and ".join(name for name in names if name != tests[i].name)
-                rows.append((i, reported(Code.COPY, "warning", others=others)))
-    return rows
+    for row in np.argsort(size, kind="stable")[np.count_nonzero(size <= 0) :].tolist():
+        last = same[-1][-1] if same else row
+        apart = np.nan_to_num(np.abs(amplitudes[last] - amplitudes[row]))
+        if same and noise[row, 1] > 0 and np.all(apart <= _COPIED * noise[row]):
+            same[-1].append(row)
+        else:
+            same.append([row])
+    for rows in map(sorted, same):
+        names = list(dict.fromkeys(points.tests[row].name for row in rows))
+        single = np.count_nonzero(sound[rows]) == 1
+        for row in rows if len(names) > 1 else ():
+            if not (single and sound[row]):
+                others = " and ".join(name for name in names if name != points.tests[row].name)
+                yield row, reported(Code.COPY, "warning", others=others)
 
 
-def _equal(one: Point, other: Point) -> bool:
-    """Whether the amplitudes of two tests are equal within a fraction of their noise.
-
-    Their last digits depend on the stated frequency, from which the search begins. Repeats without noise are no copies.
-    """
-    assert one.phasors is not None
-    assert other.phasors is not None
-    apart = np.nan_to_num(np.abs(one.phasors.amplitudes - other.phasors.amplitudes))
-    noise = np.nan_to_num(other.phasors.std.reshape(3, 2).min(axis=1))
-    return bool(np.all(apart <= _COPIED * noise) and noise[1] > 0)
-
-
-def noises(tests: Sequence[Test], points: Sequence[Point], used: Sequence[int]) -> list[tuple[int, Check]]:
+def noises(points: Points, used: BoolArray) -> Iterator[tuple[int, Check]]:
     """Checks of the noise of each channel against that of the other tests of the rig."""
-    rows = []
-    for rig in dict.fromkeys(tests[i].rig for i in used):
-        own = [i for i in used if tests[i].rig == rig]
-        for at, name in enumerate(SYMBOLS.values()):
-            known = [(i, *_noise(points[i], at)) for i in own]
-            known = [one for one in known if np.isfinite(one[1]) and one[1] > 0]
-            if len(known) < _FEWEST:
-                continue
-            usual = float(np.median([noise for _, noise, _ in known]))
-            for i, noise, share in known:
-                times = noise / usual if share > _MATTERS else 0.0
-                rows.append((i, judged(Code.NOISE, times, _NOISIER, channel=name)))
-    return rows
+    std, amplitudes = points.phasors.std.reshape(-1, 3, 2).max(axis=2), points.phasors.amplitudes
+    share = std / np.maximum(np.hypot(amplitudes.real, amplitudes.imag), 1e-300)
+    rigs = np.array([test.rig for test in points.tests])
+    for rig in dict.fromkeys(rigs[used].tolist()):
+        for channel, name in enumerate(SYMBOLS.values()):
+            known = np.flatnonzero(used & (rigs == rig) & np.isfinite(std[:, channel]) & (std[:, channel] > 0))
+            usual = float(np.median(std[known, channel])) if known.size >= _FEWEST else np.nan
+            for row in known.tolist() if known.size >= _FEWEST else ():
+                times = float(std[row, channel]) / usual if share[row, channel] > _MATTERS else 0.0
+                yield row, judged(Code.NOISE, times, _NOISIER, channel=name)
 
 
-def _noise(point: Point, channel: int) -> tuple[float, float]:
-    """Standard uncertainty of an amplitude from the noise, in its unit and over the amplitude."""
-    assert point.phasors is not None
-    noise = float(point.phasors.std[2 * channel : 2 * channel + 2].max())
-    return noise, noise / max(float(abs(point.phasors.amplitudes[channel])), 1e-300)
-
-
-def _curves(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> Curves | None:
-    """The curves of K* over frequency of all conditions."""
-    if not tests:
+def _curves(campaign: Campaign, points: Points, alone: Alone, rows: np.ndarray) -> Curves | None:
+    """The curves of K* over frequency of all conditions, from some rows; None without any."""
+    if not rows.size:
         return None
-    rule = campaign.stated.sameness
+    tests, alone = [points.tests[row] for row in rows], alone.part(rows)
     specimens = list(dict.fromkeys(test.tyre for test in tests))
-    frequency = np.array([one.frequency for one in own])
-    deflection = np.log([one.deflection if one.deflection > 0 else np.nan for one in own])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        deflection = np.log(np.where(alone.deflection > 0, alone.deflection, np.nan))
     deflection -= np.mean(deflection[np.isfinite(deflection)]) if np.isfinite(deflection).any() else 0.0
-    lever = np.array([one.lever if np.isfinite(one.lever) else complex(np.nan) for one in own])
-    place = _places(tests)
-    shared = [lever, 1j * lever * frequency / frequency.mean(), place + 0j, deflection + 0j]
-    gain = _gain(campaign)
+    lever = np.where(np.isfinite(alone.lever), alone.lever, complex(np.nan))
+    # The place in the run, from -0.5 to 0.5: by the stated times if all are stated, else by the order.
+    time = np.array([test.values.get("time", np.nan) for test in tests])
+    time = time if np.all(np.isfinite(time)) else np.arange(len(tests), dtype=float)
+    place = (time - time.min()) / (float(np.ptp(time)) or 1.0) - 0.5
+    shared = [lever, 1j * lever * alone.frequency / alone.frequency.mean(), place + 0j, deflection + 0j]
+    # The standard uncertainty of the ratio of the gains of V1 and V2, phase included.
+    channels = [campaign.stated.channels.named(role) for role in CHANNELS[1:]]
+    stds = [std for channel in channels if channel is not None for std in (channel.gain_std, channel.phase_std)]
+    gain = 2.0 * max(float(np.linalg.norm(stds)), 1e-3)
     return curves_of(
         Samples(
-            stiffness=np.array([one.stiffness for one in own]),
-            noise=np.array([one.noise for one in own]),
-            frequency=frequency,
-            family=rule.groups([condition_of(test, rule) for test in tests]),
+            stiffness=alone.stiffness,
+            noise=alone.noise,
+            frequency=alone.frequency,
+            family=points.condition[rows],
             specimen=np.array([specimens.index(test.tyre) for test in tests]),
             shared=np.stack(shared, axis=1),
             prior=np.array([gain, gain, _DRIFT, _POWER]),
@@ -275,50 +243,33 @@ def _curves(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> Cu
     )
 
 
-def _places(tests: Sequence[Test]) -> FloatArray:
-    """Place of each test in the run, from -0.5 to 0.5: by the stated times if all are stated, else by their order."""
-    time = np.array([test.values.get("time", np.nan) for test in tests])
-    time = time if np.all(np.isfinite(time)) else np.arange(len(tests), dtype=float)
-    return (time - time.min()) / (float(np.ptp(time)) or 1.0) - 0.5
-
-
-def _gain(campaign: Campaign) -> float:
-    """Standard uncertainty of the ratio of the gains of V1 and V2, phase included."""
-    channels = [campaign.stated.channels.named(role) for role in CHANNELS[1:]]
-    stds = [std for one in channels if one is not None for std in (one.gain_std, one.phase_std)]
-    return 2.0 * max(float(np.linalg.norm(stds)), 1e-3)
-
-
-def curve_checks(curves: Curves, tests: Sequence[Test]) -> list[tuple[int, Check]]:
-    """Checks of each test against the curve of its condition; of two exchanged tests both are warned."""
-    family, limit = curves.samples.family, curves.limit
-    fits = {int(i): _family_of(curves, int(i)) for i in np.flatnonzero(curves.strange)}
-    rows = []
-    for i in np.flatnonzero(curves.judged).tolist():
-        statistic = float(curves.statistic[i])
-        if i not in fits:
-            rows.append((i, Check(Code.OFF_CURVE, min(statistic, limit), limit, "ok")))
+def curve_checks(curves: Curves, points: Points, rows: np.ndarray) -> Iterator[tuple[int, Check]]:
+    """Checks of each of some rows against the curve of its condition; of two exchanged tests both are warned."""
+    family, limit, frequency = curves.samples.family, curves.limit, curves.samples.frequency
+    fits = {strange: _family_of(curves, strange) for strange in np.flatnonzero(curves.strange).tolist()}
+    for place in np.flatnonzero(curves.judged).tolist():
+        row, statistic = int(rows[place]), float(curves.statistic[place])
+        if place not in fits:
+            yield row, Check(Code.OFF_CURVE, min(statistic, limit), limit, "ok")
             continue
-        percent = 100 * float(abs(np.expm1(curves.off[i])))
-        twins = [k for k, there in fits.items() if there == family[i] and fits[i] == family[k]]
-        if fits[i] is None:
+        percent = 100 * float(abs(np.expm1(curves.off[place])))
+        twins = [k for k, there in fits.items() if there == family[place] and fits[place] == family[k]]
+        if fits[place] is None:
             check = reported(Code.OFF_CURVE, "warning", statistic, limit, percent=percent)
         elif twins:
-            frequency = curves.samples.frequency
-            twin = min(twins, key=lambda k: abs(np.log(frequency[k] / frequency[i])))
-            pair = sorted((i, twin))
-            names = " and ".join(tests[k].name for k in pair)
+            twin = min(twins, key=lambda k: abs(np.log(frequency[k] / frequency[place])))
+            names = " and ".join(points.tests[rows[k]].name for k in sorted((place, twin)))
             check = reported(Code.EXCHANGED, "warning", statistic, limit, names=names, percent=percent)
         else:
-            other = named(tests[int(np.flatnonzero(family == fits[i])[0])], tests[i])
+            there = points.tests[rows[np.flatnonzero(family == fits[place])[0]]]
+            other = condition_words(there, points.tests[row])
             check = reported(Code.OTHER_CURVE, "warning", statistic, limit, other=other, percent=percent)
-        rows.append((i, check))
-    return rows
+        yield row, check
 
 
 def _family_of(curves: Curves, test: int) -> int | None:
     """The other condition on whose curve a strange test lies best; None if it lies on none."""
     own = curves.samples.family[test]
-    others = [int(one) for one in np.unique(curves.samples.family) if one != own]
-    best = min(others, key=lambda one: curves.distance(test, one), default=None)
+    others = [int(family) for family in np.unique(curves.samples.family) if family != own]
+    best = min(others, key=lambda family: curves.distance(test, family), default=None)
     return best if best is not None and curves.distance(test, best) <= curves.limit else None

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
 
-from fourpole.campaign.folder import Campaign, Test, condition_of
+from fourpole.campaign.conditions import condition_words
+from fourpole.campaign.folder import Test
 from fourpole.core import stats
+from fourpole.core.alone import Alone
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import Check, reported
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
-from fourpole.study.own import Own, named
+from fourpole.study.points import Points
 
 #: Tests whose deflections differ by less than this factor have one level.
 _LEVEL = 1.25
@@ -26,45 +28,38 @@ _WORDS = {"random": "random excitation", "sweep": "a sweep"}
 _DECIBEL = 20.0 / np.log(10.0)
 
 
-def excitations(campaign: Campaign, tests: Sequence[Test], own: Sequence[Own]) -> list[tuple[str, Check]]:
+def excitations(points: Points, alone: Alone, further: Sequence[str]) -> Iterator[tuple[str, Check]]:
     """Checks of each condition with several excitations: kinds of test, and levels of random tests and sweeps.
 
     K* is that of each test by itself. The errors of the sensors and of the rig are the same in both and cancel, so the
-    uncertainty of a difference is that of the noise.
+    uncertainty of a difference is that of the noise. Conditions are named with their values on `further` axes.
     """
-    rule = campaign.stated.sameness
-    groups: dict[int, list[int]] = {}
-    for i, number in enumerate(rule.groups([condition_of(test, rule) for test in tests]).tolist()):
-        if np.isfinite(own[i].stiffness) and own[i].noise > 0:
-            groups.setdefault(number, []).append(i)
-    rows = []
-    for group in groups.values():
-        kinds = _kinds(tests, own, group)
-        for one, other in combinations(kinds, 2):
-            name = named(tests[group[0]], further=[axis.name for axis in rule.further])
-            check = _compared(name, (one, other), [[own[i] for i in kinds[key]] for key in (one, other)])
-            rows += [(name, check)] if check is not None else []
-    return rows
+    for rows in points.by_condition(np.isfinite(alone.stiffness) & (alone.noise > 0)):
+        kinds = _kinds(points.tests, alone.deflection, rows)
+        for pair in combinations(kinds, 2):
+            name = condition_words(points.tests[rows[0]], further=further)
+            if (check := _compared(name, pair, [alone.part(kinds[key]) for key in pair])) is not None:
+                yield name, check
 
 
-def _kinds(tests: Sequence[Test], own: Sequence[Own], group: Sequence[int]) -> dict[str, list[int]]:
-    """Tests of a condition by excitation, in words; the amplitude of a sine may change with its frequency."""
+def _kinds(tests: Sequence[Test], deflection: FloatArray, rows: np.ndarray) -> dict[str, list[int]]:
+    """Rows of a condition by excitation, in words; the amplitude of a sine may change with its frequency."""
     found: dict[str, list[int]] = {}
-    for i in sorted(group, key=lambda i: own[i].deflection):
-        if tests[i].band is None:
-            found.setdefault("sines", []).append(i)
+    for row in rows[np.argsort(deflection[rows], kind="stable")].tolist():
+        if tests[row].band is None:
+            found.setdefault("sines", []).append(row)
             continue
-        levels = [key for key in found if key.startswith(_WORDS[tests[i].kind])]
-        if levels and own[i].deflection < _LEVEL * own[found[levels[-1]][0]].deflection:
-            found[levels[-1]].append(i)
+        levels = [key for key in found if key.startswith(_WORDS[tests[row].kind])]
+        if levels and deflection[row] < _LEVEL * deflection[found[levels[-1]][0]]:
+            found[levels[-1]].append(row)
         else:
-            found[f"{_WORDS[tests[i].kind]} of {1e3 * own[i].deflection:.3g} mm"] = [i]
+            found[f"{_WORDS[tests[row].kind]} of {1e3 * deflection[row]:.3g} mm"] = [row]
     return found
 
 
-def _compared(name: str, keys: tuple[str, str], pair: Sequence[Sequence[Own]]) -> Check | None:
+def _compared(name: str, keys: tuple[str, ...], pair: Sequence[Alone]) -> Check | None:
     """The check of two excitations; None if they have fewer than three frequencies in common."""
-    sparse, dense = sorted(pair, key=len)
+    sparse, dense = sorted(pair, key=lambda alone: alone.noise.size)
     off, variance = _differences(sparse, dense)
     if off.size < _FEWEST:
         return None
@@ -83,19 +78,17 @@ def _compared(name: str, keys: tuple[str, str], pair: Sequence[Sequence[Own]]) -
     )  # fmt: skip
 
 
-def _differences(sparse: Sequence[Own], dense: Sequence[Own]) -> tuple[ComplexArray, FloatArray]:
+def _differences(sparse: Alone, dense: Alone) -> tuple[ComplexArray, FloatArray]:
     """Differences of ln K* at the frequencies of the first tests, and the variance of each of their parts."""
-    frequency = np.log([one.frequency for one in dense])
-    values = np.log([one.stiffness for one in dense])
-    weights = np.array([one.noise for one in dense]) ** -2.0
+    frequency, values, weights = np.log(dense.frequency), np.log(dense.stiffness), dense.noise**-2.0
     off, variance = [], []
-    for one in sparse:
-        apart = frequency - np.log(one.frequency)
+    for place in range(sparse.noise.size):
+        apart = frequency - np.log(sparse.frequency[place])
         near = np.abs(apart) < _NEAR
         if not (near & (apart <= 1e-9)).any() or not (near & (apart >= -1e-9)).any():
             continue
         line = np.stack([np.ones(near.sum()), apart[near]], axis=1)[:, : min(2, int(near.sum()))]
         normal = np.linalg.pinv((line.T * weights[near]) @ line)
-        off.append(np.log(one.stiffness) - (normal @ ((line.T * weights[near]) @ values[near]))[0])
-        variance.append(one.noise**2 + normal[0, 0])
+        off.append(np.log(sparse.stiffness[place]) - (normal @ ((line.T * weights[near]) @ values[near]))[0])
+        variance.append(sparse.noise[place] ** 2 + normal[0, 0])
     return np.array(off), np.array(variance)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test
@@ -21,6 +22,7 @@ from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core import recordingchecks as checks
 from fourpole.core.checks import Check, cut_words, reported
 from fourpole.core.codes import Code
+from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.preview import Preview, raw_preview
 from fourpole.core.demodulation.sinefit import fit_sines
@@ -28,7 +30,7 @@ from fourpole.core.demodulation.steady import steady_part
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.linearity import linearity_checks
-from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.rig import Rig
 from fourpole.core.spectra.excited import Excited
@@ -48,7 +50,7 @@ from fourpole.errors import (
 from fourpole.io.door import sha256_of
 from fourpole.io.remote import permission
 from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
-from fourpole.study.outcome import Demodulated, Point, Reduced
+from fourpole.study.points import Demodulated, Points
 
 #: Errors that have a code of their own; any other error of a recording has `Code.RECORDING`.
 _CODES: dict[type[FourpoleError], Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
@@ -71,6 +73,14 @@ _PLAIN_NOISE, _PLAIN_OFF, _PLAIN_FORCE = 0.15, 0.03, 0.8
 _CYCLES_OF_PART = 4.0
 #: Length of the first part [s], or its number of cycles if that is longer.
 _PART, _MOST_CYCLES = 2.0, 20.0
+
+
+#: The amplitudes of a recording that was rejected.
+_UNKNOWN = Phasors(
+    *(np.full(shape, np.nan, kind) for shape, kind in (
+        (1, float), ((1, 3), complex), ((1, 6, 6), float), (1, float), (1, float),
+    ))
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -102,10 +112,6 @@ class Job:
     needed: tuple[str, ...]
     responses: dict[str, str] = field(default_factory=dict)
     remote: str = ""
-
-    def run(self) -> Reduced:
-        """Reduce the recording in this thread; an error becomes a check that rejects the test."""
-        return reduced_of(self, demodulated(self))
 
     @property
     def settings(self) -> list[object]:
@@ -160,41 +166,57 @@ def demodulated(job: Job) -> Demodulated:
     return Demodulated(checks=(why,), sha256=sha256, lasting=lasting)
 
 
-def reduced_of(job: Job, done: Demodulated) -> Reduced:
-    """The result of a job, with the checks that depend on the statement of the campaign."""
-    return Reduced(points_of(job, done), done.sha256, done.began)
-
-
-def points_of(job: Job, done: Demodulated) -> tuple[Point, ...]:
-    """The points of a recording: one for each frequency, with its checks.
-
-    The checks of the whole recording stand at the first point, and at each point if they are not ok.
-    """
-    if not isinstance(done.found, Excited):
-        return (point_of(job, done),)
+def points_of(job: Job, done: Demodulated) -> Points:
+    """The rows of one recording, with the checks that depend on the statement of the campaign."""
     found, rig = done.found, job.rig.rig() if job.rig is not None else None
-    whole = (
-        *done.checks,
-        *_checks_of_force(job.test, found.force_peak, done.mean_force),
-        *_checks_of_lines(job, found, rig),
+    phasors, columns = _UNKNOWN, dict[str, np.ndarray]()
+    checks: tuple[tuple[Check, ...], ...] = (done.checks,)
+    corrections: tuple[tuple[Correction, ...], ...] = ((),)
+    shown: tuple[tuple[str, ...], Preview] | None = None
+    if isinstance(found, Demodulation):
+        phasors, corrections, shown = (
+            found.phasors.part(np.newaxis),
+            (found.corrections,),
+            (found.channels, found.preview),
+        )
+        checks = ((*done.checks, *_checks_of(job, found, done.mean_force, rig)),)
+    elif found is not None:
+        phasors, corrections, columns = found.phasors, found.corrections, _columns_of(found)
+        shown = (CHANNELS[: len(found.preview.signals)], found.preview) if found.preview is not None else None
+        checks = tuple(_checks_of_lines(job, done, found, rig))
+    count = len(checks)
+    return Points(
+        tests=(job.test,) * count,
+        phasors=phasors,
+        checks=checks,
+        corrections=corrections,
+        previews=(shown, *(None,) * (count - 1)),
+        began=np.full(count, np.nan if done.began is None else done.began),
+        sha256=(done.sha256,) * count,
+        columns=columns,
     )
-    bad = tuple(row for row in whole if row.verdict != "ok")
-    points = []
-    for at in range(found.averages.size):
-        rows = (*(bad if at else whole), *_checks_of_line(job, found, at, rig))
-        points.append(Point(found.phasors.part(at), rows, found.corrections[at], line=found.line(at)))
-    if found.preview is not None:
-        roles = CHANNELS[: len(found.preview.signals)]
-        points[0] = replace(points[0], channels=roles, preview=found.preview)
-    return tuple(points)
 
 
-def _checks_of_lines(job: Job, found: Excited, rig: Rig | None) -> Iterator[Check]:
-    """The checks of all lines of a recording together."""
-    yield from check_closure(found)
-    yield from check_shared_noise(found)
+def _columns_of(found: Excited) -> dict[str, np.ndarray]:
+    """What the averaged spectra show of each line beside its amplitudes, by column of lines.csv."""
+    columns: dict[str, np.ndarray] = {q.WIDTH.head: found.width, q.AVERAGES.head: found.averages}
+    columns |= zip((one.head for one in q.COHERENCES), found.coherence.T, strict=True)
+    columns |= zip(q.CLOSURE_PHASE.heads, found.closure.T, strict=True)
+    for quantity, values in zip(q.ESTIMATES, found.estimates.T, strict=True):
+        columns |= zip(quantity.parts, (values.real, values.imag), strict=True)
+    return columns
+
+
+def _checks_of_lines(job: Job, done: Demodulated, found: Excited, rig: Rig | None) -> Iterator[tuple[Check, ...]]:
+    """The checks of each line; those of all lines together stand at the first, and at each line if they are not ok."""
+    whole = [*done.checks, *_checks_of_force(job.test, found.force_peak, done.mean_force)]
+    whole += [*check_closure(found), *check_shared_noise(found)]
     if rig is not None:
-        yield from check_pooled(found, rig, job.test.value("added_mass") or 0.0, _sensors(job.channels))
+        whole += check_pooled(found, rig, job.test.value("added_mass") or 0.0, _sensors(job.channels))
+    for line in range(found.averages.size):
+        yield (*whole, *_checks_of_line(job, found, line, rig))
+        if not line:
+            whole = [check for check in whole if check.verdict != "ok"]
 
 
 def _checks_of_line(job: Job, found: Excited, at: int, rig: Rig | None) -> Iterator[Check]:
@@ -214,15 +236,6 @@ def _sensors(channels: ChannelsFile) -> Sensors:
     stated = [one for one in both if one is not None]
     gains, phases, delays = ([getattr(one, name) for one in stated] for name in ("gain_std", "phase_std", "std_delay"))
     return Sensors(*(tuple([*values, 0.0, 0.0][:2]) for values in (gains, phases, delays)))
-
-
-def point_of(job: Job, done: Demodulated) -> Point:
-    """The point of a demodulated recording, with all its checks."""
-    found = done.found
-    if not isinstance(found, Demodulation):
-        return Point(None, done.checks)
-    every = (*done.checks, *_checks_of(job, found, done.mean_force))
-    return Point(found.phasors, every, found.corrections, found.channels, found.preview)
 
 
 def check_part(job: Job) -> tuple[Check, ...]:
@@ -248,7 +261,7 @@ def _checks_of_part(job: Job, path: Path) -> tuple[Check, ...]:
     shown = tuple(rows)
     if not _is_plain(job, recording):
         cycles = _MOST_CYCLES / (near or _shown_frequency(job, path, recording))
-        shown = reduced_point(job, path, max(_PART, cycles)).checks
+        (shown,) = points_of(job, demodulated_part(job, path, max(_PART, cycles))).checks
     moved = [row for row in shown if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
     runs = job.test.window is not None or all(row.verdict == "ok" for row in moved)
     bad = [row for row in shown if row.verdict == "rejected"]
@@ -292,11 +305,6 @@ def _is_sine(track: Track, frequency: float) -> bool:
     fit = fit_sines(track, 2 * np.pi * frequency, 1, np.empty(0))
     left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
     return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))
-
-
-def reduced_point(job: Job, path: Path, part: float | None = None) -> Point:
-    """Amplitudes of all stated channels with all checks; see `demodulated_part`."""
-    return point_of(job, demodulated_part(job, path, part))
 
 
 def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodulated:
@@ -437,11 +445,10 @@ def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording
     return recording, rows
 
 
-def _checks_of(job: Job, found: Demodulation, mean_force: float) -> Iterator[Check]:
+def _checks_of(job: Job, found: Demodulation, mean_force: float, rig: Rig | None) -> Iterator[Check]:
     """The checks of one demodulated test; a fault of a channel that the route does not need is a warning."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, frequency = job.test, float(found.phasors.frequency)
-    rig = job.rig.rig() if job.rig is not None else None
     added = test.value("added_mass") or 0.0
     yield from linearity_checks(found.harmonics, frequency, rig, added)
     yield checks.check_frequency(frequency, test.value("frequency"))

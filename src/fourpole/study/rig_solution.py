@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -269,12 +268,12 @@ def _added(joint: Joint) -> FloatArray:
     return joint.problem.observed.added(joint.problem.shared.masses)[np.argsort(joint.order)]
 
 
-def residual_rows(joint: Joint, phasors: Phasors) -> list[dict[str, Any]]:
-    """The rows of residuals.csv in the order of the tests, without test and rig."""
+def residual_columns(joint: Joint, phasors: Phasors) -> dict[str, FloatArray]:
+    """The columns of residuals.csv in the order of the tests, without test and rig."""
     left, problem = joint.residuals, joint.problem
     impedance = problem.columns("impedance", joint.solution.z, joint.solution.stiffness)[np.argsort(joint.order)]
     std = np.sqrt(np.diagonal(left.impedance_covariance, 0, 1, 2))
-    columns = {
+    return {
         q.ADDED_MASS.head: _added(joint),
         q.FREQUENCY.head: phasors.frequency,
         q.RESIDUAL_RE.head: left.impedance.real,
@@ -287,8 +286,6 @@ def residual_rows(joint: Joint, phasors: Phasors) -> list[dict[str, Any]]:
         q.DOF.head: left.rig_dof,
         q.OUTLIER.head: joint.outlier,
     }
-    rows = zip(*(np.asarray(column, dtype=float).tolist() for column in columns.values()), strict=True)
-    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def _unshared_masses(joint: Joint) -> bool:

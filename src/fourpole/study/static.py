@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test, condition_of
+from fourpole.campaign.conditions import condition_of
+from fourpole.campaign.folder import Campaign, Test
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, reported, worst_verdict
 from fourpole.core.codes import Code
@@ -20,6 +21,7 @@ from fourpole.errors import FourpoleError, LoadCurveError, out_of_memory
 from fourpole.io.child import SECONDS
 from fourpole.study.cache import Cache
 from fourpole.study.curvefile import CurveOfFile, read_curve
+from fourpole.study.points import StaticStiffness
 
 _RULE = Sameness()
 #: Checks of a static test that the remarks of the dynamic tests repeat.
@@ -56,24 +58,6 @@ class StaticRow:
     def remarks(self) -> tuple[str, ...]:
         """The remarks of the checks."""
         return tuple(row.remark for row in self.checks if row.remark)
-
-
-@dataclass(frozen=True)
-class StaticStiffness:
-    """K1 for a dynamic test with the parts of its uncertainty, or the `reason` why there is none, with its `remedy`.
-
-    `doubt` is a remark that does not change the verdict; `warnings` are checks that make the verdict a warning. `time`
-    is the mean time of the static tests [s]; not-a-number if one of them is unknown.
-    """
-
-    value: float = float("nan")
-    std: float = float("nan")
-    reason: str = ""
-    remedy: str = ""
-    doubt: str = ""
-    warnings: tuple[Check, ...] = ()
-    parts: Mapping[Source, float] = field(default_factory=dict)
-    time: float = float("nan")
 
 
 @dataclass(frozen=True)

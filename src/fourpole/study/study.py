@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 from numpy.typing import ArrayLike
 
+from fourpole.campaign.conditions import condition_numbers
 from fourpole.campaign.folder import LIMITS, Campaign, Test, read_campaign
 from fourpole.campaign.place import inside
-from fourpole.core.checks import Check
-from fourpole.core.codes import Code
-from fourpole.core.condition import Sameness
 from fourpole.core.joint.around import Likelihood
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
@@ -35,20 +33,20 @@ from fourpole.io.remote import EVERY, allowing
 from fourpole.io.write import remove_leftovers, write_table
 from fourpole.models.families import by_amplitude
 from fourpole.study.cache import Cache
-from fourpole.study.cells import dynamic_cells, dynamic_checks
-from fourpole.study.compare import compare_tests
-from fourpole.study.identified import identify_tests, no_rig, possible_route
+from fourpole.study.compare import compare_points
+from fourpole.study.identify import identify_points, no_rig, possible_route
 from fourpole.study.load import MOST_BYTES
 from fourpole.study.notebook import tables_html
 from fourpole.study.onetest import TestsByName
-from fourpole.study.outcome import BEGAN, Reduced
+from fourpole.study.points import Points, StaticStiffness
 from fourpole.study.record import write_record
 from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate
-from fourpole.study.static import StaticRow, StaticStiffness, StaticTest, evaluate_statics, stiffness_for
-from fourpole.study.table_rows import Analysed
+from fourpole.study.selection import select_tables
+from fourpole.study.static import StaticTest, evaluate_statics, stiffness_for
 from fourpole.study.tables import TABLE_FILES, TABLES, Tables, verdict_counts
+from fourpole.study.verdicts import judge_points
 from fourpole.study.workers import Settings, reduce_tests
 from fourpole.units import shown
 from fourpole.version import VERSION
@@ -313,7 +311,7 @@ def analyse(
     time_limit: float = SECONDS,
     remote: bool = False,
     progress: Callable[[int, int], None] | None = None,
-    arrived: Callable[[str, Reduced], None] | None = None,
+    arrived: Callable[[str, Points], None] | None = None,
 ) -> Study:
     """Analyse a campaign: static curves, demodulation, identification, tables.
 
@@ -384,74 +382,33 @@ def analyse(
             remove_leftovers(kept, abandoned=0.0)
         cached = Cache(kept, verify=verify) if kept is not None else None
         statics = evaluate_statics(campaign, cached, time_limit)
-        reduced = reduce_tests(
+        points = reduce_tests(
             jobs_of(campaign, dynamic, route),
             cache=cached,
             settings=Settings(workers, executor, time_limit),
             progress=progress,
             arrived=arrived,
         )
-    analysed, remarks = _analysed(campaign, statics, reduced, route, (monte_carlo, seed))
+    dynamic_k1 = (_stiffness(test, statics, campaign) for test in points.tests)
+    points = replace(points, condition=condition_numbers(campaign, points.tests), stiffness=tuple(dynamic_k1))
+    compared = compare_points(campaign, points)
+    groups, remarks = identify_points(campaign, compared.points, compared.strange, route, monte_carlo, seed)
+    points = judge_points(compared.points, groups, route)
+    for group in groups:
+        points = points.with_columns(group.rows, group.columns)
     assumed = (*campaign.stated.assumptions(), *_assumed(dynamic))
     return Study(
         campaign=campaign,
-        tables={name: spec.of(analysed) for name, spec in TABLES.items()},
+        tables=select_tables(campaign, statics, points, groups, compared.conditions, route),
         route=route,
-        rigs=tuple(group.estimate for group, _ in analysed.groups if group.estimate is not None),
+        rigs=tuple(group.estimate for group in groups if group.estimate is not None),
         monte_carlo=monte_carlo,
-        likelihoods={
-            group.setup.rig_name: likelihood_of(group.joint) for group, _ in analysed.groups if group.joint is not None
-        },
-        notes=(*([note] if note else []), *remarks, *assumed),
+        likelihoods={group.rig_name: likelihood_of(group.joint) for group in groups if group.joint is not None},
+        notes=(*([note] if note else []), *remarks, *compared.notes, *assumed),
         assumptions=assumed,
-        sha256=_hashes(campaign, statics, dynamic, reduced),
+        sha256=_hashes(campaign, statics, points),
         seed=seed,
     )
-
-
-def _analysed(
-    campaign: Campaign, statics: Sequence[StaticTest], reduced: Sequence[Reduced], route: str, draws: tuple[int, int]
-) -> tuple[Analysed, list[str]]:
-    """The outcome of an analysis from the static tests and the reduced recordings, and notes on the rigs.
-
-    `draws` is the number of draws and their seed.
-    """
-    dynamic = campaign.of_kind("dynamic")
-    tests = [_begun(test, item) for test, item in zip(dynamic, reduced, strict=True) for _ in item.points]
-    points = [point for item in reduced for point in item.points]
-    rows, rule = [row for item in statics for row in item.rows], campaign.stated.sameness
-    per_kelvin = campaign.stated.conditions.per_kelvin
-    stiffness = [_stiffness(test, rows, rule, per_kelvin) for test in tests]
-    compared = compare_tests(campaign, tests, points, [one.value for one in stiffness])
-    found, notes = identify_tests(campaign, tests, points, stiffness, route, *draws, compared.strange)
-    checks = [
-        _in_order((*compared.checks[i], *dynamic_checks(test, points[i], stiffness[i], found.get(i), route)))
-        for i, test in enumerate(tests)
-    ]
-    cells = [
-        dynamic_cells(point, found.get(i), route, checks[i], blocked=_blocked(campaign, tests[i]))
-        for i, point in enumerate(points)
-    ]
-    return Analysed(campaign, statics, tests, points, checks, cells, found, compared.conditions), [
-        *notes,
-        *compared.notes,
-    ]
-
-
-def _begun(test: Test, item: Reduced) -> Test:
-    """The test with the time at which its recording began, where its file states that."""
-    return test if item.began is None else replace(test, values={**test.values, BEGAN: item.began})
-
-
-def _in_order(checks: Sequence[Check]) -> tuple[Check, ...]:
-    """The checks of a test; that of its linearity first, because all others assume a linear specimen."""
-    return tuple(sorted(checks, key=lambda row: row.code is not Code.LINEARITY))
-
-
-def _blocked(campaign: Campaign, test: Test) -> bool:
-    """Whether the far side of the specimen does not move."""
-    rig = campaign.stated.all_rigs.get(test.rig)
-    return rig is not None and rig.output == "blocked"
 
 
 def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
@@ -464,9 +421,12 @@ def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
         )
 
 
-def _stiffness(test: Test, rows: Sequence[StaticRow], rule: Sameness, per_kelvin: float) -> StaticStiffness:
+def _stiffness(test: Test, statics: Sequence[StaticTest], campaign: Campaign) -> StaticStiffness:
     """K1 of a test; a rigid block has none."""
-    return StaticStiffness() if test.kind == "calibration" else stiffness_for(test, rows, rule, per_kelvin)
+    stated, rows = campaign.stated, [row for static in statics for row in static.rows]
+    if test.kind == "calibration":
+        return StaticStiffness()
+    return stiffness_for(test, rows, stated.sameness, stated.conditions.per_kelvin)
 
 
 def _assumed(tests: Sequence[Test]) -> list[str]:
@@ -479,15 +439,12 @@ def _assumed(tests: Sequence[Test]) -> list[str]:
     ]
 
 
-def _hashes(
-    campaign: Campaign, statics: Sequence[StaticTest], dynamic: Sequence[Test], reduced: Sequence[Reduced]
-) -> dict[str, str]:
+def _hashes(campaign: Campaign, statics: Sequence[StaticTest], points: Points) -> dict[str, str]:
     """Hash of each file that was read, by its name in the campaign."""
     folder, logo = campaign.folder, campaign.stated.report.logo
     hashes = {name: sha256 for name, sha256 in campaign.sha256.items() if name != LIMITS or campaign.limits.limits}
     if logo:
         hashes[logo] = sha256_of(inside(folder, logo), max_bytes=MOST_BYTES, label=logo, within=folder)
     hashes |= response_hashes(campaign)
-    hashes |= {item.test.file: item.sha256 for item in statics if item.sha256}
-    hashes |= {test.file: item.sha256 for test, item in zip(dynamic, reduced, strict=True) if item.sha256}
-    return hashes
+    hashes |= {static.test.file: static.sha256 for static in statics if static.sha256}
+    return hashes | {test.file: sha256 for test, sha256 in zip(points.tests, points.sha256, strict=True) if sha256}

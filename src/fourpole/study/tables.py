@@ -6,9 +6,8 @@ column `point` is written only where a test has more than one point.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,13 +16,12 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.core.checks import VERDICTS, worst_verdict
+from fourpole.core.demodulation.preview import BLOCKS, POINTS
+from fourpole.core.phasor import SYMBOLS
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.likelihood import LIKELIHOOD_COLUMNS
 from fourpole.fitting.rows import KEY
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity
-from fourpole.study import table_rows as made
-from fourpole.study.previews import PREVIEW_COLUMNS, preview_table
-from fourpole.study.table_rows import Analysed, Row
 
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
 _KINDS = {one.head: one.kind for one in QUANTITIES}
@@ -43,8 +41,6 @@ class TableSpec:
         The thing that a row describes.
     columns : mapping of str to polars type
         Heads in the order of the file.
-    make : callable
-        Returns the rows, or the table, of an analysis; further columns follow those of `columns`.
     key : tuple of str
         Columns that identify a row.
     endings : tuple of str
@@ -58,18 +54,39 @@ class TableSpec:
     name: str
     about: str
     columns: Mapping[str, Any]
-    make: Callable[[Analysed], list[Row] | pl.DataFrame]
     key: tuple[str, ...] = KEY
     endings: tuple[str, ...] = (".csv",)
     always: bool = False
     read: bool = True
 
-    def of(self, analysed: Analysed) -> pl.DataFrame:
-        """The table, with the column `point` where a test has more than one."""
-        found = self.make(analysed)
-        table = found if isinstance(found, pl.DataFrame) else _frame(found, self.columns)
-        single = q.POINT.head in table.columns and (table[q.POINT.head] == 1).all()
-        return table.drop(q.POINT.head) if single else table
+    def frame(self, columns: Mapping[str, Any]) -> pl.DataFrame:
+        """The table of columns by head, equal in length; test and point come first, and further columns last.
+
+        A number that is not finite is a blank cell. The column `point` is left out if no test has more than one.
+        """
+        count = len(next(iter(columns.values()), ()))
+        points = columns.get(q.POINT.head)
+        several = points is not None and any(point != 1 for point in points)
+        first = KEY if several else ()
+        heads = [head for head in dict.fromkeys((*first, *self.columns, *columns)) if several or head != q.POINT.head]
+        types = {head: self.columns.get(head, OPTIONAL.get(head, pl.String)) for head in heads}
+        blank = [None] * count
+        return pl.DataFrame([_series(head, columns.get(head, blank), kind) for head, kind in types.items()])
+
+    def of_rows(self, rows: Sequence[Mapping[str, Any]]) -> pl.DataFrame:
+        """The table of rows by head; a row that lacks a head has a blank cell."""
+        heads = dict.fromkeys(head for row in rows for head in row)
+        return self.frame({head: [row.get(head) for row in rows] for head in heads})
+
+
+def _series(head: str, values: Any, kind: Any) -> pl.Series:
+    """A column; numbers that are not finite are blank."""
+    if kind == pl.Float64:
+        numbers = np.array(values, dtype=float)
+        return pl.Series(head, numbers, dtype=kind).set(pl.Series(~np.isfinite(numbers)), None)
+    if kind in (pl.String, pl.Int64) or not isinstance(values, np.ndarray):
+        return pl.Series(head, list(values), dtype=kind, strict=False)
+    return pl.Series(head, values, dtype=kind)
 
 
 class _Held:
@@ -97,40 +114,24 @@ def _columns(*columns: Quantity | str) -> dict[str, Any]:
     return {head: _TYPES[_KINDS.get(head, "number")] for head in heads}
 
 
-def _frame(rows: Iterable[Row], columns: Mapping[str, Any]) -> pl.DataFrame:
-    """Rows as a table: test and point first, then `columns`, then the further columns of the rows."""
-    rows = list(rows)
-    heads = dict.fromkeys(head for row in rows for head in row)
-    first = KEY if q.POINT.head in heads else ()
-    types = {head: columns.get(head, OPTIONAL.get(head, pl.String)) for head in (*first, *columns, *heads)}
-    series = {head: [_plain(row.get(head)) for row in rows] for head in types}
-    return pl.DataFrame(series, schema=types, strict=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
 STATIC = TableSpec(
     "static", "a static test at a preload in use",
     _columns(
         q.TEST, q.TYRE, q.CONSTRUCTION, q.PRESSURE, q.PRELOAD, *q.K1.heads, q.K1_OF, q.K1_LOADING, q.K1_UNLOADING,
         q.GAP, q.SECANT, *q.CYCLE_LOSS.heads, q.BRANCH_TIME, q.CYCLE, q.NONLINEARITY, q.VERDICT, q.REMARKS,
     ),
-    made.static_rows, key=(q.TEST.head, q.PRELOAD.head), always=True,
-)  # fmt: skip
-_DYNAMIC = _columns(
-    q.TEST, q.RIG, q.TYRE, q.CONSTRUCTION, q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY,
-    q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
-    q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
-    q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads,
-    *(head for one in DERIVED for head in one.heads), q.ROUTE, q.VERDICT, q.REMARKS,
+    key=(q.TEST.head, q.PRELOAD.head), always=True,
 )  # fmt: skip
 DYNAMIC = TableSpec(
-    "dynamic", "a dynamic test", _DYNAMIC, partial(made.dynamic_rows, taken=_DYNAMIC), endings=(".csv", ".parquet"),
-    always=True,
+    "dynamic", "a dynamic test",
+    _columns(
+        q.TEST, q.RIG, q.TYRE, q.CONSTRUCTION, q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY,
+        q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
+        q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
+        q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads,
+        *(head for one in DERIVED for head in one.heads), q.ROUTE, q.VERDICT, q.REMARKS,
+    ),
+    endings=(".csv", ".parquet"), always=True,
 )  # fmt: skip
 RIG = TableSpec(
     "rig", "a value that tests share: of the rig, a channel, an added mass",
@@ -138,7 +139,7 @@ RIG = TableSpec(
         q.RIG, q.VALUE, q.UNIT, *q.STATED.heads, *q.FOUND.heads, q.POSTERIOR, q.PULL, q.DETECTION_LIMIT, q.FINDING,
         q.REMARKS,
     ),
-    made.rig_rows, key=(q.RIG.head, q.VALUE.head),
+    key=(q.RIG.head, q.VALUE.head),
 )  # fmt: skip
 RESIDUALS = TableSpec(
     "residuals", "a dynamic test that the joint route used",
@@ -146,29 +147,28 @@ RESIDUALS = TableSpec(
         q.TEST, q.RIG, q.ADDED_MASS, q.FREQUENCY, q.RESIDUAL_RE, q.RESIDUAL_IM, q.RESIDUAL_RE.u_head,
         q.RESIDUAL_IM.u_head, *q.ZR.parts, q.CHI2, q.DOF, q.OUTLIER,
     ),
-    made.joint_residual_rows,
 )  # fmt: skip
 QUANTILES = TableSpec(
     "quantiles", "K2 or C of a dynamic test, where value ± 1.96 u is not a 95 % interval",
     _columns(q.TEST, q.QUANTITY, q.UNIT, q.LOWER, q.MEDIAN, q.UPPER, q.NON_PASSIVE),
-    made.quantile_rows, key=(*KEY, q.QUANTITY.head),
+    key=(*KEY, q.QUANTITY.head),
 )  # fmt: skip
-_BUDGET = _columns(q.TEST, q.QUANTITY, q.UNIT, q.SOURCE, q.U, q.SHARE)
 BUDGET = TableSpec(
-    "budget", "a source of uncertainty of a quantity of a dynamic test", _BUDGET,
-    partial(made.budget_table, columns=_BUDGET), key=(*KEY, q.QUANTITY.head, q.SOURCE.head),
+    "budget", "a source of uncertainty of a quantity of a dynamic test",
+    _columns(q.TEST, q.QUANTITY, q.UNIT, q.SOURCE, q.U, q.SHARE),
+    key=(*KEY, q.QUANTITY.head, q.SOURCE.head),
 )  # fmt: skip
 CHECKS = TableSpec(
     "checks", "a check of a test, or of a condition",
     _columns(q.TEST, q.CODE, q.CHANNEL, q.STATISTIC, q.LIMIT, q.VERDICT, q.REMEDY),
-    made.check_rows, key=(*KEY, q.CODE.head, q.CHANNEL.head),
+    key=(*KEY, q.CODE.head, q.CHANNEL.head),
 )  # fmt: skip
 CORRECTIONS = TableSpec(
     "corrections", "what was undone at an amplitude of a dynamic test",
     _columns(
         q.TEST, q.FREQUENCY, q.CHANNEL, q.CORRECTION, q.GAIN, q.PHASE, q.GAIN.u_head, q.PHASE.u_head
     ),
-    made.correction_rows, key=(*KEY, q.CHANNEL.head, q.CORRECTION.head), read=False,
+    key=(*KEY, q.CHANNEL.head, q.CORRECTION.head), read=False,
 )  # fmt: skip
 LINES = TableSpec(
     "lines", "a line of a test under random excitation or a sweep: what its spectra show",
@@ -176,7 +176,6 @@ LINES = TableSpec(
         q.TEST, q.FREQUENCY, q.WIDTH, q.AVERAGES, *q.COHERENCES, *q.CLOSURE_PHASE.heads,
         *(part for one in q.ESTIMATES for part in one.parts),
     ),
-    made.line_rows,
 )  # fmt: skip
 PHASORS = TableSpec(
     "phasors", "complex amplitudes of a dynamic test",
@@ -186,7 +185,7 @@ PHASORS = TableSpec(
         ),
         q.PHASOR_COVARIANCE.head: pl.Array(pl.Float64, 36),
     },
-    made.phasor_rows, endings=(".parquet",), always=True, read=False,
+    endings=(".parquet",), always=True, read=False,
 )  # fmt: skip
 COVARIANCE = TableSpec(
     "covariance", "K* of a dynamic test: what it has in common with others",
@@ -194,16 +193,30 @@ COVARIANCE = TableSpec(
         **_columns(*COVARIANCE_COLUMNS),
         q.OWN_COVARIANCE.head: pl.Array(pl.Float64, 4),
     },
-    made.covariance_rows, endings=(".parquet",), always=True, read=False,
+    endings=(".parquet",), always=True, read=False,
 )  # fmt: skip
 LIKELIHOOD = TableSpec(
     "likelihood", "a dynamic test as the joint route weighed it", _columns(q.TEST, *LIKELIHOOD_COLUMNS),
-    made.likelihood_table_rows, endings=(".parquet",), read=False,
+    endings=(".parquet",), read=False,
 )  # fmt: skip
+#: The columns of a static test, the loop and its mean; what is shown of each channel of a dynamic test.
+LOOP = tuple(one.head for one in (q.DEFLECTION, q.LOAD, q.MEAN_DEFLECTION, q.MEAN_LOAD))
+SHOWN = ("", " fit", " residual")
+#: Samples and, two for each block, extremes of the residual that a row has room for, by column of a dynamic test.
+ROOM = {
+    q.TIME.head: POINTS,
+    q.RESIDUAL_TIME.head: 2 * BLOCKS,
+    **{f"{name}{what}": 2 * BLOCKS if what == " residual" else POINTS for name in SYMBOLS.values() for what in SHOWN},
+}
 PREVIEWS = TableSpec(
     "previews",
     "a test: a few cycles of signal, fit and residual (not-a-number after the last), or the static loop and its mean",
-    PREVIEW_COLUMNS, preview_table, endings=(".parquet",), always=True,
+    {
+        q.TEST.head: pl.String,
+        **dict.fromkeys(LOOP, pl.List(pl.Float32)),
+        **{name: pl.Array(pl.Float32, room) for name, room in ROOM.items()},
+    },
+    endings=(".parquet",), always=True,
 )  # fmt: skip
 
 #: All result tables, by name.

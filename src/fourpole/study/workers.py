@@ -35,9 +35,9 @@ from fourpole.io.remote import allow, is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
 from fourpole.study.guard import is_guarded
-from fourpole.study.outcome import Demodulated, Reduced
+from fourpole.study.points import Demodulated, Points
 from fourpole.study.reduce import OF_WORK as OF_JOB
-from fourpole.study.reduce import Job, check_part, demodulated, reduced_of
+from fourpole.study.reduce import Job, check_part, demodulated, points_of
 
 #: Largest number of worker processes that is chosen by itself.
 _MOST = 8
@@ -212,9 +212,9 @@ def reduce_tests(
     cache: Cache | None = None,
     settings: Settings | None = None,
     progress: Callable[[int, int], None] | None = None,
-    arrived: Callable[[str, Reduced], None] | None = None,
-) -> list[Reduced]:
-    """Results of the jobs in the order of the jobs, from the cache where it has them."""
+    arrived: Callable[[str, Points], None] | None = None,
+) -> Points:
+    """The points of the jobs in the order of the jobs, from the cache where it has them."""
     run = _Run(jobs, cache, settings or Settings(), progress, arrived)
     left = run.recalled()
     try:
@@ -225,7 +225,7 @@ def reduce_tests(
     finally:
         if cache is not None:
             cache.close()
-    return [run.results[index] for index in range(len(jobs))]
+    return Points.joined([run.results[index] for index in range(len(jobs))])
 
 
 class _Run:
@@ -237,9 +237,9 @@ class _Run:
         cache: Cache | None,
         settings: Settings,
         progress: Callable[[int, int], None] | None,
-        arrived: Callable[[str, Reduced], None] | None,
+        arrived: Callable[[str, Points], None] | None,
     ) -> None:
-        self.results: dict[int, Reduced] = {}
+        self.results: dict[int, Points] = {}
         self._jobs, self._cache, self._settings = jobs, cache, settings
         self._progress, self._arrived = progress, arrived
         self._identities: list[Identity | None] = _identities(jobs)
@@ -350,7 +350,7 @@ class _Run:
         return True
 
     def _have(self, index: int, done: Demodulated) -> None:
-        self.results[index] = reduced_of(self._jobs[index], done)
+        self.results[index] = points_of(self._jobs[index], done)
         if self._arrived is not None:
             self._arrived(self._jobs[index].test.name, self.results[index])
         if self._progress is not None:

@@ -119,7 +119,7 @@ def solve_joint(
     label = group_conditions(family, phasors.frequency, nominal, own)
     order = np.lexsort((np.arange(count), label))
     masses, mass_at, masses_std = _distinct(added, added_std)
-    names, number = np.unique(np.array(specimen or [""] * count), return_inverse=True)
+    names, number = np.unique(np.array([""] * count if specimen is None else specimen, dtype=str), return_inverse=True)
     when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
     run = number[order], _places(number, when)[order]
     errors = channels.part(order).errors(phasors.omega[order], possible=True)

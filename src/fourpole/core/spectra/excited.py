@@ -57,33 +57,6 @@ class Found(ByValue):
     shared: FloatArray | None = None
 
 
-@dataclass(frozen=True)
-class Line:
-    """What the averaged spectra show of one line beside its amplitudes.
-
-    Attributes
-    ----------
-    width : float [Hz]
-        Width of the band that it stands for.
-    averages : float [1]
-        Number of independent averages.
-    coherence : tuple of six floats [1]
-        Coherence of F1 and V1, V1 and V2, V2 and F1, and of the drive with F1, V1 and V2; not-a-number where a
-        channel is not recorded.
-    closure, closure_std : float [rad]
-        Closure phase and its standard uncertainty; not-a-number without V2.
-    estimates : tuple of three complex numbers [m/(N s)]
-        Mobility V1/F1 by H1, H2 and Hv.
-    """
-
-    width: float
-    averages: float
-    coherence: tuple[float, ...]
-    closure: float
-    closure_std: float
-    estimates: tuple[complex, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Excited(ByValue):
     """Amplitudes of one recording at many frequencies, with figures of quality of each line.
@@ -145,14 +118,6 @@ class Excited(ByValue):
     shared: FloatArray = field(default_factory=lambda: np.zeros((3, 4)))
     driven: bool = False
     preview: Preview | None = None
-
-    def line(self, at: int) -> Line:
-        """What the spectra show of one line."""
-        closure, std = self.closure[at].tolist()
-        return Line(
-            float(self.width[at]), float(self.averages[at]), tuple(self.coherence[at].tolist()), closure, std,
-            tuple(self.estimates[at].tolist()),
-        )  # fmt: skip
 
 
 def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tuple[float, float]]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.plan import PLAN_ROUTES, Advice, Outcome
 from fourpole.planning.plan import AS_STATED, CampaignPlan
-from fourpole.study.identified import NOT_LINEAR
 
 _SHORT = {"mobility": "mobility", "relative": "relative", "transmissibility": "transmiss.", "joint": "joint"}
 _MOST_FREQUENCIES = 16

@@ -1,0 +1,74 @@
+"""K* of each test by itself, before tests are identified together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
+from fourpole.core.deflection import deflection_amplitude
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
+from fourpole.core.routes import stiffness_by
+
+
+@dataclass(frozen=True, eq=False)
+class Alone(ByRows):
+    """K* and deflection of N tests, each without the others; not-a-number where they are not known.
+
+    Attributes
+    ----------
+    stiffness : (N,) complex array [N/m]
+        K*: from F1, V1 and V2, or from F1, V1 and the rig where V2 is not known.
+    noise : (N,) float array [1]
+        Standard uncertainty of ln K* from the noise.
+    deflection : (N,) float array [m]
+        Amplitude of the specimen's deflection.
+    frequency : (N,) float array [Hz]
+        Frequency of the test.
+    lever : (N,) complex array [1]
+        1/(1 - V2/V1), by which an error of the ratio of the gains of V1 and V2 acts on ln K*; 0 without V2.
+    """
+
+    stiffness: ComplexArray
+    noise: FloatArray
+    deflection: FloatArray
+    frequency: FloatArray
+    lever: ComplexArray
+
+    @classmethod
+    def of(cls, phasors: Phasors, rigs: Sequence[Rig | None], added: FloatArray) -> Alone:
+        """K* of N tests on their rigs, with their added masses [kg]."""
+        rows = [_alone(phasors.part(row), rig, mass) for row, (rig, mass) in enumerate(zip(rigs, added, strict=True))]
+        kinds = (complex, float, float, float, complex)
+        return cls(*(np.array([row[place] for row in rows], dtype=kind) for place, kind in enumerate(kinds)))
+
+
+def _alone(phasors: Phasors, rig: Rig | None, added: float) -> tuple[complex, float, float, float, complex]:
+    """The row of one test."""
+    omega = float(phasors.omega)
+    f1, v1, v2 = phasors.amplitudes
+    force = f1 - (0.0 if rig is None else 1j * omega * rig.input_mass * v1)
+    blocked = rig is not None and rig.blocked
+    with np.errstate(all="ignore"):
+        if blocked or not np.isfinite(v2):
+            impedance = np.inf if rig is None or blocked else complex(rig.impedance(omega, added))
+            stiffness = stiffness_by("mobility", [np.asarray(a) for a in (force, v1, v2)], impedance, omega)
+            lever, slopes = 0j, np.array([1 / f1, -1 / v1, 0.0])
+        else:
+            stiffness = stiffness_by("relative", [np.asarray(a) for a in (force, v1, v2)], 0.0, omega)
+            lever = complex(np.divide(v1, v1 - v2))
+            slopes = np.array([1 / f1, -1 / (v1 - v2), 1 / (v1 - v2)])
+        moved = deflection_amplitude(force, v1, v2, omega, stiffness=complex(stiffness), blocked=blocked)
+        noise = _noise(phasors, slopes)
+    return complex(stiffness), noise, float(moved), float(phasors.frequency), lever
+
+
+def _noise(phasors: Phasors, slopes: ComplexArray) -> float:
+    """The larger standard uncertainty of both parts of a complex function of the amplitudes, by its slopes (3,)."""
+    turn = np.zeros((2, 6))
+    turn[0, 0::2], turn[0, 1::2], turn[1, 0::2], turn[1, 1::2] = slopes.real, -slopes.imag, slopes.imag, slopes.real
+    covariance = np.where(np.isfinite(phasors.covariance), phasors.covariance, 0.0)
+    return float(np.sqrt(np.max(np.diag(turn @ covariance @ turn.T))))

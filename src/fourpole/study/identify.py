@@ -1,0 +1,442 @@
+"""Identification of a campaign's points: phasors, rig and K1 become K*, K2, C and TR by a route."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from fourpole import quantities as q
+from fourpole.campaign import defaults
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.schema import ConditionsFile
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.codes import Code
+from fourpole.core.condition import temperature_std
+from fourpole.core.curvature import largest_bend
+from fourpole.core.demodulation.corrections import Correction, response_std
+from fourpole.core.identification import Identification
+from fourpole.core.identify import identify, variance_by_source
+from fourpole.core.joint import Joint, solve_joint
+from fourpole.core.joint.outputs import Outputs, identification, outputs
+from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source
+from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
+from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
+from fourpole.core.rig import Rig
+from fourpole.core.sources import Kind, Source
+from fourpole.fitting.rows import Key, pair_columns, tyre_columns
+from fourpole.study.points import Points, StaticStiffness
+from fourpole.study.rig_estimate import RigEstimate, RunOrder, mass_gain
+from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
+from fourpole.study.static import k1_apart
+
+#: Relative uncertainty of K2 or C above which Monte Carlo finds their distribution.
+_SKEW = 0.1
+#: Monte Carlo finds the distribution of K2 and C if an end of a 95 % interval may be off value ± 1.96 u by this many u.
+_BENT = 0.2
+#: A passive arm is possible if K' - K1 and K'' plus this many of their standard uncertainties are above zero.
+_LOST = 3.0
+#: Uncertainty of K* from the temperature of a test above which a note tells it [1].
+_NOTED = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Setup(ByValue):
+    """What is known of N tests of one rig besides their phasors: the arguments of `fourpole.core.joint.solve_joint`.
+
+    Attributes
+    ----------
+    rig : Rig or None
+        The rig as stated.
+    k1 : (N,) float array [N/m]
+        Static stiffness.
+    family : (N,) int array
+        Number of the condition without frequency; negative for a rigid block in place of the tyre.
+    nominal_frequency : (N,) float array [Hz]
+        Frequency as stated; not-a-number where it is not stated, or where the recording gave several frequencies.
+    added_mass, added_mass_std : (N,) float arrays [kg]
+        Added mass and its standard uncertainty.
+    channels : ChannelUncertainty
+        Standard uncertainties of the channels.
+    specimen : (N,) array of str
+        Name of the specimen.
+    time : (N,) float array
+        Time of the test [s]; its place in tests.csv if not all times are known.
+    apart : (N,) float array [1]
+        Standard uncertainty of log K* for the temperature of the test apart from the mean of its condition.
+    lines, recording : (N,) float array [1], (N,) int array
+        Number of lines of the recording that are used, and the number of the recording.
+    """
+
+    rig: Rig | None
+    k1: FloatArray
+    family: np.ndarray
+    nominal_frequency: FloatArray
+    added_mass: FloatArray
+    added_mass_std: FloatArray
+    channels: ChannelUncertainty
+    specimen: np.ndarray
+    time: FloatArray
+    apart: FloatArray
+    lines: FloatArray
+    recording: np.ndarray
+
+    def part(self, rows: BoolArray) -> Setup:
+        """The same for some of the tests."""
+        return Setup(*(value if name == "rig" else value.part(rows) if name == "channels" else value[rows]
+                       for name, value in vars(self).items()))  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Group(ByValue):
+    """The tests of one rig that were identified together.
+
+    Attributes
+    ----------
+    rig_name : str
+        Name of the rig; empty where the campaign has one rig without a name.
+    rows : (N,) int array
+        Their rows among all points.
+    keys : tuple of (str, int)
+        Test and point of each row.
+    setup : Setup
+    k1_std : (N,) float array [N/m]
+        Standard uncertainty of K1.
+    phasors : Phasors
+    route : str
+        The route that was used.
+    result : Identification
+    variance : dict of Source to (N, 6) float array
+        Variance of each of `core.identify.OUTPUTS` by its source; K1 stands in its parts.
+    intervals : dict of int to (Interval, Interval)
+        Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
+    joint : Joint or None
+        The joint solution; None for another route.
+    estimate : RigEstimate or None
+        The rig as found; None for another route.
+    """
+
+    rig_name: str
+    rows: np.ndarray
+    keys: tuple[Key, ...]
+    setup: Setup
+    k1_std: FloatArray
+    phasors: Phasors
+    route: str
+    result: Identification
+    variance: dict[Source, FloatArray]
+    intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
+    joint: Joint | None = None
+    estimate: RigEstimate | None = None
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """The identified values (N,) by column of dynamic.csv."""
+        result = self.result
+        return {
+            **pair_columns(q.CORR_R_I, result.mobility.real, result.mobility.imag, result.mobility_covariance),
+            **tyre_columns(result),
+            q.TR_MEASURED.head: result.tr_measured,
+            q.TR_PREDICTED.head: result.tr_predicted,
+            q.TR.u_head: result.tr_std,
+        }
+
+
+def no_rig(campaign: Campaign, route: str) -> str:
+    """Message that a route lacks the rig, with what may be stated instead by the channels that are there."""
+    stated = "state moving_mass and preload_stiffness"
+    if campaign.stated.channels.motion_out is None:
+        stated += ', or output = "blocked" if the far side of the specimen is fixed; without V2 there is no other route'
+    elif campaign.stated.channels.force_in is not None:
+        stated += ", or use --route relative"
+    return f"campaign.toml: [rig] is missing, the {route} route needs it: {stated}"
+
+
+def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
+    """The route that the stated channels and rigs allow in place of the joint route, and a note with the reason."""
+    stated = campaign.stated
+    if route != "joint" or not campaign.of_kind("dynamic"):
+        return route, ""
+    if stated.channels.motion_out is None:
+        return "mobility", "no V2 is stated, so the rig cannot be checked: K* by the mobility route"
+    if not stated.all_rigs and stated.channels.force_in is not None:
+        return "relative", "no rig is stated: K* by the relative route, from F1, V1 and V2, without a predicted TR"
+    if stated.channels.force_in is None and stated.all_rigs:
+        return "transmissibility", "no F1 is stated: K* by the transmissibility route, from V1, V2 and the rig"
+    return route, ""
+
+
+def identify_points(
+    campaign: Campaign, points: Points, strange: BoolArray, route: str, draws: int, seed: int
+) -> tuple[list[Group], list[str]]:
+    """Identify the usable tests of each rig together.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    points : Points
+        The points with K1 and all checks that come before.
+    strange : (N,) bool array
+        Rows that share K* with no other row, because their condition is not as stated.
+    route : str
+        The route that is wanted.
+    draws, seed : int
+        Number of Monte Carlo trials for an interval of K2 and C, 0 for none, and their seed.
+
+    Returns
+    -------
+    groups : list of Group
+        The tests of each rig.
+    notes : list of str
+        Departures from the requested route with their reasons, and notes on each rig as found.
+    """
+    groups, notes = [], []
+    # A rejected test would spoil the joint solution of the others.
+    usable = points.sound if route == "joint" else points.sound & (points.condition >= 0)
+    rigs = np.array([test.rig for test in points.tests])
+    for rig_name in dict.fromkeys(rigs.tolist()):
+        rows = np.flatnonzero(usable & (rigs == rig_name))
+        if not rows.size:
+            continue
+        setup, run = setup_of(campaign, rig_name, points, rows, strange)
+        notes += temperature_note(setup.apart, campaign.stated.conditions)
+        group, remarks = _group(rig_name, points, rows, setup, run, route)
+        group.intervals.update(_intervals(group, draws, seed))
+        where = f"[rigs.{rig_name}]" if rig_name else "[rig]"
+        notes += [f"{where}: {remark}" for remark in remarks]
+        groups.append(group)
+    return groups, notes
+
+
+def setup_of(
+    campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray, strange: BoolArray
+) -> tuple[Setup, RunOrder]:
+    """The inputs of the identification of some rows of one rig, and where their times are from."""
+    tests, stated = [points.tests[row] for row in rows], campaign.stated.all_rigs.get(rig_name)
+    _, recording, lines = np.unique([test.name for test in tests], return_inverse=True, return_counts=True)
+    nominal = [np.nan if test.name in points.several else test.value("frequency") or np.nan for test in tests]
+    apart = temperature_std(
+        _numbers(tests, "temperature"), points.condition[rows], campaign.stated.conditions.per_kelvin
+    )
+    order, time = _run(tests, points.began[rows])
+    added, added_std = added_masses(tests)
+    setup = Setup(
+        rig=stated.rig() if stated is not None else None,
+        k1=np.array([points.stiffness[row].value for row in rows]),
+        family=np.where(strange[rows], len(points) + np.arange(rows.size), points.condition[rows]),
+        nominal_frequency=np.array(nominal),
+        added_mass=added,
+        added_mass_std=added_std,
+        channels=channel_uncertainty(campaign, [points.corrections[row] for row in rows]),
+        specimen=np.array([test.tyre for test in tests], dtype=object),
+        time=time,
+        apart=np.where(strange[rows], 0.0, apart),
+        lines=lines[recording].astype(float),
+        recording=recording,
+    )
+    return setup, order
+
+
+def added_masses(tests: Sequence[Test]) -> tuple[FloatArray, FloatArray]:
+    """Added mass of each test and its standard uncertainty [kg]."""
+    added = np.array([test.value("added_mass") or 0.0 for test in tests])
+    std = _numbers(tests, "u(added_mass)")
+    return added, np.where(np.isnan(std), defaults.MASS_STD * added, std)
+
+
+def _numbers(tests: Sequence[Test], name: str) -> FloatArray:
+    """A number of each row of tests.csv; not-a-number for a blank cell."""
+    return np.array([test.values.get(name, np.nan) for test in tests])
+
+
+def _run(tests: Sequence[Test], began: FloatArray) -> tuple[RunOrder, FloatArray]:
+    """When the tests ran: as tests.csv states it, as their recordings state it, or in the order of tests.csv."""
+    time = _numbers(tests, "time")
+    if np.all(np.isfinite(time)):
+        return RunOrder.TIME, time
+    if np.all(np.isfinite(began)):
+        return RunOrder.RECORDINGS, began
+    return RunOrder.ROWS, np.arange(len(tests), dtype=float)
+
+
+def channel_uncertainty(campaign: Campaign, corrections: Sequence[Sequence[Correction]] = ()) -> ChannelUncertainty:
+    """Standard uncertainties of the channels as stated, zero for a channel that is not, and of calibrated responses."""
+    channels = [campaign.stated.channels.named(role) for role in CHANNELS]
+    stated = [(0.0, 0.0, 0.0) if channel is None else (channel.gain_std, channel.phase_std, channel.std_delay)
+              for channel in channels]  # fmt: skip
+    response = np.array([response_std(rows) for rows in corrections])
+    found = ChannelUncertainty(*np.array(stated).T)
+    return replace(found, response=response[:, :, 0] + 1j * response[:, :, 1]) if response.any() else found
+
+
+def _group(
+    rig_name: str, points: Points, rows: np.ndarray, setup: Setup, run: RunOrder, route: str
+) -> tuple[Group, list[str]]:
+    """The tests of one rig identified by a route, or by the route that they allow instead; and notes."""
+    phasors, keys = points.phasors.part(rows), points.keys
+    if route == "joint":  # a channel that hardly moves is no part of the joint solution
+        idle = [[row.channel for row in points.checks[at] if row.code is Code.EXCITATION and row.statistic > row.limit]
+                for at in rows]  # fmt: skip
+        still = np.array([[symbol in channels for symbol in SYMBOLS.values()] for channels in idle])
+        phasors = replace(phasors, amplitudes=np.where(still, np.nan, phasors.amplitudes))
+    used, note = _route_of(setup, phasors, route)
+    stiffness = [points.stiffness[row] for row in rows]
+    of_rig = (rig_name, rows, tuple(keys[row] for row in rows), setup)
+    try:
+        group = (
+            _joint(of_rig, phasors, stiffness, run) if used == "joint" else _by_route(used, of_rig, phasors, stiffness)
+        )
+    except np.linalg.LinAlgError as error:
+        note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
+        group = _by_route("mobility", of_rig, phasors, stiffness)
+    notes = [note] if note else []
+    if group.estimate is not None:
+        estimate = with_recordings(group.estimate, [points.checks[row] for row in rows])
+        group = replace(group, estimate=estimate)
+        notes += [*(estimate.note(code) for code in estimate.notes), *([estimate.rests] if estimate.rests else [])]
+    return group, notes
+
+
+def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:
+    """The route wanted, or the route that the tests of this rig allow instead, with a note."""
+    if route != "joint":
+        return route, ""
+    if setup.rig is None:
+        return "relative", "the rig of these tests is not stated: K* by the relative route"
+    if setup.rig.blocked:
+        return "mobility", "the output is blocked, so there is no V2: K* by the mobility route"
+    if not np.isfinite(phasors.motion_out).any():
+        return "mobility", "no test has a usable V2, so the rig cannot be checked: K* by the mobility route"
+    return route, ""
+
+
+_OfRig = tuple[str, np.ndarray, tuple[Key, ...], Setup]
+
+
+def _by_route(route: str, of_rig: _OfRig, phasors: Phasors, stiffness: Sequence[StaticStiffness]) -> Group:
+    """The tests of one rig, each by itself by a route."""
+    setup, k1_std = of_rig[-1], np.array([k1.std for k1 in stiffness])
+    arguments: dict[str, Any] = {
+        "k1_std": k1_std,
+        "route": route,
+        "added_mass": setup.added_mass,
+        "added_mass_std": setup.added_mass_std,
+        "channels": setup.channels,
+    }
+    result = identify(phasors, setup.rig, setup.k1, **arguments)
+    # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.
+    moved = (setup.apart * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
+    result = replace(result, condition_covariance=result.condition_covariance + moved)
+    variance = k1_apart(variance_by_source(phasors, setup.rig, setup.k1, **arguments), [k1.parts for k1 in stiffness])
+    return Group(*of_rig, k1_std, phasors, route, result, variance)
+
+
+def _joint(of_rig: _OfRig, phasors: Phasors, stiffness: Sequence[StaticStiffness], run: RunOrder) -> Group:
+    """The tests of one rig by the joint route."""
+    rig_name, _, keys, setup = of_rig
+    joint = solve_joint(phasors, **vars(setup))
+    k1_std, parts = _with_drift(setup, joint, stiffness, run)
+    values = outputs(joint, phasors, setup.k1)
+    result = identification(joint, phasors, setup.k1, k1_std, values)
+    gain = _mass_gain(joint, setup, k1_std, phasors, values, result)
+    estimate = replace(rig_estimate(rig_name, keys, joint, values), order=run, mass_gain=gain)
+    variance = k1_apart(joint_variance_by_source(joint, values, k1_std), parts)
+    return Group(*of_rig, k1_std, phasors, "joint", result, variance, joint=joint, estimate=estimate)
+
+
+def _with_drift(
+    setup: Setup, joint: Joint, stiffness: Sequence[StaticStiffness], run: RunOrder
+) -> tuple[FloatArray, list[Mapping[Source, float]]]:
+    """Uncertainty of K1 and its parts, with the drift of the specimens between a test and its static test.
+
+    Without times the static test was made at any time of the run. K1 need not drift as K* does, so it is not corrected.
+    """
+    k1_std, parts = np.array([k1.std for k1 in stiffness]), [k1.parts for k1 in stiffness]
+    drift = {
+        parameter.source.of: float(np.hypot(joint.found[at], joint.found_std[at]))
+        for at, parameter in enumerate(joint.stated.parameters)
+        if parameter.source.kind is Kind.DRIFT
+    }
+    length = float(np.ptp(setup.time))
+    if not drift or not length:
+        return k1_std, parts
+    static_time = np.array([k1.time if run is RunOrder.TIME else np.nan for k1 in stiffness])
+    place = joint.problem.observed.place[np.argsort(joint.order)]
+    apart = np.where(np.isfinite(static_time), (setup.time - static_time) / length, np.sqrt(place**2 + 1 / 12))
+    moved = np.array([drift.get(name, 0.0) for name in setup.specimen]) * np.abs(apart) * np.nan_to_num(setup.k1)
+    wider = [{**part, Source(Kind.K1_DRIFT): float(std)} if part else part
+             for part, std in zip(parts, moved, strict=True)]  # fmt: skip
+    return np.hypot(k1_std, moved), wider
+
+
+def _mass_gain(
+    joint: Joint, setup: Setup, k1_std: FloatArray, phasors: Phasors, values: Outputs, result: Identification
+) -> dict[str, tuple[float, float]]:
+    """Median relative uncertainties of the tests without an added mass, from these tests alone and from all tests."""
+    bare = (setup.added_mass == 0) & (joint.condition >= 0)
+    if bare.all() or not bare.any():
+        return {}
+    fewer, of_fewer = setup.part(bare), phasors.part(bare)
+    alone = solve_joint(of_fewer, **vars(fewer))
+    of_alone = outputs(alone, of_fewer, fewer.k1)
+    without = relative_uncertainties(
+        identification(alone, of_fewer, fewer.k1, k1_std[bare], of_alone),
+        identification(alone, of_fewer, fewer.k1, 0.0, of_alone),
+        np.ones(fewer.k1.size, dtype=bool),
+    )
+    exact = identification(joint, phasors, setup.k1, 0.0, values)
+    return mass_gain(without, relative_uncertainties(result, exact, bare))
+
+
+def _intervals(group: Group, draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:
+    """Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
+
+    The random numbers of a row depend on its test and point only, not on other tests or their order.
+    """
+    intervals, result, setup = {}, group.result, group.setup
+    for at in np.flatnonzero(_skew(result)).tolist() if draws else ():
+        test, point = group.keys[at]
+        rng = np.random.default_rng([seed, *test.encode(), *((point,) if point > 1 else ())])
+        if group.joint is not None:
+            stiffness = draw_around(complex(result.stiffness[at]), result.stiffness_covariance[at], draws, rng)
+        else:
+            added = {"added_mass": float(setup.added_mass[at]), "added_mass_std": float(setup.added_mass_std[at])}
+            channels, phasors = setup.channels.part([at]), group.phasors.part(at)
+            stiffness = draw_route(phasors, setup.rig, group.route, channels, draws, rng, **added)
+        k1 = result.k1[at] + np.nan_to_num(result.k1_std[at]) * rng.standard_normal(draws)
+        intervals[at] = arm_intervals(stiffness, k1, float(2 * np.pi * result.frequency[at]))
+    return intervals
+
+
+def _skew(result: Identification) -> BoolArray:
+    """Whether K2 or C of each test is too uncertain, too bent, or undefined by chance, for a normal distribution."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        variance = np.diagonal(result.arm_covariance, 0, 1, 2)
+        relative = np.sqrt(variance) / np.stack([result.k2, result.c], axis=1)
+        difference = result.stiffness_covariance.copy()
+        difference[:, 0, 0] += np.nan_to_num(result.k1_std) ** 2
+        bend = largest_bend(result.stiffness, result.k1, 2 * np.pi * result.frequency, difference)
+        bent = np.isfinite(result.k2) & np.any(bend > _BENT, axis=1)
+        off = np.stack([result.stiffness.real - result.k1, result.stiffness.imag], axis=1)
+        spread = np.sqrt(np.diagonal(result.stiffness_covariance, 0, 1, 2))
+        spread[:, 0] = np.hypot(spread[:, 0], np.nan_to_num(result.k1_std))
+        lost = np.isnan(result.k2) & np.all(off > -_LOST * spread, axis=1)
+        known = np.isfinite(result.k1) & np.isfinite(result.stiffness)
+        return np.asarray(known & (np.any(relative > _SKEW, axis=1) | bent | lost))
+
+
+def temperature_note(apart: FloatArray, conditions: ConditionsFile) -> list[str]:
+    """The note that tests of one condition had different temperatures, if this adds to the uncertainty of K*."""
+    most, per_kelvin = float(apart.max(initial=0.0)), conditions.per_kelvin
+    if most < _NOTED:
+        return []
+    stated = "stated" if conditions.temperature_sensitivity is not None else "assumed"
+    text = (
+        f"[conditions] tests of one condition were up to {most / per_kelvin:.2g} K from its mean temperature. Their K* "
+        f"counts as uncertain by {100 * per_kelvin:.3g} %/K ({stated}: temperature_sensitivity), here by up to "
+        f"{100 * most:.2g} %, between these tests"
+    )
+    return [text]

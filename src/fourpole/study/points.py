@@ -1,0 +1,185 @@
+"""`Points`, the table that flows through a study: a row for each excitation frequency of each recording."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+
+from fourpole.campaign.folder import Test
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
+from fourpole.core.checks import Check, worst_verdict
+from fourpole.core.demodulation.corrections import Correction
+from fourpole.core.demodulation.demodulate import Demodulation
+from fourpole.core.demodulation.preview import Preview
+from fourpole.core.phasor import Phasors
+from fourpole.core.sources import Source
+from fourpole.core.spectra.excited import Excited
+from fourpole.fitting.rows import Key
+
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True)
+class Demodulated:
+    """What one recording gives by itself, before the rig and other statements are looked at.
+
+    Attributes
+    ----------
+    found : Demodulation, Excited or None
+        Amplitudes and figures of quality, of one frequency or of many; None where the recording was rejected.
+    checks : tuple of Check
+        The reason for a rejection, or the checks made while the recording was loaded.
+    mean_force : float [N]
+        Mean of F1; 0 where no force is recorded.
+    sha256 : str
+        Hash of the file; empty where it was not read.
+    began : float or None [s]
+        Time at which the recording began, from 1970 on; None where its file does not state it.
+    lasting : bool
+        Whether the same content gives the same result again, so that it can be kept.
+    """
+
+    found: Demodulation | Excited | None = None
+    checks: tuple[Check, ...] = ()
+    mean_force: float = 0.0
+    sha256: str = ""
+    began: float | None = None
+    lasting: bool = True
+
+
+@dataclass(frozen=True)
+class StaticStiffness:
+    """K1 for a dynamic test with the parts of its uncertainty, or the `reason` why there is none, with its `remedy`.
+
+    `doubt` is a remark that does not change the verdict; `warnings` are checks that make the verdict a warning. `time`
+    is the mean time of the static tests [s]; not-a-number if one of them is unknown.
+    """
+
+    value: float = float("nan")
+    std: float = float("nan")
+    reason: str = ""
+    remedy: str = ""
+    doubt: str = ""
+    warnings: tuple[Check, ...] = ()
+    parts: Mapping[Source, float] = field(default_factory=dict)
+    time: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Points(ByValue):
+    """The dynamic tests of a campaign, N rows in the order of tests.csv; each stage of a study adds columns.
+
+    Attributes
+    ----------
+    tests : tuple of N Test
+        The row of tests.csv.
+    phasors : Phasors
+        Amplitudes of F1, V1, V2 with their covariance, N rows; not-a-number where the recording was rejected.
+    checks : tuple of N tuples of Check
+        All that was checked of the row, up to this stage.
+    corrections : tuple of N tuples of Correction
+        Effects of the measurement chain that were removed from the amplitudes.
+    previews : tuple of N (tuple of str, Preview) or None
+        Roles of the channels and a few cycles of their samples, in the first row of a recording.
+    began : (N,) float array [s]
+        Time at which the recording began, from 1970 on; not-a-number where its file does not state it.
+    sha256 : tuple of N str
+        Hash of the recording; empty where it was not read.
+    condition : (N,) int array
+        Number of the condition among all of the campaign; negative for a rigid block in place of the specimen.
+    stiffness : tuple of N StaticStiffness
+        K1 of the row, or the reason why there is none.
+    columns : dict of str to (N,) array
+        Columns of result tables by their head: of the lines of a spectrum, then of the identification.
+    """
+
+    tests: tuple[Test, ...]
+    phasors: Phasors
+    checks: tuple[tuple[Check, ...], ...]
+    corrections: tuple[tuple[Correction, ...], ...]
+    previews: tuple[tuple[tuple[str, ...], Preview] | None, ...]
+    began: FloatArray
+    sha256: tuple[str, ...]
+    condition: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    stiffness: tuple[StaticStiffness, ...] = ()
+    columns: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.tests)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Points]) -> Points:
+        """The points of several recordings, one after the other; a column that a recording lacks is not-a-number."""
+        heads = dict.fromkeys(head for part in parts for head in part.columns)
+        blank = [np.full(len(part), np.nan) for part in parts]
+        return cls(
+            tests=_chained(part.tests for part in parts),
+            phasors=Phasors.joined([part.phasors for part in parts]),
+            checks=_chained(part.checks for part in parts),
+            corrections=_chained(part.corrections for part in parts),
+            previews=_chained(part.previews for part in parts),
+            began=np.concatenate([np.zeros(0), *(part.began for part in parts)]),
+            sha256=_chained(part.sha256 for part in parts),
+            columns={
+                head: np.concatenate([part.columns.get(head, nan) for part, nan in zip(parts, blank, strict=True)])
+                for head in heads
+            },
+        )
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Test and point of each row; points count from 1."""
+        seen: Counter[str] = Counter()
+        keys = []
+        for test in self.tests:
+            seen[test.name] += 1
+            keys.append((test.name, seen[test.name]))
+        return tuple(keys)
+
+    @property
+    def several(self) -> frozenset[str]:
+        """Names of the tests with more than one row."""
+        return frozenset(name for name, count in Counter(test.name for test in self.tests).items() if count > 1)
+
+    @property
+    def known(self) -> BoolArray:
+        """Rows with amplitudes."""
+        return np.isfinite(self.phasors.frequency)
+
+    @property
+    def sound(self) -> BoolArray:
+        """Rows with amplitudes that no check rejects."""
+        rejected = [worst_verdict(check.verdict for check in checks) == "rejected" for checks in self.checks]
+        return self.known & ~np.array(rejected, dtype=bool)
+
+    def by_condition(self, rows: BoolArray) -> list[np.ndarray]:
+        """Some of the rows in groups of one condition, in the order of their first row."""
+        used = np.flatnonzero(rows & (self.condition >= 0))
+        numbers = self.condition[used]
+        return [used[numbers == number] for number in dict.fromkeys(numbers.tolist())]
+
+    def with_checks(self, first: Iterable[tuple[int, Check]], last: Iterable[tuple[int, Check]] = ()) -> Points:
+        """The table with further checks of rows, by the row's place, before and after those that it has."""
+        before: list[list[Check]] = [[] for _ in self.tests]
+        after: list[list[Check]] = [[] for _ in self.tests]
+        for sides, checks in ((before, first), (after, last)):
+            for row, check in checks:
+                sides[row].append(check)
+        every = zip(before, self.checks, after, strict=True)
+        return replace(self, checks=tuple((*a, *checks, *b) for a, checks, b in every))
+
+    def with_columns(self, rows: np.ndarray, columns: dict[str, np.ndarray]) -> Points:
+        """The table with values of some rows in columns that begin as not-a-number."""
+        made = dict(self.columns)
+        for head, values in columns.items():
+            made[head] = made[head].copy() if head in made else np.full(len(self), np.nan)
+            made[head][rows] = values
+        return replace(self, columns=made)
+
+
+def _chained(parts: Iterable[tuple[_Item, ...]]) -> tuple[_Item, ...]:
+    return tuple(item for part in parts for item in part)
