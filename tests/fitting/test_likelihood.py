@@ -11,10 +11,10 @@ from fourpole import quantities as q
 from fourpole.errors import TableError
 from fourpole.fitting.likelihood import (
     FILE,
+    likelihood_columns,
     likelihood_in,
     likelihood_of,
     likelihood_record,
-    likelihood_rows,
     read_likelihoods,
 )
 from fourpole.io.published import Published
@@ -26,7 +26,8 @@ def found():
 
 
 def table(found):
-    return pl.DataFrame([{q.RIG.head: "", **row} for row in likelihood_rows(found)])
+    columns = {head: values.tolist() for head, values in likelihood_columns(found).items()}
+    return pl.DataFrame(columns).with_columns(pl.lit("").alias(q.RIG.head))
 
 
 def test_it_is_read_as_it_was_written(found, tmp_path):

@@ -12,7 +12,7 @@ from fourpole.core.checks import reported
 from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
 from fourpole.study.compare import Compared, noises
-from fourpole.study.outcome import Point
+from fourpole.study.points import Points
 from fourpole.study.study import analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
@@ -110,13 +110,14 @@ def test_a_copy_is_named_on_the_test_that_it_is_not_of(campaign):
 @pytest.mark.parametrize(("times", "found"), [(5.0, []), (20.0, [(3, "V2")])])
 @pytest.mark.parametrize(("amplitude", "matters"), [(1.0, True), (100.0, False)])
 def test_noise_that_matters_stands_out_from_that_of_the_others(times, found, amplitude, matters):
-    points = []
-    for at in range(6):
-        std = np.full(6, 1e-3)
-        std[4:] *= times if at == 3 else 1.0
-        one = Phasors.from_polar(10.0, amplitude, amplitude, 0.0, amplitude)
-        points.append(Point(replace(one, covariance=np.diag(std**2)), ()))
-    rows = noises([folder.Test(f"D{at}", at) for at in range(6)], points, range(6))
+    std = np.full((6, 6), 1e-3)
+    std[3, 4:] *= times
+    phasors = Phasors.from_polar(np.full(6, 10.0), amplitude, amplitude, 0.0, amplitude)
+    phasors = replace(phasors, covariance=std[:, :, None] ** 2 * np.eye(6))
+    none = ((),) * 6
+    tests = tuple(folder.Test(f"D{at}", at) for at in range(6))
+    points = Points(tests, phasors, none, none, (None,) * 6, np.full(6, np.nan), ("",) * 6)
+    rows = list(noises(points, np.ones(6, dtype=bool)))
     assert len(rows) == 18
     assert [(at, row.channel) for at, row in rows if row.verdict == "warning"] == (found if matters else [])
 
@@ -131,7 +132,7 @@ def test_a_condition_says_the_range_of_its_amplitudes(honest):
         assert found == pytest.approx(sizes.max() / sizes.min())
     assert not any("mixes" in note for note in study.notes)  # the tyre is linear: the range does not matter
     values = {"low": 1.0, "high": 3.0}
-    ranges = Compared(conditions=[(x, reported(Code.AMPLITUDES, "ok", 3.0, 2.0, name=x, **values)) for x in "ab"])
+    ranges = Compared(None, None, [(x, reported(Code.AMPLITUDES, "ok", 3.0, 2.0, name=x, **values)) for x in "ab"])
     (note,) = replace(ranges, linear=False).notes
     assert note.startswith("the curve of a mixes deflection amplitudes of 1 to 3 mm (1 more curves do so): compare")
 

@@ -12,6 +12,7 @@ import pytest
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import worst_verdict
 from fourpole.study import analyse, study
+from fourpole.study.points import Points
 from fourpole.study.reduce import jobs_of
 from fourpole.study.results import read_results
 from fourpole.study.workers import Settings, reduce_tests
@@ -37,10 +38,8 @@ def test_threads_and_spawned_processes_give_the_same(noisy):
         threads = reduce_tests(made, settings=Settings(executor=pool))
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
         processes = reduce_tests(made, settings=Settings(executor=pool))
-    assert [pickle.dumps(one) for one in threads] == [pickle.dumps(one) for one in reduce_tests(made)]
+    assert pickle.dumps(threads) == pickle.dumps(reduce_tests(made))
     assert threads == processes
-    for one, other in zip(threads, processes, strict=True):
-        assert one.points[0].phasors.covariance.tolist() == other.points[0].phasors.covariance.tolist()
 
 
 def test_an_analysis_takes_the_executor_that_is_given(noisy):
@@ -53,9 +52,9 @@ def test_an_analysis_takes_the_executor_that_is_given(noisy):
 @pytest.mark.parametrize("file", ["", "recordings/none.csv", "../D1.csv"])
 def test_a_job_that_fails_rejects_its_own_test(noisy, file):
     first, *_ = jobs(noisy.path)
-    (point,) = replace(first, test=replace(first.test, file=file)).run().points
-    assert point.phasors is None
-    assert worst_verdict(row.verdict for row in point.checks) == "rejected"
+    points = reduce_tests([replace(first, test=replace(first.test, file=file))])
+    assert not points.known.any()
+    assert worst_verdict(row.verdict for row in points.checks[0]) == "rejected"
 
 
 def test_a_recording_with_two_points_has_two_rows(noisy, monkeypatch):
@@ -63,7 +62,8 @@ def test_a_recording_with_two_points_has_two_rows(noisy, monkeypatch):
     whole = analyse(noisy.path, route="mobility")
 
     def twice(made, **options):
-        return [replace(one, points=one.points * 2) for one in reduce_tests(made, **options)]
+        parts = [reduce_tests([job], **options) for job in made for _ in range(2)]
+        return Points.joined(parts)
 
     monkeypatch.setattr(study, "reduce_tests", twice)
     both = analyse(noisy.path, route="mobility")
@@ -89,10 +89,10 @@ def test_points_of_one_recording_are_what_tests_of_their_own_are_on_the_joint_ro
     separate = analyse(whole)
     reduced = reduce_tests(jobs(whole))
     by_mass = separate.dynamic["added mass [kg]"].to_numpy()
-    merged = [
-        replace(first, points=tuple(reduced[at].points[0] for at in np.flatnonzero(by_mass == mass)))
-        for mass, first in ((mass, reduced[np.flatnonzero(by_mass == mass)[0]]) for mass in (0.0, 10.0))
-    ]
+    groups = [np.flatnonzero(by_mass == mass).tolist() for mass in (0.0, 10.0)]
+    merged = Points.joined([
+        replace(reduce_tests([jobs(whole)[at]]), tests=(reduced.tests[rows[0]],)) for rows in groups for at in rows
+    ])  # fmt: skip
     rows = (whole / "tests.csv").read_text().splitlines()
     kept = [separate.dynamic["test"][int(np.flatnonzero(by_mass == mass)[0])] for mass in (0.0, 10.0)]
     rows = [row for row in rows if not row.startswith("D") or row.split(",")[0] in kept]

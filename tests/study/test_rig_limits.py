@@ -13,10 +13,11 @@ from fourpole.core.joint.outputs import outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
-from fourpole.study.cells import _arm_checks
-from fourpole.study.identified import Setup, _skew, _solved, _with_drift, setup_of
+from fourpole.study.identify import Setup, _skew, _with_drift, added_masses
+from fourpole.study.points import StaticStiffness
 from fourpole.study.rig_estimate import NoteCode, RunOrder
 from fourpole.study.rig_solution import rig_estimate
+from fourpole.study.verdicts import _arm_check
 
 BELOW, ABOVE = 0.99, 1.01
 STD = {"moving_mass": 0.3, "preload_stiffness": 100.0}
@@ -135,19 +136,20 @@ def test_a_drift_is_in_the_uncertainty_of_k1(static):
     place, rig, phasors = drifting()
     every, no = np.ones(12), np.full(12, np.nan)
     setup = Setup(
-        rig_name="", rig=rig, channels=ChannelUncertainty(), k1=180e3 * every, k1_std=500.0 * every, added=0 * every,
-        added_std=0 * every, family=np.zeros(12, dtype=int), nominal=no, specimen=("radial",) * 12,
-        time=7200.0 * place, static_time=no if static is None else 7200.0 * static * every, order=RunOrder.TIME,
-        apart=0 * every, lines=every, recording=np.arange(12),
+        rig=rig, k1=180e3 * every, family=np.zeros(12, dtype=int), nominal_frequency=no, added_mass=0 * every,
+        added_mass_std=0 * every, channels=ChannelUncertainty(), specimen=np.full(12, "radial", dtype=object),
+        time=7200.0 * place, apart=0 * every, lines=every, recording=np.arange(12),
     )  # fmt: skip
-    joint = _solved(setup, phasors)
+    joint = solve_joint(phasors, **vars(setup))
     assert [source.of for source in joint.misfit.drifts] == ["radial", "radial"]
-    wider, parts = _with_drift(setup, joint, [{Source(Kind.K1_FIT): 500.0}] * 12)
+    when = np.nan if static is None else 7200.0 * static
+    k1 = StaticStiffness(180e3, 500.0, parts={Source(Kind.K1_FIT): 500.0}, time=when)
+    k1_std, parts = _with_drift(setup, joint, [k1] * 12, RunOrder.TIME)
     apart = np.sqrt(place**2 + 1 / 12) if static is None else np.abs(place - static)
     expected = 0.02 * 180e3 * apart
     drawn = np.array([part[Source(Kind.K1_DRIFT)] for part in parts])
     assert drawn == pytest.approx(expected, rel=0.02, abs=1.0)
-    assert wider.k1_std == pytest.approx(np.hypot(500.0, drawn))
+    assert k1_std == pytest.approx(np.hypot(500.0, drawn))
 
 
 # K2 and C of one test.
@@ -203,8 +205,7 @@ def verdict(found, share=None):
     """Of K2 and C; `share` of the draws are not passive."""
     interval = SimpleNamespace(quantiles=np.array([1e3, 2e3, np.inf]), non_passive_share=share)
     group = SimpleNamespace(intervals={} if share is None else {0: (interval, interval)}, result=found)
-    (row,) = _arm_checks(SimpleNamespace(result=found, at=0, group=group), SimpleNamespace(reason=""))
-    return row.verdict
+    return _arm_check(group, 0, StaticStiffness()).verdict
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -221,16 +222,5 @@ def test_a_test_is_rejected_where_more_than_975_of_1000_draws_are_not_passive(sh
 @pytest.mark.parametrize(("stated", "expected"), [(None, 0.02), (0.03, 0.03), (0.0, 0.0)])
 def test_an_added_mass_of_unstated_uncertainty_is_known_to_a_five_hundredth(stated, expected):
     """Bolts, brackets and the balance: 0.2 %."""
-    weighed = {"added_mass": 10.0, "u(added_mass)": stated}
-    test = SimpleNamespace(kind="calibration", name="B1", tyre="", value=weighed.get, values={"time": 0.0})
-    campaign = SimpleNamespace(
-        stated=SimpleNamespace(
-            all_rigs={},
-            channels=SimpleNamespace(named=lambda role: None),
-            sameness=SimpleNamespace(groups=lambda states: np.zeros(0, dtype=int)),
-            conditions=SimpleNamespace(per_kelvin=0.01),
-        ),
-        of_kind=lambda kind: [],
-    )
-    setup = setup_of(campaign, "", [test], [SimpleNamespace(value=np.nan, std=0.0, time=np.nan)])
-    assert setup.added_std == pytest.approx([expected])
+    weighed = {"added_mass": 10.0, "u(added_mass)": np.nan if stated is None else stated}
+    assert added_masses([SimpleNamespace(value=weighed.get, values=weighed)])[1] == pytest.approx([expected])

@@ -1,15 +1,14 @@
 """Tests of one condition at different temperatures, from campaign.toml to the covariance of the condition."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from fourpole.campaign.folder import Test as Row
 from fourpole.campaign.schema import ConditionsFile, parse_campaign
+from fourpole.core.condition import temperature_std
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import CampaignError
-from fourpole.study.sharing import temperature_note, temperatures_apart
+from fourpole.study.identify import temperature_note
 from fourpole.study.static import StaticRow, stiffness_for
 
 TOML = """
@@ -22,10 +21,6 @@ force_in = { column = "F", unit = "N" }
 motion_in = { column = "v", unit = "m/s" }
 [conditions]
 """
-
-
-def rows(*temperatures):
-    return [SimpleNamespace(value={"temperature": t}.get) for t in temperatures]
 
 
 @pytest.mark.parametrize(
@@ -45,7 +40,7 @@ def test_a_sensitivity_without_its_unit_or_below_zero_is_refused(text):
 
 def test_the_uncertainty_grows_with_the_distance_from_the_mean_temperature_of_the_condition():
     stated = ConditionsFile(temperature_sensitivity="0.02 1/K")
-    apart = temperatures_apart(rows(20.0, 24.0, 60.0, None), np.array([0, 0, 1, 2]), stated)
+    apart = temperature_std(np.array([20.0, 24.0, 60.0, np.nan]), np.array([0, 0, 1, 2]), stated.per_kelvin)
     assert apart == pytest.approx([0.04, 0.04, 0.0, 0.0])
     (note,) = temperature_note(apart, stated)
     assert "up to 2 K from its mean temperature" in note
