@@ -19,6 +19,7 @@ also a builtin error, which a caller can catch without knowing Fourpole::
 from __future__ import annotations
 
 import errno
+from dataclasses import dataclass
 
 #: Words of an error of polars, or of Python's threads, that has no type of its own where memory runs out.
 _NO_MEMORY = ("os error 12", "out of memory", "can't start new thread", "could not spawn threads")
@@ -38,8 +39,47 @@ def out_of_memory(error: BaseException) -> bool:
     return known or any(words in str(error) for words in _NO_MEMORY)
 
 
+@dataclass(frozen=True)
+class Message:
+    """What an error says, as a value that can be kept: the code of its kind, where it was raised, and its sentence."""
+
+    code: str
+    site: str
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
 class FourpoleError(Exception):
     """Base of all errors that Fourpole raises for its user's input."""
+
+    #: Name of the kind of error in results.
+    code = "input"
+    #: Where it was raised in another process; empty in the process that raised it.
+    raised_at = ""
+
+    @property
+    def site(self) -> str:
+        """The place in the program that raised it, by which errors of one kind are known whatever numbers they name.
+
+        Examples
+        --------
+        >>> try:
+        ...     raise TooShortError("D1.csv holds 1.2 cycles")
+        ... except FourpoleError as error:
+        ...     error.code, error.site.partition(":")[0] != ""
+        ('length', True)
+        """
+        trace = self.__traceback__
+        while trace is not None and trace.tb_next is not None:
+            trace = trace.tb_next
+        return self.raised_at or (f"{trace.tb_frame.f_code.co_qualname}:{trace.tb_lineno}" if trace is not None else "")
+
+    @property
+    def message(self) -> Message:
+        """What it says, as a value."""
+        return Message(self.code, self.site, str(self))
 
 
 class ResultsWarning(UserWarning):
@@ -49,38 +89,58 @@ class ResultsWarning(UserWarning):
 class UnitError(FourpoleError, ValueError):
     """A quantity or unit cannot be read, or is of the wrong kind."""
 
+    code = "unit"
+
 
 class FileError(FourpoleError, OSError):
     """A file is missing, unreadable, too large or outside its folder."""
+
+    code = "file"
 
 
 class TableError(FourpoleError, ValueError):
     """A file was read, but a column or value that it must hold is missing or impossible."""
 
+    code = "table"
+
 
 class CampaignError(FourpoleError, ValueError):
     """No test of a campaign folder can be analysed."""
+
+    code = "campaign"
 
 
 class RecordingError(FourpoleError, ValueError):
     """No amplitude can be taken from a recording."""
 
+    code = "recording"
+
 
 class ConstantError(RecordingError):
     """A channel does not move."""
+
+    code = "constant channel"
 
 
 class TooShortError(RecordingError):
     """A recording has too few cycles."""
 
+    code = "length"
+
 
 class LoadCurveError(FourpoleError, ValueError):
     """A load-deflection curve does not give the value needed, as beyond its largest load."""
+
+    code = "load curve"
 
 
 class RigError(FourpoleError, ValueError):
     """A rig's statement is impossible or incomplete."""
 
+    code = "statement of the rig"
+
 
 class ModelError(FourpoleError, ValueError):
     """A model cannot be evaluated, fitted or stepped with the arguments given."""
+
+    code = "model"

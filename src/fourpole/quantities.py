@@ -375,6 +375,7 @@ LIMIT = Quantity("limit", "", "limit", meaning=(
     "passive arm give a warning below it"
 ))  # fmt: skip
 REMEDY = _text("remedy", "what to do")
+VALUES = _text("values", "numbers with their units, and names, that the sentence of the check has, as JSON")
 
 PHASOR_COVARIANCE = _listed(
     "phasor_covariance", "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2", "", "6×6, row by row"

@@ -26,9 +26,10 @@ from fourpole.app.standing import (
     show,
 )
 from fourpole.campaign import Campaign, read_campaign
-from fourpole.core.checks import worst_verdict
+from fourpole.core.checks import Verdict, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
+from fourpole.core.remarks import remark_of
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
@@ -193,7 +194,7 @@ def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, opt
 def _tell(test: str, points: Points) -> None:
     """The verdict on a recording by itself, as an event."""
     checks = [check for row in points.checks for check in row]
-    said = {check.remark: None for check in checks if check.verdict != "ok"}
+    said = {remark_of(check): None for check in checks if check.verdict is not Verdict.OK}
     events.tell(test=test, verdict=worst_verdict([check.verdict for check in checks]), remarks=list(said))
 
 

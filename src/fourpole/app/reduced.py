@@ -18,6 +18,7 @@ from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_resonance
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict, stiffness_std
+from fourpole.core.remarks import remark_of
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError
 from fourpole.io.tables.curve import read_curve
@@ -88,7 +89,7 @@ def _fault(table: KStarTable, found: ReducedResult, row: int, rig: Rig | None, *
     if rig is not None and table.mobility is not None:
         near = check_resonance(frequency, rig, 0.0)
         if near.verdict == "rejected":
-            return near.remark
+            return remark_of(near)
     if armed or not np.isfinite(found.stiffness[row]):
         return found.reasons[row]
     return ""
@@ -129,7 +130,7 @@ def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, a
         tangent, secant = curve.tangent(load), curve.secant(load)
     except LoadCurveError as error:
         raise LoadCurveError(f"{path.name}: {error}") from None
-    branch = [] if curve.measured == "mean" else [branch_check(curve.measured, "K1").remark]
+    branch = [] if curve.measured == "mean" else [remark_of(branch_check(curve.measured))]
     remarks = [*table.warnings, *branch, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
     if as_json:
         print_json(

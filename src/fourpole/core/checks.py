@@ -1,23 +1,42 @@
-"""Checks: each compares a statistic of a test with a limit and gives a verdict, with a sentence and a remedy.
+"""Checks: each compares a statistic of a test with a limit and gives a verdict; codes, numbers and names, no sentence.
 
-`codes` holds the names and sentences of all checks. `recordingchecks` and `linearity` have the functions for one
-recording, called in `fourpole.study.reduce`. `fourpole.study.compare` makes the checks between tests, with `scales` and
-`curves`, and `fourpole.study.cells` those of a row of dynamic.csv.
+`codes` has the names and templates of all checks, and `remarks` makes their sentences. `recordingchecks` and
+`linearity` have the functions for one recording, called in `fourpole.study.reduce`. `fourpole.study.compare` makes the
+checks between tests, with `scales` and `curves`, and `fourpole.study.verdicts` those of an identified point.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
 from math import inf, nan
-
-import numpy as np
+from typing import Any
 
 from fourpole.core.codes import Code
-from fourpole.core.confidence import COVERAGE
+from fourpole.errors import Message, out_of_memory
+
+
+class Verdict(StrEnum):
+    """The verdict on a test, from best to worst."""
+
+    OK = "ok"
+    WARNING = "warning"
+    REJECTED = "rejected"
+
+    @property
+    def rank(self) -> int:
+        """0 for the best verdict."""
+        return VERDICTS.index(self)
+
+    @classmethod
+    def read(cls, text: str) -> Verdict:
+        """The verdict of this name; a rejection for another text."""
+        return cls(text) if text in VERDICTS else cls.REJECTED
+
 
 #: The verdicts, from best to worst.
-VERDICTS = ("ok", "warning", "rejected")
+VERDICTS = tuple(Verdict)
 
 
 @dataclass(frozen=True)
@@ -28,28 +47,23 @@ class Check:
     ----------
     code : Code
         The kind of check.
+    verdict : Verdict
+        The verdict on the test, or on the channel.
     statistic, limit : float
         The value found and its limit, in the same unit; not-a-number for a check without a number.
-    verdict : {"ok", "warning", "rejected"}
-        The verdict on the test, or on the channel.
     channel : str
         F1, V1 or V2 for a check of one channel; else empty.
-    remark, remedy : str
-        The whole sentence, and the remedy alone; empty for most checks whose verdict is ok.
+    values : mapping of str to object
+        What the sentence names beside them: numbers in the units of `fourpole.core.remarks.UNITS`, names of tests,
+        channels and files, enums, what an error says, other checks, or tuples of them.
     """
 
     code: Code
-    statistic: float
-    limit: float
-    verdict: str
+    verdict: Verdict
+    statistic: float = nan
+    limit: float = nan
     channel: str = ""
-    remark: str = ""
-    remedy: str = ""
-
-    @property
-    def cause(self) -> str:
-        """The sentence without its remedy."""
-        return self.remark.removesuffix(self.remedy)
+    values: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     @property
     def heading(self) -> str:
@@ -57,52 +71,44 @@ class Check:
         return f"{self.code.text} of {self.channel}" if self.channel else self.code.text
 
 
-def worst_verdict(verdicts: Iterable[str]) -> str:
-    """The worst of several verdicts, of which an unknown one counts as a rejection; "ok" if there is no verdict.
+def worst_verdict(verdicts: Iterable[str]) -> Verdict:
+    """The worst of several verdicts, of which an unknown one counts as a rejection; OK if there is no verdict.
 
     Examples
     --------
     >>> worst_verdict(["ok", "rejected", "warning"])
-    'rejected'
+    <Verdict.REJECTED: 'rejected'>
     """
-    return max((one if one in VERDICTS else VERDICTS[-1] for one in verdicts), key=VERDICTS.index, default="ok")
+    return max(map(Verdict.read, verdicts), key=lambda verdict: verdict.rank, default=Verdict.OK)
 
 
 def reported(
-    code: Code, verdict: str, statistic: float = nan, limit: float = nan, channel: str = "", **values: object
+    code: Code, verdict: Verdict, statistic: float = nan, limit: float = nan, channel: str = "", /, **values: object
 ) -> Check:
-    """A check with its sentence, in which `values` fill the blanks.
+    """A check with further values.
 
     Examples
     --------
-    >>> reported(Code.MEMORY, "rejected", file="D1.csv").remark
-    'D1.csv does not fit into memory: cut it with window [s]'
+    >>> reported(Code.MEMORY, Verdict.REJECTED, file="D1.csv").values
+    {'file': 'D1.csv'}
     """
-    known = {"statistic": statistic, "limit": limit, "channel": channel, "short": code.short(verdict), **values}
-    cause, remedy = (part.format(**known) for part in code.says(verdict))
-    return Check(code, statistic, limit, verdict, channel, cause + remedy, remedy)
-
-
-def interval_words(low: float, high: float, unit: str) -> str:
-    """An interval of probability `COVERAGE` by Monte Carlo, as `Code.PASSIVE_ARM` and `Code.UNCERTAINTY` state it."""
-    if not np.isfinite(low):
-        return " without a limit"
-    upper = f"and {high:.3g} {unit}" if np.isfinite(high) else "and no upper limit"
-    return f" between {low:.3g} {unit} {upper} ({100 * COVERAGE:g} % by Monte Carlo)"
-
-
-def cut_words(before: float, after: float) -> str:
-    """The parts [s] cut off both ends of a recording, as `Code.STEADY` states them."""
-    start = [f"the first {before:.3g} s (lead-in, run-up)"] if before > 0 else []
-    return " and ".join([*start, *([f"the last {after:.3g} s (run-down)"] if after > 0 else [])])
+    return Check(code, verdict, statistic, limit, channel, values)
 
 
 def judged(
-    code: Code, statistic: float, warn: float, reject: float = inf, channel: str = "", **values: object
+    code: Code, statistic: float, warn: float, reject: float = inf, channel: str = "", /, **values: object
 ) -> Check:
-    """A check of a statistic: rejected above `reject`, else a warning above `warn`, else ok and without a sentence."""
+    """A check of a statistic: rejected above `reject`, else a warning above `warn`, else ok and without values."""
     if statistic > reject:
-        return reported(code, "rejected", statistic, reject, channel, **values)
+        return Check(code, Verdict.REJECTED, statistic, reject, channel, values)
     if statistic > warn:
-        return reported(code, "warning", statistic, warn, channel, **values)
-    return Check(code, statistic, warn, "ok", channel)
+        return Check(code, Verdict.WARNING, statistic, warn, channel, values)
+    return Check(code, Verdict.OK, statistic, warn, channel)
+
+
+def fault_of(error: Exception, file: str) -> Check:
+    """The rejection of a test because of an error that is none of Fourpole's own: a fault, or too little memory."""
+    if out_of_memory(error):
+        return reported(Code.MEMORY, Verdict.REJECTED, file=file)
+    name = type(error).__name__
+    return reported(Code.FAULT, Verdict.REJECTED, error=Message(name, "", f"{name}: {error}"))

@@ -191,7 +191,7 @@ class Code(Enum):
         "a channel was left out",
         "{channel} was left out: {why}",
     )
-    TIME_BASE = ("time base", "the times of the samples", "the time base is doubtful", "{why}")
+    TIME_BASE = ("time base", "the times of the samples", "the time base is doubtful", "{error}")
     STEADY = (
         "steady part",
         "the part of the recording in which the drive is steady",
@@ -209,11 +209,11 @@ class Code(Enum):
         ),
         "record a tacho or encoder and state it as [channels] reference",
     )
-    STATEMENT = ("tests.csv", "the row of the test in tests.csv", "", "{why}")
-    EXCLUDED = ("excluded", "whether the row of the test excludes it", "excluded by hand", "{why}")
-    RECORDING = ("recording", "whether the recording can be read and used", "", "{why}")
+    STATEMENT = ("tests.csv", "the row of the test in tests.csv", "", "{error}")
+    EXCLUDED = ("excluded", "whether the row of the test excludes it", "excluded by hand", "{error}")
+    RECORDING = ("recording", "whether the recording can be read and used", "", "{error}")
     CONSTANT = ("constant channel", "whether a channel moves at all", "a channel is constant", "{why}")
-    TOO_SHORT = ("length", "the cycles in the recording", "the recording is too short", "{why}")
+    TOO_SHORT = ("length", "the cycles in the recording", "the recording is too short", "{error}")
     MEMORY = (
         "memory",
         "whether the recording fits into memory",
@@ -225,36 +225,36 @@ class Code(Enum):
         "reader",
         "whether the recording could be read at all, within the limit of memory",
         "a recording ended the process that read it",
-        "{file} {why}; ",
+        "{file} {error}; ",
         "the file may be damaged: copy or export it again, or cut it with window [s]",
     )
     SLOW = (
         "time",
         "whether the recording could be read within the limit of processor time, and without standing still",
         "a recording took longer to read than it may",
-        "{file} {why}; ",
+        "{file} {error}; ",
         "allow more with --time-limit, or cut it with window [s]",
     )
     FAULT = (
         "fault",
         "a fault of the program",
         "",
-        "a fault in Fourpole itself ({why}); ",
+        "a fault in Fourpole itself ({error}); ",
         "please report it with this recording",
     )
     LOAD_CURVE = (
         "load curve",
         "whether the load-deflection curve can be read and used",
         "",
-        "{why}; ",
+        "{error}; ",
         "correct or repeat the static test, or state K1 [N/m] in tests.csv",
     )
-    CURVE = ("curve", "the form of the load-deflection curve", "", "{why}")
+    CURVE = ("curve", "the form of the load-deflection curve", "", "{error}")
     BEYOND_CURVE = (
         "preload",
         "whether the load-deflection curve reaches the preload",
         "the load-deflection curve does not reach the preload",
-        "{why}; ",
+        "{error}; ",
         "record the static test past the preload",
     )
     NO_PRELOAD = (
@@ -264,7 +264,7 @@ class Code(Enum):
         "no dynamic test that takes this K1 states a preload: ",
         "state one in this row to get K1",
     )
-    SECANT = ("secant", "whether the curve reaches the point of zero load", "there is no secant", "no secant: {why}")
+    SECANT = ("secant", "whether the curve reaches the point of zero load", "there is no secant", "no secant: {error}")
     LOAD_ZERO = (
         "zero of the load",
         "the load of a static test before contact, over the span of the loads",
@@ -309,7 +309,7 @@ class Code(Enum):
         "use K* instead",
         "no passive K2 and C exist",
         "{why}",
-        "",
+        "{remedy}",
     )
     UNCERTAINTY = (
         "uncertainty",
@@ -391,7 +391,7 @@ class Code(Enum):
         "the difference of (K' - K1)/K'' between two tyres or pressures over its usual value",
         "two K1 look exchanged",
         (
-            "K1 of {names} looks exchanged: (K' - K1)/K'' is {one:.2g} and {other:.2g} at equal conditions, and "
+            "K1 of {names} looks exchanged: (K' - K1)/K'' is {first:.2g} and {second:.2g} at equal conditions, and "
             "{usual:.2g} for both with the other's K1; "
         ),
         "check which static test is of which tyre and pressure",
@@ -400,7 +400,7 @@ class Code(Enum):
         "amplitudes",
         "the largest over the smallest deflection amplitude of a condition",
         "a curve mixes deflection amplitudes",
-        "the curve of {name} mixes deflection amplitudes of {low:.3g} to {high:.3g} mm: ",
+        "the curve of {name} mixes deflection amplitudes of {low_mm:.3g} to {high_mm:.3g} mm: ",
         "compare K* of rubber at equal amplitudes only, or make the amplitude an axis of [conditions]",
     )
     EXCITATIONS = (
@@ -408,8 +408,8 @@ class Code(Enum):
         "the mean square of the differences of K* between two excitations over their variances",
         "K* depends on the excitation",
         (
-            "K* of {name} by {other} is {mean:.2g} dB above that by {one} (mean of {count} frequencies; a linear "
-            "specimen has the same; ISO 10846-2 allows {linear:g} dB): "
+            "K* of {name} by {stiffer} is {decibel:.2g} dB above that by {softer} (mean of {count} frequencies; a "
+            "linear specimen has the same; ISO 10846-2 allows {linear:g} dB): "
         ),
         "compare K* at equal excitation only, or make the excitation an axis of [conditions]",
     )

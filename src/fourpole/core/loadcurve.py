@@ -24,7 +24,7 @@ from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.meancurve import MeanCurve, off_the_curve
 from fourpole.core.parts import Local, Points, deflection_at, in_part, surest
 from fourpole.core.stepcurve import fit_curve
-from fourpole.errors import LoadCurveError
+from fourpole.errors import LoadCurveError, Message
 
 _FEWEST_POINTS = 5
 #: A curve reaches zero load if its least load is below this share of its span.
@@ -91,10 +91,15 @@ class Tangent:
 
 @dataclass(frozen=True)
 class Secant:
-    """Load over deflection from the point of zero load [N/m]; not-a-number, with a reason, without such a point."""
+    """Load over deflection from the point of zero load [N/m]; not-a-number, with the reason, without such a point."""
 
     stiffness: float
-    reason: str = ""
+    lack: Message | None = None
+
+    @property
+    def reason(self) -> str:
+        """Why there is none; empty if there is one."""
+        return "" if self.lack is None else str(self.lack)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,27 +239,28 @@ class LoadCurve(ByValue):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the quality of the curve, for the reader of the result."""
-        found = []
-        if self.cycles == 1:
-            found.append(
-                "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is"
-            )
-        if self.missing:
-            found.append(f"{100 * self.missing:.2g} % of the points are missing and were left out")
-        if self.outliers:
-            found.append(f"{self.outliers} points lie far off the curve and were left out: look for spikes in the load")
+        return tuple(map(str, self.doubts))
+
+    @property
+    def doubts(self) -> tuple[Message, ...]:
+        """What is doubtful in the curve."""
         low, high = self.measured_loads
-        if abs(creep := float(np.sum(self._shifts))) > _CREEP * (high - low):
-            found.append(
-                f"the load at equal deflection changes by {creep:.3g} N from the second to the last cycle: "
-                "the specimen creeps, or the load cell drifts and K1 is that of another load"
-            )
-        if self.flat_top > _FLAT_TOP:
-            found.append(
-                f"the load stands at its largest value over {self.flat_top:.0%} of the deflection: "
-                "the load cell was clipped; repeat the test with a larger range"
-            )
-        return tuple(found)
+        creep = float(np.sum(self._shifts))
+        doubts = {
+            "one cycle": self.cycles == 1
+            and "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",
+            "missing points": self.missing
+            and f"{100 * self.missing:.2g} % of the points are missing and were left out",
+            "outliers": self.outliers
+            and f"{self.outliers} points lie far off the curve and were left out: look for spikes in the load",
+            "creep": abs(creep) > _CREEP * (high - low)
+            and f"the load at equal deflection changes by {creep:.3g} N from the second to the last cycle: "
+            "the specimen creeps, or the load cell drifts and K1 is that of another load",
+            "clipped": self.flat_top > _FLAT_TOP
+            and f"the load stands at its largest value over {self.flat_top:.0%} of the deflection: "
+            "the load cell was clipped; repeat the test with a larger range",
+        }
+        return tuple(Message(code, "", text) for code, text in doubts.items() if isinstance(text, str))
 
     @cached_property
     def flat_top(self) -> float:
@@ -444,12 +450,12 @@ class LoadCurve(ByValue):
         place = self._deflection_at(curve, load)
         lowest, highest = self.measured_loads
         if lowest > _ZERO * (highest - lowest):
-            return Secant(float("nan"), f"the curve starts at {lowest:.4g} N: no point of zero load")
+            return _no_secant(f"the curve starts at {lowest:.4g} N: no point of zero load")
         try:
             travel = place - deflection_at(curve, 0.0)
         except LoadCurveError:
-            return Secant(float("nan"), "the mean of the branches does not reach zero load")
-        return Secant(load / travel) if travel and load else Secant(float("nan"), "the load is zero: no secant")
+            return _no_secant("the mean of the branches does not reach zero load")
+        return Secant(load / travel) if travel and load else _no_secant("the load is zero: no secant")
 
     @property
     def hysteresis_loss(self) -> float:
@@ -497,3 +503,7 @@ class LoadCurve(ByValue):
         slope = 0.8 * (high - low) / (at[1] - at[0])
         line = low + 0.1 * (high - low) + slope * (x - at[0])
         return float(np.max(np.abs(f - line)) / (high - low))
+
+
+def _no_secant(why: str) -> Secant:
+    return Secant(float("nan"), Message("no secant", "", why))

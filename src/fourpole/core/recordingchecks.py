@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, judged, reported
+from fourpole.core.checks import Check, Verdict, judged, reported
 from fourpole.core.codes import Code
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.spectrum import LINE_GAP, off_multiples
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel
+from fourpole.core.remarks import Looks
 from fourpole.core.rig import Rig
 
 #: Relative departure of F1 from Zr V2 above which the calibration of a channel must be wrong.
@@ -82,7 +83,7 @@ def check_distortion(found: Demodulation) -> Check:
 def check_noise(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
     """Compare the residual of the fit with the fundamental, for each channel."""
     ratios = zip(names, found.noise_ratio.tolist(), strict=True)
-    return [judged(Code.RESIDUAL, ratio, 0.3, channel=name) for name, ratio in ratios if np.isfinite(ratio)]
+    return [judged(Code.RESIDUAL, ratio, 0.3, inf, name) for name, ratio in ratios if np.isfinite(ratio)]
 
 
 def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
@@ -102,8 +103,8 @@ def check_mains(found: Demodulation) -> Check:
     apart = min(float(off_multiples(frequency, base)) for base in (50.0, 60.0))
     bins = apart * found.cycles / frequency
     if bins < LINE_GAP:
-        return reported(Code.MAINS, "warning", bins, LINE_GAP, hertz=frequency)
-    return Check(Code.MAINS, bins, LINE_GAP, "ok")
+        return reported(Code.MAINS, Verdict.WARNING, bins, LINE_GAP, hertz=frequency)
+    return Check(Code.MAINS, Verdict.OK, bins, LINE_GAP)
 
 
 def check_gaps(found: Demodulation) -> Check:
@@ -114,7 +115,7 @@ def check_gaps(found: Demodulation) -> Check:
 def check_spoilt(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
     """Check the share of drop-outs and spikes, which were left out of the fit, for each channel."""
     shares = zip(names, found.spoilt.tolist(), strict=True)
-    return [judged(Code.SPOILT, one, 0.0, channel=name, percent=100 * one) for name, one in shares if np.isfinite(one)]
+    return [judged(Code.SPOILT, one, 0.0, inf, name, percent=100 * one) for name, one in shares if np.isfinite(one)]
 
 
 #: Largest change of a channel against the others between the halves, of amplitude [1] and phase [rad]. The error of K*
@@ -124,8 +125,6 @@ _CHANGES = np.array([0.05, 0.03])
 _CHANGE_NOISE, _SHARPNESS = 5.0, 30.0
 #: The other channels agree if they change against each other by less than this share of the change.
 _AGREE = 0.3
-_GAIN, _CLOCK = "look for a loose sensor or a drifting gain", "record all channels by one clock"
-_SPECIMEN = "{}; if the specimen changed, let it settle first"
 
 
 def check_halves(found: Demodulation, names: tuple[str, ...]) -> Check:
@@ -142,29 +141,21 @@ def check_halves(found: Demodulation, names: tuple[str, ...]) -> Check:
     pairs = {(i, k): apart(i, k) for n, i in enumerate(there) for k in there[n + 1 :]}
     worst = max(pairs.values(), default=0.0)
     if not worst > 1.0:
-        return Check(Code.HALVES, worst, 1.0, "ok")
+        return Check(Code.HALVES, Verdict.OK, worst, 1.0)
     near = min(pairs, key=lambda pair: pairs[pair])
     odd = [i for i in there if i not in near]
     lone = len(there) == 3 and pairs[near] < _AGREE * worst
     which = odd[0] if lone else there[0]
     others = [i for i in there if i != which]
-    gain, phase = found.changes[which] - np.mean(found.changes[others], axis=0)
-    clock = abs(phase) / limits[1] > abs(gain) / limits[0]
-    ppm = 2e6 * phase / (2 * np.pi * found.cycles)
-    change = (
-        f"{np.degrees(phase):.2g} degrees, as by a clock {abs(ppm):.0f} ppm off," if clock else f"{100 * gain:.2g} %"
-    )
-    causes = _CLOCK if clock else _GAIN
+    gain, phase = (found.changes[which] - np.mean(found.changes[others], axis=0)).tolist()
+    change: dict[str, float] = {"gain": gain}
+    if abs(phase) / limits[1] > abs(gain) / limits[0]:
+        change = {"phase": phase, "ppm": abs(2e6 * phase / (2 * np.pi * found.cycles))}
+    specimen = not (lone and names[which] != "V1")
+    beside = tuple(names[i] for i in others)
     return reported(
-        Code.HALVES,
-        "warning",
-        worst,
-        1.0,
-        names[which],
-        change=change,
-        others=" and ".join(names[i] for i in others),
-        causes=causes if lone and names[which] != "V1" else _SPECIMEN.format(causes),
-    )
+        Code.HALVES, Verdict.WARNING, worst, 1.0, names[which], others=beside, specimen=specimen, **change
+    )  # fmt: skip
 
 
 #: The force channel has the static load if its mean is at least this share of the preload.
@@ -177,7 +168,7 @@ def check_mean_force(mean: float, preload: float | None) -> Check:
     """Compare the mean of F1 with the preload, if the channel has the static load."""
     share = abs(mean / preload) if preload else 0.0
     if not _HAS_LOAD <= share <= 1 / _HAS_LOAD:
-        return Check(Code.MEAN_FORCE, 0.0, _OFF_LOAD, "ok")
+        return Check(Code.MEAN_FORCE, Verdict.OK, 0.0, _OFF_LOAD)
     return judged(Code.MEAN_FORCE, abs(share - 1.0), _OFF_LOAD, mean=mean, preload=preload)
 
 
@@ -185,7 +176,7 @@ def check_resonance(frequency: float, rig: Rig, added_mass: float) -> Check:
     """Compare the rig's own stiffness K3 - m w² with its larger part; where it is small, K* is poorly determined."""
     omega = 2 * np.pi * frequency
     if rig.blocked:
-        return Check(Code.RESONANCE, 0.0, 20.0, "ok")
+        return Check(Code.RESONANCE, Verdict.OK, 0.0, 20.0)
     impedance = complex(rig.impedance(omega, added_mass))
     spring, inertia = rig.preload_stiffness, omega**2 * (rig.moving_mass + rig.tyre_mass + added_mass)
     left = abs(omega * impedance) / max(spring, inertia)
@@ -198,11 +189,11 @@ _ALIKE = 0.1
 _G = 9.80665
 #: Mistakes by the factor of F1 over what V2 and the rig need.
 _MISTAKES = {
-    -1.0: "F1 or V2 looks inverted",
-    _G: "the unit of V2 looks like g read as m/s², a factor of 9.81",
-    1 / _G: "the unit of F1 looks like kgf read as N, a factor of 9.81",
-    1000.0: "the unit of F1 looks like N read as kN, or that of V2 is 1000 times too small",
-    1e-3: "the unit of F1 looks like kN read as N, or that of V2 is 1000 times too large",
+    -1.0: Looks.F1_V2_INVERTED,
+    _G: Looks.V2_IN_G,
+    1 / _G: Looks.F1_IN_KGF,
+    1000.0: Looks.F1_IN_N,
+    1e-3: Looks.F1_IN_KN,
 }
 
 
@@ -214,11 +205,10 @@ def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
     needed = impedance * v2
     force = f1 - 1j * omega * rig.input_mass * v1
     if not (np.isfinite(force) and np.isfinite(needed)) or needed == 0:
-        return Check(Code.CONSISTENCY, nan, INCONSISTENT, "ok")
+        return Check(Code.CONSISTENCY, Verdict.OK, nan, INCONSISTENT)
     ratio = force / needed
     size, degrees = abs(ratio), np.degrees(np.angle(ratio))
-    looks = [words for factor, words in _MISTAKES.items() if abs(ratio / factor - 1.0) < _ALIKE]
+    looks = [look for factor, look in _MISTAKES.items() if abs(ratio / factor - 1.0) < _ALIKE]
     if v1 != 0 and abs(force / (impedance * v1) - 1.0) < _ALIKE:
-        looks.append("V1 and V2 look exchanged")
-    said = f"; {' or '.join(looks)}" if looks else ""
-    return judged(Code.CONSISTENCY, abs(ratio - 1.0), INCONSISTENT, ratio=size, degrees=degrees, looks=said)
+        looks.append(Looks.V1_V2_EXCHANGED)
+    return judged(Code.CONSISTENCY, abs(ratio - 1.0), INCONSISTENT, ratio=size, degrees=degrees, looks=tuple(looks))

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.remarks import NoArm
 
 #: Routes that identify each test by itself.
 ROUTES = ("mobility", "relative", "transmissibility")
@@ -204,25 +205,20 @@ def paper_d(stiffness: ArrayLike, k1: ArrayLike) -> FloatArray:
     return (np.asarray(k1) * (1.0 / np.asarray(stiffness)).real)[()]
 
 
+def no_arm(stiffness: complex, k1: float, k2: float, c: float) -> NoArm | None:
+    """The reason why no passive K2, C exist; None if they exist."""
+    if not np.isfinite(stiffness):
+        return NoArm.NO_STIFFNESS
+    if k2 > 0 and c > 0 and np.isfinite(k2) and np.isfinite(c):
+        return None
+    if stiffness.real <= 0:
+        return NoArm.NO_STORAGE
+    if stiffness.imag <= 0:
+        return NoArm.NO_LOSS
+    return NoArm.BELOW_K1 if np.isfinite(k1) else NoArm.NO_K1
+
+
 def why_no_arm(stiffness: complex, k1: float, k2: float, c: float) -> str:
     """The reason why no passive K2, C exist, with the likely cause; an empty text if they exist."""
-    if not np.isfinite(stiffness):
-        return "K* could not be found, so neither can K2 and C"
-    if k2 > 0 and c > 0 and np.isfinite(k2) and np.isfinite(c):
-        return ""
-    if stiffness.real <= 0:
-        return (
-            f"no passive K2, C exist: K' = {stiffness.real:.5g} N/m is not positive; "
-            "look for an inverted force or motion channel, or a wrong moving mass"
-        )
-    if stiffness.imag <= 0:
-        return (
-            f"no passive C exists: K'' = {stiffness.imag:.5g} N/m is not positive, the tyre would give energy; "
-            "look for an inverted channel, an undeclared delay or phase of a channel, or a wrong rig value"
-        )
-    if not np.isfinite(k1):
-        return "no static stiffness K1 is known, so K2 and C are left blank"
-    return (
-        f"no passive K2 exists: K' = {stiffness.real:.5g} N/m is not above the static K1 = {k1:.5g} N/m; "
-        "look for a K1 taken at another load, amplitude or branch, a wrong moving mass, or a gain error"
-    )
+    reason = no_arm(stiffness, k1, k2, c)
+    return "".join(reason.says(stiffness, k1)) if reason is not None else ""

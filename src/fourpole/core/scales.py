@@ -7,9 +7,10 @@ from math import atan, exp, log, pi
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, judged, reported
+from fourpole.core.checks import Check, Verdict, judged, reported
 from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
+from fourpole.core.remarks import Looks
 from fourpole.core.routes import relative_route
 
 #: Frequency of a slow static test [Hz]. Above it K' rises with frequency as fast as its loss factor allows.
@@ -21,11 +22,11 @@ _ABOVE, _BELOW = 1.5, 0.8
 _SPECIMENS, _STATES = (0.5, 0.15), (0.3, 0.15)
 #: Mistakes in V1 by the factor that corrects them.
 _MISTAKES = {
-    -1.0: "is inverted",
-    9.80665: "is 9.81 times too small, as g read as m/s²",
-    1 / 9.80665: "is 9.81 times too large",
-    1000.0: "is 1000 times too small, as m read as mm",
-    1e-3: "is 1000 times too large, as mm read as m",
+    -1.0: Looks.V1_INVERTED,
+    9.80665: Looks.V1_IN_G,
+    1 / 9.80665: Looks.V1_TIMES_G,
+    1000.0: Looks.V1_IN_M,
+    1e-3: Looks.V1_IN_MM,
 }
 
 
@@ -52,7 +53,7 @@ def check_scale(phasors: Phasors, stiffness: complex, k1: float, *, motion: bool
         return None
     frequency, ratio = float(phasors.frequency), stiffness.real / k1
     if is_plausible(stiffness, k1, frequency):
-        return Check(Code.K1_RATIO, ratio, largest_ratio(stiffness, frequency), "ok")
+        return Check(Code.K1_RATIO, Verdict.OK, ratio, largest_ratio(stiffness, frequency))
     f1, v1, v2 = (complex(one) for one in phasors.amplitudes)
     if motion and np.isfinite(v2):
         factors = [
@@ -61,9 +62,9 @@ def check_scale(phasors: Phasors, stiffness: complex, k1: float, *, motion: bool
             if is_plausible(complex(relative_route(f1, factor * v1, v2, float(phasors.omega))), k1, frequency)
         ]
         if len(factors) == 1:
-            return reported(Code.V1_SCALE, "warning", ratio, looks=_MISTAKES[factors[0]])
+            return reported(Code.V1_SCALE, Verdict.WARNING, ratio, looks=_MISTAKES[factors[0]])
     if 0 < ratio < _BELOW:
-        return reported(Code.K1_LARGE, "warning", ratio, _BELOW, times=1 / ratio)
+        return reported(Code.K1_LARGE, Verdict.WARNING, ratio, _BELOW, times=1 / ratio)
     loss = stiffness.imag / stiffness.real if stiffness.real else 0.0
     return judged(Code.K1_RATIO, ratio, largest_ratio(stiffness, frequency), loss=loss)
 

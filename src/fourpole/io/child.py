@@ -68,6 +68,11 @@ class Died(Exception):  # noqa: N818 - it is a report
 
     remedy = "it may be damaged: copy or export it again"
 
+    @property
+    def message(self) -> errors.Message:
+        """What it says, as a value."""
+        return errors.Message("reader", "", str(self))
+
 
 class Late(Died):
     """A worker took longer than it may: the same work would take another worker as long."""
@@ -235,12 +240,16 @@ def _death(code: int | None, took: float, limit: float, patience: float) -> Died
     return Died("crashed the library that reads it")
 
 
-def _error(kind: str, text: str) -> Exception:
+def _error(kind: str, text: str, site: str) -> Exception:
     """The error that the worker reported."""
     if kind == "MemoryError":
         return MemoryError(text)
-    found = getattr(errors, kind, None)
-    return found(text) if isinstance(found, type) and issubclass(found, errors.FourpoleError) else RuntimeError(text)
+    named = getattr(errors, kind, None)
+    if not (isinstance(named, type) and issubclass(named, errors.FourpoleError)):
+        return RuntimeError(text)
+    error = named(text)
+    error.raised_at = site
+    return error
 
 
 def answer_of(

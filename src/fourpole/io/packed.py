@@ -101,7 +101,7 @@ def unpack(content: bytes | bytearray, classes: Iterable[type] = ()) -> Any:
 
 def _plain(value: Any, arrays: list[Any]) -> Any:
     """A value for JSON; each array is replaced by its place in `arrays`."""
-    if value is None or isinstance(value, bool | int | float | str):
+    if value is None or (isinstance(value, bool | int | float | str) and not isinstance(value, Enum)):
         return float(value) if isinstance(value, np.floating) else value
     if isinstance(value, np.bool_ | np.integer):
         return value.item()

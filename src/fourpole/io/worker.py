@@ -107,11 +107,11 @@ def _answered(function: Callable[..., Any], args: tuple[Any, ...]) -> bytes:
         result = function(*args)
         return b"R" + (result if isinstance(result, bytes) else pack(result))
     except FourpoleError as error:
-        return b"E" + pack((type(error).__name__, str(error)))
+        return b"E" + pack((type(error).__name__, str(error), error.site))
     except Exception as error:  # noqa: BLE001 - the parent says that this is a fault of ours
         if out_of_memory(error):
-            return b"E" + pack(("MemoryError", ""))
-        return b"E" + pack(("Exception", f"{type(error).__name__}: {error}"))
+            return b"E" + pack(("MemoryError", "", ""))
+        return b"E" + pack(("Exception", f"{type(error).__name__}: {error}", ""))
 
 
 def _tell(answers: BinaryIO, done: int, total: int) -> None:

@@ -25,13 +25,12 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from fourpole.core.checks import Check
-from fourpole.core.codes import Code
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.harmonics import Harmonics
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
+from fourpole.core.remarks import CHECK_CLASSES
 from fourpole.core.spectra.excited import Excited
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.door import read_bytes
@@ -43,7 +42,7 @@ from fourpole.io.write import write_bytes
 from fourpole.study.points import Demodulated
 
 #: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
-_VERSION = 17
+_VERSION = 18
 _INDEX = "index.jsonl"
 #: The index is appended without following a link, and without waiting for who reads a pipe.
 _APPEND = os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
@@ -56,7 +55,7 @@ _LARGEST = 200_000_000
 #: Where the body of packed bytes begins, and that of a line of the index: ["signature", body].
 _PACKED, _BODY = 8, 4 + 2 * LENGTH
 _LINE = re.compile(rb'\["[0-9a-f]{64}",.+\]')
-_CLASSES = (Check, Code, Correction, Demodulated, Demodulation, Excited, Harmonics, Phasors, Preview)
+_CLASSES = (*CHECK_CLASSES, Correction, Demodulated, Demodulation, Excited, Harmonics, Phasors, Preview)
 
 
 def packed(done: Demodulated) -> bytes:

@@ -10,6 +10,8 @@ from pathlib import Path
 from fourpole import units
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import inside
+from fourpole.core.checks import VERDICTS, Verdict
+from fourpole.core.remarks import remark_of, why_no_k1
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.child import read_apart
 from fourpole.io.door import sha256_of
@@ -46,8 +48,8 @@ class CampaignProblem:
         The file as tests.csv names it.
     about : str
         "tests.csv", "file", "channels", "recording", "static test", "window", "K1", "duplicate", or a check's name.
-    verdict : str
-        "rejected" where the analysis could not use the test, "warning" where it would lack something.
+    verdict : Verdict
+        Rejected where the analysis could not use the test, a warning where it would lack something.
     message : str
         The fault, and its remedy.
     """
@@ -56,7 +58,7 @@ class CampaignProblem:
     row: int
     file: str
     about: str
-    verdict: str
+    verdict: Verdict
     message: str
 
 
@@ -72,10 +74,11 @@ class Checked:
     @property
     def counts(self) -> dict[str, int]:
         """Number of tests by their worst verdict."""
-        rejected = {problem.test for problem in self.problems if problem.verdict == "rejected"}
+        rejected = {problem.test for problem in self.problems if problem.verdict is Verdict.REJECTED}
         warned = {problem.test for problem in self.problems} - rejected
         every = len(self.campaign.tests)
-        return {"ok": every - len(rejected) - len(warned), "warning": len(warned), "rejected": len(rejected)}
+        counts = (every - len(rejected) - len(warned), len(warned), len(rejected))
+        return dict(zip(map(str, VERDICTS), counts, strict=True))
 
 
 def check_campaign(
@@ -136,7 +139,7 @@ def check_campaign(
     look.duplicates()
     look.stiffness(look.statics())
     order = {test.name: at for at, test in enumerate(campaign.tests)}
-    problems = sorted(look.problems, key=lambda problem: (order[problem.test], problem.verdict != "rejected"))
+    problems = sorted(look.problems, key=lambda problem: (order[problem.test], problem.verdict is not Verdict.REJECTED))
     return Checked(campaign, used, tuple(problems), tuple(notes))
 
 
@@ -176,7 +179,7 @@ class _Inspection:
         """Check one test by itself: its row, its file, and the first part of a dynamic recording."""
         test, about = job.test, "file"
         if test.problem:
-            self._say(test, "tests.csv", "rejected", test.problem)
+            self._say(test, "tests.csv", Verdict.REJECTED, test.problem)
             return
         try:
             path = None if is_elsewhere(test.file) else inside(self.campaign.folder, test.file)
@@ -185,14 +188,14 @@ class _Inspection:
             if test.kind == "static":
                 return
             for row in check_part_of(job, guarded=self.guarded):
-                self._say(test, row.heading, row.verdict, row.remark)
+                self._say(test, row.heading, row.verdict, remark_of(row))
             if test.window is not None and path is not None:
                 self._window(test, path)
         except FourpoleError as error:
             about = {FileError: "file", TableError: "channels"}.get(type(error), "recording")
-            self._say(test, about, "rejected", str(error))
+            self._say(test, about, Verdict.REJECTED, str(error))
         except MemoryError:
-            self._say(test, about, "rejected", "does not fit into memory: cut it with window [s]")
+            self._say(test, about, Verdict.REJECTED, "does not fit into memory: cut it with window [s]")
 
     def statics(self) -> list[StaticRow]:
         """The rows of the static tests, evaluated as in the analysis."""
@@ -200,11 +203,11 @@ class _Inspection:
         for item in tests:
             about = "static test" if item.sha256 else "file"
             for row in item.rows:
-                if row.verdict == "rejected" and not row.test.problem:
-                    self._say(row.test, about, "rejected", "; ".join(row.remarks))
+                if row.verdict is Verdict.REJECTED and not row.test.problem:
+                    self._say(row.test, about, Verdict.REJECTED, "; ".join(map(remark_of, row.checks)))
         return [row for item in tests for row in item.rows]
 
-    def _say(self, test: Test, about: str, verdict: str, message: str) -> None:
+    def _say(self, test: Test, about: str, verdict: Verdict, message: str) -> None:
         text = message.removeprefix(f"tests.csv row {test.row}: ")
         for label in (units.shown(test.file, 200)[1:-1], test.file):
             text = text.removeprefix(f"{label}: ").removeprefix(f"{label} ")
@@ -223,7 +226,7 @@ class _Inspection:
         (low, high), (stop, step) = test.window, found
         if high > stop + step:
             message = f"window {low:g}..{high:g} s goes beyond the recording, which ends at {stop:g} s; shorten it"
-            self._say(test, "window", "warning", message)
+            self._say(test, "window", Verdict.WARNING, message)
 
     # --- the campaign as a whole ---------------------------------------------------------------------------------
 
@@ -242,7 +245,7 @@ class _Inspection:
                     f"is the recording of test {units.shown(first.name)} (row {first.row}) too: name "
                     f"another file, group or window [s]"
                 )
-                self._say(test, "duplicate", "warning", message)
+                self._say(test, "duplicate", Verdict.WARNING, message)
             if path in hashed or sizes[size] < 2 or size > _MOST_HASHED:
                 continue
             hashed.add(path)
@@ -252,16 +255,18 @@ class _Inspection:
                     f"has the same content as {units.shown(first.file)} of test "
                     f"{units.shown(first.name)} (row {first.row}): is it a copy?"
                 )
-                self._say(test, "duplicate", "warning", message)
+                self._say(test, "duplicate", Verdict.WARNING, message)
 
     def stiffness(self, statics: Sequence[StaticRow]) -> None:
         """Check whether each dynamic test has a K1."""
-        bad = {problem.test for problem in self.problems if problem.verdict == "rejected"}
+        bad = {problem.test for problem in self.problems if problem.verdict is Verdict.REJECTED}
         for test in self.campaign.tests:
             if test.kind != "dynamic" or test.name in bad:
                 continue
             found = stiffness_for(test, statics, self.campaign.stated.sameness)
-            if found.reason:
-                self._say(test, "K1", "warning", f"K2 and C would be left blank: {found.reason}: {found.remedy}")
-            for check in found.warnings:
-                self._say(test, "K1", "warning", check.remark)
+            if found.lack is not None:
+                text = "K2 and C would be left blank: {why}: {remedy}".format(**why_no_k1(found.lack.values))
+                self._say(test, "K1", Verdict.WARNING, text)
+            for check in found.checks:
+                if check.verdict is Verdict.WARNING:
+                    self._say(test, "K1", Verdict.WARNING, remark_of(check))

@@ -14,11 +14,12 @@ from fourpole.campaign.conditions import condition_of, condition_words
 from fourpole.campaign.folder import Campaign
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import BoolArray
-from fourpole.core.checks import Check, judged, reported
+from fourpole.core.checks import Check, Verdict, judged, reported
 from fourpole.core.codes import Code
 from fourpole.core.condition import Condition
 from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.remarks import said
 from fourpole.core.scales import check_scale, k1_exchanged
 from fourpole.study.excitations import excitations
 from fourpole.study.points import Points
@@ -62,12 +63,13 @@ class Compared:
     @property
     def notes(self) -> list[str]:
         """One sentence on the curve that mixes the largest range of amplitudes, where the specimen is not linear."""
-        mixed = [check for _, check in self.conditions if check.code is Code.AMPLITUDES and check.remark]
+        mixed = [check for _, check in self.conditions if check.code is Code.AMPLITUDES and check.values]
         if self.linear or not mixed:
             return []
         worst = max(mixed, key=lambda check: check.statistic)
         more = f" ({len(mixed) - 1} more curves do so)" if len(mixed) > 1 else ""
-        return [f"{worst.cause.removesuffix(': ')}{more}: {worst.remedy}"]
+        cause, remedy = said(worst)
+        return [f"{cause.removesuffix(': ')}{more}: {remedy}"]
 
 
 def compare_points(campaign: Campaign, points: Points) -> Compared:
@@ -79,7 +81,7 @@ def compare_points(campaign: Campaign, points: Points) -> Compared:
     unknown = replace(points.phasors, amplitudes=np.where(used[:, None], points.phasors.amplitudes, np.nan))
     alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
-    bent = [any(row.code is Code.LINEARITY and row.verdict != "ok" for row in rows) for rows in points.checks]
+    bent = [any(row.code is Code.LINEARITY and row.verdict is not Verdict.OK for row in rows) for rows in points.checks]
     straight = used & ~np.array(bent, dtype=bool)
     strange, on_curves = np.zeros(len(points), dtype=bool), []
     if (curves := _curves(campaign, points, alone, np.flatnonzero(straight))) is not None:
@@ -113,11 +115,11 @@ def scales(points: Points, alone: Alone) -> Iterator[tuple[int, Check]]:
     # Many tests have one K1. If K' is below K1 in a few of them only, these tests have a fault of their own.
     # The same holds if K' is far above K1 at a few lines: K' rises by the loss at lower frequencies, too.
     of_k1 = Counter(k1[row] for row, _ in rows)
-    doubted = Counter((k1[row], check.code) for row, check in rows if check.verdict == "warning")
+    doubted = Counter((k1[row], check.code) for row, check in rows if check.verdict is Verdict.WARNING)
     for row, check in rows:
         line = check.code is Code.K1_RATIO and points.tests[row].band is not None
         few = 2 * doubted[k1[row], check.code] <= of_k1[k1[row]]
-        if not (check.verdict == "warning" and few and (line or check.code is Code.K1_LARGE)):
+        if not (check.verdict is Verdict.WARNING and few and (line or check.code is Code.K1_LARGE)):
             yield row, check
 
 
@@ -146,16 +148,10 @@ def _exchanged_k1(campaign: Campaign, points: Points, alone: Alone, used: np.nda
         ratios = k1_exchanged(alone.stiffness[np.array(pairs)], static_k1, same=same) if pairs else None
         if ratios is not None:
             a, b, usual = ratios
-            names = " and ".join(_static_name(*static) for static in (first, second))
-            unlike = abs(a - b) / usual
-            check = reported(Code.K1_EXCHANGED, "warning", unlike, names=names, one=a, other=b, usual=usual)
+            unlike, ratio = abs(a - b) / usual, {"first": a, "second": b, "usual": usual}
+            check = reported(Code.K1_EXCHANGED, Verdict.WARNING, unlike, statics=(first, second), **ratio)
             for static in (first, second):
                 yield from ((row, check) for rows in of_static[static].values() for row in rows)
-
-
-def _static_name(tyre: str, pressure: float) -> str:
-    """A tyre at a pressure [Pa], in words."""
-    return f"{tyre} at {pressure / q.PRESSURE.scale:.4g} {q.PRESSURE.shown}" if pressure else tyre
 
 
 def _amplitudes(points: Points, alone: Alone, further: Sequence[str]) -> Iterator[tuple[str, Check]]:
@@ -164,10 +160,10 @@ def _amplitudes(points: Points, alone: Alone, further: Sequence[str]) -> Iterato
         sizes = 1e3 * alone.deflection[rows]
         name, ratio = condition_words(points.tests[rows[0]], further=further), float(sizes.max() / sizes.min())
         if ratio > _MIXED:
-            low, high = float(sizes.min()), float(sizes.max())
-            yield name, reported(Code.AMPLITUDES, "ok", ratio, _MIXED, name=name, low=low, high=high)
+            ends = {"low_mm": float(sizes.min()), "high_mm": float(sizes.max())}
+            yield name, reported(Code.AMPLITUDES, Verdict.OK, ratio, _MIXED, name=name, **ends)
         else:
-            yield name, Check(Code.AMPLITUDES, ratio, _MIXED, "ok")
+            yield name, Check(Code.AMPLITUDES, Verdict.OK, ratio, _MIXED)
 
 
 def copies(points: Points, sound: BoolArray) -> Iterator[tuple[int, Check]]:
@@ -193,8 +189,8 @@ def copies(points: Points, sound: BoolArray) -> Iterator[tuple[int, Check]]:
         single = np.count_nonzero(sound[rows]) == 1
         for row in rows if len(names) > 1 else ():
             if not (single and sound[row]):
-                others = " and ".join(name for name in names if name != points.tests[row].name)
-                yield row, reported(Code.COPY, "warning", others=others)
+                others = tuple(name for name in names if name != points.tests[row].name)
+                yield row, reported(Code.COPY, Verdict.WARNING, tests=others)
 
 
 def noises(points: Points, used: BoolArray) -> Iterator[tuple[int, Check]]:
@@ -208,7 +204,7 @@ def noises(points: Points, used: BoolArray) -> Iterator[tuple[int, Check]]:
             usual = float(np.median(std[known, channel])) if known.size >= _FEWEST else np.nan
             for row in known.tolist() if known.size >= _FEWEST else ():
                 times = float(std[row, channel]) / usual if share[row, channel] > _MATTERS else 0.0
-                yield row, judged(Code.NOISE, times, _NOISIER, channel=name)
+                yield row, judged(Code.NOISE, times, _NOISIER, np.inf, name)
 
 
 def _curves(campaign: Campaign, points: Points, alone: Alone, rows: np.ndarray) -> Curves | None:
@@ -250,20 +246,20 @@ def curve_checks(curves: Curves, points: Points, rows: np.ndarray) -> Iterator[t
     for place in np.flatnonzero(curves.judged).tolist():
         row, statistic = int(rows[place]), float(curves.statistic[place])
         if place not in fits:
-            yield row, Check(Code.OFF_CURVE, min(statistic, limit), limit, "ok")
+            yield row, Check(Code.OFF_CURVE, Verdict.OK, min(statistic, limit), limit)
             continue
         percent = 100 * float(abs(np.expm1(curves.off[place])))
         twins = [k for k, there in fits.items() if there == family[place] and fits[place] == family[k]]
         if fits[place] is None:
-            check = reported(Code.OFF_CURVE, "warning", statistic, limit, percent=percent)
+            check = reported(Code.OFF_CURVE, Verdict.WARNING, statistic, limit, percent=percent)
         elif twins:
             twin = min(twins, key=lambda k: abs(np.log(frequency[k] / frequency[place])))
-            names = " and ".join(points.tests[rows[k]].name for k in sorted((place, twin)))
-            check = reported(Code.EXCHANGED, "warning", statistic, limit, names=names, percent=percent)
+            pair = tuple(points.tests[rows[k]].name for k in sorted((place, twin)))
+            check = reported(Code.EXCHANGED, Verdict.WARNING, statistic, limit, tests=pair, percent=percent)
         else:
             there = points.tests[rows[np.flatnonzero(family == fits[place])[0]]]
             other = condition_words(there, points.tests[row])
-            check = reported(Code.OTHER_CURVE, "warning", statistic, limit, other=other, percent=percent)
+            check = reported(Code.OTHER_CURVE, Verdict.WARNING, statistic, limit, other=other, percent=percent)
         yield row, check
 
 

@@ -11,7 +11,7 @@ from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import at_hand, identity_or_none
 from fourpole.core.loadcurve import LoadCurve
-from fourpole.errors import FileError, FourpoleError
+from fourpole.errors import FileError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Died, Late, answer_of
 from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
@@ -47,12 +47,12 @@ class CurveOfFile:
     curve: LoadCurve | None
     sha256: str
     missing: float = 0.0
-    reason: str = ""
+    error: Message | None = None
 
 
 #: The classes of which a job is made, and of which its result.
 OF_WORK = (CurveJob, Test, *CHANNEL_CLASSES)
-_CLASSES = (CurveOfFile, LoadCurve)
+_CLASSES = (CurveOfFile, LoadCurve, Message)
 
 
 def curve_of(job: CurveJob) -> bytes:
@@ -64,7 +64,7 @@ def curve_of(job: CurveJob) -> bytes:
         except FileError:  # says nothing of the content
             raise
         except FourpoleError as error:
-            return pack(CurveOfFile(None, sha256, reason=str(error)))
+            return pack(CurveOfFile(None, sha256, error=error.message))
         return pack(CurveOfFile(curve, sha256, curve.missing))
 
 

@@ -12,9 +12,10 @@ from fourpole.campaign.folder import Test
 from fourpole.core import stats
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, reported
+from fourpole.core.checks import Check, Verdict, reported
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
+from fourpole.core.remarks import Excitation
 from fourpole.study.points import Points
 
 #: Tests whose deflections differ by less than this factor have one level.
@@ -23,8 +24,8 @@ _LEVEL = 1.25
 _NEAR, _FEWEST = 0.06, 3
 #: Change of the stiffness between levels up to which ISO 10846-2, 7.7, takes a specimen as linear [dB].
 LINEAR = 1.5
-#: Each kind with a band in words.
-_WORDS = {"random": "random excitation", "sweep": "a sweep"}
+#: The excitation of each kind with a band.
+_OF_KIND = {"random": Excitation.RANDOM, "sweep": Excitation.SWEEP}
 _DECIBEL = 20.0 / np.log(10.0)
 
 
@@ -42,22 +43,21 @@ def excitations(points: Points, alone: Alone, further: Sequence[str]) -> Iterato
                 yield name, check
 
 
-def _kinds(tests: Sequence[Test], deflection: FloatArray, rows: np.ndarray) -> dict[str, list[int]]:
-    """Rows of a condition by excitation, in words; the amplitude of a sine may change with its frequency."""
-    found: dict[str, list[int]] = {}
+_Level = tuple[Excitation, float]
+
+
+def _kinds(tests: Sequence[Test], deflection: FloatArray, rows: np.ndarray) -> dict[_Level, list[int]]:
+    """Rows of a condition by excitation and level [mm]; the amplitude of a sine may change with its frequency."""
+    found: dict[_Level, list[int]] = {}
     for row in rows[np.argsort(deflection[rows], kind="stable")].tolist():
-        if tests[row].band is None:
-            found.setdefault("sines", []).append(row)
-            continue
-        levels = [key for key in found if key.startswith(_WORDS[tests[row].kind])]
-        if levels and deflection[row] < _LEVEL * deflection[found[levels[-1]][0]]:
-            found[levels[-1]].append(row)
-        else:
-            found[f"{_WORDS[tests[row].kind]} of {1e3 * deflection[row]:.3g} mm"] = [row]
+        kind = Excitation.SINES if tests[row].band is None else _OF_KIND[tests[row].kind]
+        levels = [level for level in found if level[0] is kind]
+        near = levels and (kind is Excitation.SINES or deflection[row] < _LEVEL * deflection[found[levels[-1]][0]])
+        found.setdefault(levels[-1] if near else (kind, 1e3 * float(deflection[row])), []).append(row)
     return found
 
 
-def _compared(name: str, keys: tuple[str, ...], pair: Sequence[Alone]) -> Check | None:
+def _compared(name: str, keys: tuple[_Level, ...], pair: Sequence[Alone]) -> Check | None:
     """The check of two excitations; None if they have fewer than three frequencies in common."""
     sparse, dense = sorted(pair, key=lambda alone: alone.noise.size)
     off, variance = _differences(sparse, dense)
@@ -66,15 +66,15 @@ def _compared(name: str, keys: tuple[str, ...], pair: Sequence[Alone]) -> Check 
     statistic = float(np.mean(np.abs(off) ** 2 / (2.0 * variance)))
     limit = float(stats.chi2.isf(SEARCH_CHANCE, 2 * off.size)) / (2 * off.size)
     if statistic <= limit:
-        return Check(Code.EXCITATIONS, statistic, limit, "ok")
+        return Check(Code.EXCITATIONS, Verdict.OK, statistic, limit)
     sign = 1.0 if sparse is pair[1] else -1.0
     weights = 1.0 / variance
     mean = sign * _DECIBEL * float(np.sum(weights * off.real) / np.sum(weights))
-    one, other = keys if mean > 0 else keys[::-1]
-    verdict = "warning" if abs(mean) > LINEAR else "ok"
+    softer, stiffer = keys if mean > 0 else keys[::-1]
+    verdict = Verdict.WARNING if abs(mean) > LINEAR else Verdict.OK
     return reported(
-        Code.EXCITATIONS, verdict, statistic, limit, name=name, one=one, other=other, mean=abs(mean), count=off.size,
-        linear=LINEAR,
+        Code.EXCITATIONS, verdict, statistic, limit, name=name, softer=softer, stiffer=stiffer, decibel=abs(mean),
+        count=off.size, linear=LINEAR,
     )  # fmt: skip
 
 

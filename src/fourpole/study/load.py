@@ -17,7 +17,7 @@ from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recording import Channel, Recording
 from fourpole.core.recordingchecks import clipped_share
 from fourpole.core.reference import Reference
-from fourpole.errors import FileError, FourpoleError, RecordingError, TableError
+from fourpole.errors import FileError, FourpoleError, Message, RecordingError, TableError
 from fourpole.io.recordings import survey
 from fourpole.io.signals import MAX_FILE_BYTES, Signal
 from fourpole.io.stream import Chunk, Stream, StreamSource, stream, times_of
@@ -56,7 +56,7 @@ def recorded_at(path: Path) -> float | None:
 
 def load_recording(
     folder: Path, path: Path, test: Test, channels: ChannelsFile, roles: Sequence[str], *, part: float | None = None
-) -> tuple[Recording, list[str]]:
+) -> tuple[Recording, list[Message]]:
     """The channels `roles` of a dynamic test and the reference of the drive, with remarks on their times.
 
     With `part` [s], the recording ends this long after its own start, or after the start of the window.
@@ -119,7 +119,7 @@ def _gathered(
     *,
     timed: bool = True,
     part: float | None = None,
-) -> tuple[dict[str, Channel], list[str], Reference | None]:
+) -> tuple[dict[str, Channel], list[Message], Reference | None]:
     """Channels by role, remarks, and the reference.
 
     If not `timed`, channels with equal numbers of samples count as sampled at the same times.
@@ -137,13 +137,13 @@ def _gathered(
     lines, timing = _fed(run, channels, stated, turn, timing, part)
     built = {role: line.channel() for role, line in lines.items()}
     found = {role: channel for role, (channel, _) in built.items()}
-    remarks = [said for _, said in built.values() if said]
+    remarks = [Message("time base", "", said) for _, said in built.values() if said]
     reference = None
     if turn is not None:
         try:
             reference = _checked(turn.reference(), found, timing)
         except RecordingError as error:
-            remarks.append(f"[channels] reference is not used: {error}")
+            remarks.append(Message("reference", error.site, f"[channels] reference is not used: {error}"))
     return found, list(dict.fromkeys(remarks)), reference
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.campaign.folder import Test
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
-from fourpole.core.checks import Check, worst_verdict
+from fourpole.core.checks import Check, Verdict, worst_verdict
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.preview import Preview
@@ -53,18 +53,16 @@ class Demodulated:
 
 @dataclass(frozen=True)
 class StaticStiffness:
-    """K1 for a dynamic test with the parts of its uncertainty, or the `reason` why there is none, with its `remedy`.
+    """K1 for a dynamic test with the parts of its uncertainty, or what is lacking.
 
-    `doubt` is a remark that does not change the verdict; `warnings` are checks that make the verdict a warning. `time`
-    is the mean time of the static tests [s]; not-a-number if one of them is unknown.
+    `checks` are of its static tests and of their choice. `time` is the mean time of the static tests [s]; not-a-number
+    if one of them is unknown.
     """
 
     value: float = float("nan")
     std: float = float("nan")
-    reason: str = ""
-    remedy: str = ""
-    doubt: str = ""
-    warnings: tuple[Check, ...] = ()
+    lack: Check | None = None
+    checks: tuple[Check, ...] = ()
     parts: Mapping[Source, float] = field(default_factory=dict)
     time: float = float("nan")
 
@@ -153,7 +151,7 @@ class Points(ByValue):
     @property
     def sound(self) -> BoolArray:
         """Rows with amplitudes that no check rejects."""
-        rejected = [worst_verdict(check.verdict for check in checks) == "rejected" for checks in self.checks]
+        rejected = [worst_verdict(check.verdict for check in checks) is Verdict.REJECTED for checks in self.checks]
         return self.known & ~np.array(rejected, dtype=bool)
 
     def by_condition(self, rows: BoolArray) -> list[np.ndarray]:

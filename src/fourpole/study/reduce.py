@@ -20,7 +20,7 @@ from fourpole.campaign.folder import Campaign, Test
 from fourpole.campaign.place import at_hand, inside
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core import recordingchecks as checks
-from fourpole.core.checks import Check, cut_words, reported
+from fourpole.core.checks import Check, Verdict, fault_of, reported
 from fourpole.core.codes import Code
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
@@ -42,18 +42,16 @@ from fourpole.errors import (
     ConstantError,
     FileError,
     FourpoleError,
+    Message,
     RecordingError,
     TableError,
     TooShortError,
-    out_of_memory,
 )
 from fourpole.io.door import sha256_of
 from fourpole.io.remote import permission
 from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
 from fourpole.study.points import Demodulated, Points
 
-#: Errors that have a code of their own; any other error of a recording has `Code.RECORDING`.
-_CODES: dict[type[FourpoleError], Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
 #: Channels that each route needs.
 ROUTE_NEEDS = {
     "joint": ("force_in", "motion_in"),
@@ -142,28 +140,25 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Job]:
     return [Job(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
 
 
-def _problem_code(test: Test) -> Code:
-    """The check that a row of tests.csv fails: excluded by hand, or faulty."""
-    return Code.EXCLUDED if test.excluded else Code.STATEMENT
-
-
 def demodulated(job: Job) -> Demodulated:
     """The heavy part of a job: all that the recording gives, whatever the rig; an error is a check that rejects it."""
     sha256 = ""
     try:
         if job.test.problem:
-            return Demodulated(checks=(reported(_problem_code(job.test), "rejected", why=job.test.problem),))
+            code = Code.EXCLUDED if job.test.excluded else Code.STATEMENT
+            why = Message(Code.STATEMENT.text, "", job.test.problem)
+            return Demodulated(checks=(reported(code, Verdict.REJECTED, error=why),))
         with at_hand(job.folder, job.test.file) as path:
             sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=job.test.file)
             return replace(demodulated_part(job, path), sha256=sha256, began=recorded_at(path))
     except FourpoleError as error:
-        why = reported(_CODES.get(type(error), Code.RECORDING), "rejected", why=error)
-        lasting = isinstance(error, RecordingError)
+        codes: dict[type, Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
+        code = codes.get(type(error), Code.RECORDING)
+        check, lasting = reported(code, Verdict.REJECTED, error=error.message), isinstance(error, RecordingError)
         sha256 = "" if isinstance(error, FileError) else sha256  # no result of the content, which may be read again
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-        why, lasting = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}"), False
-        why = reported(Code.MEMORY, "rejected", file=job.test.file) if out_of_memory(error) else why
-    return Demodulated(checks=(why,), sha256=sha256, lasting=lasting)
+        check, lasting = fault_of(error, job.test.file), False
+    return Demodulated(checks=(check,), sha256=sha256, lasting=lasting)
 
 
 def points_of(job: Job, done: Demodulated) -> Points:
@@ -216,7 +211,7 @@ def _checks_of_lines(job: Job, done: Demodulated, found: Excited, rig: Rig | Non
     for line in range(found.averages.size):
         yield (*whole, *_checks_of_line(job, found, line, rig))
         if not line:
-            whole = [check for check in whole if check.verdict != "ok"]
+            whole = [check for check in whole if check.verdict is not Verdict.OK]
 
 
 def _checks_of_line(job: Job, found: Excited, at: int, rig: Rig | None) -> Iterator[Check]:
@@ -224,9 +219,9 @@ def _checks_of_line(job: Job, found: Excited, at: int, rig: Rig | None) -> Itera
     line, phasors = check_line(found, at), found.phasors.part(at)
     added = job.test.value("added_mass") or 0.0
     yield line
-    if line.verdict != "rejected" and rig is not None and not rig.blocked:
+    if line.verdict is not Verdict.REJECTED and rig is not None and not rig.blocked:
         yield checks.check_resonance(float(phasors.frequency), rig, added)
-        if line.verdict == "ok":
+        if line.verdict is Verdict.OK:
             yield checks.check_consistency(phasors, rig, added)
 
 
@@ -255,7 +250,7 @@ def _checks_of_part(job: Job, path: Path) -> tuple[Check, ...]:
     length = max(0.5, 10.0 / near) if near else _PART
     recording, rows = _loaded(job, path, length)
     if job.test.window is None and all(np.ptp(one.samples) == 0.0 for one in recording.channels.values()):
-        return (reported(Code.CONSTANT, "warning", why="at first, no channel moves: check that the drive runs"),)
+        return (reported(Code.CONSTANT, Verdict.WARNING, at_first=True),)
     recording, clipped = _unclipped(recording, job.needed)
     rows += clipped
     shown = tuple(rows)
@@ -263,11 +258,12 @@ def _checks_of_part(job: Job, path: Path) -> tuple[Check, ...]:
         cycles = _MOST_CYCLES / (near or _shown_frequency(job, path, recording))
         (shown,) = points_of(job, demodulated_part(job, path, max(_PART, cycles))).checks
     moved = [row for row in shown if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
-    runs = job.test.window is not None or all(row.verdict == "ok" for row in moved)
-    bad = [row for row in shown if row.verdict == "rejected"]
+    runs = job.test.window is not None or all(row.verdict is Verdict.OK for row in moved)
+    bad = [row for row in shown if row.verdict is Verdict.REJECTED]
     # The drive may start after this part, because the analysis cuts a lead-in.
-    bad = bad if runs else [replace(row, verdict="warning", remark=f"at first, {row.remark}") for row in bad]
-    return (*bad, *(row for row in shown if row.verdict == "warning" and row.code is Code.LEFT_OUT))
+    if not runs:
+        bad = [replace(row, verdict=Verdict.WARNING, values={**row.values, "at_first": True}) for row in bad]
+    return (*bad, *(row for row in shown if row.verdict is Verdict.WARNING and row.code is Code.LEFT_OUT))
 
 
 def _shown_frequency(job: Job, path: Path, recording: Recording) -> float:
@@ -297,7 +293,9 @@ def _is_plain(job: Job, recording: Recording) -> bool:
     if preload is not None and not job.test.fixed and recording.force_peak > _PLAIN_FORCE * preload:
         return False
     rig = job.rig.rig() if job.rig is not None else None
-    return rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict == "ok"
+    return (
+        rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict is Verdict.OK
+    )
 
 
 def _is_sine(track: Track, frequency: float) -> bool:
@@ -331,7 +329,7 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
         if not present:
             raise
         found, wandering = _followed(recording.without(present[0]), near, start)
-        rows.append(_left_out(present[0], str(error)))
+        rows.append(_left_out(present[0], error.message))
     return Demodulated(found, (*rows, *wandering), _mean_force(recording))
 
 
@@ -346,7 +344,7 @@ def _amplitudes(test: Test, recording: Recording) -> tuple[Excited, list[Check]]
         if DRIVE not in recording.channels:
             raise
         found = amplitudes(recording.without(DRIVE), test.band)
-        return replace(found, preview=shown), [_left_out(DRIVE, str(error))]
+        return replace(found, preview=shown), [_left_out(DRIVE, error.message)]
 
 
 def _preview(recording: Recording) -> Preview | None:
@@ -389,9 +387,9 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
             recording, remarks = load_recording(job.folder, path, job.test, job.channels, kept, part=part)
         except TableError as further:
             recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
-            rows += [_left_out(role, str(further)) for role in spare[1:]]
-        rows.append(_left_out(spare[0], str(error)))
-    return recording, rows + [reported(Code.TIME_BASE, "warning", why=remark) for remark in remarks]
+            rows += [_left_out(role, further.message) for role in spare[1:]]
+        rows.append(_left_out(spare[0], error.message))
+    return recording, rows + [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float | None, list[Check]]:
@@ -404,8 +402,8 @@ def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float
     if part is None:
         return recording, frequency, []
     low, high = recording.span
-    cut = cut_words(part[0] - low, high - part[1])
-    return recording.between(*part), None, [reported(Code.STEADY, "ok", cut=cut, length=high - low)]
+    ends = {"before": part[0] - low, "after": high - part[1], "length": high - low}
+    return recording.between(*part), None, [reported(Code.STEADY, Verdict.OK, **ends)]
 
 
 def _followed(recording: Recording, near: float | None, start: float | None = None) -> tuple[Demodulation, list[Check]]:
@@ -420,12 +418,12 @@ def _followed(recording: Recording, near: float | None, start: float | None = No
     if followed is None:
         return found, []
     better, wander = followed
-    return better, [reported(Code.SPEED, "warning", wander.speed, 0.0, shift=wander.shift)]
+    return better, [reported(Code.SPEED, Verdict.WARNING, wander.speed, 0.0, shift=wander.shift)]
 
 
-def _left_out(role: str, why: str) -> Check:
+def _left_out(role: str, because: Message | Check) -> Check:
     """The warning that a channel was left out."""
-    return reported(Code.LEFT_OUT, "warning", channel=SYMBOLS.get(role, role), why=why)
+    return reported(Code.LEFT_OUT, Verdict.WARNING, np.nan, np.nan, SYMBOLS.get(role, role), because=because)
 
 
 def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
@@ -435,13 +433,13 @@ def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording
         if role == DRIVE:  # an instrument need not be linear
             continue
         row = checks.check_clipping(SYMBOLS[role], channel)
-        if row.verdict == "ok":
+        if row.verdict is Verdict.OK:
             continue
         if role in needed:
             rows.append(row)
         else:
             recording = recording.without(role)
-            rows.append(_left_out(role, row.remark))
+            rows.append(_left_out(role, row))
     return recording, rows
 
 
@@ -459,8 +457,8 @@ def _checks_of(job: Job, found: Demodulation, mean_force: float, rig: Rig | None
     yield checks.check_distortion(found)
     spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in job.needed)
     for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
-        spare = row.verdict == "rejected" and row.channel in spared
-        yield replace(row, verdict="warning") if spare else row
+        spare = row.verdict is Verdict.REJECTED and row.channel in spared
+        yield replace(row, verdict=Verdict.WARNING) if spare else row
     yield from _checks_of_force(test, found.force_peak, mean_force)
     if rig is not None and not rig.blocked:
         yield checks.check_resonance(frequency, rig, added)

@@ -14,6 +14,7 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.core.arrays import short_repr
 from fourpole.core.joint.misfit import Candidate
+from fourpole.core.remarks import explained
 from fourpole.core.sources import Kind, Role, Source
 
 #: A found value whose uncertainty is above this share of the stated uncertainty rests in part on the statement.
@@ -296,8 +297,7 @@ class RigEstimate:
     @property
     def explained(self) -> str:
         """What explains the misfit, in words; causes that explain it equally well stand together."""
-        named = [one.text for one in self.causes or self.candidates[:1]]
-        return f"best explained by {', or '.join(named)}" if named else _NO_CAUSE
+        return explained(self.causes or self.candidates[:1])
 
     def _consequence(self) -> str:
         """The consequence of a misfit for the uncertainties."""
@@ -325,11 +325,6 @@ class RigEstimate:
         return record
 
 
-#: Words for a misfit that no candidate explains.
-_NO_CAUSE = (
-    "no single error of a sensor or part of the rig explains it: look for what moves otherwise than stated (a frame, a "
-    "foundation, a mass that rocks, friction in a guide, a spring that is not linear), and for a sensor not linear"
-)
 #: Sentence of each note; `found` is the estimate.
 _NOTES = {
     NoteCode.NOT_CONVERGED: "the joint route did not converge: {found.reason}{shown}; use --route relative",

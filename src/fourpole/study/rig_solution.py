@@ -10,7 +10,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.core.checks import Check
+from fourpole.core.checks import Check, Verdict
 from fourpole.core.codes import Code
 from fourpole.core.identification import Identification
 from fourpole.core.joint import Joint
@@ -245,7 +245,10 @@ def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) ->
     if (estimate.fits and estimate.converged) or not checks:
         return estimate
     least = (_MOST if estimate.converged else _SOME) * len(checks)
-    said = [{(row.code, row.channel) for row in rows if row.code in _SPOILS and row.verdict != "ok"} for rows in checks]
+    said = [
+        {(row.code, row.channel) for row in rows if row.code in _SPOILS and row.verdict is not Verdict.OK}
+        for rows in checks
+    ]
     shown = Counter(one for rows in said for one in rows)
     faults = [one for one, count in shown.most_common() if count >= least]
     if not faults:
@@ -258,7 +261,7 @@ def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) ->
 
 def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candidate:
     """A fault that `count` of `of` recordings show, as a cause without a size."""
-    short = code.short("warning")
+    short = code.short(Verdict.WARNING)
     text = f"what {count} of {of} recordings show: {f'{channel}: ' if channel else ''}{short}"
     return Candidate("recordings", float("nan"), float("nan"), "1", 0.0, Source(Kind.OTHER, code.text), 0.0, text)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.identify import OUTPUTS
 from fourpole.core.phasor import SYMBOLS
+from fourpole.core.remarks import plain_values, remark_of, said
 from fourpole.fitting.likelihood import likelihood_columns, likelihood_of
 from fourpole.fitting.rows import KEY, Key
 from fourpole.quantities import DERIVED
@@ -110,13 +112,18 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], r
         **points.columns,
         q.ROUTE.head: routes,
         q.VERDICT.head: _texts(worst_verdict(check.verdict for check in rows) for rows in points.checks),
-        q.REMARKS.head: _texts("; ".join(check.remark for check in rows if check.remark) for rows in points.checks),
+        q.REMARKS.head: _texts(_remarks(rows) for rows in points.checks),
     }
 
 
 def _texts(texts: Iterable[str]) -> np.ndarray:
     """A column of texts."""
     return np.array([*texts, None], dtype=object)[:-1]
+
+
+def _remarks(checks: Iterable[Check]) -> str:
+    """The sentences of some checks."""
+    return "; ".join(remark for check in checks if (remark := remark_of(check)))
 
 
 def _construction(campaign: Campaign, test: Test) -> str:
@@ -182,7 +189,7 @@ def _static_rows(campaign: Campaign, statics: Sequence[StaticTest]) -> list[_Col
             q.CYCLE.head: row.cycle,
             q.NONLINEARITY.head: row.nonlinearity,
             q.VERDICT.head: row.verdict,
-            q.REMARKS.head: "; ".join(row.remarks),
+            q.REMARKS.head: _remarks(row.checks),
             **({q.TEMPERATURE.head: row.test.value("temperature")} if warm else {}),
             **{name: row.test.extra.get(name) for name in axes},
         }
@@ -210,7 +217,8 @@ def _check_rows(
             q.STATISTIC.head: check.statistic,
             q.LIMIT.head: check.limit,
             q.VERDICT.head: check.verdict,
-            q.REMEDY.head: check.remedy,
+            q.REMEDY.head: said(check).remedy,
+            q.VALUES.head: json.dumps(plain, ensure_ascii=False) if (plain := plain_values(check)) else "",
         }
         for key, check in (*of_statics, *of_points, *of_conditions)
     ]

@@ -12,12 +12,13 @@ from fourpole.campaign import defaults
 from fourpole.campaign.conditions import condition_of
 from fourpole.campaign.folder import Campaign, Test
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, reported, worst_verdict
+from fourpole.core.checks import Check, Verdict, fault_of, reported, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
+from fourpole.core.remarks import Branch, NoK1, Side
 from fourpole.core.sources import Kind, Source
-from fourpole.errors import FourpoleError, LoadCurveError, out_of_memory
+from fourpole.errors import FourpoleError, LoadCurveError, Message
 from fourpole.io.child import SECONDS
 from fourpole.study.cache import Cache
 from fourpole.study.curvefile import CurveOfFile, read_curve
@@ -50,14 +51,9 @@ class StaticRow:
     parts: Mapping[Source, float] = field(default_factory=dict)
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Verdict:
         """The worst verdict of the checks."""
-        return worst_verdict(row.verdict for row in self.checks)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """The remarks of the checks."""
-        return tuple(row.remark for row in self.checks if row.remark)
+        return worst_verdict(check.verdict for check in self.checks)
 
 
 @dataclass(frozen=True)
@@ -85,12 +81,15 @@ def evaluate_statics(campaign: Campaign, cache: Cache | None = None, seconds: fl
     return [_evaluated(campaign, test, sorted(loads[test.name]), read) for test in statics]
 
 
+_Sides = tuple[tuple[str, Side], ...]
+
+
 @dataclass(frozen=True)
 class _Choice:
-    """The static tests whose K1 a dynamic test uses, with a remark and a warning on the choice."""
+    """The static tests whose K1 a dynamic test uses, the axes that only one side states, and a warning."""
 
     names: tuple[str, ...] = ()
-    remark: str = ""
+    sides: _Sides = ()
     warning: Check | None = None
 
 
@@ -118,20 +117,19 @@ def _with_remarks(
     mine: Condition,
     rule: Sameness,
 ) -> _Choice:
-    """The choice of these static tests, with a remark on each value that only one side states."""
-    remarks, mixed = [], []
+    """The choice of these static tests, with each axis that only one side states."""
+    sides: list[tuple[str, Side]] = []
+    mixed = []
     for at, axis in enumerate(rule.axes):
         stated = [one.values[at] for one in used if one.values[at] is not None]
         # An axis of the campaign that no static test states does not apply to static tests.
         foreign = axis in rule.further and all(one.values[at] is None for one in others)
         if (mine.values[at] is None) == bool(stated) and not foreign:
-            side = "the static test" if stated else "this test"
-            remarks.append(f"the {axis.name} is stated of {side} only and taken as the same")
+            sides.append((axis.name, Side.STATIC if stated else Side.DYNAMIC))
         if len(set(axis.groups(stated).tolist())) > 1:
             mixed.append(axis.name)
-    remark = f"K1 from {', '.join(names)}: {'; '.join(remarks)}" if remarks else ""
-    warning = reported(Code.K1_MIXED, "warning", axes=" and ".join(mixed)) if mixed else None
-    return _Choice(names, remark, warning)
+    warning = reported(Code.K1_MIXED, Verdict.WARNING, axes=tuple(mixed)) if mixed else None
+    return _Choice(names, tuple(sides), warning)
 
 
 def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
@@ -147,43 +145,30 @@ def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     axis = next(axis for axis in rule.axes if axis.name == "temperature")
     names = tuple(name for name, value in there.items() if axis.same(value, at))
     mean = float(np.mean([there[name] for name in names]))
-    side = "below" if mean < own else "above"
-    off, limit, listed = abs(own - mean), axis.absolute, ", ".join(names)
-    warning = reported(Code.K1_TEMPERATURE, "warning", off, limit, names=listed, there=mean, side=side, own=own)
+    off, limit = abs(own - mean), axis.absolute
+    warning = reported(Code.K1_TEMPERATURE, Verdict.WARNING, off, limit, tests=names, there=mean, own=own)
     return _Choice(names, warning=warning)
-
-
-class _ExcludedError(LoadCurveError):
-    """The row of the test excludes it."""
 
 
 def _evaluated(
     campaign: Campaign, test: Test, preloads: list[float], read: Callable[[Test], CurveOfFile]
 ) -> StaticTest:
-    nowhere = float("nan")
-    sha256 = ""
+    sha256, code = "", Code.EXCLUDED if test.excluded else Code.LOAD_CURVE
     try:
-        if test.excluded:
-            raise _ExcludedError(test.problem)
-        if test.problem:
-            raise LoadCurveError(test.problem)
-        found = read(test)
-        curve, sha256 = found.curve, found.sha256
-        if curve is None:
-            raise LoadCurveError(found.reason)
-        whole = _whole(campaign, test, curve)
-    except _ExcludedError as error:
-        why = reported(Code.EXCLUDED, "rejected", why=error)
+        stated = Message(Code.STATEMENT.text, "", test.problem)
+        found = CurveOfFile(None, "", error=stated) if test.problem else read(test)
+        sha256 = found.sha256
+        if found.curve is not None:
+            whole = _whole(campaign, test, found.curve)
+            rows = tuple(_at(campaign, found.curve, whole, load) for load in preloads)
+            lacking = reported(Code.NO_PRELOAD, Verdict.OK, test=test.name)
+            return StaticTest(test, found.curve, rows or (replace(whole, checks=(lacking,)),), sha256)
+        check = reported(code, Verdict.REJECTED, error=found.error)
     except FourpoleError as error:
-        why = reported(Code.LOAD_CURVE, "rejected", why=error)
+        check = reported(code, Verdict.REJECTED, error=error.message)
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-        why = reported(Code.FAULT, "rejected", why=f"{type(error).__name__}: {error}")
-        why = reported(Code.MEMORY, "rejected", file=test.file) if out_of_memory(error) else why
-    else:
-        rows = tuple(_at(campaign, curve, whole, load) for load in preloads)
-        rows = rows or (replace(whole, checks=(reported(Code.NO_PRELOAD, "ok"),)),)
-        return StaticTest(test, curve, rows, sha256)
-    rows = tuple(StaticRow(test, load, checks=(why,)) for load in preloads or [nowhere])
+        check = fault_of(error, test.file)
+    rows = tuple(StaticRow(test, load, checks=(check,)) for load in preloads or [float("nan")])
     return StaticTest(test, None, rows, sha256)
 
 
@@ -215,11 +200,15 @@ def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> 
         tangent = curve.tangent(load)
         secant = curve.secant(load)
     except LoadCurveError as error:
-        return replace(whole, preload=load, checks=(reported(Code.BEYOND_CURVE, "rejected", why=error),))
-    checks = [branch_check(curve.measured, "K1")] if curve.measured != "mean" else []
-    checks += [reported(Code.CURVE, "warning", why=remark) for remark in curve.remarks]
-    checks += [reported(Code.SECANT, "ok", why=secant.reason)] if secant.reason else []
-    checks += [_load_zero(curve)] if curve.zero_off > ZERO_OFF else []
+        return replace(
+            whole, preload=load, checks=(reported(Code.BEYOND_CURVE, Verdict.REJECTED, error=error.message),)
+        )
+    checks = [branch_check(curve.measured)] if curve.measured != "mean" else []
+    checks += [reported(Code.CURVE, Verdict.WARNING, error=doubt) for doubt in curve.doubts]
+    checks += [reported(Code.SECANT, Verdict.OK, error=secant.lack)] if secant.lack is not None else []
+    if curve.zero_off > ZERO_OFF:
+        without = curve.without_contact
+        checks.append(reported(Code.LOAD_ZERO, Verdict.WARNING, curve.zero_off, ZERO_OFF, without=without))
     std = tangent.std_with_gains(*_gain_stds(campaign))
     parts = {
         Source(Kind.K1_FIT): tangent.fit,
@@ -242,22 +231,9 @@ def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> 
     )
 
 
-def _load_zero(curve: LoadCurve) -> Check:
-    """The warning that the load before contact is not zero."""
-    return reported(Code.LOAD_ZERO, "warning", curve.zero_off, ZERO_OFF, without=curve.without_contact)
-
-
-#: What K1 is where it is not the mean of both branches.
-_OF = {
-    "loading": "the tangent of the loading branch alone",
-    "unloading": "the tangent of the unloading branch alone",
-    "points": "the tangent of a curve through points in no order of loading",
-}
-
-
-def branch_check(measured: str, subject: str) -> Check:
-    """The warning that K1 is not that of the mean of both branches."""
-    return reported(Code.K1_BRANCH, "warning", said=f"{subject} is {_OF[measured]}")
+def branch_check(measured: str, tests: Sequence[str] = ()) -> Check:
+    """The warning that K1, of these static tests, is not that of the mean of both branches."""
+    return reported(Code.K1_BRANCH, Verdict.WARNING, branch=Branch[measured.upper()], tests=tuple(tests))
 
 
 def stiffness_for(
@@ -274,22 +250,16 @@ def stiffness_for(
         return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
     choice = _choice(test, list({row.test.name: row.test for row in statics}.values()), rule)
     if not choice.names:
-        reason, remedy = _no_static_test(test, statics, rule)
-        return StaticStiffness(reason=reason, remedy=remedy)
+        return StaticStiffness(lack=_no_static_test(test, statics, rule))
     preload = test.value("preload")
     if preload is None:
-        return StaticStiffness(
-            reason="no preload is stated, so K1 cannot be read off the static curve", remedy="fill in preload [N]"
-        )
+        return StaticStiffness(lack=reported(Code.NO_K1, Verdict.WARNING, because=NoK1.NO_PRELOAD))
     at_load = [row for row in statics if row.test.name in choice.names and row.preload == preload]
-    good = [row for row in at_load if row.verdict != "rejected"]
+    good = [row for row in at_load if row.verdict is not Verdict.REJECTED]
     if not good:
-        rejected = [check for row in at_load for check in row.checks if check.verdict == "rejected"]
-        why = "; ".join(dict.fromkeys(check.cause.rstrip(":; ") for check in rejected))
-        return StaticStiffness(
-            reason=f"no K1 at {preload:.6g} N: static test {at_load[0].test.name!r} was rejected: {why}",
-            remedy=" or ".join(dict.fromkeys(check.remedy for check in rejected if check.remedy)),
-        )
+        checks = tuple(check for row in at_load for check in row.checks if check.verdict is Verdict.REJECTED)
+        values = {"because": NoK1.REJECTED, "preload": preload, "test": at_load[0].test.name, "checks": checks}
+        return StaticStiffness(lack=reported(Code.NO_K1, Verdict.WARNING, **values))
     return _at_temperature(_mean(good, choice), test, good, per_kelvin)
 
 
@@ -299,17 +269,17 @@ def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
     parts = {name: float(np.mean([row.parts[name] for row in good])) for name in good[0].parts}
     single = [row for row in good if row.measured != "mean"]
-    names = ", ".join(row.test.name for row in single)
-    warnings = [choice.warning] if choice.warning is not None else []
-    warnings += [branch_check(single[0].measured, f"K1 from {names}")] if single else []
+    checks = [choice.warning] if choice.warning is not None else []
+    checks += [branch_check(single[0].measured, [row.test.name for row in single])] if single else []
     if spread > 0:
         parts[Source(Kind.K1_REPEATS)] = float(spread)
     std = float(np.hypot(np.mean([row.std for row in good]), spread))
-    found = {row.test.name: [one.remark for one in row.checks if one.code in _DOUBTS] for row in good}
-    doubts = [f"K1 from {name}: {'; '.join(remarks)}" for name, remarks in found.items() if remarks]
-    said = "; ".join([*([choice.remark] if choice.remark else []), *doubts])
+    of_tests = {row.test.name: tuple(check for check in row.checks if check.code in _DOUBTS) for row in good}
+    doubts = tuple((name, doubtful) for name, doubtful in of_tests.items() if doubtful)
+    if choice.sides or doubts:
+        checks.append(reported(Code.K1, Verdict.OK, tests=choice.names, sides=choice.sides, doubts=doubts))
     time = float(np.mean([row.test.values.get("time", np.nan) for row in good]))
-    return StaticStiffness(float(values.mean()), std, doubt=said, warnings=tuple(warnings), parts=parts, time=time)
+    return StaticStiffness(float(values.mean()), std, checks=tuple(checks), parts=parts, time=time)
 
 
 def _at_temperature(
@@ -326,13 +296,12 @@ def _at_temperature(
     return replace(found, std=float(np.hypot(found.std, moved)), parts=parts)
 
 
-def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> tuple[str, str]:
-    """Message that no static test has the condition of a dynamic test, and its remedy; with the pressures there are."""
+def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> Check:
+    """The warning that no static test has the condition of a dynamic test, with the pressures there are."""
     pressures = {p for row in statics if row.test.tyre == test.tyre and (p := row.test.value("pressure")) is not None}
-    at = ", ".join(f"{p / 1e5:.3g} bar" for p in sorted(pressures))
-    found = f"; static tests of it are at {at}" if at else ""
-    state = ", ".join(["this pressure", *(axis.name for axis in rule.further)])
-    return f"no static test of tyre {test.tyre!r} at {state}{found}", "add one, or state K1 [N/m] in tests.csv"
+    axes = tuple(axis.name for axis in rule.further)
+    values = {"tyre": test.tyre, "pressures": tuple(sorted(pressures)), "axes": axes}
+    return reported(Code.NO_K1, Verdict.WARNING, because=NoK1.NO_TEST, **values)
 
 
 def k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source, float]]) -> dict[Source, FloatArray]:

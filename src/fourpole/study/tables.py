@@ -15,7 +15,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
-from fourpole.core.checks import VERDICTS, worst_verdict
+from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.demodulation.preview import BLOCKS, POINTS
 from fourpole.core.phasor import SYMBOLS
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
@@ -160,7 +160,7 @@ BUDGET = TableSpec(
 )  # fmt: skip
 CHECKS = TableSpec(
     "checks", "a check of a test, or of a condition",
-    _columns(q.TEST, q.CODE, q.CHANNEL, q.STATISTIC, q.LIMIT, q.VERDICT, q.REMEDY),
+    _columns(q.TEST, q.CODE, q.CHANNEL, q.STATISTIC, q.LIMIT, q.VERDICT, q.REMEDY, q.VALUES),
     key=(*KEY, q.CODE.head, q.CHANNEL.head),
 )  # fmt: skip
 CORRECTIONS = TableSpec(
@@ -242,10 +242,10 @@ TABLES = {
 TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending in one.endings)
 
 
-def verdict_of_lines(rows: Sequence[str]) -> str:
+def verdict_of_lines(rows: Sequence[str]) -> Verdict:
     """Verdict of a dynamic test from those of its lines: a line of many that is rejected is a warning."""
     worst = worst_verdict(rows)
-    return "warning" if worst == "rejected" and set(rows) != {"rejected"} else worst
+    return Verdict.WARNING if worst is Verdict.REJECTED and set(rows) != {Verdict.REJECTED} else worst
 
 
 def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:

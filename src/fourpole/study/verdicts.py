@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from fourpole import quantities as q
 from fourpole.core import stats
-from fourpole.core.checks import Check, interval_words, judged, reported
+from fourpole.core.checks import Check, Verdict, judged, reported
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.joint import Joint
 from fourpole.core.joint.outputs import relative_stiffness
+from fourpole.core.routes import no_arm
 from fourpole.study.identify import Group
 from fourpole.study.points import Points, StaticStiffness
 from fourpole.study.rig_estimate import RigEstimate
@@ -28,7 +28,10 @@ _NEVER_PASSIVE = 0.975
 def judge_points(points: Points, groups: Sequence[Group], route: str) -> Points:
     """The points with the checks of their identification; that of linearity is the first, because all assume it."""
     unused = points.known & (points.condition < 0) & (route != "joint")
-    last = [(row, reported(Code.CALIBRATION_UNUSED, "warning", route=route)) for row in np.flatnonzero(unused).tolist()]
+    last = [
+        (row, reported(Code.CALIBRATION_UNUSED, Verdict.WARNING, route=route))
+        for row in np.flatnonzero(unused).tolist()
+    ]
     for group in groups:
         for at, row in enumerate(group.rows.tolist()):
             last += ((row, check) for check in _checks(points, group, at, row))
@@ -40,12 +43,10 @@ def judge_points(points: Points, groups: Sequence[Group], route: str) -> Points:
 def _checks(points: Points, group: Group, at: int, row: int) -> Iterator[Check]:
     """The checks of one row of a group."""
     if points.condition[row] < 0:
-        yield reported(Code.CALIBRATION, "ok", mass=float(group.setup.added_mass[at]))
+        yield reported(Code.CALIBRATION, Verdict.OK, mass=float(group.setup.added_mass[at]))
     else:
         yield _arm_check(group, at, points.stiffness[row])
-    yield from points.stiffness[row].warnings
-    if points.stiffness[row].doubt:
-        yield reported(Code.K1, "ok", why=points.stiffness[row].doubt)
+    yield from points.stiffness[row].checks
     if group.joint is not None and group.estimate is not None:
         yield from _joint_checks(group, group.joint, group.estimate, at)
 
@@ -54,18 +55,19 @@ def _joint_checks(group: Group, joint: Joint, estimate: RigEstimate, at: int) ->
     """Checks whether a test is an outlier, whether the rig fits, and whether the joint route converged."""
     factor = float(joint.outlier[at])
     if factor > 1:
-        yield reported(Code.AGREEMENT, "warning", factor, 1.0, times=np.sqrt(factor))
+        yield reported(Code.AGREEMENT, Verdict.WARNING, factor, 1.0, times=np.sqrt(factor))
     elif factor == 1:
         yield from _relative_check(group, joint, at)
     if not estimate.fits:
-        yield reported(Code.RIG, "warning", estimate.chi2_per_dof or np.nan, 1.0, causes=estimate.explained)
+        causes = estimate.causes or estimate.candidates[:1]
+        yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
     if estimate.scatter > _MOST_SCATTER:
-        yield reported(Code.SCATTER, "warning", estimate.scatter, _MOST_SCATTER)
+        yield reported(Code.SCATTER, Verdict.WARNING, estimate.scatter, _MOST_SCATTER)
     if estimate.drift_by_mass and estimate.drifts:
         largest = max(abs(drift.found or 0.0) for drift in estimate.drifts)
-        yield reported(Code.DRIFT_BY_MASS, "warning", largest, 0.0)
+        yield reported(Code.DRIFT_BY_MASS, Verdict.WARNING, largest, 0.0)
     if not joint.converged:
-        yield reported(Code.CONVERGENCE, "warning")
+        yield reported(Code.CONVERGENCE, Verdict.WARNING)
 
 
 def _relative_check(group: Group, joint: Joint, at: int) -> Iterator[Check]:
@@ -86,28 +88,28 @@ def _relative_check(group: Group, joint: Joint, at: int) -> Iterator[Check]:
 def _arm_check(group: Group, at: int, stiffness: StaticStiffness) -> Check:
     """Check whether K2 and C exist, and whether their uncertainty is small enough for propagation."""
     result = group.result
-    reason, value = result.reasons[at], result.stiffness[at]
-    if stiffness.reason and value.real > 0 and value.imag > 0:
-        return reported(Code.NO_K1, "warning", why=stiffness.reason, remedy=stiffness.remedy)
-    if reason:
+    value, k1 = complex(result.stiffness[at]), float(result.k1[at])
+    reason = no_arm(value, k1, result.k2[at], result.c[at])
+    if stiffness.lack is not None and value.real > 0 and value.imag > 0:
+        return stiffness.lack
+    if reason is not None:
         share = group.intervals[at][0].non_passive_share if at in group.intervals else np.nan
-        interval = _interval(group, at, 0)
-        if interval and share < _NEVER_PASSIVE:
-            return reported(Code.PASSIVE_ARM, "warning", share, _NEVER_PASSIVE, interval=interval)
-        check = reported(Code.PASSIVE_ARM, "rejected", why=reason)
-        return replace(check, remedy=reason.partition("; ")[2])
+        if share < _NEVER_PASSIVE:
+            return reported(Code.PASSIVE_ARM, Verdict.WARNING, share, _NEVER_PASSIVE, **_ends(group, at, 0))
+        found = {"because": reason, "storage": value.real, "loss_modulus": value.imag, "k1": k1}
+        return reported(Code.PASSIVE_ARM, Verdict.REJECTED, **found)
     with np.errstate(invalid="ignore"):
         relative = np.sqrt(np.diag(result.arm_covariance[at])) / (result.k2[at], result.c[at])
     worst, which = float(np.max(relative)), int(np.argmax(relative))
     if worst <= NOT_LINEAR:
-        return Check(Code.UNCERTAINTY, worst, NOT_LINEAR, "ok")
-    words = _interval(group, at, which) or " so its interval is not symmetric"
-    return reported(Code.UNCERTAINTY, "warning", worst, NOT_LINEAR, name=("K2", "C")[which], interval=words)
+        return Check(Code.UNCERTAINTY, Verdict.OK, worst, NOT_LINEAR)
+    ends = _ends(group, at, which)
+    return reported(Code.UNCERTAINTY, Verdict.WARNING, worst, NOT_LINEAR, name=("K2", "C")[which], **ends)
 
 
-def _interval(group: Group, at: int, which: int) -> str:
-    """The 95 % interval of K2 or C by Monte Carlo, in words; empty if there is none."""
+def _ends(group: Group, at: int, which: int) -> dict[str, float]:
+    """The ends of the 95 % interval of K2 or C by Monte Carlo; empty if there is none."""
     if at not in group.intervals:
-        return ""
-    low, _, high = group.intervals[at][which].quantiles
-    return interval_words(low, high, (q.K2, q.C)[which].unit)
+        return {}
+    low, _, high = group.intervals[at][which].quantiles.tolist()
+    return {"low": low, "high": high}

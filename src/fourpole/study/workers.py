@@ -24,9 +24,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from fourpole.campaign.place import at_hand, identity_or_none
-from fourpole.core.checks import Check, reported
+from fourpole.core.checks import Check, Verdict, fault_of, reported
 from fourpole.core.codes import Code
-from fourpole.errors import CampaignError, FourpoleError
+from fourpole.core.remarks import CHECK_CLASSES
+from fourpole.errors import CampaignError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
 from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
@@ -88,10 +89,10 @@ def check_part_of(job: Job, *, guarded: bool = False) -> tuple[Check, ...]:
     if not guarded and not is_guarded(job.folder, job.test.file):
         return check_part(job)
     try:
-        found: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), (Check, Code))
+        found: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), CHECK_CLASSES)
     except Died as death:
         code = Code.SLOW if isinstance(death, Late) else Code.READER
-        return (reported(code, "rejected", file=job.test.file, why=str(death)),)
+        return (reported(code, Verdict.REJECTED, file=job.test.file, error=death.message),)
     return found
 
 
@@ -123,14 +124,14 @@ def _ran(job: Job, seconds: float) -> Answer:
     try:
         return child().call(demodulate_packed, job, size=_size(job), seconds=seconds)
     except Late as death:
-        why = reported(Code.SLOW, "rejected", file=job.test.file, why=death)
+        check = reported(Code.SLOW, Verdict.REJECTED, file=job.test.file, error=death.message)
     except Died as death:
         return str(death)
-    except MemoryError:
-        why = reported(Code.MEMORY, "rejected", file=job.test.file)
+    except MemoryError as error:
+        check = fault_of(error, job.test.file)
     except RuntimeError as error:
-        why = reported(Code.FAULT, "rejected", why=error)
-    return packed(Demodulated(checks=(why,), lasting=False))
+        check = reported(Code.FAULT, Verdict.REJECTED, error=Message("fault", "", str(error)))
+    return packed(Demodulated(checks=(check,), lasting=False))
 
 
 def _size(job: Job) -> int:
@@ -333,8 +334,9 @@ class _Run:
         (answer,) = run_batch([job], self._settings.seconds, True)
         if not self._take(index, answer):
             assert isinstance(answer, str)
-            why = reported(Code.READER, "rejected", file=job.test.file, why=answer)
-            self._have(index, Demodulated(checks=(why,), lasting=False))
+            why = Message("reader", "", answer)
+            check = reported(Code.READER, Verdict.REJECTED, file=job.test.file, error=why)
+            self._have(index, Demodulated(checks=(check,), lasting=False))
 
     def _take(self, index: int, answer: Answer) -> bool:
         """Take the answer to a job and keep it in the cache; False if its worker died."""

@@ -9,14 +9,14 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, reported
+from fourpole.core.checks import Check, Verdict, reported
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.spectra.excited import Excited
 
 #: Pairs of channels in the order of the closure phase.
-_NAMES = ("F1 and V1", "V1 and V2", "V2 and F1")
+_NAMES = (("F1", "V1"), ("V1", "V2"), ("V2", "F1"))
 #: Fewest lines that are looked at together, and the uncertainty of a ratio above which a line is left out [1].
 _FEWEST, _KNOWN = 8, 0.1
 #: Standard uncertainty of Zr, over its largest part, that a chain of masses and springs has of any rig [1].
@@ -40,9 +40,11 @@ def check_shared_noise(found: Excited) -> list[Check]:
     at = int(np.argmax(found.shared[:, 2]))
     size, std, statistic, error = found.shared[at].tolist()
     if not (statistic > limit and error > _SMALL):
-        return [Check(Code.SHARED, statistic, limit, "ok")]
+        return [Check(Code.SHARED, Verdict.OK, statistic, limit)]
     return [
-        reported(Code.SHARED, "warning", statistic, limit, pair=_NAMES[at], size=size, std=std, percent=100 * error)
+        reported(
+            Code.SHARED, Verdict.WARNING, statistic, limit, pair=_NAMES[at], size=size, std=std, percent=100 * error
+        )
     ]
 
 
@@ -91,12 +93,10 @@ def check_pooled(found: Excited, rig: Rig, added_mass: float, sensors: Sensors) 
     count = 2 * int(used.sum())
     limit = float(stats.chi2.isf(SEARCH_CHANCE, count)) / count
     if not statistic / count > limit:
-        return [Check(Code.POOLED, statistic / count, limit, "ok")]
+        return [Check(Code.POOLED, Verdict.OK, statistic / count, limit)]
     size = float(np.sqrt(np.mean(np.abs(off[used]) ** 2)))
-    looks = ""
-    if statistic - late > _EXPLAINS * statistic:
-        looks = f", as by a delay of {'V2 after F1' if tau > 0 else 'F1 after V2'} of {1e3 * abs(tau):.2g} ms"
-    return [reported(Code.POOLED, "warning", statistic / count, limit, percent=100 * size, looks=looks)]
+    delay = tau if statistic - late > _EXPLAINS * statistic else np.nan
+    return [reported(Code.POOLED, Verdict.WARNING, statistic / count, limit, percent=100 * size, delay=delay)]
 
 
 def _noise(found: Excited) -> FloatArray:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fourpole.core import stats
-from fourpole.core.checks import Check, judged, reported
+from fourpole.core.checks import Check, Verdict, judged, reported
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.spectra.excited import Excited
@@ -23,7 +23,7 @@ def check_line(found: Excited, at: int) -> Check:
     worst = float(np.nanmax(found.relative[at]))
     hertz = float(found.phasors.frequency[at])
     if np.broadcast_to(found.foreign, found.averages.shape)[at]:
-        return reported(Code.BESIDE, "rejected", hertz=hertz)
+        return reported(Code.BESIDE, Verdict.REJECTED, hertz=hertz)
     return judged(Code.LINE, worst, _DOUBTFUL, _LOST, hertz=hertz, percent=100 * worst)
 
 
