@@ -61,20 +61,20 @@ class FourpoleError(Exception):
 
     @property
     def site(self) -> str:
-        """The place in the program that raised it, by which errors of one kind are known whatever numbers they name.
+        """The function that raised it, by which errors of one kind are known whatever numbers they name.
 
         Examples
         --------
         >>> try:
         ...     raise TooShortError("D1.csv holds 1.2 cycles")
         ... except FourpoleError as error:
-        ...     error.code, error.site.partition(":")[0] != ""
-        ('length', True)
+        ...     error.code, error.site
+        ('length', '<module>')
         """
         trace = self.__traceback__
         while trace is not None and trace.tb_next is not None:
             trace = trace.tb_next
-        return self.raised_at or (f"{trace.tb_frame.f_code.co_qualname}:{trace.tb_lineno}" if trace is not None else "")
+        return self.raised_at or (trace.tb_frame.f_code.co_qualname if trace is not None else "")
 
     @property
     def message(self) -> Message:

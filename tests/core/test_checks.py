@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from fourpole.core.checks import VERDICTS, cut_words, interval_words, judged, reported, worst_verdict
+from fourpole.core.checks import VERDICTS, Verdict, judged, reported, worst_verdict
 from fourpole.core.codes import Code
+from fourpole.core.remarks import interval_words, remark_of
 
 
 @pytest.mark.parametrize("code", Code)
@@ -14,7 +15,7 @@ def test_every_code_says_what_it_looks_at_and_has_a_sentence(code):
     for verdict in VERDICTS:
         cause, remedy = code.says(verdict)
         assert cause
-        assert not remedy or cause.endswith((": ", "; "))
+        assert not remedy or cause.endswith((": ", "; ", "{why}"))
         assert not remedy.endswith((".", " "))
 
 
@@ -38,7 +39,7 @@ def test_a_rejection_may_have_words_of_its_own():
 
 
 def test_braces_in_a_file_name_stand_as_they_are():
-    assert "{0} {x}.csv" in reported(Code.MEMORY, "rejected", file="{0} {x}.csv").remark
+    assert "{0} {x}.csv" in remark_of(reported(Code.MEMORY, Verdict.REJECTED, file="{0} {x}.csv"))
 
 
 def test_worst_verdict():
@@ -62,5 +63,8 @@ def test_an_interval_by_monte_carlo_in_words(low, high, said):
 
 
 def test_the_parts_cut_off_in_words():
-    assert cut_words(2.0, 0.0) == "the first 2 s (lead-in, run-up)"
-    assert cut_words(2.0, 1.5) == "the first 2 s (lead-in, run-up) and the last 1.5 s (run-down)"
+    start, both = (
+        remark_of(reported(Code.STEADY, Verdict.OK, before=2.0, after=after, length=9.0)) for after in (0.0, 1.5)
+    )
+    assert start.startswith("the first 2 s (lead-in, run-up) of 9 s")
+    assert both.startswith("the first 2 s (lead-in, run-up) and the last 1.5 s (run-down) of 9 s")

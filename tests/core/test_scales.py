@@ -5,6 +5,7 @@ import pytest
 
 from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
+from fourpole.core.remarks import remark_of, said
 from fourpole.core.routes import relative_route
 from fourpole.core.scales import check_scale, k1_exchanged
 
@@ -27,28 +28,28 @@ def test_a_plausible_pair_is_ok(ratio, loss):
 
 
 @pytest.mark.parametrize(
-    ("factor", "said"),
+    ("factor", "words"),
     [(-1.0, "inverted"), (1 / 9.80665, "9.81 times too small"), (9.80665, "9.81 times too large"),
      (1000.0, "as mm read as m"), (1e-3, "as m read as mm")],
 )  # fmt: skip
-def test_a_wrong_unit_or_sign_of_v1_is_named(factor, said):
+def test_a_wrong_unit_or_sign_of_v1_is_named(factor, words):
     check = check_scale(*made(1.4, 0.25, factor=factor), K1)
     assert (check.code, check.verdict) == (Code.V1_SCALE, "warning")
-    assert said in check.remark
+    assert words in remark_of(check)
 
 
 @pytest.mark.parametrize("unit", [9.80665, 1000.0])
 def test_a_static_test_of_another_unit_is_named(unit):
     check = check_scale(*made(1.4, 0.2), K1 / unit)
     assert (check.code, check.verdict) == (Code.K1_RATIO, "warning")
-    assert "kgf" in check.remedy
+    assert "kgf" in said(check).remedy
 
 
 @pytest.mark.parametrize("unit", [2.0, 9.80665, 1000.0])
 def test_a_static_test_above_the_dynamic_stiffness_is_named(unit):
     check = check_scale(*made(1.4, 0.2), K1 * unit, motion=False)
     assert (check.code, check.verdict) == (Code.K1_LARGE, "warning")
-    assert f"{unit / 1.4:.3g} times K'" in check.remark
+    assert f"{unit / 1.4:.3g} times K'" in remark_of(check)
 
 
 def test_without_k1_there_is_no_check():

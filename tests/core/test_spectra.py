@@ -15,6 +15,7 @@ from fourpole.core.codes import Code
 from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import DRIVE, Channel
+from fourpole.core.remarks import remark_of
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.spectra.average import cross_spectra, independent
@@ -257,7 +258,7 @@ def test_an_undeclared_delay_shows_over_all_lines(late, told):
     found = random_amplitudes(replace(plain, channels={**plain.channels, "motion_out": wheel}), BAND)
     (check,) = check_pooled(found, RIG, 0.0, EXACT)
     assert (check.verdict == "warning") is told
-    assert ("a delay of V2 after F1 of 1 ms" in check.remark) is told
+    assert ("a delay of V2 after F1 of 1 ms" in remark_of(check)) is told
 
 
 def test_a_delay_within_its_stated_uncertainty_is_none():

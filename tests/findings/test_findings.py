@@ -5,6 +5,7 @@ import polars as pl
 import pytest
 from tests.findings.designed import LOADS, Tables, Tyre, rig_curve
 
+from fourpole.core.checks import Verdict
 from fourpole.core.codes import Code
 from fourpole.findings import Holds, findings, findings_table
 from fourpole.findings.claims import Claim, NoCommonState
@@ -423,7 +424,8 @@ def test_the_papers_tyres_are_compared_at_the_temperature_nearest_to_each_other(
 def test_a_doubt_has_the_code_of_its_check_or_the_remark():
     rows = [("D1", Code.CLIPPING.text, 1.0, "rejected", "turn it down"), ("D2", "of no version", 1.0, "warning", "")]
     checks = pl.DataFrame(rows, ["test", "code", "statistic", "verdict", "remedy"], orient="row")
-    assert checks_by_test(checks)["D1"] == [CheckRow("rejected", Code.CLIPPING, "turn it down")]
+    checks = checks.with_columns(channel=pl.lit("F1"))
+    assert checks_by_test(checks)["D1"] == [CheckRow(Verdict.REJECTED, Code.CLIPPING, "turn it down", "F1")]
     verdicts = {"D1": ("rejected", "F1 is clipped"), "D2": ("warning", "look; again")}
     results = Tables({"A": Tyre()}, verdicts=verdicts).results()
     found = findings(Results(tables=results.tables, checks=checks))
@@ -431,10 +433,18 @@ def test_a_doubt_has_the_code_of_its_check_or_the_remark():
     assert doubts == [Doubt(Code.CLIPPING), Doubt(None, "look")]
 
 
-def test_rejections_that_differ_in_row_and_name_only_are_one_reason():
+def test_rejections_of_one_kind_are_one_reason():
     remark = "tests.csv row {}: tyre '{}' is not in campaign.toml; add [tyres.{}]"
     rejected = {f"D{n}": ("rejected", remark.format(n + 1, f"T {n}", n)) for n in range(1, 6)}
     rejected["D6"] = ("rejected", "tests.csv row 7: no file is named")
-    found = [one for one in found_in({"A": Tyre()}, verdicts=rejected) if isinstance(one.detail, Doubt)]
-    assert [one.tests for one in found] == [("D1", "D2", "D3", "D4", "D5"), ("D6",)]
-    assert found[0].detail.remark.startswith("tests.csv row 2: tyre 'T 1'")
+    fault = '{{"error": ["tests.csv", "{} {}"]}}'
+    rows = [
+        {"test": name, "code": Code.STATEMENT.text, "channel": "", "statistic": None, "verdict": "rejected",
+         "remedy": "", "values": fault.format(*(("file", "missing") if name == "D6" else ("tyre", "unknown")))}
+        for name in rejected
+    ]  # fmt: skip
+    tables = Tables({"A": Tyre()}, verdicts=rejected).results().tables
+    found = findings(Results(tables=tables, checks=pl.DataFrame(rows, schema_overrides={"statistic": pl.Float64})))
+    doubts = [each for each in found if isinstance(each.detail, Doubt)]
+    assert [each.tests for each in doubts] == [("D1", "D2", "D3", "D4", "D5"), ("D6",)]
+    assert doubts[0].detail.remark.startswith("tests.csv row 2: tyre 'T 1'")

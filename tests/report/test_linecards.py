@@ -7,12 +7,13 @@ import polars as pl
 import pytest
 
 from fourpole import quantities as q
+from fourpole.core.codes import Code
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.strided import shown_rows, strided
 from fourpole.report.cards import make_cards
 from fourpole.report.page import render_report
 from fourpole.study.results import Results
-from fourpole.study.tables import DYNAMIC, LINES, STATIC
+from fourpole.study.tables import CHECKS, DYNAMIC, LINES, STATIC
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,10 @@ def results():
     lines = lines.with_columns(pl.lit(0.9).alias(q.COHERENCES[0].head), pl.lit(50.0).alias(q.AVERAGES.head))
     lines = pl.concat([pl.DataFrame(schema=LINES.columns), lines], how="diagonal_relaxed")
     empty = pl.DataFrame(schema=STATIC.columns)
-    return Results(static=empty, dynamic=dynamic, lines=lines, checks=pl.DataFrame(), previews=pl.DataFrame())
+    checks = CHECKS.of_rows(
+        [{"test": "R1", "point": at + 1, "code": Code.LINE.text, "verdict": "rejected"} for at in range(10)]
+    )
+    return Results(static=empty, dynamic=dynamic, lines=lines, checks=checks, previews=pl.DataFrame())
 
 
 def test_a_test_with_lines_has_one_card(results):

@@ -391,7 +391,7 @@ def test_each_rig_is_told_apart():
 
 def test_numbers_of_figures_go_on_from_those_they_have():
     named = {
-        "a": ReportFigure("a", "Figure 14: TR", "", drawing()),
+        "a": ReportFigure("a", "Figure 14: TR", "", drawing(), 14),
         "b": ReportFigure("b", "Nyquist", "", drawing()),
     }
     said = on_page(campaign(1), drawn=named)

@@ -4,7 +4,7 @@ import polars as pl
 import pytest
 from tests.unlisted import unlisted
 
-from fourpole.core.checks import reported
+from fourpole.core.checks import Verdict, reported
 from fourpole.core.codes import Code
 from fourpole.study.results import read_results
 from fourpole.study.study import analyse
@@ -61,4 +61,4 @@ def test_every_row_rests_on_its_checks(hurt):
 
 def test_equal_checks_are_one():
     """The same check of a static test at several preloads stands once; its not-a-number is no difference."""
-    assert len({reported(Code.SECANT, "ok", why="x"), reported(Code.SECANT, "ok", why="x")}) == 1
+    assert len({reported(Code.SECANT, Verdict.OK, error="x"), reported(Code.SECANT, Verdict.OK, error="x")}) == 1

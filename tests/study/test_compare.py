@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fourpole.campaign import folder
-from fourpole.core.checks import reported
+from fourpole.core.checks import Verdict, reported
 from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
 from fourpole.study.compare import Compared, noises
@@ -131,8 +131,10 @@ def test_a_condition_says_the_range_of_its_amplitudes(honest):
         sizes = study.dynamic.filter(study.dynamic["pressure [Pa]"] == pressure)["deflection amplitude [m]"]
         assert found == pytest.approx(sizes.max() / sizes.min())
     assert not any("mixes" in note for note in study.notes)  # the tyre is linear: the range does not matter
-    values = {"low": 1.0, "high": 3.0}
-    ranges = Compared(None, None, [(x, reported(Code.AMPLITUDES, "ok", 3.0, 2.0, name=x, **values)) for x in "ab"])
+    values = {"smallest": 1.0, "largest": 3.0}
+    ranges = Compared(
+        None, None, [(x, reported(Code.AMPLITUDES, Verdict.OK, 3.0, 2.0, name=x, **values)) for x in "ab"]
+    )
     (note,) = replace(ranges, linear=False).notes
     assert note.startswith("the curve of a mixes deflection amplitudes of 1 to 3 mm (1 more curves do so): compare")
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fourpole.core.checks import Check, reported
+from fourpole.core.checks import Check, Verdict, reported
 from fourpole.core.codes import Code
 from fourpole.study.rig_estimate import NoteCode, RigEstimate
 from fourpole.study.rig_solution import with_recordings
@@ -18,9 +18,9 @@ MISFIT, LOST = replace(FITTED, fits=False), replace(FITTED, converged=False, rea
 
 def shown(count):
     """Checks of ten recordings of which some show a specimen that is not linear, and one a wandering speed."""
-    linear = Check(Code.LINEARITY, 0.0, 0.02, "ok")
-    bent = reported(Code.LINEARITY, "warning", 0.1, 0.02)
-    speed = reported(Code.SPEED, "warning", 0.1, shift=0.1)
+    linear = Check(Code.LINEARITY, Verdict.OK, 0.0, 0.02)
+    bent = reported(Code.LINEARITY, Verdict.WARNING, 0.1, 0.02)
+    speed = reported(Code.SPEED, Verdict.WARNING, 0.1, shift=0.1)
     return [[bent if i < count else linear, *([] if i else [speed])] for i in range(10)]
 
 

@@ -64,7 +64,7 @@ def test_k1_of_another_temperature_is_as_uncertain_as_it_is_far():
     near, far, same = (stiffness_for(row("D", "dynamic", t), [static], per_kelvin=0.01) for t in (23.0, 30.0, 20.0))
     assert near.std == pytest.approx(np.hypot(900.0, 0.03 * 180e3))
     assert near.parts[Source(Kind.K1_TEMPERATURE)] == pytest.approx(0.03 * 180e3)
-    assert not near.warnings
+    assert not near.checks
     assert far.std == pytest.approx(np.hypot(900.0, 0.1 * 180e3))
-    assert len(far.warnings) == 1
+    assert len(far.checks) == 1
     assert same.std == 900.0

@@ -1,11 +1,11 @@
-"""Remarks that differ in numbers and in the name of their test only, gathered under one of them."""
+"""Remarks of one kind, which differ in numbers and names only, gathered under one of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
-from fourpole.core.wording import first_of, without_numbers
+from fourpole.core.wording import first_of
 
 #: Tests with the same remark that are named.
 _MOST_NAMED = 6
@@ -13,7 +13,7 @@ _MOST_NAMED = 6
 
 @dataclass(frozen=True)
 class Alike:
-    """Tests whose remark is the same but for numbers and name: their names, and the remark of the first."""
+    """Tests whose remarks are of one kind: their names, and the remark of the first."""
 
     names: list[str]
     remark: str
@@ -31,20 +31,20 @@ class Alike:
         return self.remark if self.same else f"{self.remark} (this is {self.names[0]})"
 
 
-def gathered_alike(remarks: Iterable[tuple[str, str]]) -> list[Alike]:
-    """The remarks of some tests, each as name and text, those of more tests first.
+def gathered_alike(remarks: Iterable[tuple[str, Hashable, str]]) -> list[Alike]:
+    """The remarks of some tests, each as name, kind and text, those of more tests first.
 
     Examples
     --------
-    >>> [one] = gathered_alike([("D1", "2.1 % off"), ("D2", "3 % off")])
-    >>> one.tests, one.text
+    >>> [alike] = gathered_alike([("D1", "off", "2.1 % off"), ("D2", "off", "3 % off")])
+    >>> alike.tests, alike.text
     ('2 tests (D1, D2)', '2.1 % off (this is D1)')
     """
-    groups: dict[str, list[tuple[str, str]]] = {}
-    for name, text in remarks:
-        groups.setdefault(without_numbers(text.replace(name, "")), []).append((name, text))
+    groups: dict[Hashable, dict[str, list[str]]] = {}
+    for name, kind, text in remarks:
+        groups.setdefault(kind, {}).setdefault(name, []).append(text)
     found = []
     for members in groups.values():
-        same = len({text for _, text in members}) == 1
-        found.append(Alike(list(dict.fromkeys(name for name, _ in members)), members[0][1], same))
-    return sorted(found, key=lambda one: -len(one.names))
+        texts = [text for of_name in members.values() for text in of_name]
+        found.append(Alike(list(members), texts[0], len(set(texts)) == 1))
+    return sorted(found, key=lambda alike: -len(alike.names))

@@ -31,6 +31,7 @@ from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.remarks import remark_of
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.findings.verdicts import checks_by_test, kind_of
 from fourpole.fitting.effort import seconds_of_fits
 from fourpole.io.child import SECONDS
 from fourpole.io.documents import json_of
@@ -297,10 +298,11 @@ def _verdicts(study: Study) -> pl.DataFrame:
 
 def _notes(study: Study) -> list[str]:
     """The remarks of the tests that are rejected or have a warning, then notes and assumptions."""
-    notes = []
-    for verdict in ("rejected", "warning"):
+    notes, every = [], checks_by_test(study.checks)
+    for verdict in (Verdict.REJECTED, Verdict.WARNING):
         rows = _verdicts(study).filter(pl.col("verdict") == verdict).unique(maintain_order=True)
-        kinds = gathered_alike(rows.select("test", "remarks").rows())
+        checks = {name: [one for one in found if one.verdict == verdict] for name, found in every.items()}
+        kinds = gathered_alike((name, kind_of(checks.get(name, ()), text), text) for name, _, text in rows.rows())
         notes += [f"{verdict}: {one.tests}: {one.text}" for one in kinds[:_MOST_LISTED]]
         if more := sum(len(one.names) for one in kinds[_MOST_LISTED:]):
             notes.append(f"... and {more} more with verdict {verdict}; see the tables")

@@ -21,6 +21,7 @@ from fourpole.app.console import (
 )
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.guessed import DOUBTS, columns_in_doubt
+from fourpole.core.checks import Verdict
 from fourpole.core.wording import first_of
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
 
@@ -90,9 +91,9 @@ def _guessed(campaign: Campaign) -> Iterator[str]:
 def _rows(problems: Sequence[CampaignProblem]) -> Iterator[tuple[str, ...]]:
     """A row for each kind of problem, the rejected tests first."""
     places = {one.test: str(one.row) for one in problems}
-    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for one in sorted(problems, key=lambda each: each.verdict != "rejected"):
-        groups.setdefault((one.verdict, one.about), []).append((one.test, one.message))
+    groups: dict[tuple[str, str], list[tuple[str, str, str]]] = {}
+    for one in sorted(problems, key=lambda each: each.verdict is not Verdict.REJECTED):
+        groups.setdefault((one.verdict, one.about), []).append((one.test, one.kind, one.message))
     for (verdict, about), members in groups.items():
         for kind in gathered_alike(members):
             rows = first_of([places[name] for name in kind.names], _MOST_NAMED)

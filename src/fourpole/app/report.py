@@ -38,7 +38,8 @@ def make_report(
         )  # fmt: skip
     drawings = {key: read_bytes(path, max_bytes=MAX_FILE_BYTES).decode() for key, path in files.items()}
     figures = {
-        key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, drawing) for key, drawing in drawings.items()
+        key: ReportFigure(key, FIGURES[key].title, FIGURES[key].caption, drawing, FIGURES[key].number)
+        for key, drawing in drawings.items()
     }
     page = folder / PAGE
     write_report(results, page, findings=sentences(by_size(findings(results)), results.shown), figures=figures)

@@ -10,7 +10,9 @@ from typing import Any
 
 from fourpole import quantities as q
 from fourpole.app import events
-from fourpole.app.console import out, print_json, say
+from fourpole.app.console import counted_tests, out, print_json, say
+from fourpole.errors import TableError
+from fourpole.io.documents import json_of
 from fourpole.io.processes import DEVNULL, Process, interrupt, start_module
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
 from fourpole.study.watch import Judged, Watch
@@ -64,11 +66,16 @@ class _Joint:
         if self._process is not None and self._process.poll() is not None:
             self._process = None
             self._said.seek(0)
-            lines = self._said.read().decode(errors="replace").splitlines()
-            return [f"all tests together: {line}" for line in lines if " tests, " in line or "report:" in line]
+            try:
+                done = json_of(self._said.read(), "analyse")
+            except TableError:
+                return []  # it failed, and said nothing here
+            counts = f"{counted_tests(done['verdicts'])} (route: {done['route']})"
+            lines = [counts, *([f"report: {done['report']}"] if done["report"] else [])]
+            return [f"all tests together: {line}" for line in lines]
         if self._process is None and self._due and now - self._last > _QUIET:
             self._due = False
-            words = ("analyse", str(self._folder.absolute()))
+            words = ("analyse", str(self._folder.absolute()), "--json")
             self._said.seek(0)  # the process writes on from here
             self._said.truncate()
             self._process = start_module("fourpole", *words, stdout=self._said.fileno(), stderr=DEVNULL, group=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -21,7 +21,7 @@ from fourpole.campaign.place import at_hand
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.campaign.statement import MOST_TESTS, MOST_TOML, statement_text
 from fourpole.core.arrays import short_repr
-from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
+from fourpole.errors import CampaignError, FourpoleError, Message, TableError, UnitError
 from fourpole.io.child import read_apart
 from fourpole.io.documents import rows_of
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
@@ -42,7 +42,8 @@ _OF_BAND = ("random", "sweep")
 
 @dataclass(frozen=True)
 class Test:
-    """One row of tests.csv in SI units; `problem` is the reason why the row cannot be used, or empty.
+    """One row of tests.csv in SI units; `faults` are the reasons why the row cannot be used, each
+    with its column.
 
     A test whose column `excluded` has a reason is left out, and that is its problem. `fixed` says that the specimen is
     held on both sides and can be pulled; `band` has the lowest and the highest frequency [Hz] of random excitation.
@@ -57,14 +58,24 @@ class Test:
     values: dict[str, float] = field(default_factory=dict)
     window: tuple[float, float] | None = None
     extra: dict[str, str] = field(default_factory=dict)
-    problem: str = ""
+    faults: tuple[Message, ...] = ()
     excluded: bool = False
     fixed: bool = False
     band: tuple[float, float] | None = None
 
+    @property
+    def problem(self) -> str:
+        """The reason why the row cannot be used; empty if it can."""
+        return "; ".join(f"tests.csv row {self.row}: {fault}" for fault in self.faults)
+
     def value(self, name: str) -> float | None:
         """A number of the row: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ...; None for a blank cell."""
         return self.values.get(name)
+
+
+def problem_of(test: Test) -> Message:
+    """Why the row of a test cannot be used, as a value: the columns at fault, and the whole sentence."""
+    return Message("tests.csv", ", ".join(f"{fault.code} {fault.site}" for fault in test.faults), test.problem)
 
 
 @dataclass(frozen=True, repr=False)
@@ -213,32 +224,37 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
 def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFile) -> Test:
     """The test of one row, whose `problem` lists all faults of the row; CampaignError for a test without a name."""
     where = f"tests.csv row {row}"
-    test, texts, problems = _read_cells(row, cells, columns, stated)
+    test, texts, faults = _read_cells(row, cells, columns, stated)
     if DOUBTS in test.extra:
         named = {column.name: cell for column, cell in zip(columns, cells, strict=False)}
         test.extra[DOUBTS] = still_open(test.extra[DOUBTS], named)
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     texts["kind"] = texts.get("kind", "").lower()
-    problems += _contradictions(texts, stated)
-    if texts["kind"] in _OF_BAND and test.band is None:
-        problems.append(f"a {texts['kind']} test needs the band of its excitation: fill in frequency, as in 5:200 Hz")
-    if texts["kind"] in _KINDS and texts["kind"] not in _OF_BAND and test.band is not None:
-        problems.append(f"frequency: a band is for kind {' or '.join(_OF_BAND)}; a {texts['kind']} test has one number")
-    if texts["kind"] == "calibration" and "added_mass" not in test.values:
-        problems.append("the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight")
+    faults += _contradictions(texts, stated)
+    kind, band = texts["kind"], test.band
+    if kind in _OF_BAND and band is None:
+        needs = f"a {kind} test needs the band of its excitation: fill in frequency, as in 5:200 Hz"
+        faults.append(Message("frequency", "missing", needs))
+    if kind in _KINDS and kind not in _OF_BAND and band is not None:
+        alone = f"frequency: a band is for kind {' or '.join(_OF_BAND)}; a {kind} test has one number"
+        faults.append(Message("frequency", "band", alone))
+    if kind == "calibration" and "added_mass" not in test.values:
+        unweighed = "the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
+        faults.append(Message("added_mass", "missing", unweighed))
     if not _can_have(test.value("preload"), texts.get("tyre", ""), stated):
-        problems.append(
+        pulled = (
             f"preload: {test.value('preload'):g} N must be positive for a specimen that only stands on the rig; one "
             "that can be pulled belongs under [specimens], with fixed = true"
         )
+        faults.append(Message("preload", "not positive", pulled))
     rigs, excluded = list(stated.all_rigs), texts.get("excluded", "")
     rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
     if excluded:
-        problems = [f"excluded: {units.shown(excluded, 300)[1:-1]}"]
+        faults = [Message("excluded", "by hand", f"excluded: {units.shown(excluded, 300)[1:-1]}")]
     return replace(
         test, name=texts["test"], file=texts.get("file", ""), kind=texts["kind"], tyre=texts.get("tyre", ""), rig=rig,
-        excluded=bool(excluded), problem="; ".join(f"{where}: {problem}" for problem in problems),
+        excluded=bool(excluded), faults=tuple(faults),
     )  # fmt: skip
 
 
@@ -261,17 +277,18 @@ def _held(tests: list[Test], stated: CampaignFile) -> list[Test]:
 
 def _read_cells(
     row: int, cells: list[str], columns: list[Column], stated: CampaignFile
-) -> tuple[Test, dict[str, str], list[str]]:
+) -> tuple[Test, dict[str, str], list[Message]]:
     """A test with the values of its cells, the texts of the row by name of column, and the faults of single cells."""
-    test, texts, problems = Test("", row), {}, []
+    test, texts, faults = Test("", row), dict[str, str](), list[Message]()
     if len(cells) != len(columns):
         many = f"has {len(cells)} cells, {len(columns)} columns are named"
-        problems.append(f"{many}: check its commas; decimal commas need ; between the cells")
+        faults.append(Message("", "cells", f"{many}: check its commas; decimal commas need ; between the cells"))
     measured = {axis.name for axis in stated.conditions.axes if not axis.text}
     for column, whole in zip(columns, cells, strict=False):
         cell = whole[:_MOST_TEXT]
         if cell != whole:
-            problems.append(f"{units.shown(column.name)} has {len(whole)} characters, at most {_MOST_TEXT} are taken")
+            many = f"{units.shown(column.name)} has {len(whole)} characters, at most {_MOST_TEXT} are taken"
+            faults.append(Message(column.name, "characters", many))
         try:
             if column.role == "text":
                 texts[column.name] = cell
@@ -282,8 +299,8 @@ def _read_cells(
             else:
                 _fill(test, cell, column, measured)
         except ValueError as error:
-            problems.append(f"{column.name}: {error}")
-    return test, texts, problems
+            faults.append(Message(column.name, "value", f"{column.name}: {error}"))
+    return test, texts, faults
 
 
 def _fill(test: Test, cell: str, column: Column, measured: set[str]) -> None:
@@ -359,32 +376,35 @@ def _window(cell: str, unit: str) -> tuple[float, float]:
     return low, high
 
 
-def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[str]:
+def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[Message]:
     """Faults of a row: names that campaign.toml lacks, and cells that must be filled in or left blank."""
     kind = texts["kind"]
     if kind not in _KINDS:
         near = units.nearest(kind, _KINDS)
         hint = f"; did you mean '{near}'?" if near else f"; it must be {' or '.join(_KINDS)}"
-        yield f"kind {units.shown(kind)} is not known{hint}"
-    tyre, known = texts.get("tyre", ""), tuple(stated.all_specimens)
+        yield Message("kind", "unknown", f"kind {units.shown(kind)} is not known{hint}")
+    tyre, rig = texts.get("tyre", ""), texts.get("rig", "")
     if kind == "calibration":
         if tyre:
-            yield "a calibration has a rigid mass in place of the tyre: leave the column 'tyre' blank"
+            named = "a calibration has a rigid mass in place of the tyre: leave the column 'tyre' blank"
+            yield Message("tyre", "calibration", named)
     elif not tyre:
-        yield "the tyre is not named: fill in the column 'tyre'"
-    elif tyre not in known:
-        near = units.nearest(tyre, known)
-        hint = f"did you mean {units.shown(near)}?" if near else f"add [tyres.{_key(tyre)}]"
-        yield f"tyre {units.shown(tyre)} is not in campaign.toml; {hint}"
-    rig = texts.get("rig", "")
+        yield Message("tyre", "missing", "the tyre is not named: fill in the column 'tyre'")
+    elif tyre not in stated.all_specimens:
+        yield _unknown("tyre", "tyres", tyre, stated.all_specimens)
     if rig and rig not in stated.all_rigs:
-        near = units.nearest(rig, stated.all_rigs)
-        hint = f"did you mean {units.shown(near)}?" if near else f"add [rigs.{_key(rig)}]"
-        yield f"rig {units.shown(rig)} is not in campaign.toml; {hint}"
+        yield _unknown("rig", "rigs", rig, stated.all_rigs)
     if not rig and len(stated.all_rigs) > 1 and kind != "static":
-        yield "several rigs are stated: name one of them in the column 'rig'"
+        yield Message("rig", "missing", "several rigs are stated: name one of them in the column 'rig'")
     if not texts.get("file"):
-        yield "no recording is named: fill in the column 'file'"
+        yield Message("file", "missing", "no recording is named: fill in the column 'file'")
+
+
+def _unknown(column: str, section: str, name: str, known: Iterable[str]) -> Message:
+    """The fault that campaign.toml has no table of this name."""
+    near = units.nearest(name, tuple(known))
+    hint = f"did you mean {units.shown(near)}?" if near else f"add [{section}.{_key(name)}]"
+    return Message(column, "unknown", f"{column} {units.shown(name)} is not in campaign.toml; {hint}")
 
 
 def _key(name: str) -> str:

@@ -24,6 +24,9 @@ class Verdict(StrEnum):
     WARNING = "warning"
     REJECTED = "rejected"
 
+    def __repr__(self) -> str:
+        return repr(self.value)
+
     @property
     def rank(self) -> int:
         """0 for the best verdict."""
@@ -77,7 +80,7 @@ def worst_verdict(verdicts: Iterable[str]) -> Verdict:
     Examples
     --------
     >>> worst_verdict(["ok", "rejected", "warning"])
-    <Verdict.REJECTED: 'rejected'>
+    'rejected'
     """
     return max(map(Verdict.read, verdicts), key=lambda verdict: verdict.rank, default=Verdict.OK)
 

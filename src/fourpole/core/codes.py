@@ -400,7 +400,7 @@ class Code(Enum):
         "amplitudes",
         "the largest over the smallest deflection amplitude of a condition",
         "a curve mixes deflection amplitudes",
-        "the curve of {name} mixes deflection amplitudes of {low_mm:.3g} to {high_mm:.3g} mm: ",
+        "the curve of {name} mixes deflection amplitudes of {smallest:.3g} to {largest:.3g} mm: ",
         "compare K* of rubber at equal amplitudes only, or make the amplitude an axis of [conditions]",
     )
     EXCITATIONS = (

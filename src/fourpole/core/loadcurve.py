@@ -89,17 +89,24 @@ class Tangent:
         return float(np.hypot(self.std, np.hypot(by_load_gain * load_gain, self.stiffness * deflection_gain)))
 
 
+#: What is doubtful in a curve, by its code; {0} is its size, {1} the size in percent.
+_DOUBTS = {
+    "one cycle": "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",
+    "missing points": "{1:.2g} % of the points are missing and were left out",
+    "outliers": "{0} points lie far off the curve and were left out: look for spikes in the load",
+    "creep": "the load at equal deflection changes by {0:.3g} N from the second to the last cycle: the specimen creeps, or "
+    "the load cell drifts and K1 is that of another load",
+    "clipped": "the load stands at its largest value over {0:.0%} of the deflection: the load cell was clipped; repeat the "
+    "test with a larger range",
+}
+
+
 @dataclass(frozen=True)
 class Secant:
     """Load over deflection from the point of zero load [N/m]; not-a-number, with the reason, without such a point."""
 
     stiffness: float
-    lack: Message | None = None
-
-    @property
-    def reason(self) -> str:
-        """Why there is none; empty if there is one."""
-        return "" if self.lack is None else str(self.lack)
+    reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,21 +253,14 @@ class LoadCurve(ByValue):
         """What is doubtful in the curve."""
         low, high = self.measured_loads
         creep = float(np.sum(self._shifts))
-        doubts = {
-            "one cycle": self.cycles == 1
-            and "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",
-            "missing points": self.missing
-            and f"{100 * self.missing:.2g} % of the points are missing and were left out",
-            "outliers": self.outliers
-            and f"{self.outliers} points lie far off the curve and were left out: look for spikes in the load",
-            "creep": abs(creep) > _CREEP * (high - low)
-            and f"the load at equal deflection changes by {creep:.3g} N from the second to the last cycle: "
-            "the specimen creeps, or the load cell drifts and K1 is that of another load",
-            "clipped": self.flat_top > _FLAT_TOP
-            and f"the load stands at its largest value over {self.flat_top:.0%} of the deflection: "
-            "the load cell was clipped; repeat the test with a larger range",
+        found = {
+            "one cycle": self.cycles == 1,
+            "missing points": self.missing,
+            "outliers": self.outliers,
+            "creep": creep if abs(creep) > _CREEP * (high - low) else 0.0,
+            "clipped": self.flat_top if self.flat_top > _FLAT_TOP else 0.0,
         }
-        return tuple(Message(code, "", text) for code, text in doubts.items() if isinstance(text, str))
+        return tuple(Message(code, "", _DOUBTS[code].format(size, 100 * size)) for code, size in found.items() if size)
 
     @cached_property
     def flat_top(self) -> float:
@@ -450,12 +450,12 @@ class LoadCurve(ByValue):
         place = self._deflection_at(curve, load)
         lowest, highest = self.measured_loads
         if lowest > _ZERO * (highest - lowest):
-            return _no_secant(f"the curve starts at {lowest:.4g} N: no point of zero load")
+            return Secant(float("nan"), f"the curve starts at {lowest:.4g} N: no point of zero load")
         try:
             travel = place - deflection_at(curve, 0.0)
         except LoadCurveError:
-            return _no_secant("the mean of the branches does not reach zero load")
-        return Secant(load / travel) if travel and load else _no_secant("the load is zero: no secant")
+            return Secant(float("nan"), "the mean of the branches does not reach zero load")
+        return Secant(load / travel) if travel and load else Secant(float("nan"), "the load is zero: no secant")
 
     @property
     def hysteresis_loss(self) -> float:
@@ -503,7 +503,3 @@ class LoadCurve(ByValue):
         slope = 0.8 * (high - low) / (at[1] - at[0])
         line = low + 0.1 * (high - low) + slope * (x - at[0])
         return float(np.max(np.abs(f - line)) / (high - low))
-
-
-def _no_secant(why: str) -> Secant:
-    return Secant(float("nan"), Message("no secant", "", why))

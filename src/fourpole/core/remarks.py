@@ -16,9 +16,10 @@ from fourpole.errors import Message
 UNITS = {
     **dict.fromkeys(("stated", "found", "hertz"), "Hz"),
     **dict.fromkeys(("mean", "preload", "peak", "without"), "N"),
-    **dict.fromkeys(("k1", "storage", "loss_modulus", "spring", "inertia"), "N/m"),
+    **dict.fromkeys(("k1", "storage", "loss_modulus", "spring", "inertia", "low K2", "high K2"), "N/m"),
+    **dict.fromkeys(("low C", "high C"), "N s/m"),
     **dict.fromkeys(("length", "before", "after", "delay"), "s"),
-    **dict.fromkeys(("low_mm", "high_mm"), "mm"),
+    **dict.fromkeys(("smallest", "largest"), "mm"),
     **dict.fromkeys(("there", "own"), "degC"),
     "percent": "%",
     "phase": "rad",
@@ -138,6 +139,16 @@ def remark_of(check: Check) -> str:
     return said(check).remark
 
 
+#: Values that say which case of a check it is, and are no number or name.
+CASES = ("error", "because", "looks", "branch", "cause")
+
+
+def kind_of(*checks: Check) -> str:
+    """What checks have in common that differ in numbers and names only."""
+    plain = [(check, plain_values(check)) for check in checks]
+    return repr([(check.code.text, check.channel, *(values.get(case) for case in CASES)) for check, values in plain])
+
+
 def plain_values(check: Check) -> dict[str, Any]:
     """The values of a check as plain data for a file: numbers under their name with its unit, names, codes.
 
@@ -153,7 +164,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Enum):
         return value.name.lower().replace("_", " ")
     if isinstance(value, Message):
-        return value.code
+        return [value.code, value.site]
     if isinstance(value, Check):
         return {"code": value.code.text, **plain_values(value)}
     if hasattr(value, "source"):  # a cause of a misfit
@@ -254,13 +265,14 @@ def _passive_arm(values: _Values) -> dict[str, str]:
     if "because" in values:
         why, remedy = values["because"].says(complex(values["storage"], values["loss_modulus"]), values["k1"])
         return {"why": why, "remedy": remedy}
-    return {"interval": interval_words(values["low"], values["high"], "N/m")}
+    return {"interval": interval_words(values["low K2"], values["high K2"], "N/m")}
 
 
 def _uncertainty(values: _Values) -> dict[str, str]:
-    if "low" not in values:
+    name = values["name"]
+    if f"low {name}" not in values:
         return {"interval": " so its interval is not symmetric"}
-    return {"interval": interval_words(values["low"], values["high"], "N/m" if values["name"] == "K2" else "N s/m")}
+    return {"interval": interval_words(values[f"low {name}"], values[f"high {name}"], UNITS[f"low {name}"])}
 
 
 def _rig(values: _Values) -> dict[str, str]:

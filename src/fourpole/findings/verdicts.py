@@ -8,11 +8,14 @@ from typing import ClassVar
 
 import polars as pl
 
-from fourpole.core.checks import VERDICTS, worst_verdict
+from fourpole import quantities as q
+from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.codes import Code
-from fourpole.core.wording import without_numbers
+from fourpole.core.remarks import CASES
 from fourpole.findings.facts import Facts, natural
 from fourpole.findings.finding import Finding, Holds, Topic
+from fourpole.fitting.rows import Key, keys_of
+from fourpole.io.documents import json_of
 
 #: Number of characters of a remark that are shown if its check has no short form.
 _LONGEST = 160
@@ -53,16 +56,29 @@ class Doubt:
 
 @dataclass(frozen=True)
 class CheckRow:
-    """A check that gave a warning or a rejection, or could not be made: its verdict, code and remedy."""
+    """A check that gave a warning or a rejection, or could not be made: a row of checks.csv."""
 
-    verdict: str
+    verdict: Verdict
     code: Code | None
     remedy: str
+    channel: str = ""
+    values: str = ""
 
     @property
     def cause(self) -> str:
         """The cause in a few words; empty if the check has no short form."""
         return self.code.short(self.verdict) if self.code else ""
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What checks have in common that differ in numbers and names only."""
+        values = json_of(self.values, q.VALUES.head) if self.values else {}
+        return self.code, self.channel, repr([values.get(case) for case in CASES])
+
+
+def kind_of(checks: Sequence[CheckRow], remarks: str) -> tuple[object, ...]:
+    """What the tests with these checks and remarks have in common that differ in numbers and names only."""
+    return tuple(check.kind for check in checks) or (remarks,)
 
 
 def verdicts(facts: Facts) -> list[Finding]:
@@ -73,17 +89,16 @@ def verdicts(facts: Facts) -> list[Finding]:
         by_test.setdefault(test, []).append(verdict)
     worst = {test: worst_verdict(found) for test, found in by_test.items()}
     tally = Tally(*(list(worst.values()).count(verdict) for verdict in VERDICTS))
-    used = tuple(sorted((test for test, verdict in worst.items() if verdict != "rejected"), key=natural))
+    used = tuple(sorted((test for test, verdict in worst.items() if verdict != Verdict.REJECTED), key=natural))
     found = [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used)]
     checks = checks_by_test(facts.results.checks)
     doubts: list[Finding] = []
     for holds in (Holds.REJECTED, Holds.WARNING):
         reasons: dict[Doubt, set[str]] = {}
-        alike: dict[str, Doubt] = {}
+        alike: dict[object, Doubt] = {}
         for test, verdict, remarks in rows:
-            for doubt in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
-                first = doubt if doubt.code else alike.setdefault(without_numbers(doubt.remark, names=True), doubt)
-                reasons.setdefault(first, set()).add(test)
+            for doubt, kind in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
+                reasons.setdefault(doubt if doubt.code else alike.setdefault(kind, doubt), set()).add(test)
         order = sorted(reasons, key=lambda one: (-len(reasons[one]), one.code.text if one.code else "", one.remark))
         doubts += [Finding(Topic.TRUST, None, (), holds, one, tests=_sorted(reasons[one])) for one in order]
     return found + sorted(doubts, key=_place)
@@ -98,23 +113,32 @@ def _sorted(tests: set[str]) -> tuple[str, ...]:
     return tuple(sorted(tests, key=natural))
 
 
-def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> list[Doubt]:
-    """The reasons of a verdict: the checks that gave it, or the first remark if no check has a short form.
+def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> Sequence[tuple[Doubt, object]]:
+    """The reasons of a verdict with their kinds: the checks that gave it, or the first remark without a short form.
 
     A specimen that is not linear is a reason of a rejection, too.
     """
-    reasons = [one for one in checks if one.verdict == verdict or one.code is Code.LINEARITY]
-    found = [Doubt(one.code) for one in reasons if one.cause]
-    return found or [Doubt(None, _beginning(remarks))]
+    reasons = [check for check in checks if check.verdict == verdict or check.code is Code.LINEARITY]
+    short = [(Doubt(check.code), check.kind) for check in reasons if check.cause]
+    return short or [(Doubt(None, _beginning(remarks)), kind_of(reasons, remarks))]
+
+
+def checks_by_point(checks: pl.DataFrame) -> dict[Key, list[CheckRow]]:
+    """The rows of checks.csv that are not plainly ok, by test and point; empty if the results have no checks.csv."""
+    found: dict[Key, list[CheckRow]] = {}
+    for key, row in zip(keys_of(checks), checks.rows(named=True), strict=True):
+        if row[q.VERDICT.head] != Verdict.OK or row[q.STATISTIC.head] is None:
+            texts = (row[q.REMEDY.head] or "", row[q.CHANNEL.head] or "", row.get(q.VALUES.head) or "")
+            check = CheckRow(Verdict.read(row[q.VERDICT.head]), Code.read(row[q.CODE.head]), *texts)
+            found.setdefault(key, []).append(check)
+    return found
 
 
 def checks_by_test(checks: pl.DataFrame) -> dict[str, list[CheckRow]]:
-    """The rows of checks.csv that are not plainly ok, by test; empty if the results have no checks.csv."""
+    """The same by test."""
     found: dict[str, list[CheckRow]] = {}
-    for row in checks.rows(named=True):
-        if row["verdict"] != "ok" or row["statistic"] is None:
-            one = CheckRow(row["verdict"], Code.read(row["code"]), row["remedy"] or "")
-            found.setdefault(row["test"], []).append(one)
+    for (test, _), rows in checks_by_point(checks).items():
+        found.setdefault(test, []).extend(rows)
     return found
 
 

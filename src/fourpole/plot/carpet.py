@@ -122,9 +122,10 @@ def _round_levels(reach: float) -> list[float]:
 FIGURES = (
     FigureSpec(
         "fig05",
-        "Figure 5: static load against deflection",
+        "static load against deflection",
         "Lattice of mean load-deflection curves: each curve is one pressure, each cross-line one deflection.",
         data=load_deflection,
         apart=True,
+        number=5,
     ),
 )

@@ -170,11 +170,12 @@ def measured_against_predicted(results: Results) -> FigureData | None:
 FIGURES = (
     FigureSpec(
         "fig14",
-        "Figure 14: transmissibility against frequency",
+        "transmissibility against frequency",
         "The ratio TR of the motions above and below the tyre at two pressures, with the frequencies at which "
         "the tyres' curves cross.",
         data=transmissibility,
         apart=True,
+        number=14,
     ),
     FigureSpec(
         "tr-measured-predicted",

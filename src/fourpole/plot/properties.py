@@ -95,11 +95,12 @@ def _looks(
 FIGURES = tuple(
     FigureSpec(
         f"fig{number:02d}",
-        f"Figure {number}: {words} against {against.name}, {'high' if high else 'low'} preload",
+        f"{words} against {against.name}, {'high' if high else 'low'} preload",
         f"The {words} of each tyre against {against.name}, each curve at {curves}; "
         f"{'the higher preloads' if high else 'the lowest preload'}, bars of one standard uncertainty.",
         data=partial(property_figure, quantity=quantity, against=against, high=high),
         apart=True,
+        number=number,
     )
     for number, ((quantity, words), (against, curves), high) in enumerate(
         product(

@@ -153,26 +153,30 @@ def _only_rig(results: Results) -> Rig | None:
 FIGURES = (
     FigureSpec(
         "fig01",
-        "Figure 1: viscoelastic tyre model",
+        "viscoelastic tyre model",
         "The spring K1 beside a spring K2 in series with a damper C.",
         tyre_model,
+        number=1,
     ),
     FigureSpec(
         "fig02",
-        "Figure 2: model of the test arrangement",
+        "model of the test arrangement",
         "The tyre under the moving mass m and the preload spring K3, which ends on a fixed foundation.",
         whole_model,
+        number=2,
     ),
     FigureSpec(
         "fig03",
-        "Figure 3: static rig",
+        "static rig",
         "A screw loads the tyre; force and deflection are recorded together.",
         static_rig,
+        number=3,
     ),
     FigureSpec(
         "fig04",
-        "Figure 4: dynamic rig",
+        "dynamic rig",
         "A cam with 1 mm eccentricity shakes the contact; the tyre carries the moving mass under a leaf spring.",
         dynamic_rig,
+        number=4,
     ),
 )

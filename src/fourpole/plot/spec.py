@@ -17,19 +17,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FigureSpec:
-    """One figure: its key, its title, its caption, and the function that makes its data or draws it.
+    """One figure: its key, its name, its caption, and the function that makes its data or draws it.
 
     `data` makes the figure of results as data; `draw` draws line art of a rig, which has no axes. Either returns None
     if the results hold nothing that the figure shows. `apart`: whether specimens at several temperatures have a colour
-    each.
+    each. `number`: that of a figure of the paper; 0 for another one.
     """
 
     key: str
-    title: str
+    name: str
     caption: str
     draw: Callable[[Results, Style], Figure | None] | None = None
     data: Callable[[Results], FigureData | None] | None = None
     apart: bool = False
+    number: int = 0
+
+    @property
+    def title(self) -> str:
+        """The name, after the number of a figure of the paper."""
+        return f"Figure {self.number}: {self.name}" if self.number else self.name
 
     def drawn(self, results: Results, style: Style) -> Figure | None:
         """The figure; None if the results hold nothing that it shows."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
+from fourpole.findings.verdicts import CheckRow, checks_by_point
 from fourpole.fitting.rows import KEY, Key, key_of, keyed
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.report.digits import known, number
@@ -140,12 +141,13 @@ def _dynamic_cards(results: Results, previews: _Previews) -> tuple[list[Card], l
     parts: dict[str, list[int]] = {}
     for at, card in enumerate(cards):
         parts.setdefault(card, []).append(at)
-    lines = lines_of(results.lines)
+    lines, checks = lines_of(results.lines), checks_by_point(results.checks)
     made = []
     for card, rows in parts.items():
         row = whole.row(rows[0], named=True)
         if len(rows) > 1:
-            made.append(_line_card(card, keyed(whole[rows]), lines, _signals(previews.of(key_of(row)), quantities)))
+            signals = _signals(previews.of(key_of(row)), quantities)
+            made.append(_line_card(card, keyed(whole[rows]), lines, signals, checks))
             continue
         made.append(
             Card(
@@ -166,7 +168,13 @@ def _dynamic_cards(results: Results, previews: _Previews) -> tuple[list[Card], l
     return made, cards
 
 
-def _line_card(key: str, rows: pl.DataFrame, lines: Mapping[str, pl.DataFrame], signals: Mapping[str, Any]) -> Card:
+def _line_card(
+    key: str,
+    rows: pl.DataFrame,
+    lines: Mapping[str, pl.DataFrame],
+    signals: Mapping[str, Any],
+    checks: Mapping[Key, Sequence[CheckRow]],
+) -> Card:
     """The card of a test with lines."""
     row = {**rows.row(0, named=True), q.FREQUENCY.head: None}
     about = (condition(row, dynamic=True), band_words(rows))
@@ -176,7 +184,7 @@ def _line_card(key: str, rows: pl.DataFrame, lines: Mapping[str, pl.DataFrame], 
         tyre=str(row["tyre"] or ""),
         condition=", ".join(part for part in about if part),
         verdict=verdict_of_lines(rows[q.VERDICT.head].to_list()),
-        body={**line_body(rows, lines.get(str(row["test"]), pl.DataFrame())), **signals},
+        body={**line_body(rows, lines.get(str(row["test"]), pl.DataFrame()), checks), **signals},
     )
 
 

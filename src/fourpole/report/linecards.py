@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.wording import without_numbers
-from fourpole.fitting.rows import KEY, keyed
+from fourpole.findings.verdicts import CheckRow, kind_of
+from fourpole.fitting.rows import KEY, Key, keyed, keys_of
 from fourpole.plot.strided import in_equal_ratios
 from fourpole.quantities import Quantity
 from fourpole.report.digits import known, number
@@ -32,8 +32,8 @@ _TABLE = (q.FREQUENCY, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
 _COMMON = (q.DEFLECTION_AMPLITUDE, q.K1)
 
 
-def line_body(rows: pl.DataFrame, lines: pl.DataFrame) -> dict[str, Any]:
-    """The data of the card: rows of dynamic.csv and of lines.csv of one test, which may have none."""
+def line_body(rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequence[CheckRow]]) -> dict[str, Any]:
+    """The data of the card: rows of dynamic.csv and of lines.csv of one test, which may have none, and its checks."""
     frequency = _floats(rows, q.FREQUENCY.head)
     kept = in_equal_ratios(frequency, _CURVE).tolist()
     panels = [one for quantity in map(shown_as, _PANELS) if (one := _panel(rows[kept], quantity))]
@@ -52,7 +52,7 @@ def line_body(rows: pl.DataFrame, lines: pl.DataFrame) -> dict[str, Any]:
     columns = [one for one in _TABLE if any(known(row.get(one.head)) is not None for row in few)]
     return {
         "facts": facts,
-        "remarks": _remarks(rows),
+        "remarks": _remarks(rows, checks),
         "lines": {"f": packed(np.log10(frequency[kept])), "panels": panels},
         "table": {
             "heads": [_head(shown_as(one)) for one in columns] + ["verdict"],
@@ -124,12 +124,12 @@ def _ranges(lines: pl.DataFrame) -> list[tuple[str, str]]:
     return found
 
 
-def _remarks(rows: pl.DataFrame) -> list[str]:
-    """The remarks of most lines, each with the number of its lines; those that differ in numbers only are one."""
-    alike: dict[str, list[str]] = {}
-    for remark in rows[q.REMARKS.head].to_list():
+def _remarks(rows: pl.DataFrame, checks: Mapping[Key, Sequence[CheckRow]]) -> list[str]:
+    """The remarks of most lines, each with the number of its lines; those of one kind are one."""
+    alike: dict[object, list[str]] = {}
+    for key, remark in zip(keys_of(rows), rows[q.REMARKS.head].to_list(), strict=True):
         if remark:
-            alike.setdefault(without_numbers(str(remark).replace("no upper limit", "0")), []).append(str(remark))
+            alike.setdefault(kind_of(checks.get(key, ()), str(remark)), []).append(str(remark))
     ranked = sorted(alike.values(), key=len, reverse=True)
     said = [_counted(found, rows.height) for found in ranked[:_REMARKS]]
     left = sum(map(len, ranked[_REMARKS:]))

@@ -62,12 +62,15 @@ class ReportFigure:
     svg : str
         The drawing, a whole SVG file: part of the page where it holds nothing but shapes, texts and links within the
         page, otherwise an image, so that nothing in it can reach the page.
+    number : int
+        That of a figure of the paper, which its title has; 0 for another one.
     """
 
     key: str
     title: str
     caption: str
     svg: str
+    number: int = 0
 
     @property
     def address(self) -> str:
@@ -246,14 +249,11 @@ def _remarks(rows: Sequence[Any], short: Mapping[str, Sequence[CheckRow]]) -> li
 
 def _numbered(figures: Sequence[ReportFigure]) -> list[tuple[str, ReportFigure]]:
     """Figures with their headings; a title without a number gets one above the largest number of the other titles."""
-    stated = [re.match(r"Figure (\d+)\b", figure.title) for figure in figures]
-    count = max((int(found[1]) for found in stated if found), default=0)
+    count = max((figure.number for figure in figures), default=0)
     headed = []
-    for figure, found in zip(figures, stated, strict=True):
-        title = figure.title
-        if not found:
-            count += 1
-            title = f"Figure {count}: {title}"
+    for figure in figures:
+        count += figure.number == 0
+        title = figure.title if figure.number else f"Figure {count}: {figure.title}"
         headed.append((title if title.endswith((".", "?", "!")) else f"{title}.", figure))
     return headed
 

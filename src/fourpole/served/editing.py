@@ -223,7 +223,12 @@ def problems_of(folder: Path) -> list[Problem]:
         campaign = read_campaign(folder)
     except FourpoleError as error:
         return [_placed(str(error), stated)]
-    found = [one for test in campaign.tests if test.problem and not test.excluded for one in _of_row(test.problem)]
+    found = [
+        Problem(f"tests.csv row {test.row}: {fault}", row=test.row, column=fault.code)
+        for test in campaign.tests
+        if not test.excluded
+        for fault in test.faults
+    ]
     return [*found, *(_placed(doubt, stated) for doubt in campaign.doubts)]
 
 

@@ -62,7 +62,7 @@ def figure_of(site: Site, shown: Shown, results: Results, key: str) -> LinkedFig
     if svg is None:
         return None
     spec = spec_of(key)
-    return LinkedFigure(ReportFigure(key, spec.title, spec.caption, svg.decode()), shown)
+    return LinkedFigure(ReportFigure(key, spec.title, spec.caption, svg.decode(), spec.number), shown)
 
 
 @dataclass(frozen=True)

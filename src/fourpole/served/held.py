@@ -39,7 +39,7 @@ class Shown:
         """What the templates of the report show."""
         files = self.results.files
         figures = {
-            key: ReportFigure(key, spec.title, spec.caption, _drawing(files, f"figures/{key}.svg"))
+            key: ReportFigure(key, spec.title, spec.caption, _drawing(files, f"figures/{key}.svg"), spec.number)
             for key, spec in FIGURES.items()
             if files is not None and files.has(f"figures/{key}.svg")
         }

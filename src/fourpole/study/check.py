@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fourpole import units
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign, Test, problem_of
 from fourpole.campaign.place import inside
 from fourpole.core.checks import VERDICTS, Verdict
-from fourpole.core.remarks import remark_of, why_no_k1
+from fourpole.core.remarks import kind_of, remark_of, why_no_k1
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.child import read_apart
 from fourpole.io.door import sha256_of
@@ -52,6 +52,8 @@ class CampaignProblem:
         Rejected where the analysis could not use the test, a warning where it would lack something.
     message : str
         The fault, and its remedy.
+    kind : str
+        What faults have in common that differ in numbers and names only.
     """
 
     test: str
@@ -60,6 +62,7 @@ class CampaignProblem:
     about: str
     verdict: Verdict
     message: str
+    kind: str = ""
 
 
 @dataclass(frozen=True)
@@ -179,7 +182,7 @@ class _Inspection:
         """Check one test by itself: its row, its file, and the first part of a dynamic recording."""
         test, about = job.test, "file"
         if test.problem:
-            self._say(test, "tests.csv", Verdict.REJECTED, test.problem)
+            self._say(test, "tests.csv", Verdict.REJECTED, test.problem, problem_of(test).site)
             return
         try:
             path = None if is_elsewhere(test.file) else inside(self.campaign.folder, test.file)
@@ -188,12 +191,12 @@ class _Inspection:
             if test.kind == "static":
                 return
             for row in check_part_of(job, guarded=self.guarded):
-                self._say(test, row.heading, row.verdict, remark_of(row))
+                self._say(test, row.heading, row.verdict, remark_of(row), kind_of(row))
             if test.window is not None and path is not None:
                 self._window(test, path)
         except FourpoleError as error:
             about = {FileError: "file", TableError: "channels"}.get(type(error), "recording")
-            self._say(test, about, Verdict.REJECTED, str(error))
+            self._say(test, about, Verdict.REJECTED, str(error), f"{error.code} {error.site}")
         except MemoryError:
             self._say(test, about, Verdict.REJECTED, "does not fit into memory: cut it with window [s]")
 
@@ -204,14 +207,16 @@ class _Inspection:
             about = "static test" if item.sha256 else "file"
             for row in item.rows:
                 if row.verdict is Verdict.REJECTED and not row.test.problem:
-                    self._say(row.test, about, Verdict.REJECTED, "; ".join(map(remark_of, row.checks)))
+                    self._say(
+                        row.test, about, Verdict.REJECTED, "; ".join(map(remark_of, row.checks)), kind_of(*row.checks)
+                    )
         return [row for item in tests for row in item.rows]
 
-    def _say(self, test: Test, about: str, verdict: Verdict, message: str) -> None:
+    def _say(self, test: Test, about: str, verdict: Verdict, message: str, kind: str = "") -> None:
         text = message.removeprefix(f"tests.csv row {test.row}: ")
         for label in (units.shown(test.file, 200)[1:-1], test.file):
             text = text.removeprefix(f"{label}: ").removeprefix(f"{label} ")
-        problem = CampaignProblem(test.name, test.row, test.file, about, verdict, text)
+        problem = CampaignProblem(test.name, test.row, test.file, about, verdict, text, kind or text)
         self.problems[problem] = None
 
     def _window(self, test: Test, path: Path) -> None:
@@ -266,7 +271,7 @@ class _Inspection:
             found = stiffness_for(test, statics, self.campaign.stated.sameness)
             if found.lack is not None:
                 text = "K2 and C would be left blank: {why}: {remedy}".format(**why_no_k1(found.lack.values))
-                self._say(test, "K1", Verdict.WARNING, text)
+                self._say(test, "K1", Verdict.WARNING, text, kind_of(found.lack))
             for check in found.checks:
                 if check.verdict is Verdict.WARNING:
-                    self._say(test, "K1", Verdict.WARNING, remark_of(check))
+                    self._say(test, "K1", Verdict.WARNING, remark_of(check), kind_of(check))

@@ -13,7 +13,7 @@ from fourpole import quantities as q
 from fourpole.campaign.conditions import condition_of, condition_words
 from fourpole.campaign.folder import Campaign
 from fourpole.core.alone import Alone
-from fourpole.core.arrays import BoolArray
+from fourpole.core.arrays import BoolArray, ByValue
 from fourpole.core.checks import Check, Verdict, judged, reported
 from fourpole.core.codes import Code
 from fourpole.core.condition import Condition
@@ -39,8 +39,8 @@ _SAME_FREQUENCY = 0.01
 _DRIFT, _POWER = 0.2, 0.03
 
 
-@dataclass(frozen=True)
-class Compared:
+@dataclass(frozen=True, eq=False)
+class Compared(ByValue):
     """Results of the comparison of tests with each other.
 
     Attributes
@@ -160,7 +160,7 @@ def _amplitudes(points: Points, alone: Alone, further: Sequence[str]) -> Iterato
         sizes = 1e3 * alone.deflection[rows]
         name, ratio = condition_words(points.tests[rows[0]], further=further), float(sizes.max() / sizes.min())
         if ratio > _MIXED:
-            ends = {"low_mm": float(sizes.min()), "high_mm": float(sizes.max())}
+            ends = {"smallest": float(sizes.min()), "largest": float(sizes.max())}
             yield name, reported(Code.AMPLITUDES, Verdict.OK, ratio, _MIXED, name=name, **ends)
         else:
             yield name, Check(Code.AMPLITUDES, Verdict.OK, ratio, _MIXED)

@@ -16,7 +16,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign, Test, problem_of
 from fourpole.campaign.place import at_hand, inside
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core import recordingchecks as checks
@@ -146,7 +146,7 @@ def demodulated(job: Job) -> Demodulated:
     try:
         if job.test.problem:
             code = Code.EXCLUDED if job.test.excluded else Code.STATEMENT
-            why = Message(Code.STATEMENT.text, "", job.test.problem)
+            why = problem_of(job.test)
             return Demodulated(checks=(reported(code, Verdict.REJECTED, error=why),))
         with at_hand(job.folder, job.test.file) as path:
             sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=job.test.file)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fourpole.campaign import defaults
 from fourpole.campaign.conditions import condition_of
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign, Test, problem_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, Verdict, fault_of, reported, worst_verdict
 from fourpole.core.codes import Code
@@ -18,7 +18,7 @@ from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
 from fourpole.core.remarks import Branch, NoK1, Side
 from fourpole.core.sources import Kind, Source
-from fourpole.errors import FourpoleError, LoadCurveError, Message
+from fourpole.errors import FourpoleError, LoadCurveError
 from fourpole.io.child import SECONDS
 from fourpole.study.cache import Cache
 from fourpole.study.curvefile import CurveOfFile, read_curve
@@ -155,8 +155,7 @@ def _evaluated(
 ) -> StaticTest:
     sha256, code = "", Code.EXCLUDED if test.excluded else Code.LOAD_CURVE
     try:
-        stated = Message(Code.STATEMENT.text, "", test.problem)
-        found = CurveOfFile(None, "", error=stated) if test.problem else read(test)
+        found = CurveOfFile(None, "", error=problem_of(test)) if test.faults else read(test)
         sha256 = found.sha256
         if found.curve is not None:
             whole = _whole(campaign, test, found.curve)
@@ -205,7 +204,8 @@ def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> 
         )
     checks = [branch_check(curve.measured)] if curve.measured != "mean" else []
     checks += [reported(Code.CURVE, Verdict.WARNING, error=doubt) for doubt in curve.doubts]
-    checks += [reported(Code.SECANT, Verdict.OK, error=secant.lack)] if secant.lack is not None else []
+    lack = Message("no secant", "", secant.reason)
+    checks += [reported(Code.SECANT, Verdict.OK, error=lack)] if secant.reason else []
     if curve.zero_off > ZERO_OFF:
         without = curve.without_contact
         checks.append(reported(Code.LOAD_ZERO, Verdict.WARNING, curve.zero_off, ZERO_OFF, without=without))

@@ -112,4 +112,5 @@ def _ends(group: Group, at: int, which: int) -> dict[str, float]:
     if at not in group.intervals:
         return {}
     low, _, high = group.intervals[at][which].quantiles.tolist()
-    return {"low": low, "high": high}
+    name = ("K2", "C")[which]
+    return {f"low {name}": low, f"high {name}": high}
