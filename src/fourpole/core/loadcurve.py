@@ -23,6 +23,7 @@ from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.meancurve import MeanCurve, off_the_curve
 from fourpole.core.parts import Local, Points, deflection_at, in_part, surest
+from fourpole.core.remarks import CURVE_DOUBTS
 from fourpole.core.stepcurve import fit_curve
 from fourpole.errors import LoadCurveError, Message
 
@@ -87,18 +88,6 @@ class Tangent:
         """Standard uncertainty of K1 with relative standard uncertainties of the two gains [N/m]."""
         by_load_gain = self.stiffness - self.load * self.by_load
         return float(np.hypot(self.std, np.hypot(by_load_gain * load_gain, self.stiffness * deflection_gain)))
-
-
-#: What is doubtful in a curve, by its code; {0} is its size, {1} the size in percent.
-_DOUBTS = {
-    "one cycle": "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",
-    "missing points": "{1:.2g} % of the points are missing and were left out",
-    "outliers": "{0} points lie far off the curve and were left out: look for spikes in the load",
-    "creep": "the load at equal deflection changes by {0:.3g} N from the second to the last cycle: the specimen creeps, or "
-    "the load cell drifts and K1 is that of another load",
-    "clipped": "the load stands at its largest value over {0:.0%} of the deflection: the load cell was clipped; repeat the "
-    "test with a larger range",
-}
 
 
 @dataclass(frozen=True)
@@ -260,7 +249,9 @@ class LoadCurve(ByValue):
             "creep": creep if abs(creep) > _CREEP * (high - low) else 0.0,
             "clipped": self.flat_top if self.flat_top > _FLAT_TOP else 0.0,
         }
-        return tuple(Message(code, "", _DOUBTS[code].format(size, 100 * size)) for code, size in found.items() if size)
+        return tuple(
+            Message(code, "", CURVE_DOUBTS[code].format(size, 100 * size)) for code, size in found.items() if size
+        )
 
     @cached_property
     def flat_top(self) -> float:

@@ -30,6 +30,18 @@ UNITS = {
 }
 
 
+#: What is doubtful in a load-deflection curve, by its code; {0} is its size, {1} the size in percent.
+CURVE_DOUBTS = {
+    "one cycle": "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",
+    "missing points": "{1:.2g} % of the points are missing and were left out",
+    "outliers": "{0} points lie far off the curve and were left out: look for spikes in the load",
+    "creep": "the load at equal deflection changes by {0:.3g} N from the second to the last cycle: the specimen "
+    "creeps, or the load cell drifts and K1 is that of another load",
+    "clipped": "the load stands at its largest value over {0:.0%} of the deflection: the load cell was clipped; repeat "
+    "the test with a larger range",
+}
+
+
 class Looks(Enum):
     """What a wrong sign, unit or column of a channel looks like."""
 

@@ -18,7 +18,7 @@ from fourpole.core.condition import Condition, Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
 from fourpole.core.remarks import Branch, NoK1, Side
 from fourpole.core.sources import Kind, Source
-from fourpole.errors import FourpoleError, LoadCurveError
+from fourpole.errors import FourpoleError, LoadCurveError, Message
 from fourpole.io.child import SECONDS
 from fourpole.study.cache import Cache
 from fourpole.study.curvefile import CurveOfFile, read_curve
