@@ -109,7 +109,7 @@ def _outcome(
             **({"limits": conformity_rows(held)} if held else {}),
             "report": str(page) if page else None,
         },
-        code=SOME_REJECTED if study.counts["rejected"] else OK,
+        code=SOME_REJECTED if study.counts[Verdict.REJECTED] else OK,
     )
     read = all(one is None or name in study.sha256 for name, one in inputs.items())
     if read and is_complete(results) and not _PASSING.intersection(study.checks[CODE.head].to_list()):
@@ -310,7 +310,7 @@ def _notes(study: Study) -> list[str]:
 
 
 def _summary(study: Study, results: Path) -> dict[str, Any]:
-    rejected = _verdicts(study).filter(pl.col("verdict") == "rejected")
+    rejected = _verdicts(study).filter(pl.col("verdict") == Verdict.REJECTED)
     return {
         "results": str(results),
         "route": study.route,

@@ -22,10 +22,10 @@ from fourpole.app.console import (
     say,
     within,
 )
+from fourpole.core.checks import VERDICTS
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.folders import resolved
 
-_VERDICTS = ("ok", "warning", "rejected")
 #: Exit codes from good to bad; of several campaigns, the worst counts. Any other code is a fault of Fourpole.
 _ORDER = (OK, SOME_REJECTED, UNREADABLE)
 
@@ -102,5 +102,5 @@ def _show(rows: Sequence[dict[str, Any]]) -> None:
     for row in rows:
         counts = row.get("verdicts", {})
         result = row.get("error") or (f"{row['campaign']}/results" if counts else "not analysed")
-        lines.append([row["campaign"], *(str(counts.get(name, "-")) for name in _VERDICTS), result])
-    print_table(["campaign", *_VERDICTS, "results, or why there are none"], lines, right=_VERDICTS)
+        lines.append([row["campaign"], *(str(counts.get(name, "-")) for name in VERDICTS), result])
+    print_table(["campaign", *VERDICTS, "results, or why there are none"], lines, right=VERDICTS)

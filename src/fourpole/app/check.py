@@ -39,7 +39,7 @@ def run_check(campaign: Path, route: str, workers: int | None, *, as_json: bool)
         print_json(_document(checked))
     else:
         _list(checked)
-    return SOME_REJECTED if checked.counts["rejected"] else OK
+    return SOME_REJECTED if checked.counts[Verdict.REJECTED] else OK
 
 
 def _document(checked: Checked) -> dict[str, object]:

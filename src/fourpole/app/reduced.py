@@ -14,6 +14,7 @@ from fourpole import quantities as q
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.options import TableChoice, answered_in
+from fourpole.core.checks import Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_resonance
@@ -88,7 +89,7 @@ def _fault(table: KStarTable, found: ReducedResult, row: int, rig: Rig | None, *
         return f"row {table.lines[row]}: a value is missing or no number"
     if rig is not None and table.mobility is not None:
         near = check_resonance(frequency, rig, 0.0)
-        if near.verdict == "rejected":
+        if near.verdict == Verdict.REJECTED:
             return remark_of(near)
     if armed or not np.isfinite(found.stiffness[row]):
         return found.reasons[row]
@@ -101,7 +102,7 @@ def _frame(found: ReducedResult, faults: list[str]) -> pl.DataFrame:
         "d [1]": found.d,
         q.K2.head: np.where(kept, found.k2, np.nan),
         q.C.head: np.where(kept, found.c, np.nan),
-        "verdict": ["ok" if good else "rejected" for good in kept],
+        "verdict": [str(Verdict.OK if good else Verdict.REJECTED) for good in kept],
         "remarks": faults,
     }
     frame = pl.DataFrame(columns).with_columns(pl.when(cs.float().is_finite()).then(cs.float()))

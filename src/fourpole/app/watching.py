@@ -11,6 +11,7 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.app import events
 from fourpole.app.console import counted_tests, out, print_json, say
+from fourpole.core.checks import Verdict
 from fourpole.errors import TableError
 from fourpole.io.documents import json_of
 from fourpole.io.processes import DEVNULL, Process, interrupt, start_module
@@ -21,7 +22,7 @@ from fourpole.study.watch import Judged, Watch
 _EVERY = 0.5
 #: Time without a new recording after which all tests are analysed together [s].
 _QUIET = 5.0
-_MARKS = {"ok": "ok", "warning": "WARNING", "rejected": "REJECTED"}
+_MARKS: dict[str, str] = {Verdict.OK: "ok", Verdict.WARNING: "WARNING", Verdict.REJECTED: "REJECTED"}
 
 
 def run_watch(folder: Path, *, as_json: bool) -> None:

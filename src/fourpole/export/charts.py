@@ -11,6 +11,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
+from fourpole.core.checks import Verdict
 from fourpole.export.source import ExportTables, need
 from fourpole.plot.sheet import floats, spread, texts
 from fourpole.plot.style import Style
@@ -139,7 +140,7 @@ def _static_rows(source: ExportTables) -> dict[tuple[int, int], list[int]]:
     """Rows of static.csv that are used, in rising order of pressure, by tyre and preload."""
     sheet, static = source.sheet, source.sheet.static
     pressure, load = floats(static, q.PRESSURE.head), floats(static, q.PRELOAD.head)
-    rejected = np.array([verdict == "rejected" for verdict in texts(static, "verdict")], dtype=bool)
+    rejected = np.array([verdict == Verdict.REJECTED for verdict in texts(static, "verdict")], dtype=bool)
     used = np.isfinite(pressure) & np.isfinite(floats(static, q.K1.head)) & ~rejected
     tyres = texts(static, "tyre")
     rows: dict[tuple[int, int], list[int]] = {}

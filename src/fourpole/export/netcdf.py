@@ -16,6 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.errors import TableError
 from fourpole.export.source import SIGNS, ExportTables, field_names, need, some, typed, unit_of
@@ -27,7 +28,7 @@ from fourpole.quantities import QUANTITIES, meaning_of
 _DIMENSIONS = ("tyre", "pressure", "preload", "frequency", "setting", "repeat")
 #: Largest number of cells of a grid; a larger grid is so sparse that a list of tests is better.
 _MOST_CELLS = 2_000_000
-_VERDICTS = ("ok", "warning")
+_VERDICTS = (Verdict.OK, Verdict.WARNING)
 _PLACED = {"tyre", q.PRESSURE.head, q.PRELOAD.head, "construction", "verdict"}
 #: Names of variables that do not come from columns.
 _TAKEN = {*_DIMENSIONS, "verdict", "study_json", "construction", "static_test", "frequency_found"}
@@ -93,7 +94,7 @@ def _static_grid(source: ExportTables) -> tuple[_Grid, tuple[str, ...]]:
     out: list[str] = []
     for row, tyre in enumerate(static["tyre"].to_list()):
         at = (_place(sheet.pressures, PRESSURE, pressure[row]), _place(sheet.loads, PRELOAD, load[row]))
-        if verdicts[row] == "rejected" or min(at) < 0:
+        if verdicts[row] == Verdict.REJECTED or min(at) < 0:
             out.append(str(names[row]))
             continue
         cell = (sheet.names.index(tyre or ""), *at)

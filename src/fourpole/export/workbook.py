@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from fourpole.core.arrays import FloatArray
+from fourpole.core.checks import Verdict
 from fourpole.export.charts import add_charts
 from fourpole.export.source import SIGNS, ExportTables, need
 from fourpole.io.write import write_bytes
@@ -26,7 +27,11 @@ _ABOUT_WIDTH = 110
 #: First characters of a text that a spreadsheet would take for a formula when the cell is edited.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 #: Colours of fill and text of a verdict.
-_VERDICTS = {"ok": ("#DCF1EA", "#00553D"), "warning": ("#FCEBC8", "#6B4600"), "rejected": ("#F7D9C7", "#7A2F00")}
+_VERDICTS: dict[str, tuple[str, str]] = {
+    Verdict.OK: ("#DCF1EA", "#00553D"),
+    Verdict.WARNING: ("#FCEBC8", "#6B4600"),
+    Verdict.REJECTED: ("#F7D9C7", "#7A2F00"),
+}
 
 
 class _Exact(float):

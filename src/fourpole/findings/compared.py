@@ -12,6 +12,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import Condition, Sameness
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.sources import Kind
@@ -289,7 +290,7 @@ def _points(side: _Side, rule: Sameness) -> tuple[Points, list[Condition]]:
     if q.TYRE.head not in table.columns:
         table = pl.DataFrame(schema={**_DYNAMIC, q.TYRE.head: pl.String})
     table = table.filter(
-        pl.col(q.VERDICT.head) != "rejected",
+        pl.col(q.VERDICT.head) != Verdict.REJECTED,
         pl.col(q.STORAGE.head).is_not_null(),
         pl.col(q.TYRE.head).is_in(list(side.specimens)),
     )
@@ -397,7 +398,7 @@ def _static(side: _Side) -> pl.DataFrame:
             schema={**dict.fromkeys((q.TEST.head, q.TYRE.head), pl.String), **dict.fromkeys(q.K1.heads, pl.Float64)}
         )
     kept = pl.col(q.TYRE.head).is_in(list(side.specimens)) & pl.col(q.K1.head).is_not_null()
-    return table.filter((pl.col(q.VERDICT.head) != "rejected") & kept)
+    return table.filter((pl.col(q.VERDICT.head) != Verdict.REJECTED) & kept)
 
 
 def _gain(points: Points) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, FREQUENCY
 from fourpole.core.stats import share_within
 from fourpole.findings.facts import Facts, Measured
@@ -116,7 +117,7 @@ def _warned(results: Results) -> set[str]:
     return {
         str(test)
         for table in (results.static, results.dynamic)
-        for test in table.filter(pl.col(q.VERDICT.head) == "warning")[q.TEST.head]
+        for test in table.filter(pl.col(q.VERDICT.head) == Verdict.WARNING)[q.TEST.head]
     }
 
 

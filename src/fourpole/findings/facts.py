@@ -14,6 +14,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis, Condition, Sameness, Value
 from fourpole.findings.finding import UNSTATED, Detail, Finding, FindingConditions, Holds, Key, Setup, Topic
 from fourpole.fitting.rows import conditions_in, rule_in
@@ -245,7 +246,7 @@ def natural(name: str) -> tuple[Any, ...]:
 
 
 def _used(table: pl.DataFrame) -> list[dict[str, Any]]:
-    rows = table.filter(pl.col("verdict") != "rejected").rows(named=True)
+    rows = table.filter(pl.col("verdict") != Verdict.REJECTED).rows(named=True)
     return sorted(rows, key=lambda row: natural(row["test"]))
 
 
@@ -279,7 +280,7 @@ def _number(value: Any) -> float:
 
 def _used_values(tables: Iterable[pl.DataFrame], axis: Axis) -> set[float]:
     """The values on an axis of the tests that are not rejected."""
-    return {value for table in tables for value in _column(table.filter(pl.col("verdict") != "rejected"), axis)}
+    return {value for table in tables for value in _column(table.filter(pl.col("verdict") != Verdict.REJECTED), axis)}
 
 
 def _nominal(values: Sequence[float], axis: Axis, used: Set[float]) -> dict[float, float]:

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError, TableError
@@ -242,7 +243,7 @@ _NUMBERS = dict.fromkeys((*(axis.column for axis in AXES), q.K1.head, q.BRANCH_T
 def _is_of(row: Mapping[str, Any], one: Measured) -> bool:
     """Whether a row of static.csv is used for a condition: of its tyre, pressure and preload, and not rejected."""
     tyre, k1 = str(row[q.TYRE.head] or ""), row[q.K1.head]
-    if row[q.VERDICT.head] == "rejected" or k1 is None:
+    if row[q.VERDICT.head] == Verdict.REJECTED or k1 is None:
         return False
     if one.tyre != tyre and not one.tyre.startswith((f"{tyre}, ", f"{tyre} at ")):
         return False

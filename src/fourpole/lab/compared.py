@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import Sameness
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import CampaignError
@@ -86,7 +87,7 @@ def _campaigns(folder: str | Path) -> list[str]:
 
 def _usable(tests: pl.DataFrame) -> pl.DataFrame:
     """The tests with K* that were not rejected."""
-    return tests.filter((pl.col(q.VERDICT.head) != "rejected") & pl.col(q.STORAGE.head).is_not_null())
+    return tests.filter((pl.col(q.VERDICT.head) != Verdict.REJECTED) & pl.col(q.STORAGE.head).is_not_null())
 
 
 def _pairs(one: pl.DataFrame, two: pl.DataFrame) -> pl.DataFrame:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fourpole.core.checks import Verdict
 from fourpole.plot.cardids import static_cards
 from fourpole.plot.data import AxisData, FigureData, Panel, Place, Role, Series, Tone
 from fourpole.plot.names import counted, plain_text
@@ -27,7 +28,7 @@ def load_deflection(results: Results) -> FigureData | None:
     if not lines:
         return None
     notes = Notes()
-    rejected = results.static.filter(results.static["verdict"] == "rejected")["test"].n_unique()
+    rejected = results.static.filter(results.static["verdict"] == Verdict.REJECTED)["test"].n_unique()
     missing = len(set(results.static["test"].to_list()) - {line.test for line in lines})
     if rejected:
         count = counted(rejected, "static test")

@@ -12,6 +12,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray, IntArray
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import AMPLITUDE, AXES, FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import rule_in
@@ -182,7 +183,7 @@ def _tests(results: Results, quantity: Quantity, over: str) -> _Tests:
     axis = OVER[over]
     names = texts(table, q.TEST.head)
     x = _numbers(names) if axis is None else _values(table, axis)
-    rejected = np.array([one == "rejected" for one in texts(table, q.VERDICT.head)], dtype=bool)
+    rejected = np.array([one == Verdict.REJECTED for one in texts(table, q.VERDICT.head)], dtype=bool)
     return _Tests(table, x, y, std, rejected, names, cards)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.plot.names import short_names
 from fourpole.plot.part import Part, part_of, shown_name
@@ -180,7 +181,7 @@ def _sheet_of(results: Results, *, texts_only: bool) -> Sheet:
         frequency=np.where(frequency < stated, frequency, -1),
         setting=setting,
         settings=settings,
-        rejected=np.array([verdict == "rejected" for verdict in texts(dynamic, "verdict")], dtype=bool),
+        rejected=np.array([verdict == Verdict.REJECTED for verdict in texts(dynamic, "verdict")], dtype=bool),
     )
 
 

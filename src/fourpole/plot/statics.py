@@ -10,6 +10,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import PRESSURE
 from fourpole.plot.cardids import static_cards
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, shade
@@ -58,7 +59,7 @@ def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
                 pressure=np.nan if pressure is None else float(pressure),
                 deflection=x - _zero_load(x, load),
                 load=load,
-                rejected=all(verdict == "rejected" for verdict in rows["verdict"]),
+                rejected=all(verdict == Verdict.REJECTED for verdict in rows["verdict"]),
             )
         )
     return lines

@@ -9,6 +9,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray, IntArray
+from fourpole.core.checks import Verdict
 from fourpole.fitting.rows import KEY, keyed
 from fourpole.plot.cardids import MANY, dynamic_cards, of_lines
 from fourpole.plot.part import parted_rows
@@ -57,7 +58,7 @@ def shown_rows(results: Results) -> IntArray:
     for at, test in enumerate(table[q.TEST.head].to_list()):
         starts.setdefault(test, []).append(at)
     frequency = table[q.FREQUENCY.head].cast(pl.Float64).fill_null(np.nan).to_numpy()
-    usable = (table[q.VERDICT.head] != "rejected").to_numpy() & np.isfinite(frequency)
+    usable = (table[q.VERDICT.head] != Verdict.REJECTED).to_numpy() & np.isfinite(frequency)
     many = sum(len(rows) > MANY for rows in starts.values())
     most = max(MANY, _TOGETHER // max(many, 1))
     kept = [_chosen(np.array(rows), frequency, usable, most) for rows in starts.values()]

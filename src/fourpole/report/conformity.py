@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 from fourpole import quantities as q
-from fourpole.core.checks import VERDICTS
+from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.findings.conformity import Conformity, Judged, outcome_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import in_unit, number, with_interval
@@ -19,7 +19,7 @@ _MOST_JUDGED = 200
 #: Tests with a warning that a row names.
 _MOST_WARNED = 3
 #: The badge of each outcome.
-_KINDS = {Conformity.PASS: "ok", Conformity.UNDECIDED: "warning", Conformity.FAIL: "rejected"}
+_KINDS = {Conformity.PASS: Verdict.OK, Conformity.UNDECIDED: Verdict.WARNING, Conformity.FAIL: Verdict.REJECTED}
 _AXES = {"pressure": q.PRESSURE, "preload": q.PRELOAD, "temperature": q.TEMPERATURE, "frequency": q.FREQUENCY}
 
 
@@ -27,7 +27,7 @@ def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
     """The verdict in one line: on the limits if some are stated, else the number of tests by verdict."""
     counts = verdict_counts(results.static, results.dynamic)
     if not held:
-        kind = next((verdict for verdict in reversed(VERDICTS) if counts[verdict]), "ok")
+        kind = next((verdict for verdict in reversed(VERDICTS) if counts[verdict]), Verdict.OK)
         total = sum(counts.values())
         text = f"of {counted(total, 'test')}, {counts['warning']} with a warning, {counts['rejected']} rejected."
         used = f"{total - counts['rejected']} used"
@@ -46,7 +46,7 @@ def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
         text += f". {row.quantity} of {row.condition} {measured}; the limits are {within}"
     if resting := sum(bool(each.warned) for each in held):
         text += f". {counted(resting, 'result')} {'rests' if resting == 1 else 'rest'} on tests with a warning"
-    if counts["warning"] or counts["rejected"]:
+    if counts[Verdict.WARNING] or counts[Verdict.REJECTED]:
         text += f". {counted(counts['warning'], 'test')} with a warning, {counts['rejected']} rejected"
     return SimpleNamespace(kind=_KINDS[outcome], word=outcome.value.upper(), text=f"{text}.")
 

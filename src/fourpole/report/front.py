@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.findings.conformity import judged
 from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Topic
@@ -280,6 +281,6 @@ def _scale(results: Results) -> list[str]:
     """What the scale of K* rests on, a sentence for each rig."""
     several = len(results.rigs) > 1
     found = [f"{f'rig {rig.rig}: ' if several else ''}{rig.rests}" for rig in results.rigs if rig.rests]
-    if not found and not results.rigs and (results.dynamic["verdict"] != "rejected").any():
+    if not found and not results.rigs and (results.dynamic["verdict"] != Verdict.REJECTED).any():
         found = ["K* rests on the gains of the channels as stated: no test checks them against the rig"]
     return [f"{one[:1].upper()}{one[1:].rstrip('.')}." for one in found][:_MOST_SAID]

@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from fourpole import quantities as q
-from fourpole.core.checks import VERDICTS
+from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.verdicts import CheckRow, kind_of
 from fourpole.fitting.rows import KEY, Key, keyed, keys_of
@@ -46,7 +46,7 @@ def line_body(rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequ
     facts += [[name, said] for name, said in _ranges(seen)]
     facts += [[one.symbol, said] for one in _COMMON if (said := words(one, first))]
     facts += [[name, str(first[name])] for name in ("rig", "route") if first.get(name)]
-    used = np.flatnonzero((rows[q.VERDICT.head] != "rejected").to_numpy())
+    used = np.flatnonzero((rows[q.VERDICT.head] != Verdict.REJECTED).to_numpy())
     every = used if used.size else np.arange(rows.height)
     few = rows[every[in_equal_ratios(frequency[every], _ROWS)].tolist()].rows(named=True)
     columns = [one for one in _TABLE if any(known(row.get(one.head)) is not None for row in few)]
@@ -72,7 +72,7 @@ def band_words(rows: pl.DataFrame) -> str:
 
 def _panel(rows: pl.DataFrame, quantity: Quantity) -> dict[str, Any]:
     """A curve with the ends of its interval; empty if no line has a value. Rejected lines are missing."""
-    used = (rows[q.VERDICT.head] != "rejected").to_numpy()
+    used = (rows[q.VERDICT.head] != Verdict.REJECTED).to_numpy()
     value = np.where(used, _floats(rows, quantity.head), np.nan) / quantity.scale
     reach = COVERAGE_FACTOR * np.where(used, _floats(rows, quantity.u_head), np.nan) / quantity.scale
     if np.isfinite(value).sum() < 2:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.campaign.statement import MOST_TESTS, MOST_TOML
+from fourpole.core.checks import VERDICTS
 from fourpole.errors import CampaignError, FileError, FourpoleError
 from fourpole.io.documents import MOST_CHARACTERS, json_of, rows_of, toml_of
 from fourpole.io.door import check_name, open_regular, read_bytes, sha256_of
@@ -34,7 +35,6 @@ MOST_TABLE = 20_000_000
 _LONGEST, _LONGEST_NAME = 200, 80
 #: The folder of the results of a campaign, which is no campaign itself.
 _RESULTS = "results"
-_VERDICTS = ("ok", "warning", "rejected")
 #: Documents of campaigns are read one at a time, so that all pages together take the memory of one.
 _READING = threading.Lock()
 
@@ -169,7 +169,7 @@ def state_of(place: Place) -> State:
         changed = tuple(name for name in _STATEMENT if _hash(place.folder, name) != hashes.get(name))
     return State(
         title=title,
-        verdicts={name: count for name, count in counts if name in _VERDICTS and type(count) is int and count > 0},
+        verdicts={name: count for name, count in counts if name in VERDICTS and type(count) is int and count > 0},
         analysed=analysed,
         changed=changed,
         stated=stated,

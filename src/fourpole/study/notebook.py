@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, Sameness
 from fourpole.core.digits import number
 from fourpole.core.notebook import notebook_html
@@ -46,7 +47,7 @@ def tables_html(title: str, tables: Mapping[str, pl.DataFrame], route: str, unit
 def _rows(dynamic: pl.DataFrame, shown: list[Quantity], units: ShownUnits) -> Iterator[list[str]]:
     if q.TYRE.head not in dynamic.columns:
         return
-    used = dynamic.filter(pl.col(q.VERDICT.head) != "rejected")
+    used = dynamic.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED)
     conditions = conditions_in(used, _RULE)
     groups = _RULE.groups(conditions).tolist()
     for group in dict.fromkeys(groups):

@@ -23,7 +23,7 @@ from fourpole.campaign.folder import Campaign, Test, read_campaign
 from fourpole.campaign.place import inside
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.campaign.statement import MOST_TESTS
-from fourpole.core.checks import worst_verdict
+from fourpole.core.checks import Verdict, worst_verdict
 from fourpole.core.sources import Kind
 from fourpole.errors import FourpoleError
 from fourpole.guess.gather import FolderContents, gather_more, recording_files
@@ -54,7 +54,7 @@ class Judged:
     Attributes
     ----------
     test, file : str
-    verdict : {"ok", "warning", "rejected"}
+    verdict : Verdict
     remarks : tuple of str
         The reasons, with what to do.
     row : dict of str to value
@@ -146,7 +146,7 @@ class Watch:
         for path in ready:
             for test in named.get(self._name(path), []):
                 judged = self._judged(campaign, test, former, doubts.get(test.name, ()))
-                if judged.verdict == "rejected" and not self._has_waited(path):
+                if judged.verdict == Verdict.REJECTED and not self._has_waited(path):
                     break  # it may still be written
                 self._files[path].answered = True
                 yield judged
@@ -160,7 +160,9 @@ class Watch:
             if name not in good and self._has_waited(path):
                 reason = next((text for file, text in why.items() if file.partition("#")[0] == name), "is no recording")
                 self._files[path].answered = True
-                yield Judged(path.stem, name, "rejected", (f"{reason}; it is judged again when the file changes",))
+                yield Judged(
+                    path.stem, name, Verdict.REJECTED, (f"{reason}; it is judged again when the file changes",)
+                )
 
     def _name(self, path: Path) -> str:
         """Name of a file in tests.csv."""
@@ -191,7 +193,7 @@ class Watch:
                 replace(_with_rig(campaign, former), tests=some), cache=self.folder / "results" / "cache", workers=1
             )
         except FourpoleError as error:
-            return Judged(test.name, test.file, "rejected", (str(error),), doubts=doubts)
+            return Judged(test.name, test.file, Verdict.REJECTED, (str(error),), doubts=doubts)
         return _judgement(study, test, doubts)
 
 
@@ -248,7 +250,7 @@ def _alike(campaign: Campaign, test: Test, former: Results | None) -> list[Test]
     """The last tests that were used at the condition of a test."""
     used: set[str] = set()
     if former is not None and not former.dynamic.is_empty():
-        used = set(former.dynamic.filter(pl.col(q.VERDICT.head) != "rejected")[q.TEST.head].to_list())
+        used = set(former.dynamic.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED)[q.TEST.head].to_list())
     names = ("pressure", "preload", "frequency", "temperature", "added_mass")
     found = [
         one

@@ -8,6 +8,7 @@ from math import isfinite, log10, pi
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.condition import Axis
 from fourpole.findings.summary import SummaryRow, summary
 from fourpole.quantities import MODULUS, Quantity, ShownUnits
@@ -23,7 +24,7 @@ def used(results: Results) -> pl.DataFrame:
     table = results.dynamic
     if q.STORAGE.head not in table.columns:
         return pl.DataFrame()
-    return table.filter(pl.col(q.VERDICT.head) != "rejected", pl.col(q.STORAGE.head).is_not_null())
+    return table.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED, pl.col(q.STORAGE.head).is_not_null())
 
 
 def not_stated(text: str) -> Callable[[Results], Found]:

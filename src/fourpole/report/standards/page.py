@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from markupsafe import Markup
 
+from fourpole.core.checks import Verdict
 from fourpole.report.html import packaged, rendered
 from fourpole.report.standards.requirement import Answer, Standard, answered, counts
 from fourpole.study.results import Results
@@ -15,7 +16,11 @@ NOTE = (
     "was not read in the standard itself; hold it against your copy before you rely on it."
 )
 #: Class of the badge of an answer.
-_BADGES = {Answer.MET.value: "ok", Answer.NOT_MET.value: "rejected", Answer.NOT_STATED.value: "warning"}
+_BADGES = {
+    Answer.MET.value: Verdict.OK,
+    Answer.NOT_MET.value: Verdict.REJECTED,
+    Answer.NOT_STATED.value: Verdict.WARNING,
+}
 
 
 def render_standard(standard: Standard, results: Results) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.sources import Source
 from fourpole.fitting.rows import KEY, keyed
 from fourpole.report.digits import known
@@ -71,7 +72,7 @@ def limits(results: Results) -> list[Limit]:
     budget = results.budget
     if budget.is_empty() or any(name not in budget.columns for name in _BUDGET):
         return []
-    tests = results.dynamic.filter(pl.col("verdict") != "rejected")
+    tests = results.dynamic.filter(pl.col("verdict") != Verdict.REJECTED)
     tests = keyed(tests).unique(KEY, maintain_order=True)
     rows = (
         keyed(budget)

@@ -16,6 +16,7 @@ from starlette.routing import Route
 from fourpole import quantities as q
 from fourpole.campaign import Test
 from fourpole.campaign.place import at_hand
+from fourpole.core.checks import Verdict
 from fourpole.core.codes import Code
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
@@ -142,8 +143,7 @@ def _checks(shown: Shown, name: str) -> list[dict[str, Any]]:
     if table.is_empty():
         return []
     rows = [row for row in table.rows(named=True) if row[q.TEST.head] == name]
-    order = ["rejected", "warning", "ok"]
-    return [_check(row) for row in sorted(rows, key=lambda row: order.index(row[q.VERDICT.head]))]
+    return [_check(row) for row in sorted(rows, key=lambda row: -Verdict.read(row[q.VERDICT.head]).rank)]
 
 
 def _check(row: dict[str, Any]) -> dict[str, Any]:
