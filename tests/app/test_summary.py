@@ -8,7 +8,7 @@ from fourpole import analyse
 from fourpole.app.summary import summary_lines
 from fourpole.findings.facts import Measured
 from fourpole.findings.summary import SUMMARISED, SummaryRow
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.virtual import simulate_campaign
 
 pytestmark = pytest.mark.thorough
@@ -48,7 +48,7 @@ def test_many_specimens_have_a_line_each_as_far_as_they_fit(monkeypatch):
     one = SummaryRow("", (2e5, 2e5), (3e3, 3e3), None, None, (15.0, 15.0), ("D1",), known, {})
     rows = tuple(replace(one, specimen=f"tyre {at} {'x' * 30} <{at}>") for at in range(60))
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: rows)
-    lines = summary_lines(Results())
+    lines = summary_lines(Study())
     assert len(lines) <= 22
     assert max(map(len, lines)) <= 80
     assert lines[0] == "At 15 Hz, 2 bar, 3000 N; ± is U (k = 2):"
@@ -61,7 +61,7 @@ def test_names_that_differ_in_the_middle_stay_apart(monkeypatch):
     one = SummaryRow("", (2e5, 2e5), (3e3, 3e3), None, None, (15.0, 15.0), ("D1",), known, {})
     names = [f"Batch 2026-11\nserial number {at:04d} position left" for at in range(40)]
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [replace(one, specimen=n) for n in names])
-    lines = summary_lines(Results())
+    lines = summary_lines(Study())
     assert len(lines) <= 22
     assert not any("\n" in line for line in lines)
     assert lines.count("Batch 2026-11 serial number 0003 position left") == 1
@@ -71,7 +71,7 @@ def test_static_tests_alone_end_with_k1(monkeypatch):
     value = Measured(1.8e5, 500.0)
     one = SummaryRow("a", (2e5,) * 2, (3e3,) * 2, None, None, None, ("S1",), {"k1": (value,) * 2}, {"k1": 500.0})
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [one])
-    text = " ".join(summary_lines(Results()))
+    text = " ".join(summary_lines(Study()))
     assert "Static tests" in text
     assert "180.0±1.0" in text
 
@@ -80,4 +80,4 @@ def test_a_range_with_a_value_without_an_upper_limit_has_no_zero(monkeypatch):
     ends = (Measured(7.1e4, 5e3), Measured(4.9e6, 8e10))
     one = SummaryRow("a", (2e5, 3e5), (3e3,) * 2, None, None, (15.0, 15.0), ("D1", "D2"), {"k2": ends}, {"k2": 8e10})
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [one])
-    assert " ".join(summary_lines(Results())).split()[-1] == "71..4900"
+    assert " ".join(summary_lines(Study())).split()[-1] == "71..4900"

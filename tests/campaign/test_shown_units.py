@@ -9,7 +9,7 @@ from fourpole.campaign.schema import parse_campaign
 from fourpole.campaign.shown import shown_units
 from fourpole.errors import CampaignError
 from fourpole.quantities import ShownUnits
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 CHANNELS = '\n[channels]\ntime = { column = "t" }\nmotion_in = { column = "V1", unit = "m/s" }\n'
 
@@ -58,7 +58,7 @@ def test_an_unknown_key_names_the_nearest_known_one():
 
 def test_results_know_the_units_of_their_campaign():
     record = {"stated": stated('["kPa", "N s/mm"]').summary()}
-    shown = Results(record=json.loads(json.dumps(record))).shown
+    shown = Study(record=json.loads(json.dumps(record))).shown
     assert shown.of(q.PRESSURE).suffix == "kPa"
     assert shown.of(q.C).suffix == "N s/mm"
     assert shown.unit("N/m") == ("kN/m", 1e3)
@@ -66,7 +66,7 @@ def test_results_know_the_units_of_their_campaign():
 
 @pytest.mark.parametrize("record", [{}, {"stated": 3}, {"stated": {"report": {"units": ["kPa"]}}}])
 def test_a_record_without_units_shows_the_usual_ones(record):
-    assert Results(record=record).shown == ShownUnits()
+    assert Study(record=record).shown == ShownUnits()
 
 
 def test_units_of_a_record_that_are_none_are_left_out():

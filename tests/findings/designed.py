@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import polars as pl
 
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC, STATIC
 
 PRESSURES, LOADS, FREQUENCIES = (100e3, 150e3, 200e3, 250e3), (1000.0, 2000.0), (10.0, 13.0, 16.0, 19.0, 22.0)
@@ -44,7 +44,7 @@ class Tables:
     verdicts: dict[str, tuple[str, str]] = field(default_factory=dict)
     more: dict[str, object] = field(default_factory=dict)
 
-    def results(self) -> Results:
+    def results(self) -> Study:
         rng = np.random.default_rng(self.seed)
 
         def cell(what, *at):
@@ -77,7 +77,7 @@ class Tables:
                         found |= {"TR measured [1]": tr, "TR predicted [1]": tr, "u(TR) [1]": tr and self.u * tr}
                         row = {**row, "test": test_of, "frequency [Hz]": turned, "route": "mobility", **self.more}
                         dynamic.append({**row, **found, **self._verdict(test_of)})
-        return Results(frame(static, STATIC.columns), frame(dynamic, DYNAMIC.columns), pl.DataFrame())
+        return Study(frame(static, STATIC.columns), frame(dynamic, DYNAMIC.columns), pl.DataFrame())
 
     def _verdict(self, test: str) -> dict[str, str]:
         verdict, remarks = self.verdicts.get(test, ("ok", ""))

@@ -6,7 +6,7 @@ import pytest
 
 from fourpole import quantities as q
 from fourpole.findings.conformity import Conformity, judged, outcome_of
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 STATIC = {"test": pl.String, "tyre": pl.String, "construction": pl.String, "verdict": pl.String,
           "pressure [Pa]": pl.Float64, "preload [N]": pl.Float64, "K1 [N/m]": pl.Float64,
@@ -24,7 +24,7 @@ def dynamic(at, tyre="a", pressure=2e5, frequency=15.0, re=2e5, u=1000.0, temper
 def made(rows, *limits, static=(), quantiles=None):
     table = pl.DataFrame(list(rows), schema_overrides={"temperature [degC]": pl.Float64})
     more = {} if quantiles is None else {"quantiles": pl.DataFrame(quantiles)}
-    return Results(pl.DataFrame(list(static), STATIC), table, record={"stated": {"limits": list(limits)}}, **more)
+    return Study(pl.DataFrame(list(static), STATIC), table, record={"stated": {"limits": list(limits)}}, **more)
 
 
 def storage(**limit):

@@ -8,7 +8,6 @@ import pytest
 
 from fourpole import Study, analyse
 from fourpole.findings import Holds, findings
-from fourpole.study.results import Results
 from fourpole.study.tables import DYNAMIC, STATIC
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
@@ -180,7 +179,7 @@ def test_the_measured_tr_agrees_with_the_predicted(told):
 
 
 @pytest.fixture(scope="module")
-def perfect(demo, whole_truth) -> Results:
+def perfect(demo, whole_truth) -> Study:
     """Tables that hold the truth at both loads, known to 1 %."""
 
     def table(kind, columns, more):
@@ -200,7 +199,7 @@ def perfect(demo, whole_truth) -> Results:
 
     bent = pl.when(pl.col("tyre") == "cross-ply").then(0.04).otherwise(0.007)
     tables = table("S", STATIC.columns, {"nonlinearity [1]": bent}), table("D", DYNAMIC.columns, {})
-    return Results(*tables, pl.DataFrame())
+    return Study(*tables, pl.DataFrame())
 
 
 def agreeing(results, evaluate_claims):
@@ -230,6 +229,6 @@ def test_the_claims_hold_as_in_the_reference_where_some_are_false(perfect, evalu
         )
         for table in (perfect.static, perfect.dynamic)
     ]
-    true, untold = agreeing(Results(*tables, pl.DataFrame()), evaluate_claims)
+    true, untold = agreeing(Study(*tables, pl.DataFrame()), evaluate_claims)
     assert not untold
     assert len(true) < 12

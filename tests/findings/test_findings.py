@@ -15,7 +15,7 @@ from fourpole.findings.levels import Departure, Level
 from fourpole.findings.resonances import Crossing, Crossings, Prediction, Resonance, ResonanceOrder, peak
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import CheckRow, Doubt, Tally, checks_by_test
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 pytestmark = pytest.mark.thorough
 
@@ -137,7 +137,7 @@ def test_without_k1_of_one_tyre_both_are_compared_by_k_star():
     results = Tables({"A": Tyre(), "B": Tyre(k1=None)}).results()
     known = pl.when(pl.col("tyre") == "A").then(150e3).otherwise(190e3)
     dynamic = results.dynamic.with_columns(known.alias("Re K* [N/m]"), pl.lit(1e3).alias("u(Re K*) [N/m]"))
-    found = findings(Results(results.static, dynamic, results.previews))
+    found = findings(Study(results.static, dynamic, results.previews))
     compared = only(found, Comparison, "Re K*")
     assert (compared.detail.upper, len(compared.detail.effects)) == ("B", 40)
     assert not [each for each in found if "B" in each.specimens and each.quantity and each.quantity.key in ("k1", "k2")]
@@ -149,7 +149,7 @@ def test_tyres_without_a_common_condition_are_not_compared():
         table.filter((pl.col("tyre") == "A") == (pl.col("pressure [Pa]") < 180e3))
         for table in (results.static, results.dynamic)
     ]
-    assert not [each for each in findings(Results(*apart, results.previews)) if isinstance(each.detail, Comparison)]
+    assert not [each for each in findings(Study(*apart, results.previews)) if isinstance(each.detail, Comparison)]
 
 
 def test_of_many_tyres_only_the_extremes_are_compared():
@@ -182,7 +182,7 @@ def test_an_uncertainty_that_the_tests_share_is_not_taken_for_a_trend():
     assert only(findings(tables.results()), Trend, "C", axis="pressure").holds is Holds.RISES
     results = tables.results()
     u = 900.0 * 0.03 * (pl.col("pressure [Pa]") - 100e3) / 150e3
-    shared = Results(results.static, results.dynamic.with_columns(u.alias("u(C) [N s/m]")), results.previews)
+    shared = Study(results.static, results.dynamic.with_columns(u.alias("u(C) [N s/m]")), results.previews)
     assert only(findings(shared), Trend, "C", axis="pressure").holds is Holds.NO_CHANGE
 
 
@@ -256,7 +256,7 @@ def test_added_mass_and_rig_make_a_set_up_of_their_own():
         Tables({"A": Tyre(tr=rig_curve(f))}, loads=(1000.0,), more={"added mass [kg]": mass}).results()
         for f, mass in ((17.0, 0.0), (14.0, 10.0))
     ]
-    both = Results(parts[0].static, pl.concat([part.dynamic for part in parts]), parts[0].previews)
+    both = Study(parts[0].static, pl.concat([part.dynamic for part in parts]), parts[0].previews)
     masses = {each.conditions.setup.added_mass for each in findings(both) if isinstance(each.detail, Resonance)}
     assert masses == {0.0, 10.0}
 
@@ -265,7 +265,7 @@ def test_tests_off_the_prediction_are_named():
     results = Tables({"A": Tyre(tr=rig_curve(15.0))}).results()
     bad = pl.when(pl.col("test").is_in(["D3", "D12"])).then(1.2).otherwise(1.0)
     dynamic = results.dynamic.with_columns(pl.col("TR measured [1]") * bad)
-    found = only(findings(Results(results.static, dynamic, results.previews)), Prediction)
+    found = only(findings(Study(results.static, dynamic, results.previews)), Prediction)
     assert (found.holds, found.detail.beyond) == (Holds.BEYOND, ("D3", "D12"))
     assert len(found.tests) == 40
 
@@ -354,7 +354,7 @@ def test_claims_are_of_the_two_tyres_of_the_paper_only():
 
 def test_a_mount_without_inflation_takes_no_part_in_the_claims():
     tyres, mount = Tables(paper_pair()).results(), Tables({"Z": Tyre()}, pressures=(None,)).results()
-    both = Results(pl.concat([tyres.static, mount.static]), pl.concat([tyres.dynamic, mount.dynamic]), pl.DataFrame())
+    both = Study(pl.concat([tyres.static, mount.static]), pl.concat([tyres.dynamic, mount.dynamic]), pl.DataFrame())
     found = [each for each in findings(both) if isinstance(each.detail, Claim)]
     assert [(each.holds, each.detail) for each in found] == [
         (each.holds, each.detail) for each in claims_of(paper_pair())
@@ -377,7 +377,7 @@ def test_one_tyre_at_two_temperatures_is_compared_and_not_averaged():
         warm = pl.when(pl.col("tyre") == "A").then(20.0).otherwise(60.0).alias("temperature [degC]")
         return table.with_columns(warm).with_columns(pl.lit("A").alias("tyre"))
 
-    found = findings(Results(warmed(made.static), warmed(made.dynamic), pl.DataFrame()))
+    found = findings(Study(warmed(made.static), warmed(made.dynamic), pl.DataFrame()))
     compared = only(found, Comparison, "K1").detail
     assert (compared.upper, compared.lower) == ("A at 20 °C", "A at 60 °C")
     levels = {each.effect for each in found if isinstance(each.detail, Level) and each.quantity.key == "k1"}
@@ -394,7 +394,7 @@ def at_temperatures(**temperatures):
     ]
     warmth = [warm for each in temperatures.values() for warm in each]
     static = [p.static.with_columns(pl.lit(w).alias("temperature [degC]")) for p, w in zip(parts, warmth, strict=True)]
-    return findings(Results(pl.concat(static), pl.concat([part.dynamic for part in parts])))
+    return findings(Study(pl.concat(static), pl.concat([part.dynamic for part in parts])))
 
 
 @pytest.mark.parametrize(
@@ -428,7 +428,7 @@ def test_a_doubt_has_the_code_of_its_check_or_the_remark():
     assert checks_by_test(checks)["D1"] == [CheckRow(Verdict.REJECTED, Code.CLIPPING, "turn it down", "F1")]
     verdicts = {"D1": ("rejected", "F1 is clipped"), "D2": ("warning", "look; again")}
     results = Tables({"A": Tyre()}, verdicts=verdicts).results()
-    found = findings(Results(tables=results.tables, checks=checks))
+    found = findings(Study(tables=results.tables, checks=checks))
     doubts = [each.detail for each in found if isinstance(each.detail, Doubt)]
     assert doubts == [Doubt(Code.CLIPPING), Doubt(None, "look")]
 
@@ -444,7 +444,7 @@ def test_rejections_of_one_kind_are_one_reason():
         for name in rejected
     ]  # fmt: skip
     tables = Tables({"A": Tyre()}, verdicts=rejected).results().tables
-    found = findings(Results(tables=tables, checks=pl.DataFrame(rows, schema_overrides={"statistic": pl.Float64})))
+    found = findings(Study(tables=tables, checks=pl.DataFrame(rows, schema_overrides={"statistic": pl.Float64})))
     doubts = [each for each in found if isinstance(each.detail, Doubt)]
     assert [each.tests for each in doubts] == [("D1", "D2", "D3", "D4", "D5"), ("D6",)]
     assert doubts[0].detail.remark.startswith("tests.csv row 2: tyre 'T 1'")

@@ -9,7 +9,7 @@ import pytest
 from fourpole.findings.repeats import mean_of_repeats
 from fourpole.findings.summary import summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 
 def table(rows):
@@ -26,7 +26,7 @@ def results(rows, quantiles=None):
         schema={"test": pl.String, "tyre": pl.String, "construction": pl.String, "verdict": pl.String}
     )
     more = {} if quantiles is None else {"quantiles": quantiles}
-    return Results(static, table(rows), **more)
+    return Study(static, table(rows), **more)
 
 
 def row(tyre="a", preload=1000.0, frequency=14.0, re=2e5, im=5e4, u=(100.0, 50.0), corr=0.0, verdict="ok"):
@@ -73,7 +73,7 @@ def test_repeats_are_averaged_and_their_scatter_counts():
 def test_static_tests_alone_have_rows_of_k1():
     heads = ("test", "tyre", "construction", "verdict", "pressure [Pa]", "preload [N]", "K1 [N/m]", "u(K1) [N/m]")
     static = pl.DataFrame([dict(zip(heads, ("S1", "a", "", "ok", 2e5, 3e3, 1.8e5, 1e3), strict=True))])
-    (found,) = summary(Results(static, table([row(verdict="rejected")])))
+    (found,) = summary(Study(static, table([row(verdict="rejected")])))
     assert (found.specimen, found.pressure, found.frequency, found.tests) == ("a", (2e5, 2e5), None, ("S1",))
     assert found.values["k1"][0].pair == (1.8e5, 1e3)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fourpole.errors import ModelError
-from fourpole.study.study import analyse
+from fourpole.study.analysis import analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 

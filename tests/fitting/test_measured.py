@@ -8,7 +8,8 @@ from fourpole.core.condition import AXES, Axis, Sameness
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.measured import measured_of, read_measured, table_of
-from fourpole.study.study import Study, analyse
+from fourpole.study.analysis import analyse
+from fourpole.study.study import Study
 
 FREQUENCY, RE, IM = "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]"
 

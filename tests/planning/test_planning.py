@@ -9,7 +9,7 @@ from fourpole.core.plan import expect
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
 from fourpole.planning.plan import AS_STATED, Guess, Run, bare_plan, plan, plan_campaign, plan_table, with_kg
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 TOML = """
 [rig]
@@ -118,7 +118,7 @@ def test_the_nearest_earlier_test_is_that_of_the_same_condition(
         "E5,b,170000,1000,20,10,110e3,1e3,5e5,800",
     )
     (results / "dynamic.csv").write_text("\n".join([head, *rows]) + "\n")
-    found = Results(dynamic=pl.read_csv(results / "dynamic.csv"))
+    found = Study(dynamic=pl.read_csv(results / "dynamic.csv"))
     monkeypatch.setattr("fourpole.planning.plan.read_results", lambda _: found)
     head = HEAD.replace("note", "temperature [degC]")
     (folder / "tests.csv").write_text(f"{head}D1,r/1.csv,dynamic,a,{pressure},{preload},11,,{temperature}\n")

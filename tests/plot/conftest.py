@@ -13,7 +13,7 @@ from tests.plot.rig_found import with_rig_found
 
 from fourpole.core.rig import Rig
 from fourpole.core.tyre import mobility, transmissibility, zener_stiffness
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC, STATIC
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, VirtualTyre
 
@@ -106,7 +106,7 @@ def results_of(
     pressures: Sequence[float] = PRESSURES,
     preloads: Sequence[float] = (1000.0, 2000.0),
     frequencies: Sequence[float] = FREQUENCIES,
-) -> Results:
+) -> Study:
     static: list[dict[str, object]] = []
     dynamic: list[dict[str, object]] = []
     previews: list[dict[str, object]] = []
@@ -121,7 +121,7 @@ def results_of(
             for preload in preloads:
                 for frequency in frequencies:
                     dynamic.append(dynamic_row(tyre, pressure, preload, frequency, len(dynamic) + 1))
-    results = Results(
+    results = Study(
         static=frame(static, STATIC.columns),
         dynamic=frame(dynamic, DYNAMIC.columns),
         previews=pl.DataFrame(previews),
@@ -130,24 +130,24 @@ def results_of(
     return with_rig_found(results, route="mobility")
 
 
-def empty_results() -> Results:
-    return Results(frame([], STATIC.columns), frame([], DYNAMIC.columns), pl.DataFrame(), {})
+def empty_results() -> Study:
+    return Study(frame([], STATIC.columns), frame([], DYNAMIC.columns), pl.DataFrame(), {})
 
 
-def renamed(results: Results, names: dict[str, str]) -> Results:
+def renamed(results: Study, names: dict[str, str]) -> Study:
     static, dynamic = (table.with_columns(pl.col("tyre").replace(names)) for table in (results.static, results.dynamic))
     return replace(results, static=static, dynamic=dynamic)
 
 
-def changed(results: Results, change: Callable[[pl.DataFrame], pl.DataFrame]) -> Results:
+def changed(results: Study, change: Callable[[pl.DataFrame], pl.DataFrame]) -> Study:
     return replace(results, dynamic=change(results.dynamic))
 
 
-def blank(results: Results, *columns: str) -> Results:
+def blank(results: Study, *columns: str) -> Study:
     return changed(results, lambda table: table.with_columns(pl.lit(None, pl.Float64).alias(name) for name in columns))
 
 
 @pytest.fixture(scope="session")
-def study() -> Results:
+def study() -> Study:
     """The two tyres at five pressures, two preloads and six frequencies."""
     return results_of()

@@ -14,7 +14,7 @@ from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelfile import ModelFile, VerdictFile
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 from fourpole.models.families import model_named
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: An elastomer over seven decades: stiffness at rest and at once, relaxation time, order.
 ELASTOMER = (2e5, 5e7, 1e-5, 0.5)
@@ -22,12 +22,12 @@ _PRESSURES, _FREQUENCIES = (100e3, 170e3, 240e3), (10.0, 14.0, 17.0, 19.0, 24.0)
 
 
 @cache
-def study_with_models() -> Results:
+def study_with_models() -> Study:
     """Two tyres at three pressures, two preloads and five frequencies, with a Zener model and a map of each."""
     return with_models(results_of(pressures=_PRESSURES, frequencies=_FREQUENCIES), "zener")
 
 
-def with_models(results: Results, model: str, *, maps: bool = True) -> Results:
+def with_models(results: Study, model: str, *, maps: bool = True) -> Study:
     measured = measured_of(results.dynamic)
     found = replace(results, models=model_file(measured, fit_tyres(measured, model)))
     return replace(found, maps=model_file(measured, maps=map_tyres(measured, model))) if maps else found
@@ -54,20 +54,20 @@ def elastomer_table(temperatures: Sequence[float] = (), *, count: int = 40, nois
 
 
 @cache
-def elastomer(temperatures: tuple[float, ...] = (), model: str = "fractional") -> Results:
+def elastomer(temperatures: tuple[float, ...] = (), model: str = "fractional") -> Study:
     """A table by itself, as the command fits it where there is no campaign."""
-    nothing = Results(pl.DataFrame(), elastomer_table(temperatures), pl.DataFrame())
+    nothing = Study(pl.DataFrame(), elastomer_table(temperatures), pl.DataFrame())
     return with_models(nothing, model, maps=bool(temperatures))
 
 
-def edited(results: Results, **changes: object) -> Results:
+def edited(results: Study, **changes: object) -> Study:
     """The same with something else in the entry of each tyre's model."""
     assert results.models is not None
     entries = [one.model_copy(update=changes) for one in results.models.models]
     return replace(results, models=results.models.model_copy(update={"models": entries}))
 
 
-def against(results: Results, model: str) -> Results:
+def against(results: Study, model: str) -> Study:
     """The same where another model, which is no better, was tried too."""
     assert results.models is not None
     measured = measured_of(results.dynamic)
@@ -77,7 +77,7 @@ def against(results: Results, model: str) -> Results:
     return replace(results, models=results.models.model_copy(update={"models": entries}))
 
 
-def judged(results: Results, verdicts: Sequence[tuple[bool, float, list[float]]]) -> Results:
+def judged(results: Study, verdicts: Sequence[tuple[bool, float, list[float]]]) -> Study:
     """Verdicts of the first conditions of the first tyre, which alone is kept."""
     assert results.models is not None
     entry = results.models.models[0]

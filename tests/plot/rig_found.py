@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.study.tables import BUDGET, RESIDUALS, RIG
 
 #: Unit, stated, u(stated), found, u(found), pull, seen from, finding of each value without a second mass.
@@ -141,12 +141,12 @@ def budget_table(dynamic: pl.DataFrame, shares: Mapping[str, float] = SHARES) ->
 
 
 def with_rig_found(
-    results: Results,
+    results: Study,
     values: Mapping[str, tuple[Any, ...]] = VALUES,
     shares: Mapping[str, float] = SHARES,
     route: str = "joint",
     **joint: Any,
-) -> Results:
+) -> Study:
     """The same results as the joint route would have left them; `joint` is what its record has else."""
     rigs = dict.fromkeys(str(name or "") for name in results.dynamic["rig"].to_list()) or {"": None}
     return replace(

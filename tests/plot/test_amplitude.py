@@ -14,7 +14,7 @@ from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.models.kraus import Kraus
 from fourpole.plot import draw, figure_data, render
 from fourpole.plot.data import Role
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 LEVELS, FREQUENCY = np.array([0.1e-3, 0.5e-3, 2e-3]), np.geomspace(2.0, 50.0, 6)
 TRUTH = [150e3, 250e3, 3e-3, 0.5, 80e3, 20e3, 0.5e-3, 0.55, 0.08, 0.05]
@@ -36,7 +36,7 @@ def over_amplitudes():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(intervals, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
         made = model_file(measured, fit_tyres(measured, "kraus"))
-    return Results(pl.DataFrame(), table_of(measured), pl.DataFrame(), models=made)
+    return Study(pl.DataFrame(), table_of(measured), pl.DataFrame(), models=made)
 
 
 def test_lines_are_the_model_s_and_points_the_tests(results):

@@ -21,7 +21,7 @@ from fourpole.plot.layout import COLOUR_SCALE
 from fourpole.plot.motion import crossings
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.stiffness import route_stiffness
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 
 pytestmark = pytest.mark.thorough
@@ -72,7 +72,7 @@ def in_order(array):
     return array[np.lexsort(array.T[::-1])]
 
 
-def reject(results: Results, names, **cells):
+def reject(results: Study, names, **cells):
     this = pl.col("test").is_in(list(names))
     change = [pl.when(this).then(pl.lit("rejected")).otherwise(pl.col("verdict")).alias("verdict")]
     change += [pl.when(this).then(pl.lit(value)).otherwise(pl.col(name)).alias(name) for name, value in cells.items()]

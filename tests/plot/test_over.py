@@ -10,10 +10,10 @@ from fourpole.errors import CampaignError
 from fourpole.plot import draw, figure_data
 from fourpole.plot.data import Role
 from fourpole.plot.over import OVER, SHOWN, key_over, quantity_named
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 
-def points(results: Results, key: str, role: Role = Role.POINTS) -> dict[str, tuple[float, float]]:
+def points(results: Study, key: str, role: Role = Role.POINTS) -> dict[str, tuple[float, float]]:
     """The tests of a figure with their values on both axes."""
     data = figure_data(results, key)
     assert data is not None
@@ -35,7 +35,7 @@ def points(results: Results, key: str, role: Role = Role.POINTS) -> dict[str, tu
     ],
 )
 def test_each_test_stands_at_its_values(
-    study: Results, name: str, axis: str, x: tuple[str, float], y: tuple[str, float]
+    study: Study, name: str, axis: str, x: tuple[str, float], y: tuple[str, float]
 ) -> None:
     table = study.dynamic.filter(study.dynamic["verdict"] != "rejected").drop_nulls([x[0], y[0]])
     expected = {row["test"]: (row[x[0]] / x[1], row[y[0]] / y[1]) for row in table.iter_rows(named=True)}
@@ -46,7 +46,7 @@ def test_each_test_stands_at_its_values(
         assert values == pytest.approx(expected[test], rel=1e-12)
 
 
-def test_a_line_joins_tests_of_one_frequency_over_pressure(study: Results) -> None:
+def test_a_line_joins_tests_of_one_frequency_over_pressure(study: Study) -> None:
     data = figure_data(study, "k2-over-pressure")
     assert data is not None
     lines = [one for panel in data.panels for one in panel.series if one.role is Role.LINE]
@@ -57,14 +57,14 @@ def test_a_line_joins_tests_of_one_frequency_over_pressure(study: Results) -> No
     assert (data.scale.low, data.scale.high) == pytest.approx((min(FREQUENCIES), max(FREQUENCIES)), rel=0.01)
 
 
-def test_static_quantities_come_from_the_static_tests(study: Results) -> None:
+def test_static_quantities_come_from_the_static_tests(study: Study) -> None:
     found = points(study, key_over("K1", "pressure"))
     assert found.keys() == set(study.static["test"])
     assert points(study, key_over("K1", "frequency")).keys() <= set(study.dynamic["test"])
     assert figure_data(study, key_over("hysteresis loss", "frequency")) is None
 
 
-def test_tests_are_counted_in_the_order_of_their_table(study: Results) -> None:
+def test_tests_are_counted_in_the_order_of_their_table(study: Study) -> None:
     found = points(study, key_over("K1", "order"))
     names = list(dict.fromkeys(study.static["test"]))
     assert found
@@ -72,7 +72,7 @@ def test_tests_are_counted_in_the_order_of_their_table(study: Results) -> None:
 
 
 @pytest.mark.parametrize("axis", OVER)
-def test_every_quantity_can_be_drawn_or_is_not_there(study: Results, axis: str) -> None:
+def test_every_quantity_can_be_drawn_or_is_not_there(study: Study, axis: str) -> None:
     for name in SHOWN:
         data = figure_data(study, key_over(name, axis))
         assert data is None or any(one.tests for panel in data.panels for one in panel.series)
@@ -88,7 +88,7 @@ def test_names_are_those_that_people_write() -> None:
     with pytest.raises(CampaignError, match="did you mean pressure"):
         key_over("K2", "presure")
     with pytest.raises(CampaignError, match="no figure 'k2-over-nothing'"):
-        figure_data(Results(), "k2-over-nothing")
+        figure_data(Study(), "k2-over-nothing")
 
 
 def test_nothing_to_show_is_no_figure() -> None:

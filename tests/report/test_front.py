@@ -15,7 +15,7 @@ from fourpole.report.ratedload import load_of_index
 from fourpole.report.rows import condition, words
 from fourpole.report.wanted import in_units
 from fourpole.report.words.phrases import bar, newton, shown
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 STATIC = pl.DataFrame(schema={"test": pl.String, "tyre": pl.String, "construction": pl.String, "verdict": pl.String})
 
@@ -31,13 +31,13 @@ def campaign(pressures=(1.7e5,), specimens=("A",), verdict="ok", preloads=(3000.
         }
         for at, (name, load, p) in enumerate((n, f, p) for n in specimens for f in preloads for p in pressures)
     ]  # fmt: skip
-    return Results(STATIC, pl.DataFrame(rows), record={"stated": record})
+    return Study(STATIC, pl.DataFrame(rows), record={"stated": record})
 
 
 def test_a_row_is_named_by_all_of_its_condition():
     results = campaign(specimens=("A",))
     stated = {"specimens": {"A": {"load_index": "91 V", "size": "195/65 R 15", "serial": "<b>7"}}}
-    page = front_page(Results(STATIC, results.dynamic, record={"stated": stated}), [])
+    page = front_page(Study(STATIC, results.dynamic, record={"stated": stated}), [])
     (row,) = page.table.rows
     named = (row.specimen, row.pressure, row.preload, row.frequency, row.amplitude, row.double, row.tests)
     assert named == ("A", "1.7", "3000", "14", "1", "2", 1)
@@ -109,7 +109,7 @@ def test_a_logo_that_is_no_image_is_left_out():
 
 def test_a_campaign_without_a_dynamic_test_has_its_page():
     empty = campaign().dynamic.clear()
-    assert "No test is in use" in render_report(Results(STATIC, empty), findings=(), figures={})
+    assert "No test is in use" in render_report(Study(STATIC, empty), findings=(), figures={})
 
 
 def test_a_pass_that_rests_on_tests_with_a_warning_says_so():
@@ -125,7 +125,7 @@ def test_a_pass_that_rests_on_tests_with_a_warning_says_so():
 def test_repeats_that_scatter_are_not_to_be_trusted():
     one = campaign().dynamic
     repeats = pl.concat([one, one.with_columns(pl.lit("D9").alias("test"), pl.col("Re K* [N/m]") * 1.1)])
-    page = front_page(Results(STATIC, repeats), [])
+    page = front_page(Study(STATIC, repeats), [])
     assert "Repeats scatter by up to 6" in page.doubts[0].text
     assert page.limits[0].startswith("The scatter of repeats makes most of U at 1 condition. Cheapest remedy:")
     assert front_page(campaign(), []).doubts == []
@@ -137,7 +137,7 @@ def test_a_range_with_an_open_interval_has_numbers_and_says_that_it_is_open():
         pl.Series("K2 [N/m]", [7e4] * 14 + [4.9e6]), pl.Series("u(K2) [N/m]", [1e3] * 14 + [8e10])
     )
     heads = {"test": ["D14"], "quantity": ["K2"], "2.5 %": [6e4], "97.5 %": pl.Series([None], dtype=pl.Float64)}
-    page = front_page(Results(STATIC, table, quantiles=pl.DataFrame(heads)), [])
+    page = front_page(Study(STATIC, table, quantiles=pl.DataFrame(heads)), [])
     cell = page.table.rows[0].cells[[one.symbol for one in page.table.columns].index("K2")]
     assert (cell.text.split("–")[1], cell.about) == ("4900", "above 60")
 
@@ -157,7 +157,7 @@ def test_where_repeats_scatter_the_misfit_of_a_model_has_no_other_reason():
     one = campaign().dynamic
     repeats = pl.concat([one, one.with_columns(pl.lit("D9").alias("test"), pl.col("Re K* [N/m]") * 1.1)])
     for table, reason in ((one, True), (repeats, False)):
-        results = Results(STATIC, table, models=SimpleNamespace(models=[model]))
+        results = Study(STATIC, table, models=SimpleNamespace(models=[model]))
         said = " ".join(one.text for one in front_page(results, []).doubts)
         assert "by 7.0 % of |K*|" in said
         assert ("no passive linear specimen" in said) == reason
@@ -178,5 +178,5 @@ def test_each_condition_of_static_tests_alone_has_a_row():
          "K1 [N/m]": 2e5 + p / 10, "u(K1) [N/m]": 500.0}
         for at, p in enumerate((1.5e5, 2e5, 2.5e5))
     ]  # fmt: skip
-    page = front_page(Results(pl.DataFrame(rows), campaign().dynamic.clear()), [])
+    page = front_page(Study(pl.DataFrame(rows), campaign().dynamic.clear()), [])
     assert [row.pressure for row in page.table.rows] == ["1.5", "2", "2.5"]

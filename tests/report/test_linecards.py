@@ -12,7 +12,7 @@ from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.strided import shown_rows, strided
 from fourpole.report.cards import make_cards
 from fourpole.report.page import render_report
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.study.tables import CHECKS, DYNAMIC, LINES, STATIC
 
 
@@ -43,7 +43,7 @@ def results():
     checks = CHECKS.of_rows(
         [{"test": "R1", "point": at + 1, "code": Code.LINE.text, "verdict": "rejected"} for at in range(10)]
     )
-    return Results(static=empty, dynamic=dynamic, lines=lines, checks=checks, previews=pl.DataFrame())
+    return Study(static=empty, dynamic=dynamic, lines=lines, checks=checks, previews=pl.DataFrame())
 
 
 def test_a_test_with_lines_has_one_card(results):

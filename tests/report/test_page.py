@@ -28,7 +28,7 @@ from fourpole.report.packed import ALPHABET, packed
 from fourpole.report.page import ReportFigure, _versions, render_report, write_report
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import rigs_in_words
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC, STATIC
 
 # A tyre of closed formulas: K* in the tables, F1 and the deflection in the signals.
@@ -179,7 +179,7 @@ def made(dynamic=(), static=(), *, previews=True, **record):
         "sha256": {"campaign.toml": "ab" * 32},
         **record,
     }
-    return Results(
+    return Study(
         frame(static, STATIC.columns),
         frame(dynamic, DYNAMIC.columns),
         table,
@@ -210,7 +210,7 @@ def varied():
     dynamic[3] |= {**nothing, "verdict": "rejected", "remarks": "the tyre lifts off"}
     dynamic[6] |= {"K2 [N/m]": None, "u(K2) [N/m]": None, "verdict": "warning", "remarks": "K2 is left blank"}
     results = made([row for row in dynamic if row["frequency [Hz]"]], [static_row("S1", 1000.0)])
-    return Results(results.static, frame(dynamic, DYNAMIC.columns), results.previews, results.record)
+    return Study(results.static, frame(dynamic, DYNAMIC.columns), results.previews, results.record)
 
 
 def hostile():
@@ -412,7 +412,7 @@ def test_a_table_has_all_digits_to_sort_by():
         made([dynamic_row(1)]),
         made([], [static_row("S1", None, **{"K1 [N/m]": None})]),
         made([dynamic_row(1)], [static_row("S1", 1000.0)], previews=False),
-        Results(frame([], STATIC.columns), frame([dynamic_row(1)], DYNAMIC.columns), pl.DataFrame(), {}),
+        Study(frame([], STATIC.columns), frame([dynamic_row(1)], DYNAMIC.columns), pl.DataFrame(), {}),
         made([dynamic_row(1)], stated=3, versions=None, settings=[], assumptions="no", sha256=1, title=None),
     ],
     ids=["nothing", "one dynamic", "one static", "no previews", "no record", "a strange record"],

@@ -17,7 +17,7 @@ from fourpole.errors import CampaignError
 from fourpole.report.standards import STANDARDS, standard_named
 from fourpole.report.standards.page import render_standard
 from fourpole.report.standards.requirement import Answer, answered
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC, STATIC
 from fourpole.virtual import RADIAL_PLY, RUBBER_MOUNT, simulate_campaign
 
@@ -25,7 +25,7 @@ MET, NOT_MET, NOT_STATED = Answer
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory) -> Results:
+def results(tmp_path_factory) -> Study:
     """A tyre, a mount and a rigid block at three frequencies."""
     folder = tmp_path_factory.mktemp("standards")
     simulate_campaign(
@@ -61,7 +61,7 @@ def test_each_requirement_says_where_it_is_from_and_whether_it_was_read(results,
 
 @pytest.mark.parametrize("name", STANDARDS)
 def test_results_without_tests_answer_with_not_stated(name):
-    empty = Results(frame([], STATIC.columns), frame([], DYNAMIC.columns))
+    empty = Study(frame([], STATIC.columns), frame([], DYNAMIC.columns))
     found = answers(empty, name)
     assert {one.answer for one in found.values()} == {NOT_STATED}
     assert STANDARDS[name].values(empty).rows == ()

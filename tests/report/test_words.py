@@ -35,7 +35,7 @@ from fourpole.findings.verdicts import Doubt, Tally
 from fourpole.quantities import CYCLE_LOSS, K1, K2, NONLINEARITY, TR, C
 from fourpole.report.words.claims import STATEMENTS, claims_summary
 from fourpole.report.words.sentence import Sentence, headline, sentences
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC, STATIC
 
 P1, P2, P3, P4 = (1e5, 1000.0), (1e5, 2000.0), (2e5, 1000.0), (2e5, 2000.0)
@@ -582,7 +582,7 @@ def test_a_sentence_is_plain_and_belongs_to_a_topic():
 def test_a_sentence_names_its_tests_where_it_is_about_tests():
     results = Tables({"A": Tyre(tr=rig_curve(15.0))}, verdicts={"D3": ("rejected", "why")}).results()
     bad = pl.when(pl.col("test") == "D12").then(1.2).otherwise(1.0)
-    found = found_in(Results(results.static, results.dynamic.with_columns(pl.col("TR measured [1]") * bad)))
+    found = found_in(Study(results.static, results.dynamic.with_columns(pl.col("TR measured [1]") * bad)))
     named = {type(one.detail): each.tests for one, each in zip(found, sentences(found), strict=True) if each.tests}
     assert named == {Doubt: ("D3",), Prediction: ("D12",)}
 
@@ -591,7 +591,7 @@ def test_a_sentence_names_its_tests_where_it_is_about_tests():
 def test_little_is_enough(kind):
     results = Tables({"A": Tyre(tr=rig_curve(15.0), nonlinearity=0.02)}).results()
     none = {"one test": (0, 1), "static only": (99, 0), "dynamic only": (0, 999)}[kind]
-    found = found_in(Results(results.static.head(none[0]), results.dynamic.head(none[1]), results.previews))
+    found = found_in(Study(results.static.head(none[0]), results.dynamic.head(none[1]), results.previews))
     if kind == "one test":
         assert {each.kind for each in found} == {"tests", "level", "prediction"}
     assert all(each.text.endswith(".") for each in sentences(found))
@@ -622,7 +622,7 @@ def test_the_headline_is_short():
 
 
 def test_where_nothing_is_used_the_headline_is_the_number_of_tests():
-    empty = Results(frame([], STATIC.columns), frame([], DYNAMIC.columns), pl.DataFrame())
+    empty = Study(frame([], STATIC.columns), frame([], DYNAMIC.columns), pl.DataFrame())
     rejected = {f"{kind}{i}": ("rejected", "why") for kind in "SD" for i in range(1, 50)}
     tables = Tables({"A": Tyre(construction="cross-ply"), "B": Tyre(construction="radial-ply")}, verdicts=rejected)
     tables.pressures = tables.pressures[:2]
@@ -644,6 +644,6 @@ def test_the_order_of_the_rows_does_not_matter():
     assert next(each for each in first if each.kind == "level").specimens == ("tyre 9",)
     for _ in range(3):
         mixed = [t[rng.permutation(t.height).tolist()] for t in (results.static, results.dynamic)]
-        again = found_in(Results(*mixed, results.previews))
+        again = found_in(Study(*mixed, results.previews))
         assert sentences(again) == sentences(first)
         assert headline(again) == headline(first)

@@ -6,8 +6,8 @@ from tests.unlisted import unlisted
 
 from fourpole.core.checks import Verdict, reported
 from fourpole.core.codes import Code
+from fourpole.study.analysis import analyse
 from fourpole.study.results import read_results
-from fourpole.study.study import analyse
 from fourpole.virtual import simulate_campaign
 
 

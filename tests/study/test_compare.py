@@ -11,9 +11,9 @@ from fourpole.campaign import folder
 from fourpole.core.checks import Verdict, reported
 from fourpole.core.codes import Code
 from fourpole.core.phasor import Phasors
+from fourpole.study.analysis import analyse
 from fourpole.study.compare import Compared, noises
 from fourpole.study.points import Points
-from fourpole.study.study import analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 FREQUENCIES = [10.0, 12.0, 14.0, 17.0, 20.0]

@@ -6,7 +6,7 @@ import pytest
 from fourpole.core.codes import Code
 from fourpole.findings.facts import Facts
 from fourpole.findings.verdicts import verdicts
-from fourpole.study.study import analyse
+from fourpole.study.analysis import analyse
 
 CAMPAIGN = """
 [rig]

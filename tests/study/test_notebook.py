@@ -14,7 +14,8 @@ import pytest
 import fourpole
 from fourpole.core.notebook import notebook_html, outline_svg
 from fourpole.errors import CampaignError
-from fourpole.study.results import Results, read_results
+from fourpole.study.results import read_results
+from fourpole.study.study import Study
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "notebooks" / "first-look.ipynb"
 
@@ -62,11 +63,11 @@ def test_a_study_shows_its_tests_and_the_range_of_each_condition(study):
     assert "16 tests: 15 ok, 0 warning, 1 rejected; joint route" in html
     assert "cross-ply, 1.7 bar, 1000 N" in html
     assert "K2 [kN/m]" in html
-    assert checked(Results(record=study.record, tables=study.results.tables)._repr_html_()) == html
+    assert checked(Study(record=study.record, tables=study.results.tables)._repr_html_()) == html
 
 
 def test_an_empty_result_shows_itself():
-    assert "0 tests" in checked(Results()._repr_html_())
+    assert "0 tests" in checked(Study()._repr_html_())
 
 
 def test_texts_of_files_are_escaped():

@@ -7,9 +7,9 @@ import pytest
 
 from fourpole.core.checks import Check, Verdict, reported
 from fourpole.core.codes import Code
+from fourpole.study.analysis import analyse
 from fourpole.study.rig_estimate import NoteCode, RigEstimate
 from fourpole.study.rig_solution import with_recordings
-from fourpole.study.study import analyse
 from fourpole.virtual import FAULTS, RADIAL_PLY, simulate_campaign
 
 FITTED = RigEstimate("", chi2=900.0, dof=100.0)

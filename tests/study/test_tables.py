@@ -13,7 +13,8 @@ from fourpole.fitting.rows import KEY, key_of, keyed
 from fourpole.io.published import published
 from fourpole.quantities import meaning_of
 from fourpole.study.record import KEYS
-from fourpole.study.results import Results, read_results
+from fourpole.study.results import read_results
+from fourpole.study.study import Study
 from fourpole.study.tables import TABLES
 
 DOCS = Path(__file__).parents[2] / "docs" / "tables.md"
@@ -105,7 +106,7 @@ def test_what_would_not_belong_to_the_tables_goes_and_the_rest_stays(study, tmp_
 
 def test_tables_of_results_are_attributes_and_can_be_replaced():
     one, two = pl.DataFrame({"test": ["D1"]}), pl.DataFrame({"test": ["D2"]})
-    results = Results(dynamic=one)
+    results = Study(dynamic=one)
     assert results.dynamic is one
     assert results.quantiles.columns == []
     assert replace(results, dynamic=two, record={"title": "x"}).dynamic is two

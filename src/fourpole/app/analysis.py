@@ -42,9 +42,8 @@ from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.quantities import CODE, STORAGE
 
 if TYPE_CHECKING:
-    from fourpole.study import Study
     from fourpole.study.points import Points
-    from fourpole.study.results import Results
+    from fourpole.study.study import Study
 
 
 #: Models are fitted without being asked for if that takes no longer than this [s].
@@ -67,7 +66,7 @@ def run_analysis(
     """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
     settings = settings_of(route, monte_carlo, wanted)
     study, outcome = _outcome(campaign, results_of(campaign, folder), settings, options, wanted, silent=as_json)
-    return show(outcome, as_json=as_json, said=len(study.campaign.doubts))
+    return show(outcome, as_json=as_json, said=len(study.campaign_there().doubts))
 
 
 def _outcome(
@@ -94,13 +93,13 @@ def _outcome(
     from fourpole.app.summary import limit_lines, summary_lines  # here, so that a wrong name is said at once
     from fourpole.findings.conformity import conformity_rows, judged
 
-    held = judged(study.results)
+    held = judged(study)
     lines = [f"results: {results}", *([f"report: {page}"] if page is not None else [])]
     outcome = Outcome(
         notes=[*(f"warning: {doubt}" for doubt in stated.doubts), *_notes(study)],
         lines=[
-            *summary_lines(study.results),
-            *limit_lines(study.results, held),
+            *summary_lines(study),
+            *limit_lines(study, held),
             f"{counted_tests(study.counts)} (route: {study.route})",
             *lines,
         ],
@@ -142,7 +141,7 @@ def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> 
     settings = settings_of("joint", DRAWS, Wanted())
     options, wanted = RunOptions(workers=workers), Wanted(models=True)
     study, outcome = _outcome(folder, results_of(folder, None), settings, options, wanted)
-    found = headline(findings(study.results))
+    found = headline(findings(study))
     if as_json:
         print_json({**outcome.document, "found": found})
     else:
@@ -216,12 +215,12 @@ def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
     With tables only, figures and report of other tables are deleted.
     """
     from fourpole.findings import findings, findings_table
-    from fourpole.study.study import make_folder
+    from fourpole.io.folders import make_folder
     from fourpole.study.tables import TABLE_FILES
 
     obsolete = [*TABLE_FILES, "findings.csv"]
     with publishing(make_folder(results), obsolete) as new:
-        study.write_into(new, {"findings": findings_table(findings(study.results))})
+        study.write_into(new, results, {"findings": findings_table(findings(study))})
         if not wanted.tables_only:
             obsolete += _files_of_report()
             page = _drawn(study, new, results, obsolete, wanted)
@@ -236,10 +235,10 @@ def _drawn(study: Study, new: Path, results: Path, obsolete: list[str], wanted: 
     """Fit models, draw figures and write the report. Their rooms are imported here because that takes a second."""
     from fourpole.app.report import make_report
 
-    return make_report(_modelled(study.results, new, results, obsolete, wanted.models), new, png=wanted.png)
+    return make_report(_modelled(study, new, results, obsolete, wanted.models), new, png=wanted.png)
 
 
-def _modelled(tables: Results, new: Path, results: Path, obsolete: list[str], wanted: bool | None) -> Results:
+def _modelled(tables: Study, new: Path, results: Path, obsolete: list[str], wanted: bool | None) -> Study:
     """The results with the models that are wanted: fitted now, or those that the folder has of the same tables.
 
     If `wanted` is None, models are fitted if the folder has none of these tables and the fits take a few seconds. A

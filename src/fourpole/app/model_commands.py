@@ -25,13 +25,13 @@ from fourpole.app.options import (
 )
 from fourpole.models.families import NAMES
 
-Results = Annotated[
+Study = Annotated[
     Path, typer.Argument(metavar="RESULTS", help="Results folder, campaign's folder, or a table that identify wrote.")
 ]
 
 
 def fit(
-    results: Results,
+    results: Study,
     model: Annotated[
         str,
         typer.Option(help=f"{NAMES}, or auto; without :N the number of arms is chosen."),
@@ -53,7 +53,7 @@ def fit(
 
 
 def causality(
-    results: Results,
+    results: Study,
     *,
     data: DataOptions,
     as_json: JsonFlag = False,
@@ -70,7 +70,7 @@ def causality(
 
 
 def map_(
-    results: Results,
+    results: Study,
     model: Annotated[
         str, typer.Option(help="A model as for fit, or auto: the model with the least leave-one-out error.")
     ] = "auto",

@@ -32,10 +32,10 @@ from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number
-from fourpole.study.results import units_beside
+from fourpole.study.record import units_beside
 
 if TYPE_CHECKING:
-    from fourpole.study.results import Results
+    from fourpole.study.study import Study
 
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
@@ -129,7 +129,7 @@ def _show_written(made: ModelFile, files: Sequence[Path], wanted: ShownUnits, *,
         out(f"written: {place}")
 
 
-def fitted(results: Results, folder: Path) -> Results:
+def fitted(results: Study, folder: Path) -> Study:
     """The results with a model chosen for each tyre, which is also written to model.json in `folder`."""
     target = folder / "model.json"
     try:
@@ -293,7 +293,8 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
     """
     from fourpole.plot import draw, save_figures, write_figure
     from fourpole.plot.catalogue import figure_files
-    from fourpole.study.results import Results, read_results
+    from fourpole.study.results import read_results
+    from fourpole.study.study import Study
 
     field: dict[str, Any] = {"maps" if made.kind == "map" else "models": made}
     name, keys = ("map.json", ("map",)) if made.kind == "map" else ("model.json", _FIGURES)
@@ -310,7 +311,7 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
                 figures = save_figures(results, new / "figures", keys=keys).values()
                 drawn += [path / "figures" / one.name for one in figures]
     else:
-        results = Results(pl.DataFrame(), table_of(measured), pl.DataFrame(), **field)
+        results = Study(pl.DataFrame(), table_of(measured), pl.DataFrame(), **field)
     if figure is not None:
         one = draw(results, keys[0])
         if one is None:

@@ -16,6 +16,7 @@ from fourpole.campaign import read_campaign
 from fourpole.core.plan import MASSES, Advice, Outcome, advise
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError, UnitError
+from fourpole.io.folders import make_folder
 from fourpole.io.staging import staged
 from fourpole.io.write import write_table
 from fourpole.planning.plan import (
@@ -28,7 +29,6 @@ from fourpole.planning.plan import (
 )
 from fourpole.planning.runsheet import run_sheet
 from fourpole.report.words.plan import AdviceInWords, advice_in_words, expected_tables
-from fourpole.study.study import make_folder
 
 
 def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder: Path | None, *, as_json: bool) -> None:

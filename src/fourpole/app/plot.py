@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from fourpole.app.options import PlotOptions
     from fourpole.plot import Size, Style
     from fourpole.plot.part import Selection
-    from fourpole.study.results import Results
+    from fourpole.study.study import Study
 
 _INCH = 0.0254
 #: Dots per inch of a PNG, for screens and for printing.
@@ -25,7 +25,7 @@ _SCREEN, _PRINT = 150, 300
 _SIZE = re.compile(r"\s*([0-9.,]+)\s*+([a-z]*?)\s*+[x×]\s*([0-9.,]+)\s*([a-z]+)\s*", re.IGNORECASE)
 
 
-def run_plot(results: Results, folder: Path, key: str | None, file: Path | None, options: PlotOptions) -> None:
+def run_plot(results: Study, folder: Path, key: str | None, file: Path | None, options: PlotOptions) -> None:
     """Draw one figure, or those of the paper, or list the figures there are."""
     from fourpole.plot import FIGURES, PAPER, draw, figures_of, save_figures, write_figure
     from fourpole.plot.catalogue import ON_REQUEST, spec_of
@@ -43,7 +43,7 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
     if key is None and options.paper:
         if file is not None:
             raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
-        with publishing(folder, basis=results.sha256) as new:
+        with publishing(folder, basis=results.dynamic_sha256) as new:
             made = save_figures(results, new / "figures", keys=list(PAPER), style=style)
         out(f"figures: {len(made)} in {folder / 'figures'}")
     elif key is None:
@@ -57,7 +57,7 @@ def run_plot(results: Results, folder: Path, key: str | None, file: Path | None,
             raise CampaignError(f"the results in {folder} hold no data for {key}: {spec_of(key).title}")
         path = file if file is not None else folder / "figures" / f"{key}.svg"
         if file is None:
-            with publishing(folder, basis=results.sha256) as new:
+            with publishing(folder, basis=results.dynamic_sha256) as new:
                 (new / "figures").mkdir()
                 write_figure(figure, key, new / "figures" / path.name, style)
         else:

@@ -16,7 +16,8 @@ from fourpole.plot.catalogue import figure_files
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.pdf import browser, print_page
 from fourpole.report.words.sentence import sentences
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 #: Files that `make_report` writes where all figures have data, with PNG.
 PAGE = "report.html"
@@ -24,7 +25,7 @@ OF_REPORT = (*(f"figures/{name}" for name in figure_files()), PAGE, "report.pdf"
 
 
 def make_report(
-    results: Results, folder: Path, style: Style | None = None, *, png: bool = False, paper: bool = False
+    results: Study, folder: Path, style: Style | None = None, *, png: bool = False, paper: bool = False
 ) -> Path:
     """Draw the figures into `folder/figures`, each with `png` in that format, too, and write `folder/report.html`.
 
@@ -47,7 +48,7 @@ def make_report(
 
 
 def run_report(
-    results: Results, folder: Path, theme: str, *, png: bool = False, paper: bool = False, pdf: bool = False
+    results: Study, folder: Path, theme: str, *, png: bool = False, paper: bool = False, pdf: bool = False
 ) -> None:
     """Make figures and report from the tables of a results folder, and print the path of the report."""
     if pdf:
@@ -61,7 +62,7 @@ def run_report(
 
 
 def renew_report(
-    results: Results,
+    results: Study,
     folder: Path,
     style: Style | None = None,
     *,
@@ -70,13 +71,13 @@ def renew_report(
     pdf: bool = False,
 ) -> None:
     """Make figures and report anew from the results of a folder, and put them among these; see `make_report`."""
-    with publishing(folder, OF_REPORT, basis=results.sha256) as new:
+    with publishing(folder, OF_REPORT, basis=results.dynamic_sha256) as new:
         page = make_report(results, new, style, png=png, paper=paper)
         if pdf:
             print_page(page, new / "report.pdf")
 
 
-def _changed(results: Results, folder: Path) -> list[str]:
+def _changed(results: Study, folder: Path) -> list[str]:
     """Statements of the campaign around a results folder that are not those that were analysed, with the remedy."""
     hashes, campaign = section(results.record, "sha256"), resolved(folder).parent
     changed = []

@@ -32,7 +32,7 @@ from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
 from fourpole.ride.time import axles
 from fourpole.ride.vehicle import Body
-from fourpole.study.results import units_beside
+from fourpole.study.record import units_beside
 
 #: Step of a ride in time [s], of one that is not linear, and of such a one on a road with edges.
 _STEP, _FINE, _EDGES = 5e-4, 2.5e-4, 1.25e-4
@@ -418,8 +418,8 @@ def _written(folder: Path, asked: _Asked, found: Compared, notes: Sequence[str])
     """Write the table, the document and the figure. The plot room is imported here because that takes a second."""
     import json
 
+    from fourpole.io.folders import make_folder
     from fourpole.plot.ride import ride_figure, ride_figure_bytes
-    from fourpole.study.study import make_folder
 
     folder = make_folder(folder)
     figure = ride_figure(found, asked.labels, [asked.said])

@@ -16,8 +16,10 @@ from fourpole.report.digits import PLUS_MINUS
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.shared_values import DASH, GROUPS, ShownValue
-from fourpole.study.results import Results, read_results, section
+from fourpole.study.record import section
+from fourpole.study.results import read_results
 from fourpole.study.rig_estimate import RigFinding
+from fourpole.study.study import Study
 
 _HEADS = ("value", "as stated", "as found", "pull", "seen from")
 #: Blanks between columns.
@@ -116,7 +118,7 @@ def _finding(value: ShownValue) -> Text:
     return Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, ""))
 
 
-def _document(results: Results, found: list[RigInWords]) -> dict[str, Any]:
+def _document(results: Study, found: list[RigInWords]) -> dict[str, Any]:
     """The printed values for programs, in SI."""
     return {
         "rigs": [

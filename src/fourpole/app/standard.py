@@ -10,16 +10,16 @@ from fourpole.io.published import write_result
 from fourpole.report.standards import PAGES, standard_named
 from fourpole.report.standards.page import NOTE, render_standard
 from fourpole.report.standards.requirement import Found, Requirement, Standard, answered, counts
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _HEADS = ("requirement", "clause", "measured", "limit", "answer")
 
 
-def run_standard(results: Results, folder: Path, name: str, *, as_json: bool) -> None:
+def run_standard(results: Study, folder: Path, name: str, *, as_json: bool) -> None:
     """Print the requirements of a standard with their answers, and write its page beside the report."""
     standard = standard_named(name)
     found, page = answered(standard, results), folder / PAGES[standard.key]
-    write_result(page, render_standard(standard, results).encode(), basis=results.sha256)
+    write_result(page, render_standard(standard, results).encode(), basis=results.dynamic_sha256)
     if as_json:
         print_json(_document(standard, found, results, page))
         return
@@ -32,9 +32,7 @@ def run_standard(results: Results, folder: Path, name: str, *, as_json: bool) ->
     out(f"page: {page}")
 
 
-def _document(
-    standard: Standard, found: list[tuple[Requirement, Found]], results: Results, page: Path
-) -> dict[str, Any]:
+def _document(standard: Standard, found: list[tuple[Requirement, Found]], results: Study, page: Path) -> dict[str, Any]:
     """The answers for programs."""
     values = standard.values(results)
     return {

@@ -11,7 +11,7 @@ from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summ
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.conformity import verdict_line
 from fourpole.report.digits import in_unit, with_interval
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)
 #: Width of a terminal, and blanks between columns.
@@ -24,7 +24,7 @@ _MOST_LINES = 22
 _LONGEST = 24
 
 
-def summary_lines(results: Results) -> list[str]:
+def summary_lines(results: Study) -> list[str]:
     """The lines of the table; none without a test in use."""
     every = summary(results, most=None)
     lines = _lines(bounded(every, MOST_CONDITIONS), results.shown)
@@ -35,7 +35,7 @@ def summary_lines(results: Results) -> list[str]:
     return lines
 
 
-def limit_lines(results: Results, held: Sequence[Judged]) -> list[str]:
+def limit_lines(results: Study, held: Sequence[Judged]) -> list[str]:
     """The verdict on the limits in one line; none where no limits are stated."""
     if not held:
         return []

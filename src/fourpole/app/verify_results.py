@@ -31,7 +31,7 @@ def run_verify_results(folder: Path, campaign: Path | None, *, quick: bool, work
             campaign,
             quick=quick,
             workers=workers,
-            further=lambda study: {"findings": findings_table(findings(study.results))},
+            further=lambda study: {"findings": findings_table(findings(study))},
             progress=advance,
         )
     if as_json:

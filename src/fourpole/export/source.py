@@ -22,8 +22,10 @@ from fourpole.errors import CampaignError, FileError
 from fourpole.io.folders import results_in
 from fourpole.plot.names import counted, distinct
 from fourpole.plot.sheet import Sheet, read_sheet, texts
-from fourpole.study.results import Results, read_results, section
-from fourpole.study.results import texts as items
+from fourpole.study.record import section
+from fourpole.study.record import texts as items
+from fourpole.study.results import read_results
+from fourpole.study.study import Study
 from fourpole.units import column_unit, shown
 
 #: Units and signs of all numbers, written into each exported file.
@@ -67,14 +69,14 @@ class ExportTables(ByValue):
 
     Attributes
     ----------
-    results : Results
+    results : Study
     phasors : polars.DataFrame
         Table of phasors.parquet; empty if there is no such file.
     made : datetime
         Time at which the analysis was written, UTC.
     """
 
-    results: Results
+    results: Study
     phasors: pl.DataFrame
     made: datetime
 

@@ -10,7 +10,8 @@ import polars as pl
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.quantities import ADDED_MASS, RIG, RIG_VALUES, TYRE
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 _STATIC_ROLES = ("load", "deflection")
 #: Keys of a channel that have no effect on its calibration.
@@ -22,7 +23,7 @@ def none(_: str) -> bool:
     return False
 
 
-def of_one_campaign(results: Results, specimens: tuple[str, str]) -> tuple[str, ...]:
+def of_one_campaign(results: Study, specimens: tuple[str, str]) -> tuple[str, ...]:
     """What two specimens of one campaign share, as sentences."""
     if not results.covariance.height:
         return ("The results have no covariance.parquet: errors that both specimens share are taken as independent.",)
@@ -36,7 +37,7 @@ def of_one_campaign(results: Results, specimens: tuple[str, str]) -> tuple[str, 
     return (text,)
 
 
-def of_two_campaigns(first: Results, second: Results) -> tuple[Callable[[str], bool], tuple[str, ...]]:
+def of_two_campaigns(first: Study, second: Study) -> tuple[Callable[[str], bool], tuple[str, ...]]:
     """Whether the error of a source is common, and the reasons as sentences: it is if both state the value alike."""
     one, two = first.record, second.record
     halls = [str(section(record, "stated").get("laboratory") or "") for record in (one, two)]
@@ -65,7 +66,7 @@ def of_two_campaigns(first: Results, second: Results) -> tuple[Callable[[str], b
     return common, _reasons(channels, values, weighed=all(map(_weighs, (first, second))))
 
 
-def _weighs(results: Results) -> bool:
+def _weighs(results: Study) -> bool:
     """Whether a test has an added mass."""
     table = results.dynamic
     return ADDED_MASS.head in table.columns and bool((table[ADDED_MASS.head].fill_null(0.0) > 0.0).any())

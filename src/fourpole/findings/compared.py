@@ -23,8 +23,8 @@ from fourpole.fitting.common_errors import COVARIANCE, covariance_of
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import resolved, results_in
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
-from fourpole.study import Study
-from fourpole.study.results import Results, read_results
+from fourpole.study.results import read_results
+from fourpole.study.study import Study
 from fourpole.units import shown
 
 DIFFERS, NOT_SEEN = "differs", "no difference seen"
@@ -81,13 +81,13 @@ class _Side:
     """One of both results: its name, its tables, and its specimens by the name that both have."""
 
     name: str
-    results: Results
+    results: Study
     specimens: dict[str, str]
 
 
 def compare(
-    first: str | Path | Results | Study,
-    second: str | Path | Results | Study | None = None,
+    first: str | Path | Study | Study,
+    second: str | Path | Study | Study | None = None,
     *,
     specimens: tuple[str, str] | None = None,
     independent: bool = False,
@@ -103,7 +103,7 @@ def compare(
 
     Parameters
     ----------
-    first, second : path, Study or Results
+    first, second : path, Study or Study
         Results folders or the folders of campaigns; without `second` two specimens of `first` are compared.
     specimens : (str, str), optional
         A specimen of the first and one of the second; by default those whose names both have.
@@ -170,9 +170,9 @@ def _check_apart(first: Path, second: Path) -> None:
         )
 
 
-def _read(source: str | Path | Results | Study) -> Results:
+def _read(source: str | Path | Study | Study) -> Study:
     """Results with covariance.parquet, which `read_results` leaves out and a study has."""
-    if isinstance(source, Results):
+    if isinstance(source, Study):
         return source
     if isinstance(source, Study):
         return replace(source.results, tables={**source.results.tables, "covariance": source.covariance})
@@ -185,9 +185,7 @@ def _read(source: str | Path | Results | Study) -> Results:
 # ---- which specimens
 
 
-def _sides(
-    one: Results, two: Results, first: Any, second: Any, specimens: tuple[str, str] | None
-) -> tuple[_Side, _Side]:
+def _sides(one: Study, two: Study, first: Any, second: Any, specimens: tuple[str, str] | None) -> tuple[_Side, _Side]:
     """Both sides with the specimens that are compared."""
     known = _names(one), _names(two)
     labels = _labels(first, second)
@@ -237,7 +235,7 @@ def _listed(names: set[str]) -> str:
     return " and ".join(sorted(names)) or "none"
 
 
-def _names(results: Results) -> list[str]:
+def _names(results: Study) -> list[str]:
     tables = (results.static, results.dynamic)
     return list(dict.fromkeys(name for table in tables if q.TYRE.head in table.columns for name in table[q.TYRE.head]))
 
@@ -307,7 +305,7 @@ _DYNAMIC = {
 }
 
 
-def _budget(results: Results) -> pl.DataFrame:
+def _budget(results: Study) -> pl.DataFrame:
     return results.budget if q.SOURCE.head in results.budget.columns else pl.DataFrame()
 
 

@@ -18,7 +18,8 @@ from fourpole.findings.facts import Facts, Measured
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.findings.summary import conditions_of, ends_of, intervals_of, k1_of, mean_of, scatters_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 #: The quantities that limits may be stated for, by their keys.
 LIMITED: dict[str, Quantity] = {
@@ -74,7 +75,7 @@ class Judged:
     warned: tuple[str, ...] = ()
 
 
-def judged(results: Results) -> tuple[Judged, ...]:
+def judged(results: Study) -> tuple[Judged, ...]:
     """Each result to which a limit applies, held against it.
 
     A result passes if its whole coverage interval is within the limits, and fails if its whole interval is beyond one
@@ -83,7 +84,7 @@ def judged(results: Results) -> tuple[Judged, ...]:
 
     Parameters
     ----------
-    results : Results
+    results : Study
         Tables of an analysed campaign, whose record has the limits.
 
     Returns
@@ -112,7 +113,7 @@ def judged(results: Results) -> tuple[Judged, ...]:
     )
 
 
-def _warned(results: Results) -> set[str]:
+def _warned(results: Study) -> set[str]:
     """The tests that have a warning."""
     return {
         str(test)
@@ -160,7 +161,7 @@ class _Known:
     skewed: tuple[float, float] | None
 
 
-def _known(results: Results) -> Iterator[_Known]:
+def _known(results: Study) -> Iterator[_Known]:
     """Every quantity of every specimen at each condition and frequency."""
     facts = Facts.of(results)
     warm = _temperatures(facts)

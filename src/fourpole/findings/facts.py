@@ -19,7 +19,7 @@ from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis, Conditio
 from fourpole.findings.finding import UNSTATED, Detail, Finding, FindingConditions, Holds, Key, Setup, Topic
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _AXES = {"pressure": PRESSURE, "load": PRELOAD, "frequency": FREQUENCY}
 Name = TypeVar("Name", bound=Hashable)
@@ -68,7 +68,7 @@ class Facts:
 
     Attributes
     ----------
-    results : Results
+    results : Study
         Specimens have names of their own for each temperature: "radial at 60 °C".
     stated : mapping of str to str
         The campaign's name of each specimen: "radial".
@@ -76,12 +76,12 @@ class Facts:
         Nominal value of each value in the tables, by axis: the median of all values that are the same.
     """
 
-    results: Results
+    results: Study
     stated: Mapping[str, str] = field(default_factory=dict)
     nominal: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, results: Results) -> Facts:
+    def of(cls, results: Study) -> Facts:
         """The facts of results, made once; temperature and the campaign's own axes distinguish specimens."""
         if cls not in results.derived:
             results.derived[cls] = cls._made(results)
@@ -89,7 +89,7 @@ class Facts:
         return found
 
     @classmethod
-    def _made(cls, stated: Results) -> Facts:
+    def _made(cls, stated: Study) -> Facts:
         results = stated.apart()
         pairs = zip((stated.static, stated.dynamic), (results.static, results.dynamic), strict=True)
         names = {

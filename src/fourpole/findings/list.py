@@ -16,18 +16,18 @@ from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import Trend, trend_of
 from fourpole.findings.verdicts import verdicts
 from fourpole.quantities import DERIVED, K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Effects below this are too small to matter unless they exceed so many standard uncertainties.
 _SMALL, _SURE = 0.01, 3.0
 
 
-def findings(results: Results) -> list[Finding]:
+def findings(results: Study) -> list[Finding]:
     """Findings of a campaign, as data.
 
     Parameters
     ----------
-    results : Results
+    results : Study
         Tables of an analysed campaign: `Study.results`, or `read_results` of a folder.
 
     Returns

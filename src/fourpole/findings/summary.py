@@ -17,7 +17,8 @@ from fourpole.findings.finding import UNSTATED, Key
 from fourpole.findings.repeats import Scatter, mean_of_repeats, reach_of_scatter, scatter_in
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 #: The quantities of the table, in its order.
 SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
@@ -76,7 +77,7 @@ class SummaryRow:
 
 
 def summary(
-    results: Results, *, frequency: float | None = None, most: int | None = MOST_CONDITIONS
+    results: Study, *, frequency: float | None = None, most: int | None = MOST_CONDITIONS
 ) -> tuple[SummaryRow, ...]:
     """A row for each condition at the tested frequency nearest to a wanted one, of those that all conditions share.
 
@@ -85,7 +86,7 @@ def summary(
 
     Parameters
     ----------
-    results : Results
+    results : Study
         Tables of an analysed campaign.
     frequency : float, optional [Hz]
         The wanted frequency; by default that which [report] of campaign.toml states, else 15 Hz.
@@ -140,7 +141,7 @@ def bounded(rows: Sequence[SummaryRow], most: int | None) -> tuple[SummaryRow, .
     return tuple(map(_joined, groups.values()))
 
 
-def wanted_frequency(results: Results) -> float:
+def wanted_frequency(results: Study) -> float:
     """The frequency [Hz] near which results are summarised: that of [report] in campaign.toml, else 15 Hz."""
     stated = section(results.record, "stated", "report").get(q.FREQUENCY.head)
     return float(stated) if isinstance(stated, int | float) and stated > 0 else USUAL_FREQUENCY
@@ -234,7 +235,7 @@ def _middle(tests: Sequence[Mapping[str, Any]], quantity: Quantity) -> Range:
 
 
 def intervals_of(
-    results: Results, rows: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter] | None = None
+    results: Study, rows: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter] | None = None
 ) -> dict[str, tuple[float, float]]:
     """The 95 % intervals of K2 and C over the repeats in some rows, where that of one of them is skewed.
 
@@ -250,7 +251,7 @@ def intervals_of(
     return found
 
 
-def _skewed(results: Results) -> dict[tuple[Any, str], tuple[float, float | None]]:
+def _skewed(results: Study) -> dict[tuple[Any, str], tuple[float, float | None]]:
     """The ends of the intervals in quantiles.csv by point and symbol of the quantity; read once for some results."""
     if "skewed" not in results.derived:
         results.derived["skewed"] = {

@@ -48,7 +48,7 @@ from fourpole.models.operating import OperatingMap, make_map
 from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes
 from fourpole.models.together import fit_together
-from fourpole.units import shown
+from fourpole.units import nearest, shown
 from fourpole.version import VERSION
 
 Progress = Callable[[int, int], None]
@@ -131,6 +131,22 @@ class TyreMap:
     def _repr_html_(self) -> str:
         """The choice and the models that were tried, for a notebook."""
         return map_html(self)
+
+
+class TyreFits(tuple[TyreFit, ...]):
+    """Fits in the order of their tyres; the name of a tyre gives its fit."""
+
+    __slots__ = ()
+
+    def __getitem__(self, key: Any) -> Any:
+        """The fit of a tyre by its name or number; ModelError for a name that no tyre has."""
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        named = {fit.tyre: fit for fit in self}
+        if key not in named:
+            near = nearest(key, named)
+            raise ModelError(f"no tyre {shown(key)}: {f'did you mean {near!r}?' if near else ', '.join(named)}")
+        return named[key]
 
 
 def fit_tyres(

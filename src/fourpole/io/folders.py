@@ -126,3 +126,17 @@ def why_no_campaign(folder: Path) -> str:
     if inner:
         return f"{folder}: has no {_CAMPAIGN}, but {inner[0]} has: name that folder"
     return f"{folder}: no campaign yet, for it has no {_CAMPAIGN}; fourpole init {folder} makes one of its recordings"
+
+
+def make_folder(folder: str | Path) -> Path:
+    """The folder, made where it does not exist; CampaignError where it cannot be made."""
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise CampaignError(f"{folder}: is a file, or lies below one: name a folder for the results") from None
+    except (OSError, ValueError) as error:
+        raise CampaignError(
+            f"{folder}: the folder cannot be made: {getattr(error, 'strerror', None) or error}"
+        ) from None
+    return folder

@@ -21,13 +21,12 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.fitting.rows import keyed
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
-from fourpole.io.folders import resolved
+from fourpole.io.folders import make_folder, resolved
 from fourpole.io.published import Published, consistently
 from fourpole.io.staging import staged
 from fourpole.io.write import write_table, write_text
 from fourpole.lab.layout import FURTHER, ORIGIN, ROLE, SCHEMA, TABLES, LabTable
-from fourpole.study.results import read_table
-from fourpole.study.study import make_folder
+from fourpole.study.tables import read_table
 
 _FORMAT, _INDEX, _STUDY = "fourpole lab", "lab.json", "study.json"
 _MOST_BYTES = 1_000_000_000

@@ -20,13 +20,13 @@ from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import place_text
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _MOST_COLUMNS, _FREQUENCIES, _GRID = 3, 4, 81
 _QUANTITIES = (q.STORAGE, q.LOSS)
 
 
-def over_amplitude(results: Results) -> FigureData | None:
+def over_amplitude(results: Study) -> FigureData | None:
     """K' and K'' over the amplitude of the deflection, for each condition of a model whose K* depends on it."""
     if results.models is None:
         return None
@@ -60,7 +60,7 @@ def _rows(one: Drawn, sheet: Sheet) -> BoolArray:
     return np.asarray(there & np.isin(sheet.table["test"].to_list(), list(names)) if names else there)
 
 
-def _panel(results: Results, sheet: Sheet, one: Drawn, groups: Sequence[float], quantity: Quantity) -> Panel:
+def _panel(results: Study, sheet: Sheet, one: Drawn, groups: Sequence[float], quantity: Quantity) -> Panel:
     """The model over the tested amplitudes at some frequencies [Hz], and the tests there."""
     moved, shown = results.shown.of(q.DEFLECTION_AMPLITUDE), results.shown.of(quantity)
     tested, amplitude = sheet.values(q.FREQUENCY.head), amplitudes_of(sheet.table)

@@ -15,7 +15,7 @@ from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
 from fourpole.plot.names import value_label
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.plot.spec import FigureSpec
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _QUANTITIES = {one.column: one.name for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
 _MOST_TYRES, _MOST_SOURCES = 4, 8
@@ -36,7 +36,7 @@ class _Shares(ByValue):
     table: FloatArray
 
 
-def budget(results: Results) -> FigureData | None:
+def budget(results: Study) -> FigureData | None:
     """Shares of the variance of K2, C, K' and K'' by source, a panel per quantity: median and range of each specimen.
 
     Sources below 1 % of the variance are joined.

@@ -6,19 +6,19 @@ from collections import Counter
 
 from fourpole.plot.part import part_of
 from fourpole.plot.sheet import texts
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _KEY = "cards"
 #: Number of rows of a test, lines of its spectrum, above which they share a card.
 MANY = 12
 
 
-def of_lines(results: Results, cards: list[str]) -> None:
+def of_lines(results: Study, cards: list[str]) -> None:
     """Note the ids of the cards of results with some lines of their tests."""
     results.derived[_KEY] = cards
 
 
-def dynamic_cards(results: Results) -> list[str]:
+def dynamic_cards(results: Study) -> list[str]:
     """The id of the card of each row of dynamic.csv; rows of a part have the ids that the whole results give.
 
     A test with more rows than `MANY` has one card, that of its first row.
@@ -43,7 +43,7 @@ def dynamic_cards(results: Results) -> list[str]:
     return [f"dynamic-{(first[tests[at]] if counts[tests[at]] > MANY else at) + 1}" for at in rows]
 
 
-def static_cards(results: Results) -> dict[str, str]:
+def static_cards(results: Study) -> dict[str, str]:
     """The id of the card of each static test by its name."""
     part = part_of(results)
     whole = results if part is None else part.whole

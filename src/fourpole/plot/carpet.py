@@ -15,13 +15,13 @@ from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.statics import LoadLine, load_lines
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Number of lines of constant deflection, about.
 _LEVELS = 6
 
 
-def load_deflection(results: Results) -> FigureData | None:
+def load_deflection(results: Study) -> FigureData | None:
     """Curves of constant pressure with an offset in proportion to it, joined by lines of constant deflection."""
     sheet = read_sheet(results)
     lines = load_lines(results, sheet)

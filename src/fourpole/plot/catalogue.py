@@ -13,6 +13,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
+from fourpole.io.folders import make_folder
 from fourpole.io.write import write_bytes
 from fourpole.plot.data import FigureData
 from fourpole.plot.figure import FORMATS, figure_bytes
@@ -23,8 +24,7 @@ from fourpole.plot.sheet import read_sheet
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.strided import strided
 from fourpole.plot.style import Style, drawing
-from fourpole.study.results import Results
-from fourpole.study.study import make_folder
+from fourpole.study.study import Study
 
 #: Modules with figures by question, in the order of a report. A new figure is a module with `FIGURES` in this list.
 _MODULES = (
@@ -62,12 +62,12 @@ FIGURES: dict[str, FigureSpec] = {spec.key: spec for spec in FIRST} | _specs(_MO
 ON_REQUEST = ("signals",)
 
 
-def figures_of(results: Results, *, paper: bool = False) -> list[str]:
+def figures_of(results: Study, *, paper: bool = False) -> list[str]:
     """Keys of the figures that a report of these results shows, in its order.
 
     Parameters
     ----------
-    results : Results
+    results : Study
         The tables of an analysed campaign.
     paper : bool
         Whether the figures of the 1982 paper follow those by question.
@@ -82,12 +82,12 @@ def figures_of(results: Results, *, paper: bool = False) -> list[str]:
     return [key for key in FIGURES if key not in without and (paper or key not in PAPER)]
 
 
-def draw(results: Results, key: str, style: Style | None = None) -> Figure | None:
+def draw(results: Study, key: str, style: Style | None = None) -> Figure | None:
     """Draw one figure.
 
     Parameters
     ----------
-    results : Results
+    results : Study
         The tables of an analysed campaign.
     key : str
         One of `FIGURES`, or what `fourpole.plot.over.key_over` makes of a quantity and an axis.
@@ -116,7 +116,7 @@ def draw(results: Results, key: str, style: Style | None = None) -> Figure | Non
         return spec.drawn(results, style)
 
 
-def figure_data(results: Results, key: str) -> FigureData | None:
+def figure_data(results: Study, key: str) -> FigureData | None:
     """A figure by question as data: series with values in the units of the axes, uncertainties and tests.
 
     Raises
@@ -196,7 +196,7 @@ def write_figure(figure: Figure, key: str, path: str | Path, style: Style | None
 
 
 def save_figures(
-    results: Results,
+    results: Study,
     folder: str | Path,
     *,
     keys: Sequence[str] | None = None,
@@ -211,7 +211,7 @@ def save_figures(
 
     Parameters
     ----------
-    results : Results
+    results : Study
         The tables of an analysed campaign.
     folder : path
         Folder of the files; it is made if it does not exist.
@@ -260,7 +260,7 @@ def save_figures(
 
 
 def _drawings(
-    results: Results,
+    results: Study,
     keys: Sequence[str],
     style: Style | None,
     formats: Sequence[str],
@@ -285,13 +285,13 @@ def _drawings(
 
 
 def _group(
-    results: Results, keys: Sequence[str], style: Style | None, formats: Sequence[str]
+    results: Study, keys: Sequence[str], style: Style | None, formats: Sequence[str]
 ) -> list[tuple[str, dict[str, bytes]]]:
     """Some figures, as one task of a worker."""
     return [(key, _drawing(results, key, style, formats)) for key in keys]
 
 
-def _drawing(results: Results, key: str, style: Style | None, formats: Sequence[str]) -> dict[str, bytes]:
+def _drawing(results: Study, key: str, style: Style | None, formats: Sequence[str]) -> dict[str, bytes]:
     """The content of the files of one figure by format; empty if the results hold nothing that it shows."""
     figure = draw(results, key, style)
     return {} if figure is None else {form: render(figure, key, form, style) for form in formats}

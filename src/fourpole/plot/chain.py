@@ -18,7 +18,8 @@ from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, floats, read_sheet
 from fourpole.plot.spec import FigureSpec
 from fourpole.quantities import RIG_VALUES, Quantity, ShownUnits
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +52,7 @@ class Link:
     damped: bool = False
 
 
-def chains(results: Results) -> dict[str, tuple[Link, ...]]:
+def chains(results: Study) -> dict[str, tuple[Link, ...]]:
     """The links of each rig by its name, from the contact upwards.
 
     Examples
@@ -141,7 +142,7 @@ def _added(sheet: Sheet, own: np.ndarray) -> tuple[str, ...]:
     return (f"in some tests {shown} kg added",) if masses else ()
 
 
-def own_rig(results: Results, style: Style) -> Figure | None:
+def own_rig(results: Study, style: Style) -> Figure | None:
     """The chains of the rigs beside each other, from the contact at the bottom to the foundation at the top."""
     from fourpole.plot.pen import Pen
 

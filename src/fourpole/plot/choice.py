@@ -14,7 +14,7 @@ from fourpole.plot.names import plain_text
 from fourpole.plot.residuals import title_of
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.spec import FigureSpec
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Difference of BIC within which models are equally good, and difference up to which its axis is linear.
 _ALIKE, _LINEAR = 6.0, 10.0
@@ -27,7 +27,7 @@ _ROW, _MARGIN, _NAMES = 0.17, 0.2, 1.05
 _CROSS_VALIDATION = 2
 
 
-def choice(results: Results) -> FigureData | None:
+def choice(results: Study) -> FigureData | None:
     """Candidates by BIC, chi-square per degree of freedom and cross-validation error, a row of panels per specimen."""
     if results.models is None:
         return None

@@ -18,7 +18,7 @@ from fourpole.plot.sheet import Sheet, means, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import State, curve_of, place_text, states, values_of
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Least number of pressures of a map, and largest number of specimens.
 _FEWEST, _MOST_TYRES = 3, 3
@@ -26,7 +26,7 @@ _FEWEST, _MOST_TYRES = 3, 3
 _ROWS, _COLUMNS = 41, 61
 
 
-def over_pressure_and_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData | None:
+def over_pressure_and_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData | None:
     """Quantities over frequency and pressure, a column of panels per specimen with three pressures or more.
 
     Along frequency the values are those of the model, or of the tests where there is none; between the tested
@@ -64,7 +64,7 @@ def _at_one_load(found: Sequence[State]) -> list[State]:
 
 
 def _fields(
-    results: Results, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray
+    results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Frequencies [Hz], pressures [bar] and values (pressures, frequencies); None without a band in common."""
     lines = [_line(results, sheet, one, quantity, known) for one in found]
@@ -80,7 +80,7 @@ def _fields(
 
 
 def _line(
-    results: Results, sheet: Sheet, state: State, quantity: Quantity, known: BoolArray
+    results: Study, sheet: Sheet, state: State, quantity: Quantity, known: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Frequencies [Hz] and values of a condition: of its model, or of its tests."""
     curve = curve_of(results, state, quantity)
@@ -92,7 +92,7 @@ def _line(
     )
 
 
-def _panel(results: Results, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray) -> Panel:
+def _panel(results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray) -> Panel:
     tyre, made = found[0].tyre, _fields(results, sheet, found, quantity, known)
     assert made is not None  # specimens without a map are left out
     x, y, z = made

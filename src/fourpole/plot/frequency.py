@@ -31,7 +31,7 @@ from fourpole.plot.states import (
     values_on,
 )
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Largest number of specimens in a figure, of panels in a row, and of curves in a panel with a colour scale.
 _MOST_TYRES, _MOST_COLUMNS, _MOST_CURVES = 6, 3, 12
@@ -59,7 +59,7 @@ class Shown:
 Chosen: TypeAlias = tuple[dict[int, list[Shown]], Scale | None, tuple[tuple[int, str], ...]]
 
 
-def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData | None:
+def by_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData | None:
     """Quantities against frequency, a column of panels per specimen; None if no test has one of them.
 
     Up to six curves of a panel have their condition written at their ends; more have a colour scale.
@@ -93,7 +93,7 @@ def by_frequency(results: Results, quantities: Sequence[Quantity]) -> FigureData
     )  # fmt: skip
 
 
-def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None:
+def first(results: Study, quantities: Sequence[Quantity]) -> FigureData | None:
     """Quantities against frequency beside each other, with at most six curves of all specimens together."""
     sheet = read_sheet(results, texts_only=True)
     known, left_out = _known(sheet, quantities)
@@ -127,7 +127,7 @@ def first(results: Results, quantities: Sequence[Quantity]) -> FigureData | None
     )  # fmt: skip
 
 
-def parts(results: Results) -> FigureData | None:
+def parts(results: Study) -> FigureData | None:
     """K' and K'', and below them what the models leave, if there are any."""
     if results.models is None or not any(one.model is not None for one in states(results)):
         return by_frequency(results, _PARTS)
@@ -136,7 +136,7 @@ def parts(results: Results) -> FigureData | None:
     return data and replace(data, notes=(*data.notes, *residuals_said(results, found)), panel_height=1.5)
 
 
-def common(results: Results, found: Sequence[State]) -> str:
+def common(results: Study, found: Sequence[State]) -> str:
     """The stated values that all conditions share."""
     differ = set(differing(found))
     place = {column: value for column, value in found[0].place.items() if column not in differ and not np.isnan(value)}
@@ -154,7 +154,7 @@ def _known(sheet: Sheet, quantities: Sequence[Quantity]) -> tuple[BoolArray, lis
 
 
 def condition_panel(
-    results: Results, quantity: Quantity, curves: Sequence[Shown], known: BoolArray, *, log: bool
+    results: Study, quantity: Quantity, curves: Sequence[Shown], known: BoolArray, *, log: bool
 ) -> Panel:
     """The panel of one quantity: for each condition the model's curve, the tests and the rejected tests."""
     sheet = read_sheet(results, texts_only=True)
@@ -188,13 +188,13 @@ def condition_panel(
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(seen), tuple(series))
 
 
-def chosen_curves(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
+def chosen_curves(results: Study, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
     """The curves of each specimen: few with the condition at their ends, many on a colour scale."""
     many = max(map(len, by_tyre.values())) > MOST_LABELLED
     return _scaled(results, by_tyre, notes) if many else _labelled(results, by_tyre)
 
 
-def _labelled(results: Results, by_tyre: dict[int, list[State]]) -> Chosen:
+def _labelled(results: Study, by_tyre: dict[int, list[State]]) -> Chosen:
     """Few curves per panel: the colour of the specimen, and the condition at the end of each curve."""
     made = {}
     for tyre, each in by_tyre.items():
@@ -207,7 +207,7 @@ def _labelled(results: Results, by_tyre: dict[int, list[State]]) -> Chosen:
     return made, None, ()
 
 
-def _scaled(results: Results, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
+def _scaled(results: Study, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
     """Many curves per panel: a colour scale over the axis with the most values, line styles over the next axis."""
     every = [one for each in by_tyre.values() for one in each]
     colour, *others = differing(every)
@@ -268,7 +268,7 @@ def _few(found: Sequence[State]) -> list[State]:
     return chosen
 
 
-def words(results: Results, one: State, columns: Sequence[str]) -> str:
+def words(results: Study, one: State, columns: Sequence[str]) -> str:
     """The values of a condition on some axes."""
     return ", ".join(place_text(results, column, one.place.get(column, np.nan)) for column in columns)
 
@@ -287,7 +287,7 @@ def _logarithmic(curves: Sequence[Shown], sheet: Sheet) -> bool:
     return bool(frequency.size and frequency.max() > DECADE * frequency.min())
 
 
-def _models_said(results: Results, sheet: Sheet, panels: Sequence[Panel], tyres: Sequence[int]) -> list[str]:
+def _models_said(results: Study, sheet: Sheet, panels: Sequence[Panel], tyres: Sequence[int]) -> list[str]:
     """The models of some specimens; a hint where no curve is drawn."""
     if not any(one.role is Role.MODEL for panel in panels for one in panel.series):
         if results.models is None:
@@ -305,7 +305,7 @@ def _tests_said(sheet: Sheet, known: BoolArray, quantity: Quantity) -> list[str]
     return said + ([f"{counted(lacking, 'test')} {'has' if lacking == 1 else 'have'} no {what}"] if lacking else [])
 
 
-def transmissibility(results: Results, make: Callable[..., FigureData | None]) -> FigureData | None:
+def transmissibility(results: Study, make: Callable[..., FigureData | None]) -> FigureData | None:
     """TR as measured; TR that K* and the rig give where V2 was not measured."""
     sheet = read_sheet(results, texts_only=True)
     if np.any(np.isfinite(sheet.values(q.TR_MEASURED.head))):

@@ -16,14 +16,15 @@ from fourpole.plot.part import part_of
 from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import place_text, states
-from fourpole.study.results import Results, section, stated_blocked
+from fourpole.study.record import section, stated_blocked
+from fourpole.study.study import Study
 
 _MOST_TYRES, _MOST_SIGNALS, _POINTS = 3, 3, 145
 _SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
 _UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 
 
-def loops(results: Results) -> FigureData | None:
+def loops(results: Study) -> FigureData | None:
     """Force over the deflection of the specimen in one cycle, from the amplitudes of the tests; a panel per specimen.
 
     Of many tests those of the condition with the most of them are shown, spread over the frequencies.
@@ -45,7 +46,7 @@ def loops(results: Results) -> FigureData | None:
     return FigureData(tuple(panels), len(panels), sheet.labels, notes=tuple(notes), panel_height=2.6, shared=True)
 
 
-def _amplitudes(results: Results, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+def _amplitudes(results: Study, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
     """Complex amplitudes of F1 [N] and of the deflection [m] of all tests; V1 has the phase 0."""
     omega = 2 * np.pi * sheet.values(q.FREQUENCY.head)
     f1 = sheet.values(q.F1.head) * np.exp(1j * sheet.values(q.PHASE_F1.head))
@@ -57,7 +58,7 @@ def _amplitudes(results: Results, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]
 
 
 def _loop_panel(
-    results: Results, sheet: Sheet, tyre: int, known: np.ndarray, force: np.ndarray, deflection: np.ndarray
+    results: Study, sheet: Sheet, tyre: int, known: np.ndarray, force: np.ndarray, deflection: np.ndarray
 ) -> Panel:
     own = [one for one in states(results) if one.tyre == tyre and np.any(known & one.rows)]
     state = max(own, key=lambda one: int(np.sum(known & one.rows)))
@@ -84,7 +85,7 @@ def _label(sheet: Sheet, row: int) -> str:
     return sheet.frequencies.labels[frequency] if frequency >= 0 else texts(sheet.table, q.TEST.head)[row]
 
 
-def signals(results: Results) -> FigureData | None:
+def signals(results: Study) -> FigureData | None:
     """The cycles of the recordings that previews.parquet has, with the fitted sinusoids; a column per test."""
     sheet = read_sheet(results, texts_only=True)
     table = results.previews

@@ -12,14 +12,14 @@ from fourpole.core.arrays import BoolArray, FloatArray, IntArray
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.data import Role, Series, Tone, look
 from fourpole.plot.sheet import Groups, Sheet, means, spread, texts
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Number of pressures in the key of a figure.
 MOST_NAMED = 8
 
 
 def points_of(
-    results: Results,
+    results: Study,
     sheet: Sheet,
     rows: BoolArray,
     values: tuple[FloatArray, FloatArray],
@@ -45,7 +45,7 @@ def points_of(
     ]  # fmt: skip
 
 
-def rejected_of(results: Results, sheet: Sheet, rows: BoolArray, values: tuple[FloatArray, FloatArray]) -> list[Series]:
+def rejected_of(results: Study, sheet: Sheet, rows: BoolArray, values: tuple[FloatArray, FloatArray]) -> list[Series]:
     """The rejected tests of a mask."""
     return points_of(results, sheet, rows, values, look(Role.REJECTED))
 

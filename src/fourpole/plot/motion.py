@@ -22,7 +22,7 @@ from fourpole.plot.marks import (
 from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import Sheet, means, present, read_sheet
 from fourpole.plot.spec import FigureSpec
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: The two pressures of the paper's figure 14 [Pa].
 _PRESSURES = (100e3, 168e3)
@@ -51,7 +51,7 @@ def crossings(first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, Fl
     return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
-def transmissibility(results: Results) -> FigureData | None:
+def transmissibility(results: Study) -> FigureData | None:
     """TR against frequency at the pressures nearest to 1.00 and 1.68 bar, a panel per preload and setting."""
     sheet, notes = read_sheet(results), Notes()
     quantity = q.TR_MEASURED
@@ -129,7 +129,7 @@ def _crossings(
     return found if len(found) <= 4 else []
 
 
-def measured_against_predicted(results: Results) -> FigureData | None:
+def measured_against_predicted(results: Study) -> FigureData | None:
     """TR measured against TR predicted from K* and the rig; beside it their difference against frequency."""
     sheet = read_sheet(results)
     measured, _ = sheet.shown(q.TR_MEASURED)

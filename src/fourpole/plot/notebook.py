@@ -14,7 +14,7 @@ from fourpole.plot.catalogue import draw as figure_of
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.layout import new_figure
 from fourpole.plot.style import Style, drawing
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,12 +63,12 @@ class Drawn:
         return path
 
 
-def draw(what: Results | Recording, figure: str = "stiffness", *, style: Style | None = None) -> Drawn:
+def draw(what: Study | Recording, figure: str = "stiffness", *, style: Style | None = None) -> Drawn:
     """A figure of results, or of a recording.
 
     Parameters
     ----------
-    what : Results, Study or Recording
+    what : Study, Study or Recording
     figure : str
         Of results: a quantity, as "K2", "C", "K'", "TR", "loss angle", or one of `fourpole.plot.FIGURES`.
     style : Style, optional
@@ -93,7 +93,7 @@ def draw(what: Results | Recording, figure: str = "stiffness", *, style: Style |
     """
     if isinstance(what, Recording):
         return _recording(what, style or Style())
-    results = what if isinstance(what, Results) else what.results
+    results = what if isinstance(what, Study) else what.results
     key = OF_QUANTITY.get(figure, figure)
     if key not in FIGURES:
         quantities, figures = ", ".join(OF_QUANTITY), ", ".join(FIGURES)

@@ -23,7 +23,7 @@ from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import axis_shown, place_text
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _MOST_COLUMNS = 4
 _FREQUENCIES = 3
@@ -84,7 +84,7 @@ class _Cut:
         return np.asarray(mask)
 
 
-def operating(results: Results) -> FigureData | None:
+def operating(results: Study) -> FigureData | None:
     """K2 and C over pressure or, without pressure, the first axis of the map; K' and K'' if K2 and C are unknown."""
     if results.maps is None:
         return None
@@ -158,7 +158,7 @@ def _in_band(frequency: float, band: tuple[float, float]) -> bool:
     return band[0] <= frequency <= band[1] or any(FREQUENCY.same(frequency, end) for end in band)
 
 
-def _panel(results: Results, sheet: Sheet, cut: _Cut, groups: Sequence[float], pair: _Pair, which: int) -> Panel:
+def _panel(results: Study, sheet: Sheet, cut: _Cut, groups: Sequence[float], pair: _Pair, which: int) -> Panel:
     """One quantity of a cut through a map: a curve per frequency, and the tests; frequencies beyond the map have none.
 
     `which` is 0 for the first quantity of the pair, 1 for the second.
@@ -210,7 +210,7 @@ def _maps_said(sheet: Sheet, cuts: Sequence[_Cut]) -> list[str]:
     return ["models: " + ", ".join(f"{text} of {sheet.labels[tyre]}" for tyre, text in parts.items())]
 
 
-def _said(results: Results, cuts: Sequence[_Cut], pair: _Pair) -> list[str]:
+def _said(results: Study, cuts: Sequence[_Cut], pair: _Pair) -> list[str]:
     errors = {one.entry.tyre: one.entry.leave_one_out[0] for one in cuts}
     known = [f"{100 * error:.2g} %" + (f" ({plain_text(tyre)})" if tyre else "")
              for tyre, error in errors.items() if error]  # fmt: skip

@@ -25,7 +25,7 @@ from fourpole.plot.sheet import Sheet, floats, read_sheet, spread, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import State, axis_shown, values_of
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.units import shown as quoted
 
 #: Largest number of specimens in a figure, and of panels in a row.
@@ -112,7 +112,7 @@ def spec_over(key: str) -> FigureSpec | None:
     )
 
 
-def quantity_over(results: Results, *, quantity: Quantity, over: str) -> FigureData | None:
+def quantity_over(results: Study, *, quantity: Quantity, over: str) -> FigureData | None:
     """A quantity of the tests over an axis, a panel per specimen; None if no test has both.
 
     Over frequency the model's curve is drawn through the tests. On other axes a line joins the tests of which all else
@@ -120,7 +120,7 @@ def quantity_over(results: Results, *, quantity: Quantity, over: str) -> FigureD
 
     Parameters
     ----------
-    results : Results
+    results : Study
     quantity : Quantity
         One of `SHOWN`.
     over : str
@@ -169,7 +169,7 @@ class _Tests:
         return np.asarray(np.isfinite(self.x) & np.isfinite(self.y))
 
 
-def _tests(results: Results, quantity: Quantity, over: str) -> _Tests:
+def _tests(results: Study, quantity: Quantity, over: str) -> _Tests:
     """The tests that have the quantity: static ones where it is theirs, else dynamic ones."""
     sheet = read_sheet(results, texts_only=True)
     own = floats(sheet.static, quantity.head)
@@ -198,7 +198,7 @@ def _values(table: pl.DataFrame, axis: Axis) -> FloatArray:
     return floats(table, own if own in table.columns else axis.column)
 
 
-def _lines(results: Results, sheet: Sheet, tests: _Tests, over: str) -> tuple[list[State], bool]:
+def _lines(results: Study, sheet: Sheet, tests: _Tests, over: str) -> tuple[list[State], bool]:
     """The tests of each line, with the values on the other axes, and whether a line joins them.
 
     A line has the tests that differ in nothing but the axis. Where few differ in nothing else, as amplitudes that come
@@ -246,7 +246,7 @@ def _ranks(sheet: Sheet, place: Mapping[str, float]) -> tuple[int, int]:
 
 
 def _panel(
-    results: Results,
+    results: Study,
     tests: _Tests,
     quantity: Quantity,
     curves: Iterable[Shown],

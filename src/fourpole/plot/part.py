@@ -16,7 +16,7 @@ from fourpole.errors import CampaignError
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.plot.names import counted, plain_text
 from fourpole.quantities import ShownUnits
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _KEY = "part"
 _TEMPERATURE = next(axis for axis in AXES if axis.column == q.TEMPERATURE.head)
@@ -52,24 +52,24 @@ class Selection:
 class Part(ByValue):
     """The rows of the whole results' dynamic.csv and static.csv that were selected, and how they are shown."""
 
-    whole: Results
+    whole: Study
     rows: IntArray
     static_rows: IntArray
     selection: Selection
 
 
-def part_of(results: Results) -> Part | None:
+def part_of(results: Study) -> Part | None:
     """What was selected of these results; None if they are whole."""
     found: Part | None = results.derived.get(_KEY)
     return found
 
 
-def select(results: Results, selection: Selection) -> Results:
+def select(results: Study, selection: Selection) -> Study:
     """The results with some of their tests.
 
     Parameters
     ----------
-    results : Results
+    results : Study
         Whole results.
     selection : Selection
 
@@ -107,14 +107,14 @@ def select(results: Results, selection: Selection) -> Results:
     return _parted(results, Part(results, np.flatnonzero(rows), np.flatnonzero(statics), selection))
 
 
-def parted_rows(results: Results, made: Results, rows: IntArray) -> None:
+def parted_rows(results: Study, made: Study, rows: IntArray) -> None:
     """Note that `made` has some rows of the dynamic table of results that may be a part themselves."""
     part = part_of(results)
     if part is not None:
         made.derived[_KEY] = replace(part, rows=part.rows[rows])
 
 
-def _parted(results: Results, part: Part) -> Results:
+def _parted(results: Study, part: Part) -> Study:
     """The tables, models and rows of a part."""
     tables = dict(results.tables)
     tables["dynamic"], tables["static"] = results.dynamic[part.rows], results.static[part.static_rows]

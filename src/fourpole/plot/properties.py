@@ -16,13 +16,13 @@ from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import Sheet, present, read_sheet
 from fourpole.plot.spec import FigureSpec
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _MOST_PANELS = 12
 _MOST_FREQUENCIES = 12
 
 
-def property_figure(results: Results, *, quantity: Quantity, against: Quantity, high: bool) -> FigureData | None:
+def property_figure(results: Study, *, quantity: Quantity, against: Quantity, high: bool) -> FigureData | None:
     """A quantity against pressure, a curve per frequency, or against frequency, a curve per pressure.
 
     A panel per specimen and preload; with `high`, of all preloads but the lowest, otherwise of the lowest.

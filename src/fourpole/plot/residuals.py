@@ -14,7 +14,7 @@ from fourpole.plot.fitted import Drawn, curves_of
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Residuals of K' and K'', in this order.
 RESIDUALS = tuple(Quantity("", "", f"residual {one.name}", "1") for one in (q.STORAGE, q.LOSS))
@@ -22,7 +22,7 @@ RESIDUALS = tuple(Quantity("", "", f"residual {one.name}", "1") for one in (q.ST
 _USUAL = 2.0
 
 
-def residual_points(results: Results, one: Drawn, which: Quantity, look: Series) -> Series:
+def residual_points(results: Study, one: Drawn, which: Quantity, look: Series) -> Series:
     """The residuals of the tests of a condition, with the look of its series."""
     sheet = read_sheet(results, texts_only=True)
     frequency = sheet.values(q.FREQUENCY.head)
@@ -47,7 +47,7 @@ def residual_panel(which: Quantity, series: Sequence[Series], *, log: bool) -> P
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(which), (*lines, *series))
 
 
-def residuals_said(results: Results, found: Sequence[Drawn]) -> list[str]:
+def residuals_said(results: Study, found: Sequence[Drawn]) -> list[str]:
     """How many residuals of some conditions are beyond the usual bounds."""
     sheet = read_sheet(results, texts_only=True)
     left = np.concatenate([np.zeros(0), *(np.concatenate(_residuals(results, one, sheet)) for one in found)])
@@ -59,7 +59,7 @@ def residuals_said(results: Results, found: Sequence[Drawn]) -> list[str]:
     return [f"{said}; {outside} of {left.size} are beyond ±{_USUAL:g}"]
 
 
-def _residuals(results: Results, one: Drawn, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
+def _residuals(results: Study, one: Drawn, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
     key = ("residuals", one.entry.tyre, one.at, one.amplitude)
     if key not in results.derived:
         results.derived[key] = curves_of(one, sheet).residuals
@@ -67,7 +67,7 @@ def _residuals(results: Results, one: Drawn, sheet: Sheet) -> tuple[FloatArray, 
     return found
 
 
-def models_said(results: Results, sheet: Sheet, tyres: Sequence[int]) -> list[str]:
+def models_said(results: Study, sheet: Sheet, tyres: Sequence[int]) -> list[str]:
     """The models of some specimens, each with its model discrepancy."""
     entries = {one.tyre: one for one in (results.models.models if results.models is not None else ())}
     parts = {}
@@ -80,7 +80,7 @@ def models_said(results: Results, sheet: Sheet, tyres: Sequence[int]) -> list[st
     return ["models: " + ", ".join(f"{text} of {sheet.labels[tyre]}" for tyre, text in parts.items())]
 
 
-def title_of(results: Results, sheet: Sheet, tyre: int) -> str:
+def title_of(results: Study, sheet: Sheet, tyre: int) -> str:
     """The name of a specimen, or that of the model of a table without names."""
     if sheet.names[tyre] or results.models is None:
         return sheet.labels[tyre]

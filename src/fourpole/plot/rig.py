@@ -21,8 +21,8 @@ from fourpole.plot.sheet import Sheet, floats, grouped, means, read_sheet, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.stiffness import phasors, rigs_stated
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.study.results import Results
 from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
+from fourpole.study.study import Study
 
 _MOST_RIGS = 4
 #: Rule of equal added masses; equal masses have one marker.
@@ -68,7 +68,7 @@ class _Tests(ByValue):
     cards: tuple[str, ...]
 
 
-def residual(results: Results) -> FigureData | None:
+def residual(results: Study) -> FigureData | None:
     """Real and imaginary part of F1/V2 - Zr against frequency, a row per rig, a marker per added mass."""
     if q.RESIDUAL_RE.head not in results.residuals.columns:
         return None
@@ -118,7 +118,7 @@ def _fit_said(rig: RigEstimate) -> list[str]:
     return said
 
 
-def _tests(results: Results, sheet: Sheet) -> _Tests:
+def _tests(results: Study, sheet: Sheet) -> _Tests:
     """The rows of residuals.csv as arrays."""
     rows, keys = results.residuals, keys_of(results.residuals)
     names = texts(rows, "rig")
@@ -142,7 +142,7 @@ def _tests(results: Results, sheet: Sheet) -> _Tests:
     )
 
 
-def _as_stated(results: Results, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
+def _as_stated(results: Study, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
     """F1/V2 - Zr [N s/m] of each row of residuals.csv with rig and sensors as stated; not-a-number if not stated."""
     omega = 2 * np.pi * sheet.values(q.FREQUENCY.head)
     names = np.array(sheet.rigs, dtype=object)
@@ -181,7 +181,7 @@ def _residuals(tests: _Tests, column: int, here: BoolArray, shown: Quantity, *, 
     return tuple(series)
 
 
-def found(results: Results) -> FigureData | None:
+def found(results: Study) -> FigureData | None:
     """Each shared value as stated and as found, in its stated standard uncertainty; a panel per rig."""
     rigs = [rig for rig in results.rigs if rig.values]
     if not rigs:
@@ -251,7 +251,7 @@ def _size(shared: SharedValue, value: float, std: float, units: ShownUnits) -> s
     return f"{value / scale:+.3g} ± {std / scale:.2g} {unit}".rstrip().replace("-", "−")
 
 
-def mass_gain(results: Results) -> FigureData | None:
+def mass_gain(results: Study) -> FigureData | None:
     """Median relative uncertainty of K2 and C without and with the added mass, a panel per rig."""
     rigs = [one for one in results.rigs if one.mass_gain]
     if not rigs:

@@ -11,10 +11,11 @@ from fourpole.plot.pen import Pen
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.stiffness import rig_stated
 from fourpole.plot.style import Style
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 
-def tyre_model(results: Results, style: Style) -> Figure:  # noqa: ARG001  every figure takes the results
+def tyre_model(results: Study, style: Style) -> Figure:  # noqa: ARG001  every figure takes the results
     """Figure 1: K1 parallel to a Maxwell arm."""
     pen = Pen(4.0, style)
     x = 4.9
@@ -25,7 +26,7 @@ def tyre_model(results: Results, style: Style) -> Figure:  # noqa: ARG001  every
     return pen.figure
 
 
-def whole_model(results: Results, style: Style) -> Figure:
+def whole_model(results: Study, style: Style) -> Figure:
     """Figure 2: the tyre, the moving mass, the preload spring and the foundation, with the values stated."""
     rig = _only_rig(results)
     pen = Pen(6.1, style)
@@ -54,7 +55,7 @@ def whole_model(results: Results, style: Style) -> Figure:
     return pen.figure
 
 
-def static_rig(results: Results, style: Style) -> Figure:  # noqa: ARG001
+def static_rig(results: Study, style: Style) -> Figure:  # noqa: ARG001
     """Figure 3: screw, force transducer, tyre, deflection transducer, pen recorder."""
     pen = Pen(5.4, style)
     pen.frame(2.4, 6.4, 0.5, 4.7)
@@ -87,7 +88,7 @@ def static_rig(results: Results, style: Style) -> Figure:  # noqa: ARG001
     return pen.figure
 
 
-def dynamic_rig(results: Results, style: Style) -> Figure:  # noqa: ARG001
+def dynamic_rig(results: Study, style: Style) -> Figure:  # noqa: ARG001
     """Figure 4: gear boxes, cam, tyre, clamped axle with the moving mass, leaf spring."""
     pen = Pen(6.7, style)
     x = 4.9
@@ -143,7 +144,7 @@ def dynamic_rig(results: Results, style: Style) -> Figure:  # noqa: ARG001
     return pen.figure
 
 
-def _only_rig(results: Results) -> Rig | None:
+def _only_rig(results: Study) -> Rig | None:
     """The rig of the campaign, if it has one and no more."""
     rigs = section(results.record, "stated", "rigs")
     return rig_stated(next(iter(rigs.values()))) if len(rigs) == 1 else None

@@ -17,7 +17,7 @@ from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.plot.names import short_names
 from fourpole.plot.part import Part, part_of, shown_name
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 IntArray = NDArray[np.int64]
 #: Fields of a sheet with an entry for each test.
@@ -127,7 +127,7 @@ class Sheet(ByValue):
         return self.loads.labels[at] if self.loads.stated() or len(self.loads) > 1 else ""
 
 
-def read_sheet(results: Results, *, texts_only: bool = False) -> Sheet:
+def read_sheet(results: Study, *, texts_only: bool = False) -> Sheet:
     """The tests of a campaign in groups.
 
     A specimen tested at several temperatures, or at several values of a further axis, becomes several specimens;
@@ -154,7 +154,7 @@ def _rows_of(sheet: Sheet, part: Part) -> Sheet:
     )
 
 
-def _sheet_of(results: Results, *, texts_only: bool) -> Sheet:
+def _sheet_of(results: Study, *, texts_only: bool) -> Sheet:
     """The tests in groups, as `read_sheet` has them."""
     results = results.apart(texts_only=texts_only)
     dynamic, static = results.dynamic, results.static

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from fourpole.plot.data import FigureData
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,8 +27,8 @@ class FigureSpec:
     key: str
     name: str
     caption: str
-    draw: Callable[[Results, Style], Figure | None] | None = None
-    data: Callable[[Results], FigureData | None] | None = None
+    draw: Callable[[Study, Style], Figure | None] | None = None
+    data: Callable[[Study], FigureData | None] | None = None
     apart: bool = False
     number: int = 0
 
@@ -37,7 +37,7 @@ class FigureSpec:
         """The name, after the number of a figure of the paper."""
         return f"Figure {self.number}: {self.name}" if self.number else self.name
 
-    def drawn(self, results: Results, style: Style) -> Figure | None:
+    def drawn(self, results: Study, style: Style) -> Figure | None:
         """The figure; None if the results hold nothing that it shows."""
         if self.draw is not None:
             return self.draw(results, style)

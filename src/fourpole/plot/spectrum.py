@@ -18,7 +18,7 @@ from fourpole.plot.sheet import read_sheet
 from fourpole.plot.spec import FigureSpec
 from fourpole.plot.states import State, states
 from fourpole.quantities import ShownUnits
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _MOST_COLUMNS = 3
 #: Least number of arms with a stiffness above zero that make a spectrum.
@@ -39,7 +39,7 @@ class _Spectrum(ByValue):
     high: FloatArray
 
 
-def spectrum(results: Results) -> FigureData | None:
+def spectrum(results: Study) -> FigureData | None:
     """K', K'' and the relaxation spectrum of the first condition of each specimen whose model is a Prony series."""
     if results.models is None:
         return None

@@ -23,7 +23,7 @@ from fourpole.plot.fitted import DECADE, Drawn, conditions_of
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Number of points of a model's curve.
 _GRID = 181
@@ -53,7 +53,7 @@ class State(ByValue):
     model: Drawn | None = None
 
 
-def states(results: Results) -> list[State]:
+def states(results: Study) -> list[State]:
     """All conditions of the dynamic tests, by specimen, pressure and preload; made once for some results."""
     if "states" not in results.derived:
         results.derived["states"] = _states(results, read_sheet(results, texts_only=True))
@@ -61,7 +61,7 @@ def states(results: Results) -> list[State]:
     return found
 
 
-def _states(results: Results, sheet: Sheet) -> list[State]:
+def _states(results: Study, sheet: Sheet) -> list[State]:
     if not sheet.tyre.size:
         return []
     rule = rule_in(results.record)
@@ -147,7 +147,7 @@ def axis_shown(column: str, units: ShownUnits) -> tuple[str, str, float]:
     return plain_text(name), plain_text(unit or "1"), scale
 
 
-def place_text(results: Results, column: str, value: float) -> str:
+def place_text(results: Study, column: str, value: float) -> str:
     """A value on an axis with its unit; the name stands before it where the unit does not say what it is."""
     if np.isnan(value):
         return f"{axis_shown(column, results.shown)[0]} not stated"
@@ -167,7 +167,7 @@ class ModelCurve(ByValue):
     covariance: FloatArray
 
 
-def model_curve(results: Results, state: State) -> ModelCurve | None:
+def model_curve(results: Study, state: State) -> ModelCurve | None:
     """K* of a condition's model at frequencies dense enough for a curve; None without a model of several."""
     one = state.model
     if one is None or one.band[1] <= one.band[0]:
@@ -182,7 +182,7 @@ def model_curve(results: Results, state: State) -> ModelCurve | None:
     return found
 
 
-def curve_of(results: Results, state: State, quantity: Quantity) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+def curve_of(results: Study, state: State, quantity: Quantity) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Frequencies [Hz], values and half-widths of the 95 % band of the model's curve, in the unit of the axis.
 
     K2 and C follow from K* of the model and K1 of the tests; TR follows from K* and the rig, whose uncertainty is in
@@ -225,7 +225,7 @@ def _answer(found: ModelCurve, k1: float, k1_std: float) -> Answer:
     return Answer.of(found.stiffness, level, covariance, 2 * np.pi * found.frequency)
 
 
-def _arm(results: Results, state: State, found: ModelCurve, quantity: Quantity) -> tuple[FloatArray, FloatArray] | None:
+def _arm(results: Study, state: State, found: ModelCurve, quantity: Quantity) -> tuple[FloatArray, FloatArray] | None:
     sheet = read_sheet(results, texts_only=True)
     k1, std = (_middle(sheet.values(head)[state.rows & ~sheet.rejected]) for head in q.K1.heads)
     if not np.isfinite(k1):
@@ -235,12 +235,12 @@ def _arm(results: Results, state: State, found: ModelCurve, quantity: Quantity) 
     return (answer.k2, answer.c)[at], np.sqrt(answer.arm_covariance[:, at, at])
 
 
-def _transmissibility(results: Results, found: ModelCurve) -> tuple[FloatArray, FloatArray] | None:
+def _transmissibility(results: Study, found: ModelCurve) -> tuple[FloatArray, FloatArray] | None:
     rig = model_rig(results)
     return None if rig is None or rig.blocked else _answer(found, 0.0, 0.0).transmissibility(rig, found.frequency)
 
 
-def model_rig(results: Results) -> Rig | None:
+def model_rig(results: Study) -> Rig | None:
     """The rig with which TR of a model is computed; None for several rigs, or where none is known."""
     try:
         return rig_in(results.models.rig) if results.models is not None else None

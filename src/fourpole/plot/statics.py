@@ -17,7 +17,7 @@ from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role,
 from fourpole.plot.sheet import Sheet, read_sheet, spread
 from fourpole.plot.spec import FigureSpec
 from fourpole.quantities import ShownUnits
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Deflection [mm] and load [kN] of a curve.
 _MM, _KN = 1e3, 1e-3
@@ -36,7 +36,7 @@ class LoadLine(ByValue):
     rejected: bool
 
 
-def load_lines(results: Results, sheet: Sheet) -> list[LoadLine]:
+def load_lines(results: Study, sheet: Sheet) -> list[LoadLine]:
     """The load-deflection curves of the static tests that have one."""
     previews = results.previews
     if q.MEAN_LOAD.head not in previews.columns or not sheet.static.height:
@@ -77,7 +77,7 @@ def _zero_load(deflection: FloatArray, load: FloatArray) -> float:
     return float(deflection[at] - load[at] * (deflection[end] - deflection[at]) / rise) if rise > 0 else 0.0
 
 
-def over_deflection(results: Results) -> FigureData | None:
+def over_deflection(results: Study) -> FigureData | None:
     """Mean load-deflection curves, a panel per specimen; points are the preloads at which K1 is their tangent."""
     sheet = read_sheet(results, texts_only=True)
     lines = load_lines(results, sheet)
@@ -105,7 +105,7 @@ def over_deflection(results: Results) -> FigureData | None:
     return FigureData(tuple(panels), columns, sheet.labels, scale=scale, notes=tuple(notes), panel_height=2.4)
 
 
-def _panel(results: Results, sheet: Sheet, lines: Sequence[LoadLine], *, scaled: bool) -> Panel:
+def _panel(results: Study, sheet: Sheet, lines: Sequence[LoadLine], *, scaled: bool) -> Panel:
     """The curves of one specimen."""
     units, cards = results.shown, static_cards(results)
     moved, load, pressure = (units.of(one) for one in (q.DEFLECTION_AMPLITUDE, q.PRELOAD, q.PRESSURE))

@@ -21,7 +21,8 @@ from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import IntArray, Sheet, means, present, read_sheet, texts
 from fourpole.plot.spec import FigureSpec
 from fourpole.quantities import Quantity
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 _MOST_LOADS, _MOST_TYRES, _MOST_COLUMNS = 2, 12, 4
 #: Rank of the marker and of the line style of each route.
@@ -57,7 +58,7 @@ def _choose(sheet: Sheet, visible: BoolArray, notes: Notes) -> _Choice:
     )
 
 
-def mobility(results: Results) -> FigureData | None:
+def mobility(results: Study) -> FigureData | None:
     """R and I as measured, with the curve that K1, K2 and C and the rig as stated give; a column per specimen."""
     sheet = read_sheet(results)
     frequency, _ = sheet.shown(q.FREQUENCY)
@@ -79,7 +80,7 @@ def mobility(results: Results) -> FigureData | None:
 
 
 def _mobility_panel(
-    results: Results,
+    results: Study,
     sheet: Sheet,
     rigs: Mapping[str, Rig | None],
     choice: _Choice,
@@ -129,7 +130,7 @@ def _model_curve(
     return grid, [whole.real, whole.imag]
 
 
-def nyquist(results: Results) -> FigureData | None:
+def nyquist(results: Study) -> FigureData | None:
     """K'' against K' along frequency, a panel per specimen."""
     sheet = read_sheet(results)
     real, real_std = sheet.shown(q.STORAGE)
@@ -190,7 +191,7 @@ def rig_stated(stated: Mapping[str, Any]) -> Rig | None:
         return None
 
 
-def rigs_stated(results: Results, sheet: Sheet) -> dict[str, Rig | None]:
+def rigs_stated(results: Study, sheet: Sheet) -> dict[str, Rig | None]:
     """The stated rig of each name in dynamic.csv; None if there is no valid statement."""
     stated = section(results.record, "stated", "rigs")
     return {name: rig_stated(stated[name]) if name in stated else None for name in set(sheet.rigs)}
@@ -209,7 +210,7 @@ def phasors(sheet: Sheet, rig: Rig | None, at: IntArray) -> tuple[ComplexArray, 
     return cell - 1j * omega * v1 * (rig.input_mass if rig else 0.0), v1, v2
 
 
-def route_stiffness(results: Results, sheet: Sheet) -> dict[str, ComplexArray]:
+def route_stiffness(results: Study, sheet: Sheet) -> dict[str, ComplexArray]:
     """K* [N/m] of every test by each route; not-a-number if the test lacks a phasor or the rig that a route needs."""
     every = 2 * np.pi * sheet.values(q.FREQUENCY.head)
     names = np.array(sheet.rigs, dtype=object)
@@ -228,7 +229,7 @@ def route_stiffness(results: Results, sheet: Sheet) -> dict[str, ComplexArray]:
     return {route: value for route, value in found.items() if np.any(np.isfinite(value))}
 
 
-def routes(results: Results) -> FigureData | None:
+def routes(results: Study) -> FigureData | None:
     """K' by each route at one condition, and the relative differences of K' and K'' from the K* in use."""
     sheet = read_sheet(results)
     frequency, _ = sheet.shown(q.FREQUENCY)
@@ -256,7 +257,7 @@ def routes(results: Results) -> FigureData | None:
                       panel_height=1.8, aligned=True, block=3)  # fmt: skip
 
 
-def _route_panel(results: Results, sheet: Sheet, found: Mapping[str, ComplexArray], own: BoolArray, tyre: int) -> Panel:
+def _route_panel(results: Study, sheet: Sheet, found: Mapping[str, ComplexArray], own: BoolArray, tyre: int) -> Panel:
     """K' by each route at the condition of a specimen with the most tests."""
     frequency, _ = sheet.shown(q.FREQUENCY)
     pressure, load = _fullest(sheet, own)

@@ -13,25 +13,25 @@ from fourpole.core.checks import Verdict
 from fourpole.fitting.rows import KEY, keyed
 from fourpole.plot.cardids import MANY, dynamic_cards, of_lines
 from fourpole.plot.part import parted_rows
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: Number of lines that all tests with lines show together; each of them shows at least `MANY`.
 _TOGETHER = 300
 _KEY = "strided"
 
 
-def strided(results: Results) -> Results:
+def strided(results: Study) -> Study:
     """The results with a few lines of each test under random excitation or a sweep, evenly over log frequency.
 
     Lines that are rejected are left out where the test has others. The ids of the cards are those of the whole results.
     """
     if _KEY not in results.derived:
         results.derived[_KEY] = _strided(results)
-    found: Results = results.derived[_KEY]
+    found: Study = results.derived[_KEY]
     return found
 
 
-def _strided(results: Results) -> Results:
+def _strided(results: Study) -> Study:
     rows = shown_rows(results)
     if rows.size == results.dynamic.height:
         return results
@@ -49,7 +49,7 @@ def _strided(results: Results) -> Results:
     return made
 
 
-def shown_rows(results: Results) -> IntArray:
+def shown_rows(results: Study) -> IntArray:
     """The rows of dynamic.csv that are shown."""
     table = results.dynamic
     if q.POINT.head not in table.columns:

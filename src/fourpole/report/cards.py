@@ -23,7 +23,8 @@ from fourpole.report.linecards import band_words, line_body, lines_of
 from fourpole.report.packed import extremes, packed
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
 from fourpole.report.wanted import shown_as
-from fourpole.study.results import Results, section, stated_blocked
+from fourpole.study.record import section, stated_blocked
+from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC as TABLE
 from fourpole.study.tables import verdict_of_lines
 
@@ -47,7 +48,7 @@ class Card:
     body: dict[str, Any]
 
 
-def make_cards(results: Results) -> tuple[list[Card], list[str], list[str]]:
+def make_cards(results: Study) -> tuple[list[Card], list[str], list[str]]:
     """All cards, static tests first; then the key of the card of each row of the static and of the dynamic table."""
     previews = _Previews(results.previews)
     static, static_keys = _static_cards(results.static, previews)
@@ -131,7 +132,7 @@ def _tangents(
             yield [_short(x[at] + share * (x[at + 1] - x[at])), _short(preload), _short(k1)]
 
 
-def _dynamic_cards(results: Results, previews: _Previews) -> tuple[list[Card], list[str]]:
+def _dynamic_cards(results: Study, previews: _Previews) -> tuple[list[Card], list[str]]:
     quantities = {
         symbol: str(section(results.record, "stated", "channels", role).get("quantity", ""))
         for symbol, role in _SIGNALS

@@ -11,7 +11,8 @@ from fourpole.findings.conformity import Conformity, Judged, outcome_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import in_unit, number, with_interval
 from fourpole.report.words.phrases import counted, some
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
 
 #: Rows of the table of limits.
@@ -23,7 +24,7 @@ _KINDS = {Conformity.PASS: Verdict.OK, Conformity.UNDECIDED: Verdict.WARNING, Co
 _AXES = {"pressure": q.PRESSURE, "preload": q.PRELOAD, "temperature": q.TEMPERATURE, "frequency": q.FREQUENCY}
 
 
-def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
+def verdict_line(results: Study, held: Sequence[Judged]) -> SimpleNamespace:
     """The verdict in one line: on the limits if some are stated, else the number of tests by verdict."""
     counts = verdict_counts(results.static, results.dynamic)
     if not held:
@@ -51,7 +52,7 @@ def verdict_line(results: Results, held: Sequence[Judged]) -> SimpleNamespace:
     return SimpleNamespace(kind=_KINDS[outcome], word=outcome.value.upper(), text=f"{text}.")
 
 
-def conformity_table(results: Results, held: Sequence[Judged]) -> SimpleNamespace | None:
+def conformity_table(results: Study, held: Sequence[Judged]) -> SimpleNamespace | None:
     """The limits with their results, and the rule of the decision; None without limits."""
     if not held:
         return None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from fourpole.report.words.phrases import counted, joined
-from fourpole.study.results import Results, section, texts
+from fourpole.study.record import section, texts
+from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
 
 
-def folded(results: Results, *, topics: int, findings: int, remarks: int, figures: int) -> dict[str, str]:
+def folded(results: Study, *, topics: int, findings: int, remarks: int, figures: int) -> dict[str, str]:
     """What each part holds, by the key of the part; the counts are those of the page."""
     counts = verdict_counts(results.static, results.dynamic)
     tests = sum(counts.values())

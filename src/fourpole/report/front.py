@@ -24,7 +24,8 @@ from fourpole.report.words.phrases import counted, joined, percent
 from fourpole.report.words.rig import rigs_in_words
 from fourpole.report.words.sentence import Sentence
 from fourpole.report.words.sources import source_in_words
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 #: Most items of each list, and most specimens that are described one by one.
 _MOST_SAID, _MOST_DESCRIBED = 3, 4
@@ -51,7 +52,7 @@ _PARTICULARS = (
 )  # fmt: skip
 
 
-def front_page(results: Results, said: Sequence[Sentence]) -> SimpleNamespace:
+def front_page(results: Study, said: Sequence[Sentence]) -> SimpleNamespace:
     """What the first page shows; `said` has the findings in words."""
     record = results.record
     stated = section(record, "stated", "report")
@@ -84,7 +85,7 @@ def _image(address: object) -> str:
     return address if isinstance(address, str) and address.startswith("data:image/") else ""
 
 
-def _specimens(results: Results) -> list[SimpleNamespace]:
+def _specimens(results: Study) -> list[SimpleNamespace]:
     """Name and description of each specimen; of more than a few, none."""
     names = list(dict.fromkeys([*results.static["tyre"].to_list(), *results.dynamic["tyre"].to_list()]))
     stated = section(results.record, "stated", "specimens")
@@ -98,7 +99,7 @@ def _described(stated: Mapping[str, Any]) -> str:
     return ", ".join([*parts, *(f"{words} {stated[key]}" for key, words in _OF_SPECIMEN if stated.get(key))])
 
 
-def summary_table(results: Results, rows: Sequence[SummaryRow]) -> SimpleNamespace:
+def summary_table(results: Study, rows: Sequence[SummaryRow]) -> SimpleNamespace:
     """Rows of the table of results: the condition, and each quantity with U or its interval."""
     facts = Facts.of(results)
     ranges = any(low is not high for row in rows for low, high in row.values.values())
@@ -209,7 +210,7 @@ def _equipment(stated: Mapping[str, Any]) -> list[SimpleNamespace]:
     return found
 
 
-def _limits(results: Results, rows: Sequence[SummaryRow]) -> list[str]:
+def _limits(results: Study, rows: Sequence[SummaryRow]) -> list[str]:
     """What limits the results, and the cheapest remedy, a sentence for each source; scatter of repeats comes first."""
     scattered = len(_apart(rows))
     groups: dict[tuple[str, str, str], list[Limit]] = {}
@@ -233,7 +234,7 @@ def _limits(results: Results, rows: Sequence[SummaryRow]) -> list[str]:
     return said
 
 
-def _doubts(results: Results, rows: Sequence[SummaryRow], said: Sequence[Sentence]) -> list[Sentence]:
+def _doubts(results: Study, rows: Sequence[SummaryRow], said: Sequence[Sentence]) -> list[Sentence]:
     """What not to trust: rigs that do not fit, repeats that scatter, then tests by their commonest reasons."""
     misfit = [Sentence(Topic.TRUST, about.misfit[0]) for about in rigs_in_words(results) if about.misfit]
     trust = [one for one in said if one.topic == Topic.TRUST][1:]
@@ -265,7 +266,7 @@ def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
     return [Sentence(Topic.TRUST, text)]
 
 
-def _misfits(results: Results, *, scattered: bool) -> list[str]:
+def _misfits(results: Study, *, scattered: bool) -> list[str]:
     """Models that depart from the data by more than a limit, in a sentence; no reason where repeats scatter."""
     models = results.models.models if results.models else ()
     off = [one for one in models if one.discrepancy >= _POOR]
@@ -277,7 +278,7 @@ def _misfits(results: Results, *, scattered: bool) -> list[str]:
     return [f"The models depart from the data of {joined(each)}{why}. The tables do not rest on them."]
 
 
-def _scale(results: Results) -> list[str]:
+def _scale(results: Study) -> list[str]:
     """What the scale of K* rests on, a sentence for each rig."""
     several = len(results.rigs) > 1
     found = [f"{f'rig {rig.rig}: ' if several else ''}{rig.rests}" for rig in results.rigs if rig.rests]

@@ -12,7 +12,7 @@ from fourpole.findings.facts import Facts
 from fourpole.fitting.modelfile import CandidateFile, ConditionFile, MapEntry, ModelEntry
 from fourpole.report.digits import number, with_std
 from fourpole.report.words.models import chosen, map_facts, place, query_command, remarks_on_map, sentences
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: The unit shown for an SI unit, and its SI value.
 _UNITS = {"N/m": ("kN/m", 1e3), "1": ("", 1.0)}
@@ -20,7 +20,7 @@ _UNITS = {"N/m": ("kN/m", 1e3), "1": ("", 1.0)}
 _OPEN = 4
 
 
-def models_section(results: Results) -> list[SimpleNamespace]:
+def models_section(results: Study) -> list[SimpleNamespace]:
     """The model and the map of each tyre, as the page shows them."""
     shared = results.models is not None and "share" in results.models.provenance.settings
     models = {one.tyre: one for one in (results.models.models if results.models else [])}

@@ -31,7 +31,8 @@ from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
 from fourpole.report.words.sentence import Sentence
 from fourpole.report.words.shared_values import GROUPS
-from fourpole.study.results import Results, section, texts
+from fourpole.study.record import section, texts
+from fourpole.study.study import Study
 
 #: The templates of the parts of the page, by name; `page_parts` has what they show.
 PARTS = {
@@ -90,13 +91,13 @@ class ReportFigure:
 
 
 def write_report(
-    results: Results, path: str | Path, *, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]
+    results: Study, path: str | Path, *, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]
 ) -> None:
     """Write report.html in one step.
 
     Parameters
     ----------
-    results : Results
+    results : Study
         Tables of an analysed campaign.
     path : path
         The file; its folder must exist.
@@ -113,7 +114,7 @@ def write_report(
     write_text(path, render_report(results, findings=findings, figures=figures))
 
 
-def render_report(results: Results, *, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
+def render_report(results: Study, *, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
     """The page that `write_report` writes, as text.
 
     Whatever stands in the tables, the record, the findings and the captions is escaped. The page loads nothing from
@@ -123,7 +124,7 @@ def render_report(results: Results, *, findings: Sequence[Sentence], figures: Ma
         return _page(results, findings, figures)
 
 
-def _page(results: Results, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
+def _page(results: Study, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
     """The page, in the units that are wanted now."""
     shown = page_parts(results, findings, figures)
     front, script = shown["front"], "".join(map(packaged, SCRIPTS))
@@ -140,7 +141,7 @@ def _page(results: Results, findings: Sequence[Sentence], figures: Mapping[str, 
     )
 
 
-def page_parts(results: Results, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> dict[str, Any]:
+def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> dict[str, Any]:
     """What the templates of `PARTS` show, in the units that are wanted now."""
     cards, static_keys, dynamic_keys = make_cards(results)
     static = result_rows(results.static, STATIC, static_keys)
@@ -219,7 +220,7 @@ def _topics(findings: Sequence[Sentence], where: Mapping[str, str]) -> dict[str,
     return topics
 
 
-def _remarked(results: Results, cards: Sequence[str]) -> list[SimpleNamespace]:
+def _remarked(results: Study, cards: Sequence[str]) -> list[SimpleNamespace]:
     """The dynamic tests with a remark, each once."""
     found: dict[str, SimpleNamespace] = {}
     columns = (results.dynamic[name].to_list() for name in ("test", "verdict", "remarks"))

@@ -14,7 +14,8 @@ from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.quantities import RIG_VALUES, Quantity
 from fourpole.report.digits import known, number, spread, with_std
 from fourpole.report.wanted import shown_as
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
 
 _ROLES = {
@@ -27,7 +28,7 @@ _ROLES = {
 _STATIC_ROLES = {"load", "deflection"}
 
 
-def tested(results: Results) -> list[SimpleNamespace]:
+def tested(results: Study) -> list[SimpleNamespace]:
     """One row per tyre, in the order of the tables."""
     both = [results.static.select("tyre", "construction"), results.dynamic.select("tyre", "construction")]
     constructions: dict[str, str] = {}
@@ -38,7 +39,7 @@ def tested(results: Results) -> list[SimpleNamespace]:
     return [_tested(results, tyre, text, section(stated, tyre)) for tyre, text in constructions.items()]
 
 
-def _tested(results: Results, tyre: str, construction: str, stated: Mapping[str, Any]) -> SimpleNamespace:
+def _tested(results: Study, tyre: str, construction: str, stated: Mapping[str, Any]) -> SimpleNamespace:
     """One tyre with the conditions of its tests, and their number."""
     static, dynamic = (frame.filter(pl.col("tyre") == tyre) for frame in (results.static, results.dynamic))
 

@@ -19,7 +19,7 @@ from fourpole.plot.states import axis_shown, place_text
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.digits import cell
 from fourpole.report.words.models import inside, lacking
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.units import quantity
 
 #: Axes whose values are stated with a unit: name in the address and kind of quantity, by column.
@@ -83,7 +83,7 @@ class Source:
     constant: str
 
 
-def sources(results: Results) -> dict[str, Source]:
+def sources(results: Study) -> dict[str, Source]:
     """What answers for each specimen: its map where it has one, else its models."""
     found: dict[str, Source] = {}
     if results.maps is not None:
@@ -97,7 +97,7 @@ def sources(results: Results) -> dict[str, Source]:
     return found
 
 
-def _of_map(results: Results, file: ModelFile, entry: MapEntry) -> Source:
+def _of_map(results: Study, file: ModelFile, entry: MapEntry) -> Source:
     fields = [
         _field(results.shown, axis.column, min(axis.values), max(axis.values), value)
         for axis, value in zip(entry.axes, inside(entry), strict=True)
@@ -109,7 +109,7 @@ def _of_map(results: Results, file: ModelFile, entry: MapEntry) -> Source:
     )  # fmt: skip
 
 
-def _of_model(results: Results, file: ModelFile, entry: ModelEntry) -> Source:
+def _of_model(results: Study, file: ModelFile, entry: ModelEntry) -> Source:
     stated = [{one.column: one.value for one in each.state} for each in entry.conditions]
     law = entry.temperature
     fields = []
@@ -147,13 +147,13 @@ def _inward(low: float, high: float) -> tuple[float, float]:
     return (ends[0], ends[1]) if ends[0] <= ends[1] else (low, high)
 
 
-def _amplitude(results: Results, levels: Sequence[float] | None) -> tuple[Field, ...]:
+def _amplitude(results: Study, levels: Sequence[float] | None) -> tuple[Field, ...]:
     if not levels:
         return ()
     return (_field(results.shown, AMPLITUDE.column, levels[0], levels[-1], float(np.sqrt(levels[0] * levels[-1]))),)
 
 
-def _frequency(results: Results, band: tuple[float, float], first: tuple[float, float]) -> Field:
+def _frequency(results: Study, band: tuple[float, float], first: tuple[float, float]) -> Field:
     """The field of the frequency over a band; its first value is the middle of the band of the first condition."""
     (low, high), (least, largest) = band, first
     middle = float(np.clip(float(f"{np.sqrt(least * largest):.3g}"), least, largest))
@@ -173,12 +173,12 @@ def _written(units: ShownUnits, column: str, value: float) -> str:
     return f"{value / scale:.10g} {unit}"
 
 
-def answer(results: Results, source: Source, asked: Mapping[str, str], *, beyond: bool) -> dict[str, Any]:
+def answer(results: Study, source: Source, asked: Mapping[str, str], *, beyond: bool) -> dict[str, Any]:
     """The answer to a question, and the curves over frequency at its point; `fault` in place of both if it has none.
 
     Parameters
     ----------
-    results : Results
+    results : Study
     source : Source
     asked : mapping of str to str
         Values by the names of the fields; one that is not stated has the first value of its field.

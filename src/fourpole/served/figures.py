@@ -19,7 +19,7 @@ from fourpole.report.digits import number, with_std
 from fourpole.report.page import ReportFigure
 from fourpole.served.held import Shown
 from fourpole.served.site import Site, address
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 #: A link in a figure to the card of a test.
 _CARD = re.compile(r'xlink:href="#([\w-]+)"')
@@ -49,14 +49,14 @@ def linked(drawing: Markup, shown: Shown) -> Markup:
     return Markup(_CARD.sub(place_of, drawing))
 
 
-def drawn(site: Site, results: Results, key: str, form: str = "svg") -> bytes | None:
+def drawn(site: Site, results: Study, key: str, form: str = "svg") -> bytes | None:
     """A figure of the catalogue as a file; None if the results hold nothing that it shows."""
     with site.drawing:
         figure = draw(results, key)
         return None if figure is None else render(figure, key, form)
 
 
-def figure_of(site: Site, shown: Shown, results: Results, key: str) -> LinkedFigure | None:
+def figure_of(site: Site, shown: Shown, results: Study, key: str) -> LinkedFigure | None:
     """A figure of the catalogue for a page; `results` are those of `shown`, or a part of them."""
     svg = drawn(site, results, key)
     if svg is None:
@@ -75,7 +75,7 @@ class Values:
     rows: list[tuple[str, str, str, str]]
 
 
-def values_of(results: Results, key: str) -> list[Values]:
+def values_of(results: Study, key: str) -> list[Values]:
     """The tests that a figure shows, panel by panel; none for line art, which has no axes."""
     if key in FIGURES and FIGURES[key].data is None:
         return []

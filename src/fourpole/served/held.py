@@ -18,7 +18,8 @@ from fourpole.report.page import ReportFigure, page_parts
 from fourpole.report.wanted import in_units
 from fourpole.report.words.sentence import sentences
 from fourpole.served.workspace import Place
-from fourpole.study.results import Results, read_results
+from fourpole.study.results import read_results
+from fourpole.study.study import Study
 
 #: Number of campaigns whose results are held.
 _MOST = 6
@@ -31,7 +32,7 @@ class Shown:
     """The results of a campaign, and what the report shows of them."""
 
     place: Place
-    results: Results
+    results: Study
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     @cached_property

@@ -9,11 +9,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fourpole.study.results import Results, read_results
-    from fourpole.study.study import DRAWS, Study, analyse
+    from fourpole.study.analysis import DRAWS, analyse
+    from fourpole.study.results import read_results
+    from fourpole.study.study import Study
 
-__all__ = ["DRAWS", "Results", "Study", "analyse", "read_results"]
-_HOME = {"DRAWS": "study", "Results": "results", "Study": "study", "analyse": "study", "read_results": "results"}
+__all__ = ["DRAWS", "Study", "analyse", "read_results"]
+_HOME = {"DRAWS": "analysis", "Study": "study", "analyse": "analysis", "read_results": "results"}
 
 
 def __getattr__(name: str) -> Any:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from fourpole.io.published import LIST
+from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.shown import shown_units
+from fourpole.errors import FileError, TableError
+from fourpole.io.folders import resolved
+from fourpole.io.published import LIST, published_beside
 from fourpole.io.write import write_text
+from fourpole.quantities import ShownUnits
 
 #: Keys of study.json with what each holds.
 KEYS = {
@@ -24,6 +31,8 @@ KEYS = {
     "verdicts": "number of tests by verdict",
     "assumptions": "what was taken for values that the campaign does not state",
     "notes": "notes on the route and the rigs",
+    "campaign": "path of the campaign's folder, from the folder of the results if it lies in or beside that",
+    "tests": "rows of tests.csv as they were understood, in SI",
     "joint": "of each rig: what the joint route found; only after the joint route",
     "likelihood": "of each rig: values that its tests share, which likelihood.parquet refers to",
     "sha256": "SHA-256 of each file that was read, by its name in the campaign",
@@ -36,3 +45,64 @@ KEYS = {
 def write_record(folder: Path, record: Mapping[str, Any]) -> None:
     """Write the record into the new folder of `publishing`, which adds the list of the results."""
     write_text(folder / LIST, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
+
+
+def units_beside(path: Path) -> ShownUnits:
+    """The units that the campaign of some results wants, by their folder or a file in it; the usual ones without."""
+    folder = path if path.is_dir() else path.parent
+    try:
+        record = published_beside(folder / LIST).record
+    except (FileError, TableError):
+        return ShownUnits()
+    return shown_units(section(record, "stated", "report").get("units"))
+
+
+def section(value: object, *path: str) -> dict[str, Any]:
+    """The table at a path of nested tables, as of study.json; empty if there is none."""
+    for name in path:
+        value = value.get(name) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}
+
+
+def stated_blocked(record: object, rig: str) -> bool:
+    """Whether campaign.toml states that the far side of a rig does not move: output = "blocked"."""
+    return section(record, "stated", "rigs", rig).get("output") == "blocked"
+
+
+def texts(value: object) -> list[str]:
+    """The items of a list as texts; empty if the value is no list."""
+    return [str(item) for item in value] if isinstance(value, list) else []
+
+
+def tests_record(campaign: Campaign) -> list[dict[str, Any]]:
+    """The rows of tests.csv for study.json; what a row does not state is left out."""
+    return [
+        {
+            one.name: value
+            for one in fields(test)
+            if one.name != "faults" and (value := getattr(test, one.name)) not in ("", None, False, {}, ())
+        }
+        for test in campaign.tests
+    ]
+
+
+def tests_of(record: Mapping[str, Any]) -> list[Test]:
+    """The rows of tests.csv in a record of study.json; none in that of an older version."""
+    rows = record.get("tests")
+    known = {one.name for one in fields(Test)}
+    return [_test(row, known) for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+
+
+def _test(row: Mapping[str, Any], known: set[str]) -> Test:
+    stated: dict[str, Any] = {"name": "", "row": 0, **{name: value for name, value in row.items() if name in known}}
+    for name in ("window", "band"):
+        stated[name] = tuple(stated[name]) if stated.get(name) else None
+    return Test(**stated)
+
+
+def place_of(campaign: Path, results: Path) -> str:
+    """The path of a campaign for study.json: from the results if one is in the other or both are in one folder."""
+    campaign, results = resolved(campaign), resolved(results)
+    if campaign in results.parents or campaign.parent in results.parents:
+        return os.path.relpath(campaign, results)
+    return str(campaign)

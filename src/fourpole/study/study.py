@@ -1,127 +1,171 @@
-"""`Study`: the results of a campaign as tables, and their files."""
+"""`Study`: the results of a campaign as tables, as an analysis makes them or as they are read from a folder."""
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
-from fourpole.campaign.conditions import condition_numbers
-from fourpole.campaign.folder import LIMITS, Campaign, Test, read_campaign
-from fourpole.campaign.place import inside
+from fourpole import quantities as q
+from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.shown import shown_units
+from fourpole.core.checks import worst_verdict
+from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
 from fourpole.core.joint.around import Likelihood
-from fourpole.core.routes import ROUTES
+from fourpole.core.notebook import notebook_html
+from fourpole.core.phasor import Phasors
 from fourpole.errors import CampaignError
 from fourpole.face import public
-from fourpole.fitting.likelihood import likelihood_of, likelihood_record
-from fourpole.fitting.rows import axes_record
+from fourpole.fitting.likelihood import read_likelihoods
+from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.fitting.stated import rig_file
-from fourpole.io.child import SECONDS
-from fourpole.io.door import sha256_of
-from fourpole.io.folders import is_for_keeping
-from fourpole.io.origin import origin
-from fourpole.io.published import publishing
-from fourpole.io.remote import EVERY, allowing
-from fourpole.io.write import remove_leftovers, write_table
+from fourpole.io.folders import make_folder
+from fourpole.io.published import Published, publishing
+from fourpole.io.write import write_table
 from fourpole.models.families import by_amplitude
-from fourpole.study.cache import Cache
-from fourpole.study.compare import compare_points
-from fourpole.study.identify import identify_points, no_rig, possible_route
-from fourpole.study.load import MOST_BYTES
+from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.notebook import tables_html
-from fourpole.study.onetest import TestsByName
-from fourpole.study.points import Points, StaticStiffness
-from fourpole.study.record import write_record
-from fourpole.study.reduce import jobs_of, response_hashes
-from fourpole.study.results import Results
+from fourpole.study.record import place_of, section, tests_of, texts, write_record
 from fourpole.study.rig_estimate import RigEstimate
-from fourpole.study.selection import select_tables
-from fourpole.study.static import StaticTest, evaluate_statics, stiffness_for
-from fourpole.study.tables import TABLE_FILES, TABLES, Tables, verdict_counts
-from fourpole.study.verdicts import judge_points
-from fourpole.study.workers import Settings, reduce_tests
-from fourpole.units import shown
-from fourpole.version import VERSION
+from fourpole.study.rig_reading import read_rig_estimates
+from fourpole.study.tables import DYNAMIC, TABLE_FILES, TABLES, Tables, verdict_counts
+from fourpole.units import nearest, shown
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
+    from fourpole.core.recording import Recording
     from fourpole.fitting.measured import MeasuredSet
-    from fourpole.fitting.modelling import TyreFit
-
-#: Number of Monte Carlo draws of K* and K1 where value ± 1.96 u is not a 95 % interval of K2 or C.
-DRAWS = 10_000
-#: Seed of the draws, so that each analysis gives the same intervals.
-SEED = 1982
+    from fourpole.fitting.modelfile import ModelFile
+    from fourpole.fitting.modelling import TyreFits
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Study(Tables):
-    """Result tables of a campaign.
+    """The results of a campaign: what `analyse` makes and `read_results` reads.
 
     Attributes
     ----------
-    campaign : Campaign
-        The campaign that was analysed.
-    tables : mapping of str to polars.DataFrame
+    tables : dict of str to polars.DataFrame
         Tables by the name of their file. Each is an attribute, too: `static`, `dynamic`, `checks`, `rig`,
-        `residuals`, `quantiles`, `budget`, `corrections`, `phasors`, `covariance`, `likelihood` and `previews`.
-    route : str
-        The route by which K* was found.
-    rigs : tuple of RigEstimate
-        The rigs as found by the joint route; none where another route was used.
-    monte_carlo : int
-        Number of draws where value ± 1.96 u is not a 95 % interval of K2 or C.
-    likelihoods : mapping of str to Likelihood
-        The tests of each rig as the joint route weighed them.
-    notes : tuple of str
-        Notes on the route and the rigs, and the assumptions.
-    assumptions : tuple of str
-        What is taken for values that the campaign does not state.
-    sha256 : dict of str to str
-        Hash of each file read.
-    seed : int
-        Seed of the draws.
+        `residuals`, `quantiles`, `budget`, `corrections`, `lines`, `phasors`, `covariance`, `likelihood` and
+        `previews`. A table of a folder is read when it is first asked for; one that the analysis did not make has no
+        columns.
+    record : dict
+        Content of study.json: title, settings, statement of the campaign, versions, verdicts, assumptions, hashes.
+    campaign : Campaign or None
+        The campaign that was analysed; None for results that were read.
+    models, maps : ModelFile or None
+        Content of model.json and of map.json; None where there is no such file.
+    faults : tuple of str
+        Reasons why an existing model file is not used.
+    files : Published or None
+        The files that were read, for further ones of the same analysis; None for results that are of no folder.
 
     Examples
     --------
     >>> import tempfile
-    >>> from fourpole.virtual import simulate_campaign
+    >>> from fourpole import analyse, simulate_campaign
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     campaign = simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
     ...     analyse(campaign.folder).counts
     {'ok': 4, 'warning': 0, 'rejected': 0}
     """
 
-    campaign: Campaign
-    tables: Mapping[str, pl.DataFrame]
-    route: str
-    rigs: tuple[RigEstimate, ...] = ()
-    monte_carlo: int = DRAWS
-    likelihoods: Mapping[str, Likelihood] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    assumptions: tuple[str, ...] = ()
-    sha256: dict[str, str] = field(default_factory=dict)
-    seed: int = SEED
+    tables: dict[str, pl.DataFrame]
+    record: dict[str, Any]
+    campaign: Campaign | None
+    models: ModelFile | None
+    maps: ModelFile | None
+    faults: tuple[str, ...]
+    files: Published | None
+
+    def __init__(
+        self,
+        static: pl.DataFrame | None = None,
+        dynamic: pl.DataFrame | None = None,
+        previews: pl.DataFrame | None = None,
+        record: dict[str, Any] | None = None,
+        *,
+        tables: Mapping[str, pl.DataFrame] | None = None,
+        campaign: Campaign | None = None,
+        models: ModelFile | None = None,
+        maps: ModelFile | None = None,
+        faults: tuple[str, ...] = (),
+        files: Published | None = None,
+        likelihoods: Mapping[str, Likelihood] | None = None,
+        **more: pl.DataFrame,
+    ) -> None:
+        """Tables by name, or in one mapping; a table by name replaces that of the mapping."""
+        named = {"static": static, "dynamic": dynamic, "previews": previews, **more}
+        held = {**(tables or {}), **{name: table for name, table in named.items() if table is not None}}
+        values: dict[str, Any] = {"tables": held, "record": record or {}, "campaign": campaign, "models": models}
+        values |= {"maps": maps, "faults": faults, "files": files}
+        values |= {"likelihoods": likelihoods} if likelihoods is not None else {}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
         tables = ", ".join(f"{name} ({table.height})" for name, table in self.tables.items() if table.height)
-        title = shown(self.campaign.stated.title or self.campaign.folder.name, 60)
+        title = shown(self.title, 60)
         return f"<Study {title}: {counts or 'no tests'}, {self.route} route; tables with their rows: {tables}>"
 
     def _repr_html_(self) -> str:
         """The tests by verdict and the range of each quantity, for a notebook."""
-        title = self.campaign.stated.title or self.campaign.folder.name
-        return tables_html(title, self.tables, self.route, self.campaign.stated.report.shown)
+        return tables_html(self.title, self.tables, self.route, self.shown)
+
+    # ---- what study.json says
+
+    @property
+    def title(self) -> str:
+        """Title of the campaign, or the name of its folder."""
+        folder = self.campaign.folder.name if self.campaign is not None else ""
+        return str(self.record.get("title") or folder or "Results")
+
+    @property
+    def route(self) -> str:
+        """The route by which K* was found; empty if it is not known."""
+        return str(section(self.record, "settings").get("route") or "")
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What is taken for values that the campaign does not state."""
+        return tuple(texts(self.record.get("assumptions")))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the route and the rigs, then the assumptions."""
+        return (*texts(self.record.get("notes")), *self.assumptions)
+
+    @property
+    def sha256(self) -> dict[str, str]:
+        """Hash of each file that was read, by its name in the campaign."""
+        return {str(name): str(value) for name, value in section(self.record, "sha256").items()}
+
+    @property
+    def rule(self) -> Sameness:
+        """When two tests are of one condition, by the campaign's own rule."""
+        return rule_in(self.record)
+
+    @cached_property
+    def shown(self) -> ShownUnits:
+        """The units in which the campaign wants its results shown; the tables are in SI."""
+        return shown_units(section(self.record, "stated", "report").get("units"))
+
+    @property
+    def dynamic_sha256(self) -> str:
+        """SHA-256 of dynamic.csv, as study.json lists it; empty if it lists none."""
+        return str(section(self.record, "results").get(f"{DYNAMIC.name}.csv") or "")
+
+    # ---- the tests and the rigs
 
     @property
     def counts(self) -> dict[str, int]:
@@ -133,15 +177,61 @@ class Study(Tables):
         """The tests by name: `study.tests["D12"]` has its rows, amplitudes, verdict, remarks and recording."""
         return TestsByName(self)
 
-    def plot(self, figure: str = "stiffness", **options: Any) -> Any:
-        """A figure of the results, as `fourpole.draw` makes it: `study.plot("K2")`."""
-        return public("draw")(self.results, figure, **options)
+    def campaign_there(self) -> Campaign:
+        """The campaign that was analysed, read again from where study.json says that it is.
+
+        Raises
+        ------
+        CampaignError
+            If it is not there.
+        """
+        if self.campaign is not None:
+            return self.campaign
+        place, folder = str(self.record.get("campaign") or ""), self.files.folder if self.files is not None else Path()
+        try:
+            return read_campaign(folder / (place or "no campaign"))
+        except CampaignError as error:
+            raise CampaignError(f"{error}; pass the folder of the campaign: recording(campaign=...)") from None
+
+    @property
+    def rigs(self) -> tuple[RigEstimate, ...]:
+        """The rigs as found by the joint route, in the order of rig.csv; none where another route was used."""
+        return read_rig_estimates(self.rig, self.residuals, self.record.get("joint"))
+
+    def rig_named(self, name: str) -> RigEstimate:
+        """The rig of this name as found; with default values if the joint route found no such rig."""
+        return next((found for found in self.rigs if found.rig == name), RigEstimate(name))
 
     @cached_property
-    def results(self) -> Results:
-        """The tables from which figures and reports are made, with what readers have derived of them."""
-        read = {name: table for name, table in self.tables.items() if TABLES[name].read}
-        return Results(record=self.record, tables=read)
+    def derived(self) -> dict[Any, Any]:
+        """What readers of the tables have made of them, by keys of theirs; kept as long as the results."""
+        return {}
+
+    def apart(self, *, texts_only: bool = False) -> Study:
+        """The results with distinct names of specimens: "radial at 60 °C" where it was tested at several temperatures.
+
+        The further axes of the campaign's conditions are named likewise; with `texts_only` only axes of text are.
+        """
+        rule = rule_in(self.record).without(PRESSURE.name, PRELOAD.name)
+        rule = Sameness(tuple(axis for axis in rule.axes if axis.text or not texts_only))
+        found = {name: table for name in ("static", "dynamic") if TYRE.head in (table := self.tables[name]).columns}
+        named = names_apart([conditions_in(table, rule) for table in found.values()], rule)
+        made = {
+            name: table.with_columns(pl.Series(TYRE.head, names, dtype=pl.String))
+            for (name, table), names in zip(found.items(), named, strict=True)
+        }
+        return replace(self, tables={**self.tables, **made})
+
+    # ---- figures, models and maps
+
+    def plot(self, figure: str = "stiffness", **options: Any) -> Any:
+        """A figure of the results, as `fourpole.draw` makes it: `study.plot("K2")`."""
+        return public("draw")(self, figure, **options)
+
+    @cached_property
+    def likelihoods(self) -> Mapping[str, Likelihood]:
+        """The tests of each rig as the joint route weighed them."""
+        return read_likelihoods(self.files) if self.files is not None else {}
 
     @property
     def measured(self) -> MeasuredSet:
@@ -152,28 +242,33 @@ class Study(Tables):
         """K* as a model takes it, with each amplitude apart if it depends on them, or over further columns."""
         from fourpole.fitting.measured import measured_of
 
-        rule, moved = self.campaign.stated.sameness, by_amplitude(model)
+        covariance = self.covariance if self.covariance.height else None
         return measured_of(
             self.dynamic,
-            self.covariance,
+            covariance,
             self.likelihoods,
             over=over,
             name="the study",
-            rule=rule,
-            by_amplitude=moved,
+            rule=self.rule,
+            by_amplitude=by_amplitude(model),
         )
 
-    def fit(self, model: str = "auto") -> list[TyreFit]:
+    def fit(self, model: str = "auto") -> TyreFits:
         """A model for each tyre, fitted in every condition by itself; `auto` chooses a model and says why.
+
+        Returns
+        -------
+        TyreFits
+            The fits in the order of the tyres; a name gives that of its tyre: ``study.fit()["radial"]``.
 
         Raises
         ------
         ModelError
             If there is no such model, or K* is known at too few frequencies.
         """
-        from fourpole.fitting.modelling import fit_tyres
+        from fourpole.fitting.modelling import TyreFits, fit_tyres
 
-        return fit_tyres(self._measured(model), model)
+        return TyreFits(fit_tyres(self._measured(model), model))
 
     def map(
         self,
@@ -218,6 +313,24 @@ class Study(Tables):
         rig = rig_in(rig_file(self.record, self.rig))
         return grid_of({one.tyre: one.best for one in maps}, rig, at)
 
+    def to_pandas(self, table: str = "dynamic") -> Any:
+        """A table as a pandas.DataFrame; needs pandas, and no pyarrow.
+
+        Raises
+        ------
+        CampaignError
+            If pandas is not installed, or there is no such table.
+        """
+        if table not in TABLES:
+            near = nearest(table, TABLES)
+            raise CampaignError(f"no table {shown(table)}: {f'did you mean {near!r}' if near else ', '.join(TABLES)}")
+        try:
+            pandas: Any = import_module("pandas")
+        except ImportError:
+            raise CampaignError("pandas is not installed: pip install pandas") from None
+        frame = self.table(table)
+        return pandas.DataFrame({name: frame[name].to_list() for name in frame.columns})
+
     def write(self, folder: str | Path, further: Mapping[str, pl.DataFrame] | None = None) -> Path:
         """Write all tables and study.json into a folder, all together or none.
 
@@ -245,206 +358,191 @@ class Study(Tables):
         """
         folder = make_folder(folder)
         with publishing(folder, (*TABLE_FILES, "findings.csv", "report.html")) as new:
-            self.write_into(new, further)
+            self.write_into(new, folder, further)
         return folder
 
-    def write_into(self, folder: Path, further: Mapping[str, pl.DataFrame] | None = None) -> None:
-        """Write all tables and study.json into the new folder of `publishing`; see `write`."""
+    def write_into(self, new: Path, folder: Path, further: Mapping[str, pl.DataFrame] | None = None) -> None:
+        """Write all tables and study.json into the new folder of `publishing`, for a folder; see `write`."""
         for spec in TABLES.values():
-            table = self.tables[spec.name]
+            table = self.table(spec.name)
             for ending in spec.endings if table.height or spec.always else ():
-                write_table(folder / f"{spec.name}{ending}", table)
+                write_table(new / f"{spec.name}{ending}", table)
         for name, table in (further or {}).items():
-            write_table(folder / f"{name}.csv", table)
-        write_record(folder, self.record)
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """Content of study.json without the hashes of the results: all that is needed to repeat the analysis."""
-        from importlib.metadata import version  # slow to load
-
-        packages = ("numpy", "scipy", "polars", "pint", "pydantic")
-        return {
-            "title": self.campaign.stated.title,
-            "settings": {"route": self.route, "monte_carlo": self.monte_carlo, "seed": self.seed},
-            "conditions": {"axes": axes_record(self.campaign.stated.sameness)},
-            "stated": self.campaign.statement(),
-            "versions": {
-                "python": platform.python_version(),
-                "fourpole": VERSION,
-                **{name: version(name) for name in packages},
-            },
-            "origin": origin().record,
-            "verdicts": self.counts,
-            "assumptions": list(self.assumptions),
-            "notes": [note for note in self.notes if note not in self.assumptions],
-            **({"joint": {rig.rig: rig.record for rig in self.rigs}} if self.rigs else {}),
-            "likelihood": {rig: likelihood_record(one) for rig, one in self.likelihoods.items()},
-            "sha256": self.sha256,
-        }
+            write_table(new / f"{name}.csv", table)
+        place = {"campaign": place_of(self.campaign.folder, folder)} if self.campaign is not None else {}
+        write_record(new, {**self.record, **place})
 
 
-def make_folder(folder: str | Path) -> Path:
-    """The folder, made where it does not exist; CampaignError where it cannot be made."""
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise CampaignError(f"{folder}: is a file, or lies below one: name a folder for the results") from None
-    except (OSError, ValueError) as error:
-        raise CampaignError(
-            f"{folder}: the folder cannot be made: {getattr(error, 'strerror', None) or error}"
-        ) from None
-    return folder
+class UnknownTestError(CampaignError, KeyError):
+    """A study has no test of this name."""
+
+    __str__ = Exception.__str__
 
 
-def analyse(
-    campaign: Campaign | str | Path,
-    *,
-    route: str = "joint",
-    monte_carlo: int = DRAWS,
-    seed: int = SEED,
-    cache: str | Path | None = None,
-    verify: bool = False,
-    workers: int | None = None,
-    executor: Executor | None = None,
-    time_limit: float = SECONDS,
-    remote: bool = False,
-    progress: Callable[[int, int], None] | None = None,
-    arrived: Callable[[str, Points], None] | None = None,
-) -> Study:
-    """Analyse a campaign: static curves, demodulation, identification, tables.
+@dataclass(frozen=True, repr=False, eq=False)
+class OneTest:
+    """One test of a study.
 
-    Parameters
+    Attributes
     ----------
-    campaign : Campaign or path
-        A campaign, or its folder.
-    route : {"joint", "mobility", "relative", "transmissibility"}
-        The route to K*; in place of the joint route the route that the campaign allows is used, with a note.
-    monte_carlo : int
-        Number of draws for the intervals of K2 and C where value ± 1.96 u is none; 0 for no intervals.
-    seed : int
-        Seed of the draws.
-    cache : path, optional
-        Folder of the phasors of each recording; an interrupted analysis continues from it.
-    verify : bool
-        Whether every recording is hashed; otherwise a recording with the size, time of change and inode that the cache
-        noted is not opened.
-    workers : int, optional
-        Number of worker processes that demodulate the recordings, or 1 for this thread; by default as many as pay.
-        They are started afresh, and do not import the calling script: it needs no ``if __name__ == "__main__"``.
-    executor : concurrent.futures.Executor, optional
-        Executor that runs batches of recordings in place of these processes, in threads, in processes or on other
-        machines, as that of `dask.distributed.Client.get_executor`.
-    time_limit : float [s]
-        Processor time after which a recording is given up; a large file has 1 s per MB more. It holds in worker
-        processes, in which large files and those that a library reads are always read.
-    remote : bool
-        Whether all recordings that are named by s3:// are read; otherwise those that the variable FOURPOLE_REMOTE or
-        the user's config.toml allows.
-    progress : callable, optional
-        Called with the number of reduced recordings and the number of all recordings.
-    arrived : callable, optional
-        Called with the name of each test of these recordings and what its recording gives by itself, as it is reduced.
-
-    Returns
-    -------
-    Study
-        Tables with a row for every test; no file is written but the cache.
-
-    Raises
-    ------
-    CampaignError
-        If the campaign as a whole cannot be used.
+    stated : Test
+        Its row of tests.csv.
+    study : Study
+        The study.
 
     Examples
     --------
     >>> import tempfile
-    >>> from fourpole.virtual import simulate_campaign
+    >>> import fourpole
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     campaign = simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True)
-    ...     study = analyse(campaign.folder)
-    >>> study.dynamic["C [N s/m]"].round(3).to_list()
-    [1399.8, 808.217]
+    ...     made = fourpole.simulate_campaign(
+    ...         folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True
+    ...     )
+    ...     test = fourpole.analyse(made.folder).tests["D1"]
+    ...     recording = test.recording()
+    >>> test.verdict, round(test.row["C [N s/m]"]), round(recording.duration, 1)
+    ('ok', 1400, 4.1)
     """
-    if route not in ("joint", *ROUTES):
-        raise CampaignError(f"no route {route!r}: choose one of joint, {', '.join(ROUTES)}")
-    with allowing(EVERY) if remote else nullcontext():
-        if not isinstance(campaign, Campaign):
-            campaign = read_campaign(campaign)
-        dynamic = campaign.of_kind("dynamic")
-        route, note = possible_route(campaign, route)
-        _check_rig(campaign, dynamic, route)
 
-        kept = None
-        if cache is not None and is_for_keeping(Path(cache), campaign.folder):
-            kept = make_folder(cache)
-            remove_leftovers(kept, abandoned=0.0)
-        cached = Cache(kept, verify=verify) if kept is not None else None
-        statics = evaluate_statics(campaign, cached, time_limit)
-        points = reduce_tests(
-            jobs_of(campaign, dynamic, route),
-            cache=cached,
-            settings=Settings(workers, executor, time_limit),
-            progress=progress,
-            arrived=arrived,
+    stated: Test
+    study: Study
+
+    @property
+    def name(self) -> str:
+        """Name of the test."""
+        return self.stated.name
+
+    @property
+    def kind(self) -> str:
+        """static, dynamic or calibration."""
+        return self.stated.kind
+
+    @property
+    def rows(self) -> pl.DataFrame:
+        """Its rows of static.csv or dynamic.csv: one for each frequency, or for each preload of a static test."""
+        return self._of("static" if self.kind == "static" else "dynamic")
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """Its first row by the heads of the columns, in SI."""
+        return self.rows.row(0, named=True)
+
+    @property
+    def verdict(self) -> str:
+        """ok, warning or rejected: the worst of its rows."""
+        return worst_verdict(self.rows[q.VERDICT.head].to_list())
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The reasons of the verdict, with what to do."""
+        return tuple(dict.fromkeys(text for text in self.rows[q.REMARKS.head].to_list() if text))
+
+    @property
+    def checks(self) -> pl.DataFrame:
+        """Its rows of checks.csv."""
+        return self._of("checks")
+
+    @property
+    def preview(self) -> pl.DataFrame:
+        """Its rows of previews.parquet: a few cycles of signal, fit and residual, or the static loop."""
+        return self._of("previews")
+
+    @property
+    def phasors(self) -> Phasors:
+        """The complex amplitudes of F1, V1 and V2, one for each frequency.
+
+        Raises
+        ------
+        CampaignError
+            If the test has none: it is static, or no amplitude could be taken from its recording.
+        """
+        table = self._of("phasors")
+        if table.is_empty():
+            raise CampaignError(f"test {shown(self.name)} has no amplitudes: {'; '.join(self.remarks) or self.kind}")
+        parts = [[table[head].to_numpy() for head in one.parts] for one in (q.F1, q.V1, q.V2)]
+        return Phasors(
+            table[q.FREQUENCY.head].to_numpy(),
+            np.stack([re + 1j * im for re, im in parts], axis=1),
+            np.array(table[q.PHASOR_COVARIANCE.head].to_list(), dtype=float).reshape(-1, 6, 6),
+            table[q.FREQUENCY.u_head].to_numpy(),
+            table[q.DOF.head].to_numpy(),
         )
-    dynamic_k1 = (_stiffness(test, statics, campaign) for test in points.tests)
-    points = replace(points, condition=condition_numbers(campaign, points.tests), stiffness=tuple(dynamic_k1))
-    compared = compare_points(campaign, points)
-    groups, remarks = identify_points(campaign, compared.points, compared.strange, route, monte_carlo, seed)
-    points = judge_points(compared.points, groups, route)
-    for group in groups:
-        points = points.with_columns(group.rows, group.columns)
-    assumed = (*campaign.stated.assumptions(), *_assumed(dynamic))
-    return Study(
-        campaign=campaign,
-        tables=select_tables(campaign, statics, points, groups, compared.conditions, route),
-        route=route,
-        rigs=tuple(group.estimate for group in groups if group.estimate is not None),
-        monte_carlo=monte_carlo,
-        likelihoods={group.rig_name: likelihood_of(group.joint) for group in groups if group.joint is not None},
-        notes=(*([note] if note else []), *remarks, *compared.notes, *assumed),
-        assumptions=assumed,
-        sha256=_hashes(campaign, statics, points),
-        seed=seed,
-    )
+
+    def recording(self, campaign: Campaign | str | Path | None = None) -> Recording:
+        """Read the recording of a dynamic test, as the analysis does.
+
+        Parameters
+        ----------
+        campaign : Campaign or path, optional
+            The campaign or its folder; by default the one that was analysed, where study.json says that it is.
+
+        Raises
+        ------
+        CampaignError
+            For a static test, whose curve `preview` has; or if the campaign is not there any more.
+        FileError, TableError, RecordingError
+            If it cannot be read.
+        """
+        from fourpole.study.recording import read_recording
+
+        if self.kind == "static":
+            raise CampaignError(f"test {shown(self.name)} is static: it has a curve, which preview holds")
+        if not self.stated.file:
+            raise CampaignError("an older version wrote these results, without the rows of tests.csv: analyse again")
+        known = self.study.campaign_there() if campaign is None else campaign
+        return read_recording(self.stated.file, known if isinstance(known, Campaign) else read_campaign(known))
+
+    def _of(self, name: str) -> pl.DataFrame:
+        table = self.study.table(name)
+        return table.filter(pl.col(q.TEST.head) == self.name) if q.TEST.head in table.columns else table
+
+    def __repr__(self) -> str:
+        remarks = f": {shown('; '.join(self.remarks), 300)}" if self.remarks else ""
+        return f"<test {shown(self.name, 60)}, {self.kind} of {shown(self.stated.tyre, 60)}, {self.verdict}{remarks}>"
+
+    def _repr_html_(self) -> str:
+        """Its first row and its remarks, for a notebook."""
+        cells = [(head, _text(value)) for head, value in self.row.items() if value not in (None, "")]
+        title = f"Test {self.name}: {self.verdict}"
+        return notebook_html(title, self.remarks, ("column", "value"), cells, most=len(cells))
 
 
-def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
-    rigs = campaign.stated.all_rigs
-    if not rigs and route != "relative" and any(test.kind in ("dynamic", "calibration") for test in dynamic):
-        raise CampaignError(no_rig(campaign, route))
-    if route == "transmissibility" and any(rig.output == "blocked" for rig in rigs.values()):
-        raise CampaignError(
-            "campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility"
-        )
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _stiffness(test: Test, statics: Sequence[StaticTest], campaign: Campaign) -> StaticStiffness:
-    """K1 of a test; a rigid block has none."""
-    stated, rows = campaign.stated, [row for static in statics for row in static.rows]
-    if test.kind == "calibration":
-        return StaticStiffness()
-    return stiffness_for(test, rows, stated.sameness, stated.conditions.per_kelvin)
-
-
-def _assumed(tests: Sequence[Test]) -> list[str]:
-    """Assumptions where tests.csv states no uncertainty."""
-    stated = (("K1", "2 %"), ("added_mass", "0.2 % of it"))
+def _tests_in(study: Study) -> list[Test]:
+    """The tests that tables of an older version name, without the rows of tests.csv."""
+    statics = [Test(name, 0, kind="static") for name in study.static[q.TEST.head].unique(maintain_order=True)]
     return [
-        f"tests.csv: {name} is stated without u({name}), taken as {taken}"
-        for name, taken in stated
-        if any(test.value(name) and test.value(f"u({name})") is None for test in tests)
+        *statics,
+        *(Test(name, 0, kind="dynamic") for name in study.dynamic[q.TEST.head].unique(maintain_order=True)),
     ]
 
 
-def _hashes(campaign: Campaign, statics: Sequence[StaticTest], points: Points) -> dict[str, str]:
-    """Hash of each file that was read, by its name in the campaign."""
-    folder, logo = campaign.folder, campaign.stated.report.logo
-    hashes = {name: sha256 for name, sha256 in campaign.sha256.items() if name != LIMITS or campaign.limits.limits}
-    if logo:
-        hashes[logo] = sha256_of(inside(folder, logo), max_bytes=MOST_BYTES, label=logo, within=folder)
-    hashes |= response_hashes(campaign)
-    hashes |= {static.test.file: static.sha256 for static in statics if static.sha256}
-    return hashes | {test.file: sha256 for test, sha256 in zip(points.tests, points.sha256, strict=True) if sha256}
+class TestsByName(Mapping[str, OneTest]):
+    """The tests of a study by name, in the order of tests.csv."""
+
+    __test__ = False
+
+    def __init__(self, study: Study) -> None:
+        """The tests of this study."""
+        self._study = study
+        stated = study.campaign.tests if study.campaign is not None else tests_of(study.record) or _tests_in(study)
+        self._stated = {test.name: test for test in stated}
+
+    def __getitem__(self, name: str) -> OneTest:
+        if name not in self._stated:
+            near = nearest(str(name), self._stated)
+            hint = f"did you mean {near!r}?" if near else f"there are {len(self)}, as {next(iter(self), 'none')!r}"
+            raise UnknownTestError(f"no test {shown(str(name))}: {hint}")
+        return OneTest(self._stated[name], self._study)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._stated)
+
+    def __len__(self) -> int:
+        return len(self._stated)
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} tests: {', '.join(list(self._stated)[:8])}{', ...' if len(self) > 8 else ''}>"

@@ -6,7 +6,7 @@ column `point` is written only where a test has more than one point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +18,14 @@ from fourpole.core.arrays import ByValue
 from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.demodulation.preview import BLOCKS, POINTS
 from fourpole.core.phasor import SYMBOLS
+from fourpole.errors import CampaignError, TableError
 from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
 from fourpole.fitting.likelihood import LIKELIHOOD_COLUMNS
-from fourpole.fitting.rows import KEY
+from fourpole.fitting.rows import KEY, checked, each_once
+from fourpole.io.published import Published
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity
 
+_AGAIN = "run fourpole analyse again"
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
 _KINDS = {one.head: one.kind for one in QUANTITIES}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
@@ -90,22 +93,29 @@ def _series(head: str, values: Any, kind: Any) -> pl.Series:
 
 
 class _Held:
-    """A table of the mapping as an attribute; a table without columns where the mapping has none."""
+    """A table as an attribute, read from its file when it is first asked for; without columns where there is none."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
     def __get__(self, holder: Tables, owner: type) -> pl.DataFrame:
-        return holder.tables.get(self._name, pl.DataFrame()) if holder is not None else self  # type: ignore[return-value]
+        return holder.table(self._name) if holder is not None else self  # type: ignore[return-value]
 
 
 class Tables(ByValue):
     """Base of a class that holds result tables by name; each table of the registry is an attribute too."""
 
-    tables: Mapping[str, pl.DataFrame]
+    tables: dict[str, pl.DataFrame]
+    files: Published | None
     static, dynamic, checks, previews = _Held(), _Held(), _Held(), _Held()
     rig, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held()
     corrections, lines, phasors, covariance, likelihood = _Held(), _Held(), _Held(), _Held(), _Held()
+
+    def table(self, name: str) -> pl.DataFrame:
+        """A table by the name of its file; a table without columns where there is none."""
+        if name not in self.tables and self.files is not None and name in TABLES:
+            self.tables[name] = read_table(self.files, TABLES[name])
+        return self.tables.get(name, pl.DataFrame())
 
 
 def _columns(*columns: Quantity | str) -> dict[str, Any]:
@@ -256,3 +266,41 @@ def verdict_counts(*tables: pl.DataFrame) -> dict[str, int]:
         rows = table.group_by(q.TEST.head, maintain_order=True).agg(q.VERDICT.head)[q.VERDICT.head].to_list()
         verdicts += list(map(verdict_of_lines if q.POINT.head in table.columns else worst_verdict, rows))
     return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
+
+
+def read_table(results: Published, spec: TableSpec, needed: Collection[str] | None = None) -> pl.DataFrame:
+    """A table as it was written; a table without columns where an optional file is missing.
+
+    A column of `needed`, by default any column, that the file does not have is an error.
+    """
+    name, ending = f"{spec.name}{spec.endings[0]}", spec.endings[0]
+    if (not spec.always or ending == ".parquet") and not results.has(name):
+        return pl.DataFrame()
+    try:
+        frame = _parsed(results.read(name), name, {**OPTIONAL, **spec.columns})
+        frame = each_once(frame, name) if spec is DYNAMIC else frame
+    except pl.exceptions.PolarsError as error:
+        why = str(error).partition("\n")[0][:200]
+        raise CampaignError(f"{name}: cannot be read ({why}): {_AGAIN}") from None
+    except TableError as error:
+        raise CampaignError(f"{error}: {_AGAIN}") from None
+    lacking = [name for name in (spec.columns if needed is None else needed) if name not in frame.columns]
+    if lacking and ending != ".parquet":
+        raise CampaignError(f"{name}: has no column {lacking[0]!r}: {_AGAIN}")
+    return frame if ending == ".parquet" else frame.with_columns(pl.col(pl.String).fill_null(""))
+
+
+def _parsed(content: bytes, name: str, known: Mapping[str, Any]) -> pl.DataFrame:
+    """The table of a CSV or Parquet file, its columns of known kinds; TableError for a cell of another kind."""
+    if name.endswith(".parquet"):
+        return checked(pl.read_parquet(content), name, known)
+    names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
+    kinds = {name: known.get(name, pl.String) for name in names}
+    counts = [name for name, kind in kinds.items() if kind == pl.Int64]  # another program may write 4.0 for 4
+    numbers = {**kinds, **dict.fromkeys(counts, pl.Float64)}
+    try:
+        frame = checked(pl.read_csv(content, schema=numbers), name)
+    except pl.exceptions.PolarsError:
+        checked(pl.read_csv(content, infer_schema=False), name, numbers)  # names the cell at fault
+        raise
+    return frame.with_columns(pl.col(counts).cast(pl.Int64, strict=False))

@@ -23,9 +23,10 @@ from fourpole.io.published import STORE, published
 from fourpole.io.remote import address_of, check_allowed, is_elsewhere
 from fourpole.io.seal import KEY, alterations
 from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.study.analysis import DRAWS, SEED, analyse
+from fourpole.study.record import section
 from fourpole.study.repeated import Difference, differences
-from fourpole.study.results import section
-from fourpole.study.study import DRAWS, SEED, Study, analyse
+from fourpole.study.study import Study
 from fourpole.study.tables import TABLE_FILES, TABLES
 from fourpole.version import VERSION
 

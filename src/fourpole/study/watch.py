@@ -35,8 +35,9 @@ from fourpole.io.lock import campaign_lock
 from fourpole.io.source import decode
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text
-from fourpole.study.results import Results, read_results
-from fourpole.study.study import Study, analyse
+from fourpole.study.analysis import analyse
+from fourpole.study.results import read_results
+from fourpole.study.study import Study
 from fourpole.units import column_unit
 
 #: Time for which a file must not change before it counts as all there [s].
@@ -184,7 +185,7 @@ class Watch:
             return False
         return not seen.answered and now - seen.since >= SETTLED
 
-    def _judged(self, campaign: Campaign, test: Test, former: Results | None, doubts: tuple[str, ...]) -> Judged:
+    def _judged(self, campaign: Campaign, test: Test, former: Study | None, doubts: tuple[str, ...]) -> Judged:
         compared = [*_statics(campaign, test), *_alike(campaign, test, former)]
         tests = {one.name for one in (*compared, test)}
         some = tuple(one for one in campaign.tests if one.name in tests)
@@ -210,14 +211,14 @@ def _judgement(study: Study, test: Test, doubts: tuple[str, ...]) -> Judged:
     )
 
 
-def _former(folder: Path) -> Results | None:
+def _former(folder: Path) -> Study | None:
     """The results of the last analysis, if there are any that can be read."""
     with suppress(FourpoleError):
         return read_results(folder / "results")
     return None
 
 
-def _with_rig(campaign: Campaign, former: Results | None) -> Campaign:
+def _with_rig(campaign: Campaign, former: Study | None) -> Campaign:
     """The campaign with its one rig as the last analysis found it, where that fits."""
     rigs = campaign.stated.all_rigs
     if former is None or list(rigs) != [""] or not former.rigs or not former.rigs[0].fits:
@@ -246,7 +247,7 @@ def _statics(campaign: Campaign, test: Test) -> list[Test]:
     return [one for one in own if _near(one.value("pressure"), test.value("pressure"))] or own
 
 
-def _alike(campaign: Campaign, test: Test, former: Results | None) -> list[Test]:
+def _alike(campaign: Campaign, test: Test, former: Study | None) -> list[Test]:
     """The last tests that were used at the condition of a test."""
     used: set[str] = set()
     if former is not None and not former.dynamic.is_empty():

@@ -11,7 +11,8 @@ from typing import Any
 from fourpole.errors import FourpoleError
 from fourpole.report.selftest.compared import Compared, failed, number, word
 from fourpole.report.selftest.vectors import read_reference, reference
-from fourpole.study.study import Study, analyse
+from fourpole.study.analysis import analyse
+from fourpole.study.study import Study
 
 _EXPECTED = "expected.csv"
 

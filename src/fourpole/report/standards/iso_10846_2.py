@@ -16,7 +16,8 @@ from fourpole.report.digits import number
 from fourpole.report.standards import measures as m
 from fourpole.report.standards.requirement import Answer, Found, Requirement, Standard, ValueTable
 from fourpole.report.words.phrases import counted
-from fourpole.study.results import Results, section, stated_blocked
+from fourpole.study.record import section, stated_blocked
+from fourpole.study.study import Study
 
 _CONTENTS = "table of contents in a standards catalogue (EN ISO 10846-2:2008)"
 _INEQUALITY = f"{_CONTENTS}; phonometry, open source, whose errata quote clause and inequality"
@@ -25,7 +26,7 @@ _LINEARITY = f"{_CONTENTS}; phonometry, open source, which cites clause 7.7 with
 _BLOCKED, _MASS_SHARE, _CHANGE, _LINEAR, _PER_BAND = 20.0, 0.06, 10.0, 1.5, 5
 
 
-def _output_blocked(results: Results) -> Found:
+def _output_blocked(results: Study) -> Found:
     """The least level difference of input and output motion."""
     table = m.used(results)
     if table.is_empty():
@@ -41,7 +42,7 @@ def _output_blocked(results: Results) -> Found:
     return m.judged(f"least 20 lg(V1/V2) is {number(least, 3)} dB (test {ratio[q.TEST.head]})", least >= _BLOCKED)
 
 
-def _mass_at_cell(results: Results) -> Found:
+def _mass_at_cell(results: Study) -> Found:
     """The inertia of the mass between force cell and specimen as a share of the force."""
     masses = [mass for mass in m.input_masses(results) if mass > 0]
     table = m.used(results)
@@ -53,7 +54,7 @@ def _mass_at_cell(results: Results) -> Found:
     return m.judged(text, row["share"] <= _MASS_SHARE)
 
 
-def _lines_per_band(results: Results) -> Found:
+def _lines_per_band(results: Study) -> Found:
     """The least number of tested frequencies in a one-third-octave band that a condition touches."""
     table = m.used(results)
     if table.is_empty():
@@ -72,7 +73,7 @@ def _lines_per_band(results: Results) -> Found:
     return m.judged(f"{least} in the {where}", least >= _PER_BAND)
 
 
-def _linear(results: Results) -> Found:
+def _linear(results: Study) -> Found:
     """The largest change of force over deflection in dB between two levels of one condition that are 10 dB apart."""
     facts = Facts.of(results)
     cells: dict[tuple[object, ...], list[tuple[float, float]]] = {}
@@ -94,7 +95,7 @@ def _linear(results: Results) -> Found:
     return m.judged(text, max(changes) <= _LINEAR)
 
 
-def _values(results: Results) -> ValueTable:
+def _values(results: Study) -> ValueTable:
     """Level of the dynamic transfer stiffness and loss factor of each condition at one frequency."""
     heads = ("specimen", "condition", q.FREQUENCY.label, "|k2,1| [kN/m]", "level Lk [dB re 1 N/m]", q.LOSS_FACTOR.label)
     rows = []

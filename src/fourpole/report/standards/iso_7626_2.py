@@ -10,7 +10,7 @@ from fourpole import quantities as q
 from fourpole.report.digits import number
 from fourpole.report.standards import measures as m
 from fourpole.report.standards.requirement import Answer, Found, Requirement, Standard, ValueTable
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _PHONOMETRY = "phonometry, open source, which cites the clause of ISO 7626-2:2015"
 _SCOPE = "the abstract of ISO 7626-2:2015 in a standards catalogue"
@@ -18,20 +18,20 @@ _GENERAL = "general knowledge of the series; neither clause nor limit was seen"
 _BLOCK, _RANDOM = 0.05, 0.05
 
 
-def _mobilities(results: Results) -> pl.DataFrame:
+def _mobilities(results: Study) -> pl.DataFrame:
     """The tests in use with R and I."""
     table = m.used(results)
     return table if table.is_empty() else table.filter(pl.col(q.R.head).is_finite(), pl.col(q.I.head).is_finite())
 
 
-def _one_point(results: Results) -> Found:
+def _one_point(results: Study) -> Found:
     """Whether force and motion at the contact are measured."""
     if _mobilities(results).is_empty():
         return Found("no mobility is known", Answer.NOT_STATED)
     return m.judged("F1 and V1 at the contact", met=True)
 
 
-def _rigid_block(results: Results) -> Found:
+def _rigid_block(results: Study) -> Found:
     """Departure of calibrations with a rigid block from the impedance of known masses."""
     table, dynamic = results.residuals, results.dynamic
     specimens = dynamic.filter(pl.col(q.TYRE.head) != "")[q.TEST.head].to_list() if dynamic.height else []
@@ -49,7 +49,7 @@ def _rigid_block(results: Results) -> Found:
     return m.judged(text, worst <= _BLOCK)
 
 
-def _random_error(results: Results) -> Found:
+def _random_error(results: Study) -> Found:
     """The largest relative standard uncertainty of the mobility, random and systematic together."""
     table = _mobilities(results)
     if table.is_empty():
@@ -63,7 +63,7 @@ def _random_error(results: Results) -> Found:
     return m.judged(text, worst["u"] < _RANDOM)
 
 
-def _phase(results: Results) -> Found:
+def _phase(results: Study) -> Found:
     """Whether the phase of the driving-point mobility stays within a quarter turn."""
     table = _mobilities(results)
     if table.is_empty():
@@ -73,7 +73,7 @@ def _phase(results: Results) -> Found:
     return m.judged(f"largest phase {number(worst, 3)}° (test {test})", abs(worst) <= 90.0)
 
 
-def _input_mass(results: Results) -> Found:
+def _input_mass(results: Study) -> Found:
     """Whether the mass between force cell and contact is stated, so that its force is taken off."""
     known = m.input_masses(results)
     if not known:
@@ -81,7 +81,7 @@ def _input_mass(results: Results) -> Found:
     return m.judged(f"input_mass {number(max(known), 3)} kg, taken off", met=True)
 
 
-def _values(results: Results) -> ValueTable:
+def _values(results: Study) -> ValueTable:
     """Driving-point mobility of each condition at one frequency."""
     heads = (
         "specimen",

@@ -14,12 +14,13 @@ from fourpole.findings.summary import SummaryRow, summary
 from fourpole.quantities import MODULUS, Quantity, ShownUnits
 from fourpole.report.digits import expanded, number
 from fourpole.report.standards.requirement import Answer, Found
-from fourpole.study.results import Results, section
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 NOTHING = "no dynamic test in use"
 
 
-def used(results: Results) -> pl.DataFrame:
+def used(results: Study) -> pl.DataFrame:
     """The dynamic tests with K* that were not rejected; no row where there are none."""
     table = results.dynamic
     if q.STORAGE.head not in table.columns:
@@ -27,7 +28,7 @@ def used(results: Results) -> pl.DataFrame:
     return table.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED, pl.col(q.STORAGE.head).is_not_null())
 
 
-def not_stated(text: str) -> Callable[[Results], Found]:
+def not_stated(text: str) -> Callable[[Study], Found]:
     """The answer to what no test records and no campaign states."""
     return lambda _: Found(text, Answer.NOT_STATED)
 
@@ -37,10 +38,10 @@ def judged(text: str, met: bool) -> Found:
     return Found(text, Answer.MET if met else Answer.NOT_MET)
 
 
-def at_most(quantity: Quantity, limit: float) -> Callable[[Results], Found]:
+def at_most(quantity: Quantity, limit: float) -> Callable[[Study], Found]:
     """Whether a column does not exceed a limit, in SI."""
 
-    def measure(results: Results) -> Found:
+    def measure(results: Study) -> Found:
         values = _values(results, quantity)
         if not values:
             return Found(NOTHING, Answer.NOT_STATED)
@@ -51,10 +52,10 @@ def at_most(quantity: Quantity, limit: float) -> Callable[[Results], Found]:
 
 def nearest_to(
     quantity: Quantity, wanted: float, axis: Axis, *, factor: float = 1.0, name: str = ""
-) -> Callable[[Results], Found]:
+) -> Callable[[Study], Found]:
     """Whether a test has a wanted value, `factor` times that of the column, which is the same on an axis."""
 
-    def measure(results: Results) -> Found:
+    def measure(results: Study) -> Found:
         values = [factor * value for value in _values(results, quantity)]
         if not values:
             return Found(f"{quantity.name} is not known", Answer.NOT_STATED)
@@ -65,10 +66,10 @@ def nearest_to(
     return measure
 
 
-def stated_in_all(quantity: Quantity) -> Callable[[Results], Found]:
+def stated_in_all(quantity: Quantity) -> Callable[[Study], Found]:
     """Whether every test states a value."""
 
-    def measure(results: Results) -> Found:
+    def measure(results: Study) -> Found:
         table = used(results)
         if table.is_empty():
             return Found(NOTHING, Answer.NOT_STATED)
@@ -80,10 +81,10 @@ def stated_in_all(quantity: Quantity) -> Callable[[Results], Found]:
     return measure
 
 
-def reported(*keys: str) -> Callable[[Results], Found]:
+def reported(*keys: str) -> Callable[[Study], Found]:
     """Whether [report] of campaign.toml states something; the answer repeats its text."""
 
-    def measure(results: Results) -> Found:
+    def measure(results: Study) -> Found:
         stated = section(results.record, "stated", "report")
         texts = [str(stated[key]) for key in keys if stated.get(key)]
         if len(texts) < len(keys):
@@ -94,7 +95,7 @@ def reported(*keys: str) -> Callable[[Results], Found]:
     return measure
 
 
-def calibrated(results: Results) -> Found:
+def calibrated(results: Study) -> Found:
     """Whether [report] lists equipment with certificates."""
     listed = section(results.record, "stated", "report").get("equipment")
     items = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
@@ -105,13 +106,13 @@ def calibrated(results: Results) -> Found:
     return judged(text, len(named) == len(items))
 
 
-def input_masses(results: Results) -> list[float]:
+def input_masses(results: Study) -> list[float]:
     """The masses between force cell and contact that the rigs state [kg]."""
     stated = [section(one, "input_mass").get("value") for one in section(results.record, "stated", "rigs").values()]
     return [float(value) for value in stated if isinstance(value, int | float)]
 
 
-def no_separation(results: Results) -> Found:
+def no_separation(results: Study) -> Found:
     """Whether the dynamic force stays below the preload in every test."""
     table = used(results)
     if table.is_empty() or table[q.PRELOAD.head].null_count() == table.height:
@@ -128,7 +129,7 @@ def no_separation(results: Results) -> Found:
     )
 
 
-def static_curve(results: Results) -> Found:
+def static_curve(results: Study) -> Found:
     """Whether each specimen of a dynamic test has a static test."""
     dynamic = set(used(results)[q.TYRE.head]) if not used(results).is_empty() else set()
     static = set(results.static[q.TYRE.head]) if q.TYRE.head in results.static.columns else set()
@@ -152,7 +153,7 @@ def spread(values: Sequence[float], quantity: Quantity) -> str:
     return low if low == high else f"{low.rpartition(' ')[0] or low} to {high}"
 
 
-def _values(results: Results, quantity: Quantity) -> list[float]:
+def _values(results: Study, quantity: Quantity) -> list[float]:
     table = used(results)
     if quantity.head not in table.columns:
         return []
@@ -166,7 +167,7 @@ def level(ratio: float) -> float:
     return 20.0 * log10(ratio)
 
 
-def rows_of(results: Results) -> tuple[SummaryRow, ...]:
+def rows_of(results: Study) -> tuple[SummaryRow, ...]:
     """Each condition at one frequency: that of [report], else the tested one nearest to 15 Hz."""
     return tuple(row for row in summary(results, most=None) if MODULUS.key in row.values)
 

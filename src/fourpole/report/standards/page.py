@@ -7,7 +7,7 @@ from markupsafe import Markup
 from fourpole.core.checks import Verdict
 from fourpole.report.html import packaged, rendered
 from fourpole.report.standards.requirement import Answer, Standard, answered, counts
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.version import VERSION
 
 #: What the answers are worth, in the page and in the terminal.
@@ -23,7 +23,7 @@ _BADGES = {
 }
 
 
-def render_standard(standard: Standard, results: Results) -> str:
+def render_standard(standard: Standard, results: Study) -> str:
     """The page as text; whatever the results state is escaped, and the page loads and runs nothing."""
     found = answered(standard, results)
     return rendered(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 
 class Answer(StrEnum):
@@ -52,7 +52,7 @@ class Requirement:
     text: str
     limit: str
     source: str
-    measure: Callable[[Results], Found]
+    measure: Callable[[Study], Found]
     read: bool = False
 
     @property
@@ -96,10 +96,10 @@ class Standard:
     title: str
     terms: tuple[str, ...]
     requirements: tuple[Requirement, ...]
-    values: Callable[[Results], ValueTable]
+    values: Callable[[Study], ValueTable]
 
 
-def answered(standard: Standard, results: Results) -> list[tuple[Requirement, Found]]:
+def answered(standard: Standard, results: Study) -> list[tuple[Requirement, Found]]:
     """Each requirement with what the results say of it."""
     return [(one, one.measure(results)) for one in standard.requirements]
 

@@ -13,14 +13,14 @@ from fourpole.quantities import LOSS_ANGLE, MODULUS
 from fourpole.report.digits import number
 from fourpole.report.standards import measures as m
 from fourpole.report.standards.requirement import Requirement, Standard, ValueTable
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 
 _SCOPE = "the scope of J1085 MAY1999 as a document exchange shows it"
 _SUMMARY = "a summary of J1085:2017 by a test laboratory (tnlab.org)"
 _ROOM = Axis(q.TEMPERATURE.head, absolute=2.0)
 
 
-def _double_amplitude(results: Results, row: SummaryRow) -> str:
+def _double_amplitude(results: Study, row: SummaryRow) -> str:
     """Lowest to highest double amplitude of the tests of a row [mm]."""
     table = results.dynamic.filter(pl.col(q.TEST.head).is_in(list(row.tests)))
     values = [2e3 * value for value in table[q.DEFLECTION_AMPLITUDE.head].drop_nulls() if isfinite(value)]
@@ -30,7 +30,7 @@ def _double_amplitude(results: Results, row: SummaryRow) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _values(results: Results) -> ValueTable:
+def _values(results: Study) -> ValueTable:
     """Spring rates, damping coefficient and loss of each condition at one frequency."""
     heads = (
         "specimen", "condition", q.FREQUENCY.label, "double amplitude [mm]", "complex spring rate K* [kN/m]",

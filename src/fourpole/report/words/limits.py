@@ -16,8 +16,9 @@ from fourpole.fitting.rows import KEY, keyed
 from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, percent
 from fourpole.report.words.sources import About, remedy, source_in_words
-from fourpole.study.results import Results, stated_blocked
+from fourpole.study.record import stated_blocked
 from fourpole.study.rig_estimate import NoteCode
+from fourpole.study.study import Study
 
 _BUDGET = ("test", "quantity", "source", q.SHARE.head)
 #: Quantities of budget.csv for which a limit is given.
@@ -57,12 +58,12 @@ class Limit:
     text: str
 
 
-def limits(results: Results) -> list[Limit]:
+def limits(results: Study) -> list[Limit]:
     """The limit of K2 and C for each rig, or of K* where these are unknown; empty without a budget.
 
     Parameters
     ----------
-    results : Results
+    results : Study
 
     Returns
     -------
@@ -107,7 +108,7 @@ def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
     return [(source, middle) for source, middle, _ in shares]
 
 
-def _about(results: Results, tests: pl.DataFrame, rig: str) -> About:
+def _about(results: Study, tests: pl.DataFrame, rig: str) -> About:
     here = tests.filter(pl.col("rig").fill_null("") == rig)
     found = results.rig_named(rig)
     return About(

@@ -14,8 +14,8 @@ from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, joined, number, percent
 from fourpole.report.words.shared_values import DECLARED, ShownValue, shown_values
 from fourpole.report.words.sources import source_in_words
-from fourpole.study.results import Results
 from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding
+from fourpole.study.study import Study
 
 #: An undeclared error is reported as hard to detect if its detection limit is above this, by the unit shown.
 #: For a value of the rig the limit for per cent counts, relative to the value.
@@ -68,7 +68,7 @@ class RigInWords:
     gain: str
 
 
-def rigs_in_words(results: Results) -> list[RigInWords]:
+def rigs_in_words(results: Study) -> list[RigInWords]:
     """Each rig as found, in the order of rig.csv; none where another route was used."""
     return [_in_words(found, results.shown) for found in results.rigs]
 

@@ -26,7 +26,7 @@ from fourpole.served.figures import drawn, figure_of, values_of
 from fourpole.served.held import Shown
 from fourpole.served.site import Site, address
 from fourpole.served.workspace import Place, state_of
-from fourpole.study.results import Results
+from fourpole.study.study import Study
 from fourpole.units import quantity
 
 #: The axes by which tests are selected, with the kind of quantity of their values.
@@ -113,7 +113,7 @@ def _key(asked: QueryParams) -> str:
     return spec_of(chosen["figure"]).key if chosen["figure"] else key_over(chosen["quantity"], chosen["over"])
 
 
-def _part(results: Results, asked: QueryParams) -> Results:
+def _part(results: Study, asked: QueryParams) -> Study:
     """The tests that are asked for."""
     values = {
         name: tuple(quantity(one, kind) for one in asked.getlist(name) if one) for name, kind in _SELECTED.items()
@@ -127,7 +127,7 @@ def _part(results: Results, asked: QueryParams) -> Results:
     return results if selection == Selection() else select(results, selection)
 
 
-def _known(results: Results) -> dict[str, str]:
+def _known(results: Study) -> dict[str, str]:
     """The quantities that some test has, by key: name and symbol."""
     derived = {q.MODULUS: q.STORAGE, q.LOSS_ANGLE: q.STORAGE}
     tables = (results.dynamic, results.static)
@@ -139,12 +139,12 @@ def _known(results: Results) -> dict[str, str]:
     return {key: one.column if one.column == one.name else f"{one.name}, {one.column}" for key, one in known.items()}
 
 
-def _is_stated(results: Results, axis: Axis | None) -> bool:
+def _is_stated(results: Study, axis: Axis | None) -> bool:
     tables = (results.dynamic, results.static)
     return axis is not None and any(np.isfinite(floats(table, axis.column)).any() for table in tables)
 
 
-def _selects(results: Results) -> Mapping[str, list[str]]:
+def _selects(results: Study) -> Mapping[str, list[str]]:
     """The values of specimen, pressure, preload and temperature that tests have, where they are several."""
     tables = (results.dynamic, results.static)
     found = {"specimen": list(dict.fromkeys(n for t in tables if "tyre" in t.columns for n in t["tyre"] if n))}
