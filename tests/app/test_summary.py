@@ -19,7 +19,7 @@ def lines_of(tmp_path_factory):
     def of(**stated):
         folder = tmp_path_factory.mktemp("campaign") / "c"
         simulate_campaign(folder, frequencies=[14.0], **stated)
-        return summary_lines(analyse(folder).results)
+        return summary_lines(analyse(folder))
 
     return of
 

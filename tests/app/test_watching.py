@@ -14,7 +14,7 @@ def _said(count, report):
 
 
 def test_what_a_later_analysis_prints_stands_alone(tmp_path, monkeypatch):
-    programs = iter((_said(4, "x" * 200_000), _said(5, "r.html"), "print('no JSON')"))
+    programs = iter((_said(4, "x" * 100_000), _said(5, "r.html"), "print('no JSON')"))
 
     def started(_module, *_words, **settings):
         return start([sys.executable, "-c", next(programs)], **settings)
@@ -30,7 +30,7 @@ def test_what_a_later_analysis_prints_stands_alone(tmp_path, monkeypatch):
     assert said == [
         [
             "all tests together: 4 tests, 4 ok, 0 with a warning, 0 rejected",
-            f"all tests together: report: {'x' * 200_000}",
+            f"all tests together: report: {'x' * 100_000}",
         ],
         [f"{counts.format(5, 5)}", "all tests together: report: r.html"],
         [],

@@ -15,7 +15,7 @@ from fourpole import analyse
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, compare
 from fourpole.findings.points import QUANTITIES, Points, differences
-from fourpole.study.results import read_results
+from fourpole.study import read_results
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 FREQUENCIES = [11.0, 14.0, 18.0, 23.0]
@@ -178,7 +178,7 @@ def test_routes_that_differ_share_no_error(runs):
 
 
 def test_specimens_on_different_rigs_share_no_error(runs):
-    results = analyse(runs["both"], monte_carlo=0).results
+    results = analyse(runs["both"], monte_carlo=0)
     rig = pl.when(pl.col("tyre") == "soft").then(pl.lit("second")).otherwise(pl.lit("first")).alias("rig")
     apart = replace(results, tables={**results.tables, "dynamic": results.dynamic.with_columns(rig)})
     covariance = pl.read_parquet(runs["both"] / "results" / "covariance.parquet")

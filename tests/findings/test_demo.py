@@ -46,7 +46,7 @@ def demo(campaign, whole_truth) -> tuple[Study, pl.DataFrame]:
 
 @pytest.fixture(scope="session")
 def told(demo):
-    return findings(demo[0].results)
+    return findings(demo[0])
 
 
 def only(told, kind, quantity, *specimens, **about):
@@ -215,7 +215,7 @@ def agreeing(results, evaluate_claims):
 def test_the_claims_hold_as_in_the_reference(demo, perfect, evaluate_claims):
     everything = set(range(1, 13))
     assert agreeing(perfect, evaluate_claims) == (everything, set())
-    assert agreeing(demo[0].results, evaluate_claims) == (everything - {5}, {5})
+    assert agreeing(demo[0], evaluate_claims) == (everything - {5}, {5})
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -41,7 +41,7 @@ def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague)
     rows = (vague / "tests.csv").read_text()
     (vague / "tests.csv").write_text(rows.replace("100000", "300000"))
     try:
-        results = analyse(vague, monte_carlo=0).results
+        results = analyse(vague, monte_carlo=0)
     finally:
         (vague / "tests.csv").write_text(rows)
     assert results.dynamic["verdict"].to_list() == ["rejected"] * 3
@@ -57,7 +57,7 @@ def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague)
 
 @pytest.mark.parametrize("monte_carlo", [0, 300])
 def test_the_commonest_warning_stands_once_in_the_report(vague, monte_carlo):
-    results = analyse(vague, monte_carlo=monte_carlo).results
+    results = analyse(vague, monte_carlo=monte_carlo)
     assert results.dynamic["verdict"].to_list() == ["warning"] * 3
     found = findings(results)
     doubts = [(one.detail.code, one.tests) for one in found if isinstance(one.detail, Doubt)]

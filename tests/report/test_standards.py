@@ -32,7 +32,7 @@ def results(tmp_path_factory) -> Study:
         folder, tyres=[RADIAL_PLY], mounts=[RUBBER_MOUNT], pressures=[170e3], preloads=[1000.0],
         frequencies=[10.0, 15.0, 24.0], calibration_masses=[5.0],
     )  # fmt: skip
-    return analyse(folder, monte_carlo=0).results
+    return analyse(folder, monte_carlo=0)
 
 
 def answers(results, name):

@@ -73,7 +73,7 @@ def test_what_is_not_linear_stands_before_a_rejection(bench):
     study = bench(heavy, 1e3)
     assert "rejected" in set(study.dynamic["verdict"])
     assert all(remark.startswith("the specimen is not linear") for remark in study.dynamic["remarks"])
-    _, first, *_ = verdicts(Facts(study.results))
+    _, first, *_ = verdicts(Facts(study))
     assert first.detail.code is Code.LINEARITY
 
 

@@ -63,7 +63,7 @@ def test_a_study_shows_its_tests_and_the_range_of_each_condition(study):
     assert "16 tests: 15 ok, 0 warning, 1 rejected; joint route" in html
     assert "cross-ply, 1.7 bar, 1000 N" in html
     assert "K2 [kN/m]" in html
-    assert checked(Study(record=study.record, tables=study.results.tables)._repr_html_()) == html
+    assert checked(Study(record=study.record, tables=study.tables)._repr_html_()) == html
 
 
 def test_an_empty_result_shows_itself():

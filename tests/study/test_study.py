@@ -165,7 +165,7 @@ def test_hashes_are_of_the_statement_as_it_was_read(noisy):
     path = noisy.path / "campaign.toml"
     campaign, read = read_campaign(noisy.path), hashlib.sha256(path.read_bytes()).hexdigest()
     path.write_text(path.read_text(encoding="utf-8").replace("15.0", "16.0"), encoding="utf-8")
-    assert analyse(campaign).results.record["sha256"]["campaign.toml"] == read
+    assert analyse(campaign).record["sha256"]["campaign.toml"] == read
 
 
 def test_results_do_not_say_where_or_when_they_were_made(noisy):

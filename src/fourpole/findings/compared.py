@@ -19,7 +19,6 @@ from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError
 from fourpole.findings.common import none, of_one_campaign, of_two_campaigns
 from fourpole.findings.points import QUANTITIES, Common, Points, differences
-from fourpole.fitting.common_errors import COVARIANCE, covariance_of
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import resolved, results_in
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
@@ -86,8 +85,8 @@ class _Side:
 
 
 def compare(
-    first: str | Path | Study | Study,
-    second: str | Path | Study | Study | None = None,
+    first: str | Path | Study,
+    second: str | Path | Study | None = None,
     *,
     specimens: tuple[str, str] | None = None,
     independent: bool = False,
@@ -103,7 +102,7 @@ def compare(
 
     Parameters
     ----------
-    first, second : path, Study or Study
+    first, second : path or Study
         Results folders or the folders of campaigns; without `second` two specimens of `first` are compared.
     specimens : (str, str), optional
         A specimen of the first and one of the second; by default those whose names both have.
@@ -130,23 +129,32 @@ def compare(
         _check_apart(Path(first), Path(second))
     if second is None and specimens is None:
         raise CampaignError("compare takes two results, or one with two specimens: --specimens X Y")
-    one = _read(first)
-    two = one if second is None else _read(second)
+    one = first if isinstance(first, Study) else read_results(first)
+    two = one if second is None else second if isinstance(second, Study) else read_results(second)
     sides = _sides(one, two, first, second, specimens)
     errors: Common | None = none
     said: tuple[str, ...] = ("All errors are taken as independent, as asked for.",)
     if not independent:
         errors, said = _of_two(*sides) if second is not None else (None, of_one_campaign(one, specimens or ("", "")))
-    rows, unlike = _rows(*sides, errors)
+    rows, unlike = _rows(*sides, errors, COMPARED)
     if not rows:
         raise CampaignError(_nothing(*sides))
-    table = pl.DataFrame(rows, schema=_COLUMNS, orient="row").sort(
-        pl.col(RATIO).abs(), descending=True, maintain_order=True
-    )
+    table = _table(rows).sort(pl.col(RATIO).abs(), descending=True, maintain_order=True)
     if unlike and not independent:
         text = f"Where K* differs by more than 20 % ({unlike} pairs), no error of the dynamic tests is taken as common."
         said = (*said, text)
     return Compared((sides[0].name, sides[1].name), table, said, one.shown)
+
+
+def compared_by(one: Study, two: Study, common: Common, quantities: Sequence[q.Quantity]) -> pl.DataFrame:
+    """Rows as those of `compare` for the specimens that two results have by name, with these common errors."""
+    names = [name for name in _names(one) if name in _names(two)]
+    sides = [_Side("", results, dict(zip(names, names, strict=True))) for results in (one, two)]
+    return _table(_rows(sides[0], sides[1], common, quantities)[0])
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> pl.DataFrame:
+    return pl.DataFrame(rows, schema=_COLUMNS, orient="row")
 
 
 def _of_two(one: _Side, two: _Side) -> tuple[Common, tuple[str, ...]]:
@@ -168,18 +176,6 @@ def _check_apart(first: Path, second: Path) -> None:
         raise CampaignError(
             f"{first} and {second} are the same results: name two, or two specimens with --specimens X Y"
         )
-
-
-def _read(source: str | Path | Study | Study) -> Study:
-    """Results with covariance.parquet, which `read_results` leaves out and a study has."""
-    if isinstance(source, Study):
-        return source
-    if isinstance(source, Study):
-        return replace(source.results, tables={**source.results.tables, "covariance": source.covariance})
-    results = read_results(source)
-    if results.files is None or not results.files.has(COVARIANCE):
-        return results
-    return replace(results, tables={**results.tables, "covariance": covariance_of(results.files.read(COVARIANCE))})
 
 
 # ---- which specimens
@@ -255,7 +251,9 @@ def _labels(first: Any, second: Any) -> tuple[str, str]:
 # ---- the rows
 
 
-def _rows(one: _Side, two: _Side, common: Common | None) -> tuple[list[dict[str, Any]], int]:
+def _rows(
+    one: _Side, two: _Side, common: Common | None, quantities: Sequence[q.Quantity]
+) -> tuple[list[dict[str, Any]], int]:
     """Rows of the table, and the number of pairs whose K* is too different for a common error."""
     rule = rule_in(one.results.record).over(axis.column for axis in rule_in(two.results.record).axes)
     points, states = zip(*(_points(side, rule) for side in (one, two)), strict=True)
@@ -267,7 +265,7 @@ def _rows(one: _Side, two: _Side, common: Common | None) -> tuple[list[dict[str,
         mean = replace(each, group=group).means(members) if members else each
         sides.append((side, mean, [state[rows[0]] for rows in members]))
     pairs = _pairs(sides[0], sides[1], rule)
-    rows = list(_static_rows(one, two, rule, points, common))
+    rows = list(_static_rows(one, two, rule, points, common)) if q.K1 in quantities else []
     if not len(pairs[0]):
         return rows, 0
     found = differences(sides[0][1], sides[1][1], pairs, common)
@@ -276,7 +274,7 @@ def _rows(one: _Side, two: _Side, common: Common | None) -> tuple[list[dict[str,
         state, tests = sides[0][2][i], [_tests(mean.keys[k]) for (_, mean, _), k in zip(sides, (i, j), strict=True)]
         where = {**_state_of(state, rule), q.FREQUENCY.head: float(sides[0][1].frequency[i])}
         for column, quantity in enumerate(QUANTITIES):
-            if quantity in COMPARED and quantity is not q.K1:
+            if quantity in quantities and quantity is not q.K1:
                 values = (found.first[at, column], u[0][at, column], found.second[at, column], u[1][at, column])
                 rows += _row(where, quantity, values, found.u[at, column], tests)
     return rows, int(found.unlike.sum()) if common not in (None, none) else 0

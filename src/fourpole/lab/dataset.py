@@ -25,11 +25,10 @@ from fourpole.io.folders import make_folder, resolved
 from fourpole.io.published import Published, consistently
 from fourpole.io.staging import staged
 from fourpole.io.write import write_table, write_text
-from fourpole.lab.layout import FURTHER, ORIGIN, ROLE, SCHEMA, TABLES, LabTable
+from fourpole.lab.layout import CONDITIONS, FURTHER, INDEX, MOST_BYTES, ORIGIN, ROLE, SCHEMA, TABLES, LabTable
 from fourpole.study.tables import read_table
 
-_FORMAT, _INDEX, _STUDY = "fourpole lab", "lab.json", "study.json"
-_MOST_BYTES = 1_000_000_000
+_FORMAT, _STUDY = "fourpole lab", "study.json"
 _TIME = "time"
 
 
@@ -96,12 +95,12 @@ def gather(
     index: dict[str, dict[str, Any]] = {}
     problems: list[str] = []
     read, obsolete = 0, list[str]()
-    with staged(out, obsolete, last=_INDEX) as new:
+    with staged(out, obsolete, last=INDEX) as new:
         for at, place in enumerate(found):
             if progress is not None:
                 progress(at, len(found))
             name, seen = names[place], _seen(place)
-            if name in former and former[name]["seen"] == seen and _is_there(out, former[name]["file"]):
+            if name in former and _stands(former[name], seen, out):
                 index[name] = former[name]
                 continue
             try:
@@ -112,7 +111,7 @@ def gather(
                 problems.append(f"{name}: not taken: {error}")
         obsolete += _unused(out, {one["file"] for one in index.values()})
         document = {"format": _FORMAT, "schema": SCHEMA, "folder": os.path.relpath(folder, out), "campaigns": index}
-        write_text(new / _INDEX, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+        write_text(new / INDEX, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
     if progress is not None:
         progress(len(found), len(found))
     return Gathered(
@@ -163,11 +162,11 @@ def _names(folder: Path, found: list[Path]) -> dict[Path, str]:
 
 def _former(out: Path) -> dict[str, dict[str, Any]]:
     """The campaigns of the data set as it is; none if it is of another schema, which is then written anew."""
-    path = out / _INDEX
+    path = out / INDEX
     if not path.exists():
         return {}
     try:
-        document = json_of(read_bytes(path, max_bytes=_MOST_BYTES, within=out), _INDEX)
+        document = json_of(read_bytes(path, max_bytes=MOST_BYTES, within=out), INDEX)
         schema, campaigns = int(document["schema"]), dict(document["campaigns"])
         if document["format"] != _FORMAT or any(not one["seen"] or not one["file"] for one in campaigns.values()):
             raise ValueError
@@ -195,8 +194,10 @@ def _seen(place: Path) -> dict[str, list[int]]:
     return seen
 
 
-def _is_there(out: Path, file: str) -> bool:
-    return all((out / table / file).is_file() for table in TABLES)
+def _stands(entry: dict[str, Any], seen: dict[str, list[int]], out: Path) -> bool:
+    """Whether the rows of a campaign are there, and of the results as they are."""
+    there = all((out / table / entry["file"]).is_file() for table in TABLES)
+    return there and entry["seen"] == seen and CONDITIONS in entry
 
 
 def _unused(out: Path, kept: set[str]) -> list[str]:
@@ -228,7 +229,8 @@ def _taken(results: Published, *, name: str, new: Path, problems: list[str]) -> 
     for table, frame in made.items():
         (new / table).mkdir(exist_ok=True)
         write_table(new / table / file, frame)
-    return {"file": file, "sha256": origin["sha256"], "tests": made["tests"].height}
+    conditions = record.get(CONDITIONS)
+    return {"file": file, "sha256": origin["sha256"], "tests": made["tests"].height, CONDITIONS: conditions}
 
 
 def _origin(record: dict[str, Any], name: str, sha256: str, tests: pl.DataFrame) -> dict[str, Any]:

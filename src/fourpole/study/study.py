@@ -173,6 +173,11 @@ class Study(Tables):
         return verdict_counts(self.static, self.dynamic)
 
     @property
+    def results(self) -> Study:
+        """The study itself, for scripts of earlier versions, in which the results were another class."""
+        return self
+
+    @property
     def tests(self) -> TestsByName:
         """The tests by name: `study.tests["D12"]` has its rows, amplitudes, verdict, remarks and recording."""
         return TestsByName(self)
