@@ -259,10 +259,7 @@ def reading(folder: Path) -> list[Row]:
     def apart(found):
         return agree(max(float(np.max(np.abs(found[name] - mine[name]))) for name in names), 0.0)
 
-    peers = {
-        "polars read_csv": (by_polars, apart(by_polars())),
-        "numpy loadtxt": (by_loadtxt, apart(by_loadtxt())),
-    }
+    peers = {"polars read_csv": (by_polars, apart(by_polars())), "numpy loadtxt": (by_loadtxt, apart(by_loadtxt()))}
     return compare("read 1 000 000 rows x 4", ours, peers, rounds=9)
 
 

@@ -189,10 +189,7 @@ def possible() -> list[Row]:
     if not 0.01 * pyimpspec(wrong).get_estimated_percent_noise() > 1.5 * theirs:
         raise SystemExit("pyimpspec does not see what is wrong: its time says nothing")
     rows = compare(
-        "possible, 60 points",
-        lambda: verdict(seen),
-        {"pyimpspec, Kramers-Kronig": (pyimpspec, f"{same}")},
-        rounds=3,
+        "possible, 60 points", lambda: verdict(seen), {"pyimpspec, Kramers-Kronig": (pyimpspec, f"{same}")}, rounds=3
     )
     draws = [(drawn(clean), drawn(false), drawn(mobility)) for _ in range(DRAWS)]
     alarms = {

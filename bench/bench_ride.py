@@ -34,7 +34,7 @@ MOST = {"spectrum": 5.0, "time": 20.0}
 NOTES = {
     "quarter car": """60 s at 1 kHz of a class C road on a Zener tyre: acceleration, wheel load, suspension travel and
         deflection of the tyre at each sample. Both take the road as straight between samples. Difference: of the output
-        that differs most, over its largest value.""",
+        that differs most, over its largest value."""
 }
 
 

@@ -162,10 +162,7 @@ READERS: dict[str, tuple[Format, list[bytes]]] = {
         tydex.FORMAT,
         [TYDEX, TYDEX.replace(b"\n", b"\r\n"), TYDEX.replace(b"  ", b"\t"), TYDEX.decode().encode("utf-16")],
     ),
-    "lvm": (
-        lvm.FORMAT,
-        [LVM, LVM.replace(b".", b","), LVM + LVM[LVM.index(b"Channels") :]],
-    ),
+    "lvm": (lvm.FORMAT, [LVM, LVM.replace(b".", b","), LVM + LVM[LVM.index(b"Channels") :]]),
     "text": (text.FORMAT, TEXTS),
     "famos": (famos.FORMAT, [FAMOS]),
     "rpc": (rpc.FORMAT, [RPC]),

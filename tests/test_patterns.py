@@ -11,11 +11,7 @@ pytestmark = pytest.mark.thorough
 #: Processor time per character [s] that a pattern may take; the slowest takes half of it on a quiet machine.
 LIMIT = 2e-6
 #: Patterns whose module shortens the text first, with its largest length.
-LONGEST = {
-    "guess/names._HASHES": 400,
-    "io/tables/cells._WORDED_UNIT": 100,
-    "units.frequency_grid": 4000,
-}
+LONGEST = {"guess/names._HASHES": 400, "io/tables/cells._WORDED_UNIT": 100, "units.frequency_grid": 4000}
 #: Patterns that are applied to no text of others, or whose text is measured by another line.
 OWN = {
     "guess/pattern._unit_at": "spellings of units, after a number in the name of a file",

@@ -72,11 +72,7 @@ def test_faults_run_and_their_table_is_written(validate, faulty, monkeypatch):
     assert text.startswith("before\n")
     assert text.endswith("\nafter\n")
     rows = [line for line in text.splitlines() if "| weighed mass |" in line]
-    assert [row.split(" | ")[0] for row in rows] == [
-        "| weighed mass",
-        "| V1 late, 0.5 ms",
-        "| F1 in kgf, stated in N",
-    ]
+    assert [row.split(" | ")[0] for row in rows] == ["| weighed mass", "| V1 late, 0.5 ms", "| F1 in kgf, stated in N"]
     assert "| nothing |" not in rows[-1]
     assert "2 campaigns with a fault. Of the 2 whose fault the data can show" in text
 

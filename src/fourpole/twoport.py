@@ -22,13 +22,4 @@ from fourpole.core.twoport import (
     spring,
 )
 
-__all__ = [
-    "cascade",
-    "chain_mobility",
-    "chain_transmissibility",
-    "damper",
-    "deembed",
-    "inverse",
-    "mass",
-    "spring",
-]
+__all__ = ["cascade", "chain_mobility", "chain_transmissibility", "damper", "deembed", "inverse", "mass", "spring"]

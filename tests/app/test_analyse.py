@@ -301,9 +301,7 @@ def test_a_campaign_that_cannot_be_read_is_one_message_and_nothing_is_written(ru
 
 @pytest.mark.parametrize(
     ("old", "new", "said"),
-    [
-        ("[tyres.radial-ply]", "[specimens.radial-ply]\n[tyres.radial-ply]", ["'radial-ply'", "keep one of them"]),
-    ],
+    [("[tyres.radial-ply]", "[specimens.radial-ply]\n[tyres.radial-ply]", ["'radial-ply'", "keep one of them"])],
 )
 def test_a_fault_of_the_whole_file_is_one_message_too(run, campaign, old, new, said):
     edit(campaign / "campaign.toml", old, new)

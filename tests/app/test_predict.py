@@ -12,15 +12,7 @@ import pytest
 
 TYRE = ["--k1", "180 kN/m", "--k2", "120 kN/m", "--c", "700 N s/m"]
 RIG = ["--mass", "15 kg", "--preload-stiffness", "12.44 kN/m"]
-HEADER = [
-    "frequency [Hz]",
-    "Re K* [N/m]",
-    "Im K* [N/m]",
-    "loss factor [1]",
-    "R [m/(N s)]",
-    "I [m/(N s)]",
-    "TR [1]",
-]
+HEADER = ["frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]", "loss factor [1]", "R [m/(N s)]", "I [m/(N s)]", "TR [1]"]
 
 
 def closed_form(frequency, damping=0.0):

@@ -105,11 +105,7 @@ def test_a_second_run_loads_neither_numpy_nor_polars(analysed):
     code = "import sys; from fourpole.app.cli import app; app(standalone_mode=False); print(*sys.modules)"
     words = ["analyse", str(noisy.path), "--tables-only", "--route", "mobility"]
     done = subprocess.run(
-        [sys.executable, "-c", code, *words],
-        check=True,
-        capture_output=True,
-        text=True,
-        env=environment(),
+        [sys.executable, "-c", code, *words], check=True, capture_output=True, text=True, env=environment()
     )
     assert STANDS in done.stderr, done.stderr
     loaded = {name.partition(".")[0] for name in done.stdout.splitlines()[-1].split()}

@@ -48,8 +48,7 @@ def record():
             channels[name] = [signal, quantities[i], delays[i]]
         added = np.broadcast_to(extra, (len(channels), samples))
         return Recording(
-            rate,
-            {name: Channel(s + add, q, d) for (name, (s, q, d)), add in zip(channels.items(), added, strict=True)},
+            rate, {name: Channel(s + add, q, d) for (name, (s, q, d)), add in zip(channels.items(), added, strict=True)}
         )
 
     return make
@@ -60,17 +59,7 @@ def load_cycles():
     """Deflection and load of cycles between 0 and a depth about a mean law, with a gap of known shape."""
 
     def make(
-        law,
-        *,
-        depth=0.03,
-        cycles=3,
-        up=201,
-        down=201,
-        warp=1.0,
-        gap=200.0,
-        shape="parabola",
-        first=1.0,
-        zero=0.0,
+        law, *, depth=0.03, cycles=3, up=201, down=201, warp=1.0, gap=200.0, shape="parabola", first=1.0, zero=0.0
     ):
         """`gap` [N] is half that of the branches; `warp` spaces the two branches differently; `first` scales a load."""
         u = np.concatenate([np.linspace(0, 1, up) ** warp, (1 - np.linspace(0, 1, down)) ** (1 / warp)])

@@ -173,14 +173,7 @@ def test_a_test_alone_gives_what_it_gives_among_others(campaign, route):
 
 # Monte Carlo ----------------------------------------------------------------------------------------------------
 
-NOTHING = {
-    "noise": 0.0,
-    "gain": np.zeros(3),
-    "phase": np.zeros(3),
-    "rig": {},
-    "added": 0.0,
-    "k1": 0.0,
-}
+NOTHING = {"noise": 0.0, "gain": np.zeros(3), "phase": np.zeros(3), "rig": {}, "added": 0.0, "k1": 0.0}
 # small enough that the second order, of relative size 10 to 100 times the first, is below the scatter of the draws
 SOURCES = {
     "noise": {"noise": 1e-4},

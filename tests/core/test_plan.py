@@ -24,10 +24,7 @@ FREQUENCIES = np.arange(10.0, 25.0, 2.0)
 #: Channels F1, V1, V2 that are recorded: without V2 the advice is by the mobility route, which is much faster.
 WITHOUT_V2 = (True, True, False)
 #: Sensors and rig: relative uncertainty of the rig's values, of gains, of phases [rad], of K1.
-LABORATORIES = {
-    "unstated": (0.02, 0.01, np.radians(0.5), 0.0),
-    "calibrated": (0.005, 0.002, np.radians(0.1), 0.002),
-}
+LABORATORIES = {"unstated": (0.02, 0.01, np.radians(0.5), 0.0), "calibrated": (0.005, 0.002, np.radians(0.1), 0.002)}
 TYRES = {"unstated": RADIAL_PLY, "calibrated": CROSS_PLY}
 MASSES = {"alone": (0.0,), "with 10 kg": (0.0, 10.0)}
 

@@ -48,10 +48,7 @@ def test_passive_and_rising_with_frequency(k1, k2, c, omega):
 def test_closed_forms_agree_with_the_dynamic_stiffness(k1, k2, c):
     omega = OMEGA[np.abs(RIG["preload_stiffness"] - RIG["mass"] * OMEGA**2) > 100.0]
     stiffness = zener_stiffness(k1, k2, c, omega)
-    closed, by_stiffness = (
-        zener_mobility(k1, k2, c, omega, **RIG),
-        mobility(stiffness, omega, **RIG),
-    )
+    closed, by_stiffness = (zener_mobility(k1, k2, c, omega, **RIG), mobility(stiffness, omega, **RIG))
     # Im M may be 0: its round-off is that of its two terms
     scale = np.abs(omega / stiffness) + np.abs(omega / (RIG["preload_stiffness"] - RIG["mass"] * omega**2))
     assert (np.abs(closed - by_stiffness) <= 1e-14 * scale).all()

@@ -42,10 +42,7 @@ def motion():
     """F1, V1, V2 of the paper's rig per unit of x1, from Newton's law and the laws of springs and dampers."""
     x2, inner = sp.symbols("x2 inner")
     through = k1 * (1 - x2) + k2 * (1 - inner)  # K1 beside the arm, whose inner point is massless
-    laws = [
-        sp.Eq(k2 * (1 - inner), jw * c * (inner - x2)),
-        sp.Eq(through - k3 * x2, -(w**2) * m * x2),
-    ]
+    laws = [sp.Eq(k2 * (1 - inner), jw * c * (inner - x2)), sp.Eq(through - k3 * x2, -(w**2) * m * x2)]
     found = sp.solve(laws, [x2, inner], dict=True)[0]
     return sp.cancel(through.subs(found)), jw, jw * sp.cancel(found[x2])
 

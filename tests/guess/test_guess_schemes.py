@@ -170,10 +170,7 @@ SCHEMES: dict[str, tuple[Callable[[Path, Case, Path], None], tuple[str, ...]]] =
         ),
         ALL,
     ),
-    "statics apart": (
-        by_name("dynamic/{radial}_{bar}bar_{N}N_{f}Hz", "static/{radial}_{bar}bar"),
-        ALL,
-    ),
+    "statics apart": (by_name("dynamic/{radial}_{bar}bar_{N}N_{f}Hz", "static/{radial}_{bar}bar"), ALL),
     "versions": (by_name("V2.4_{radial}_{bar}bar_{N}N_{f}Hz_rev3", "V2.4_{radial}_{bar}bar_static_rev3"), ALL),
     "short dates": (
         by_name("12-03-24_14-05-33_{radial}_{bar}bar_{N}N_{f}Hz", "12.03.2024 14h05 {radial} {bar}bar static"),
@@ -231,10 +228,7 @@ SCHEMES: dict[str, tuple[Callable[[Path, Case, Path], None], tuple[str, ...]]] =
         by_name("{radial}-{bar}b-{N}N-{f}hz", "{radial}-{bar}b-stat"),
         ("kind", "tyre", "preload", "frequency"),
     ),
-    "bare header": (
-        by_header("Pressure,{bar}\nPreload,{N}\nTyre,{radial}\n", "Pressure,{bar}\nTyre,{radial}\n"),
-        ALL,
-    ),
+    "bare header": (by_header("Pressure,{bar}\nPreload,{N}\nTyre,{radial}\n", "Pressure,{bar}\nTyre,{radial}\n"), ALL),
     "JSON beside": (
         by_sidecar(
             '{{"tyre": "{radial}", "pressure_bar": {bar}, "preload_N": {N}}}\n',
@@ -266,11 +260,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Case, Path]]:
 def truth(place: Path) -> list[tuple[Case, Path]]:
     """Record a campaign and list what each recording is."""
     made = simulate_campaign(
-        place,
-        clean=True,
-        pressures=[p * 1e5 for p in PRESSURES],
-        preloads=PRELOADS,
-        frequencies=FREQUENCIES,
+        place, clean=True, pressures=[p * 1e5 for p in PRESSURES], preloads=PRELOADS, frequencies=FREQUENCIES
     )
     table = pl.read_csv(made.folder / "tests.csv")
     return [

@@ -20,8 +20,7 @@ def test_distance_and_height_are_known_by_their_names_and_units(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("head", "words"),
-    [("a,b", "distance"), ("distance [m],b", "height"), ("distance [s],z [m]", "distance")],
+    ("head", "words"), [("a,b", "distance"), ("distance [m],b", "height"), ("distance [s],z [m]", "distance")]
 )
 def test_a_table_without_them_is_refused(tmp_path, head, words):
     path = tmp_path / "road.csv"

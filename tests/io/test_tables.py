@@ -250,10 +250,7 @@ def test_a_curve_that_cannot_be_understood(tmp_path: Path, content: str, said: s
 
 @settings(max_examples=40, deadline=None)
 @given(
-    frequency=st.floats(0.1, 1e3),
-    force=st.floats(1e-3, 1e6),
-    size=st.floats(1e-6, 1e-1),
-    angle=st.floats(-3.1, 3.1),
+    frequency=st.floats(0.1, 1e3), force=st.floats(1e-3, 1e6), size=st.floats(1e-6, 1e-1), angle=st.floats(-3.1, 3.1)
 )
 def test_force_and_any_motion_say_the_same(
     tmp_path_factory: pytest.TempPathFactory, frequency: float, force: float, size: float, angle: float

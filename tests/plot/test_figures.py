@@ -4,14 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 from matplotlib.colors import to_hex
-from tests.plot.conftest import (
-    FREQUENCIES,
-    PRESSURES,
-    blank,
-    changed,
-    empty_results,
-    results_of,
-)
+from tests.plot.conftest import FREQUENCIES, PRESSURES, blank, changed, empty_results, results_of
 from tests.plot.modelled import study_with_models
 
 from fourpole.core.tyre import mobility

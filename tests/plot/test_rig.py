@@ -122,11 +122,7 @@ def test_values_stand_as_far_from_their_statement_as_the_table_says(small):
 
 def test_findings_differ_in_mark_and_colour_and_a_far_one_is_told(small):
     far = ("kg", 15.0, 0.01, 15.81, 0.81, 81.0, None, "contradicted")
-    values = {
-        **VALUES,
-        "moving_mass": far,
-        "preload_stiffness": (*VALUES["preload_stiffness"][:7], "not calibrated"),
-    }
+    values = {**VALUES, "moving_mass": far, "preload_stiffness": (*VALUES["preload_stiffness"][:7], "not calibrated")}
     results = replace(small, rig=rig_table(values))
     dots = rows_of(figure_data(results, "rig-found").panels[0])
     assert len({(one.marker, one.tone, one.hollow) for one in dots.values()}) == 4

@@ -167,11 +167,7 @@ def test_candidates_are_listed_with_the_chosen_marked(fitted):
 
 def test_parameters_have_units_uncertainties_and_intervals(fitted):
     entry, model = fitted.models.models[0], section(fitted).model
-    assert [(symbol, unit) for symbol, unit, _ in model.parameters] == [
-        ("K1", "kN/m"),
-        ("K2", "kN/m"),
-        ("C", "N s/m"),
-    ]
+    assert [(symbol, unit) for symbol, unit, _ in model.parameters] == [("K1", "kN/m"), ("K2", "kN/m"), ("C", "N s/m")]
     assert [row.place for row in model.conditions[:2]] == ["1 bar, 1000 N", "1 bar, 2000 N"]
     one, cell = entry.conditions[0], model.conditions[0].cells[1]
     std = np.sqrt(one.covariance[1][1]) * 1e-3

@@ -179,12 +179,7 @@ def made(dynamic=(), static=(), *, previews=True, **record):
         "sha256": {"campaign.toml": "ab" * 32},
         **record,
     }
-    return Study(
-        frame(static, STATIC.columns),
-        frame(dynamic, DYNAMIC.columns),
-        table,
-        whole,
-    )
+    return Study(frame(static, STATIC.columns), frame(dynamic, DYNAMIC.columns), table, whole)
 
 
 def drawing(size=0, inside=""):

@@ -126,9 +126,7 @@ def test_linearity_is_held_at_two_levels_10_db_apart(results, change, answer):
     """1.5 dB is a factor of 1.19."""
     once = results.dynamic.filter(pl.col("tyre") == "radial-ply")
     small = once.with_columns(
-        pl.col("test") + "s",
-        pl.col("deflection amplitude [m]") / 4.0,
-        pl.col("F1 [N]") * change / 4.0,
+        pl.col("test") + "s", pl.col("deflection amplitude [m]") / 4.0, pl.col("F1 [N]") * change / 4.0
     )
     both = replace(results, tables={**results.tables, "dynamic": pl.concat([once, small])})
     assert answers(both, "iso-10846-2")["linearity"].answer is answer

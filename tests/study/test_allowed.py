@@ -85,11 +85,7 @@ def run(*words):
     return CliRunner().invoke(app, [*map(str, words)])
 
 
-COMMANDS = {
-    "analyse": ("--tables-only", "--route", "mobility"),
-    "check": (),
-    "plan": (),
-}
+COMMANDS = {"analyse": ("--tables-only", "--route", "mobility"), "check": (), "plan": ()}
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -54,10 +54,7 @@ CASES = {
         {"force_in": '{ column = "U", sensitivity = "250 N/V" }'},
         lambda t, f1, v1, v2: {"U": f1(t) / 250.0},
     ),
-    "inverted": (
-        {"motion_in": '{ column = "V1", unit = "m/s", invert = true }'},
-        lambda t, f1, v1, v2: {"V1": -v1(t)},
-    ),
+    "inverted": ({"motion_in": '{ column = "V1", unit = "m/s", invert = true }'}, lambda t, f1, v1, v2: {"V1": -v1(t)}),
     "inverted with an offset": (
         {"motion_in": '{ column = "V1", unit = "mm/s", invert = true, offset = 30, range = 200 }'},
         lambda t, f1, v1, v2: {"V1": -1e3 * v1(t) + 30.0},
@@ -121,8 +118,7 @@ def test_a_sample_rate_takes_the_place_of_a_time_column(bench, where):
 
 
 @pytest.mark.parametrize(
-    ("said", "row"),
-    [("2..3", 1), ("1.9..3.1", 1), ("2 s .. 3000 ms", 1), ("0..1", 2), ("0,0..1,0", 2)],
+    ("said", "row"), [("2..3", 1), ("1.9..3.1", 1), ("2 s .. 3000 ms", 1), ("0..1", 2), ("0,0..1,0", 2)]
 )
 def test_a_window_takes_its_part_of_the_recording(bench, said, row):
     """Test 1 from 2 s on, test 2 up to 1 s, and between them a machine that is being set."""
@@ -357,10 +353,7 @@ def test_what_is_unstated_is_taken_as_a_default_and_noted(bench):
 
 @pytest.mark.parametrize(
     ("said", "gain", "phase"),
-    [
-        ('std_gain = "3 %", std_phase = "0 deg"', 0.03, 0.0),
-        ('std_gain = 0.03, std_phase = "0.02 rad"', 0.03, 0.02),
-    ],
+    [('std_gain = "3 %", std_phase = "0 deg"', 0.03, 0.0), ('std_gain = 0.03, std_phase = "0.02 rad"', 0.03, 0.02)],
 )
 def test_a_stated_uncertainty_of_a_channel_is_used(bench, said, gain, phase):
     bench.channels["force_in"] = f'{{ column = "F1", unit = "N", {said} }}'

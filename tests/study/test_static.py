@@ -320,10 +320,7 @@ STATIC_HURTS = {
     "missing": (lambda path: path.unlink(), "recordings/S1.csv: there is no such file; check its name"),
     "empty": (lambda path: path.write_bytes(b""), "recordings/S1.csv: is empty"),
     "header only": (lambda path: path.write_text("x,F\n"), "has a header (line 1) but no row below it"),
-    "no load": (
-        lambda path: path.write_text("x,G\n1,2\n2,3\n"),
-        "there is no column 'F'",
-    ),
+    "no load": (lambda path: path.write_text("x,G\n1,2\n2,3\n"), "there is no column 'F'"),
     "text": (
         lambda path: path.write_text("x,F\n1,2\n2,over\n"),
         "recordings/S1.csv row 3, column 'F': 'over' is no number",

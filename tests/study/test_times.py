@@ -123,15 +123,9 @@ REFERENCES = {
         '{ column = "tacho", unit = "V" }',
         lambda angle: 5.0 * ((angle / (2 * np.pi)) % 1 < 0.5),
     ),
-    "twelve pulses": (
-        '{ column = "tacho", unit = "V", pulses = 12 }',
-        lambda angle: 2.5 + 2.4 * np.sin(12 * angle),
-    ),
+    "twelve pulses": ('{ column = "tacho", unit = "V", pulses = 12 }', lambda angle: 2.5 + 2.4 * np.sin(12 * angle)),
     "encoder": ('{ column = "tacho", unit = "deg" }', lambda angle: np.degrees(angle) % 360),
-    "encoder that runs backwards, without jumps": (
-        '{ column = "tacho", unit = "rad" }',
-        lambda angle: -angle,
-    ),
+    "encoder that runs backwards, without jumps": ('{ column = "tacho", unit = "rad" }', lambda angle: -angle),
     "two cycles per revolution": (
         '{ column = "tacho", unit = "deg", cycles = 2 }',
         lambda angle: np.degrees(angle / 2) % 360,

@@ -170,11 +170,7 @@ def test_a_run_that_is_stopped_in_mid_batch_is_gone_on_with(hurting, number, cod
     folder = hurting("hang")
     command = [sys.executable, "-m", "fourpole", "analyse", str(folder.path), "--route", "mobility", "--workers", "2"]
     running = subprocess.Popen(
-        [*command, "--tables-only"],
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        env=environment(),
+        [*command, "--tables-only"], stderr=subprocess.PIPE, text=True, start_new_session=True, env=environment()
     )
     kept = folder.path / "results" / "cache"
     wait_for(lambda: len(list(kept.glob("*.fpp"))) == 4)  # one static curve, three recordings

@@ -74,13 +74,7 @@ def test_tyres_exchanged_break_the_claims_that_tell_them_apart(truth, evaluate_c
 
 @pytest.mark.parametrize(
     ("number", "change"),
-    [
-        (4, {"c_p": -0.1}),
-        (5, {"c_l": 0.02}),
-        (6, {"r": -0.25}),
-        (8, {"k_p": -0.15}),
-        (9, {"n": -0.8}),
-    ],
+    [(4, {"c_p": -0.1}), (5, {"c_l": 0.02}), (6, {"r": -0.25}), (8, {"k_p": -0.15}), (9, {"n": -0.8})],
 )
 def test_another_law_of_the_radial_breaks_its_claim(tmp_path, evaluate_claims, number, change):
     tyres = (CROSS_PLY, replace(RADIAL_PLY, **change))

@@ -18,10 +18,7 @@ TESTS = Conditions(
     added_mass=[0.0, 5.0, 10.0] * 3,
 )
 ALL = Laboratory(
-    preload_loss_factor=(0.02, 0.0),
-    tyre_mass=(0.8, 0.0),
-    frame_stiffness=(4e5, 0.0),
-    input_mass=(0.5, 0.0),
+    preload_loss_factor=(0.02, 0.0), tyre_mass=(0.8, 0.0), frame_stiffness=(4e5, 0.0), input_mass=(0.5, 0.0)
 )
 ROUND_OFF = 1e-12
 

@@ -7,16 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from mpmath import matrix, mp, mpc, mpf
 
-from reference.campaign import (
-    WITHIN,
-    Campaign,
-    noise_of,
-    parts_of,
-    recorded,
-    spread,
-    table_text,
-    u_head,
-)
+from reference.campaign import WITHIN, Campaign, noise_of, parts_of, recorded, spread, table_text, u_head
 from reference.mechanics import arm_of
 from reference.physics import J, Numbers, rig_impedance, turning
 from reference.weighed_mass import joint

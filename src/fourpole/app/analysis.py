@@ -15,16 +15,7 @@ from fourpole.app import events
 from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say, warn
 from fourpole.app.options import RunOptions, Wanted
-from fourpole.app.standing import (
-    STATEMENT,
-    Outcome,
-    forget,
-    identities,
-    note_standing,
-    results_of,
-    settings_of,
-    show,
-)
+from fourpole.app.standing import STATEMENT, Outcome, forget, identities, note_standing, results_of, settings_of, show
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.checks import Verdict, worst_verdict
 from fourpole.core.codes import Code

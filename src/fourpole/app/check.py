@@ -8,17 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from fourpole.app.alike import gathered_alike
-from fourpole.app.console import (
-    OK,
-    SOME_REJECTED,
-    counted_tests,
-    out,
-    print_json,
-    print_table,
-    progress,
-    say,
-    warn,
-)
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, print_table, progress, say, warn
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.guessed import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict

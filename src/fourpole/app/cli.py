@@ -395,8 +395,7 @@ def compare(
         tuple[str, str] | None, typer.Option(metavar="X Y", help="A specimen of A and one of B, or two of A.")
     ] = None,
     independent: Annotated[
-        bool,
-        typer.Option("--independent", help="Take no error as common: sensors were exchanged or calibrated."),
+        bool, typer.Option("--independent", help="Take no error as common: sensors were exchanged or calibrated.")
     ] = False,
     file: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write all rows, in SI.")] = None,
     page: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a page with a figure.")] = None,

@@ -32,10 +32,7 @@ Study = Annotated[
 
 def fit(
     results: Study,
-    model: Annotated[
-        str,
-        typer.Option(help=f"{NAMES}, or auto; without :N the number of arms is chosen."),
-    ] = "auto",
+    model: Annotated[str, typer.Option(help=f"{NAMES}, or auto; without :N the number of arms is chosen.")] = "auto",
     *,
     options: FitOptions,
     as_json: JsonFlag = False,
@@ -52,12 +49,7 @@ def fit(
     run_fit(results_in(results), model, options, as_json=as_json)
 
 
-def causality(
-    results: Study,
-    *,
-    data: DataOptions,
-    as_json: JsonFlag = False,
-) -> None:
+def causality(results: Study, *, data: DataOptions, as_json: JsonFlag = False) -> None:
     """Test whether a passive linear specimen can have the measured K*, and name the frequencies where it cannot.
 
     The best non-negative relaxation spectrum is compared with the data by their covariance, so the test also holds on
@@ -184,12 +176,10 @@ def verify(
 
 def ride(
     models: Annotated[
-        list[Path],
-        typer.Argument(metavar="MODEL...", help="Model files that fit or map wrote, or campaigns' folders."),
+        list[Path], typer.Argument(metavar="MODEL...", help="Model files that fit or map wrote, or campaigns' folders.")
     ],
     road: Annotated[
-        str,
-        typer.Option(help='Class A to H, a file of distance and height, or as "cleat 10 mm, 50 mm".'),
+        str, typer.Option(help='Class A to H, a file of distance and height, or as "cleat 10 mm, 50 mm".')
     ] = "C",
     speed: Annotated[float | None, amount("--speed", "velocity", 'As "60 km/h"; by default "80 km/h".')] = None,
     *,

@@ -56,10 +56,7 @@ def _resampled(outline: FloatArray, places: int) -> FloatArray:
     edges = np.arange(places) * len(outline) // places
     if len(outline) < places:
         return outline[edges]
-    return np.stack(
-        [np.fmin.reduceat(outline[:, 0], edges), np.fmax.reduceat(outline[:, 1], edges)],
-        axis=1,
-    )
+    return np.stack([np.fmin.reduceat(outline[:, 0], edges), np.fmax.reduceat(outline[:, 1], edges)], axis=1)
 
 
 def _levels(outline: FloatArray, levels: int) -> NDArray[np.int64]:

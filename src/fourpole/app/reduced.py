@@ -30,13 +30,7 @@ from fourpole.study.static import branch_check
 
 
 def run_identify(
-    path: Path,
-    k1: float | None,
-    rig: Rig | None,
-    choice: TableChoice,
-    file: Path | None,
-    *,
-    as_json: bool,
+    path: Path, k1: float | None, rig: Rig | None, choice: TableChoice, file: Path | None, *, as_json: bool
 ) -> int:
     """Identify a reduced table; the exit code is `SOME_REJECTED` if rows were rejected."""
     if choice.no_rig and rig is not None:

@@ -19,16 +19,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray
 
-__all__ = [
-    "cascade",
-    "chain_mobility",
-    "chain_transmissibility",
-    "damper",
-    "deembed",
-    "inverse",
-    "mass",
-    "spring",
-]
+__all__ = ["cascade", "chain_mobility", "chain_transmissibility", "damper", "deembed", "inverse", "mass", "spring"]
 
 
 def _fourpole(a11: ArrayLike, a12: ArrayLike, a21: ArrayLike, a22: ArrayLike) -> ComplexArray:

@@ -212,13 +212,7 @@ def transmissibility(
 
 
 def zener_mobility(
-    k1: ArrayLike,
-    k2: ArrayLike,
-    c: ArrayLike,
-    omega: ArrayLike,
-    *,
-    mass: ArrayLike,
-    preload_stiffness: ArrayLike,
+    k1: ArrayLike, k2: ArrayLike, c: ArrayLike, omega: ArrayLike, *, mass: ArrayLike, preload_stiffness: ArrayLike
 ) -> ComplexArray:
     r"""Mobility R + jI of the viscoelastic tyre on its rig, in the paper's closed form.
 
@@ -274,13 +268,7 @@ def zener_mobility(
 
 
 def zener_transmissibility(
-    k1: ArrayLike,
-    k2: ArrayLike,
-    c: ArrayLike,
-    omega: ArrayLike,
-    *,
-    mass: ArrayLike,
-    preload_stiffness: ArrayLike,
+    k1: ArrayLike, k2: ArrayLike, c: ArrayLike, omega: ArrayLike, *, mass: ArrayLike, preload_stiffness: ArrayLike
 ) -> FloatArray:
     r"""Modulus TR of the motion transmissibility of the viscoelastic tyre, in the paper's closed form.
 

@@ -72,11 +72,7 @@ class Points(ByValue):
 
     @classmethod
     def of(
-        cls,
-        table: pl.DataFrame,
-        budget: pl.DataFrame,
-        group: np.ndarray,
-        covariance: pl.DataFrame | None = None,
+        cls, table: pl.DataFrame, budget: pl.DataFrame, group: np.ndarray, covariance: pl.DataFrame | None = None
     ) -> Points:
         """The points of rows of dynamic.csv, each a point; `covariance` is covariance.parquet of the same campaign."""
         keys = keys_of(table)
@@ -136,15 +132,7 @@ class Points(ByValue):
         """Values (N, 8) of `QUANTITIES`."""
         stiffness = self.stiffness
         ratio = stiffness.imag / stiffness.real
-        columns = (
-            self.k1,
-            *polar(stiffness)[0].T,
-            stiffness.real,
-            stiffness.imag,
-            ratio,
-            self.k2,
-            self.c,
-        )
+        columns = (self.k1, *polar(stiffness)[0].T, stiffness.real, stiffness.imag, ratio, self.k2, self.c)
         return np.stack(columns, axis=1)
 
     @cached_property

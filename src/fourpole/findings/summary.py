@@ -200,11 +200,7 @@ def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
 
 
 def _row(
-    specimen: str,
-    condition: Key,
-    frequency: float,
-    tests: Sequence[Mapping[str, Any]],
-    pooled: Mapping[str, Scatter],
+    specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter]
 ) -> SummaryRow:
     pressure, preload = (None if value == UNSTATED else (value, value) for value in condition)
     means = {quantity.key: mean for quantity in SUMMARISED if (mean := mean_of(quantity, tests, pooled)) is not None}

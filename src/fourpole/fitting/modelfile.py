@@ -77,7 +77,7 @@ class CandidateFile(Strict):
     aicc: float
     bic: float
     cross_validation: float | None = Field(
-        description="Cross-validation error over frequencies, in standard uncertainties [1]; null: not computed.",
+        description="Cross-validation error over frequencies, in standard uncertainties [1]; null: not computed."
     )
     on_bound: int
     not_converged: int = Field(description="Number of conditions whose fit did not converge.")

@@ -67,11 +67,7 @@ class TyreShift(ByValue):
 
 
 def read_isotherms(
-    paths: Sequence[str | Path],
-    *,
-    apart: float = APART,
-    std: float | None = None,
-    options: TableOptions | None = None,
+    paths: Sequence[str | Path], *, apart: float = APART, std: float | None = None, options: TableOptions | None = None
 ) -> MeasuredSet:
     """Read the isotherms of one or several tables, as one set of conditions.
 

@@ -11,18 +11,7 @@ from itertools import groupby
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.errors import UnitError
-from fourpole.guess.words import (
-    CALIBRATION,
-    DYNAMIC,
-    ENDINGS,
-    IN_HEADERS,
-    KEYS,
-    MARKS,
-    RANDOM,
-    STATIC,
-    SWEEP,
-    UNITS,
-)
+from fourpole.guess.words import CALIBRATION, DYNAMIC, ENDINGS, IN_HEADERS, KEYS, MARKS, RANDOM, STATIC, SWEEP, UNITS
 
 AMPLITUDE = q.Quantity("amplitude", "amplitude", "amplitude", "m", "amplitude of the deflection", "mm", 1e-3)
 #: Conditions of a test that names, headers and notes may state, in the order of their columns in tests.csv.

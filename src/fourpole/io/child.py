@@ -49,11 +49,7 @@ _ONE_THREAD = (
 )
 _OF_TABLES = "POLARS_MAX_THREADS"
 #: The allocator of glibc keeps some memory [byte] for the next recording, instead of asking the system for each array.
-_ALLOCATOR = {
-    "MALLOC_ARENA_MAX": "2",
-    "MALLOC_MMAP_THRESHOLD_": str(1 << 24),
-    "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
-}
+_ALLOCATOR = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(1 << 24), "MALLOC_TRIM_THRESHOLD_": str(1 << 26)}
 _LOCAL = threading.local()
 _ALL: weakref.WeakSet[Child] = weakref.WeakSet()
 

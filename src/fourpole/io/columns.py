@@ -269,11 +269,7 @@ def column_blocks(
 
 @contextmanager
 def _opened(
-    path: str | os.PathLike[str],
-    names: Sequence[str],
-    max_bytes: int,
-    label: str | None,
-    stretch: Stretch | None,
+    path: str | os.PathLike[str], names: Sequence[str], max_bytes: int, label: str | None, stretch: Stretch | None
 ) -> Iterator[tuple[BinaryIO, bytes, Table]]:
     """An open recording, its first lines, and the table with the wanted columns."""
     name = name_of(path, label)

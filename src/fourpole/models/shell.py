@@ -116,14 +116,7 @@ def shares(cylinder: Cylinder, n: FloatArray, across: FloatArray) -> tuple[Float
     n, across = np.broadcast_arrays(n, across)
     n2, a2, na = n * n, across * across, n * across
     stretch = [a2 + g * n2, (nu + g) * na, nu * across, n2 + g * a2, n, np.ones_like(n)]
-    bend = [
-        g / 4 * n2,
-        -0.75 * g * na,
-        -g * n * na,
-        n2 + 2.25 * g * a2,
-        n * (n2 + (nu + 3 * g) * a2),
-        (n2 + a2) ** 2,
-    ]
+    bend = [g / 4 * n2, -0.75 * g * na, -g * n * na, n2 + 2.25 * g * a2, n * (n2 + (nu + 3 * g) * a2), (n2 + a2) ** 2]
     pull = n2 + cylinder.axial * a2
     tension = [pull, 0 * pull, -across, pull, n, pull]
     return np.stack(stretch), np.stack(bend), np.stack(tension)

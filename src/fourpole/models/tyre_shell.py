@@ -12,17 +12,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
-from fourpole.models.shell import (
-    Cylinder,
-    elasticity,
-    harmonics,
-    load,
-    modes,
-    radial_answer,
-    shares,
-    slopes,
-    wave,
-)
+from fourpole.models.shell import Cylinder, elasticity, harmonics, load, modes, radial_answer, shares, slopes, wave
 
 #: Number of times that uu, uv, uw, vv, vw and ww occur in a symmetric 3 x 3 matrix; their rows and columns.
 _TWICE = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])

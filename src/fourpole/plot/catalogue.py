@@ -260,11 +260,7 @@ def save_figures(
 
 
 def _drawings(
-    results: Study,
-    keys: Sequence[str],
-    style: Style | None,
-    formats: Sequence[str],
-    executor: Executor | None,
+    results: Study, keys: Sequence[str], style: Style | None, formats: Sequence[str], executor: Executor | None
 ) -> Iterator[tuple[str, dict[str, bytes]]]:
     """Each figure's key and files by format, in any order; no files where the results hold nothing that it shows."""
     if executor is None:

@@ -246,13 +246,7 @@ def _ranks(sheet: Sheet, place: Mapping[str, float]) -> tuple[int, int]:
 
 
 def _panel(
-    results: Study,
-    tests: _Tests,
-    quantity: Quantity,
-    curves: Iterable[Shown],
-    over: str,
-    *,
-    joined: bool,
+    results: Study, tests: _Tests, quantity: Quantity, curves: Iterable[Shown], over: str, *, joined: bool
 ) -> Panel:
     """The tests of one specimen, a line through those of each condition."""
     axis, seen = OVER[over], results.shown.of(quantity)

@@ -168,11 +168,7 @@ def _versions() -> dict[str, str]:
     from importlib.metadata import version  # slow to load
 
     packages = ("numpy", "scipy", "polars", "pint", "pydantic")
-    return {
-        "python": platform.python_version(),
-        "fourpole": VERSION,
-        **{name: version(name) for name in packages},
-    }
+    return {"python": platform.python_version(), "fourpole": VERSION, **{name: version(name) for name in packages}}
 
 
 def _joint_records(groups: Sequence[Group]) -> dict[str, Any]:

@@ -38,15 +38,7 @@ from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noi
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
-from fourpole.errors import (
-    ConstantError,
-    FileError,
-    FourpoleError,
-    Message,
-    RecordingError,
-    TableError,
-    TooShortError,
-)
+from fourpole.errors import ConstantError, FileError, FourpoleError, Message, RecordingError, TableError, TooShortError
 from fourpole.io.door import sha256_of
 from fourpole.io.remote import permission
 from fourpole.study.load import MOST_BYTES, load_recording, recorded_at

@@ -213,10 +213,7 @@ def _rests(joint: Joint, found: Outputs) -> str:
 
 
 #: Standard uncertainty of a gain and of a phase in words.
-_STD_WORDS = {
-    Kind.GAIN: lambda std: f"{100 * std:.2g} %",
-    Kind.PHASE: lambda std: f"{np.degrees(std):.2g} degrees",
-}
+_STD_WORDS = {Kind.GAIN: lambda std: f"{100 * std:.2g} %", Kind.PHASE: lambda std: f"{np.degrees(std):.2g} degrees"}
 
 
 def _in_words(source: Source) -> str:

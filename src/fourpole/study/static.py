@@ -111,11 +111,7 @@ def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
 
 
 def _with_remarks(
-    names: tuple[str, ...],
-    used: Sequence[Condition],
-    others: Sequence[Condition],
-    mine: Condition,
-    rule: Sameness,
+    names: tuple[str, ...], used: Sequence[Condition], others: Sequence[Condition], mine: Condition, rule: Sameness
 ) -> _Choice:
     """The choice of these static tests, with each axis that only one side states."""
     sides: list[tuple[str, Side]] = []

@@ -149,13 +149,7 @@ def run(
 
 
 def run_block(
-    cam: Cam,
-    bench: Bench,
-    *,
-    duration: float,
-    sample_rate: float = 1000.0,
-    oversampling: int = 5,
-    guard: int = 8,
+    cam: Cam, bench: Bench, *, duration: float, sample_rate: float = 1000.0, oversampling: int = 5, guard: int = 8
 ) -> Motion:
     """Steady motion of the rig with a rigid block in place of the tyre, for a calibration: x2 is x1.
 

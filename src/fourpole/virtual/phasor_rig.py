@@ -268,11 +268,7 @@ def draw(laboratory: Laboratory, rng: np.random.Generator, *, added_masses: Sequ
 
 
 def simulate_phasors(
-    laboratory: Laboratory,
-    conditions: Conditions,
-    rng: np.random.Generator,
-    *,
-    truth: DrawnLaboratory | None = None,
+    laboratory: Laboratory, conditions: Conditions, rng: np.random.Generator, *, truth: DrawnLaboratory | None = None
 ) -> PhasorCampaign:
     r"""Run all tests of a campaign in one laboratory.
 

@@ -79,12 +79,7 @@ def record_static(
 
 
 def record_dynamic(
-    this: Run,
-    frequency: float,
-    truth: Truth,
-    rng: np.random.Generator,
-    clean: bool,
-    chance: np.random.Generator,
+    this: Run, frequency: float, truth: Truth, rng: np.random.Generator, clean: bool, chance: np.random.Generator
 ) -> list[tuple[str, FloatArray]]:
     """Columns t, F1, V1 and V2 of a dynamic test or a calibration at the true `frequency` of the cam [Hz].
 

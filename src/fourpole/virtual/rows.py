@@ -118,8 +118,7 @@ def _transmissibility(tyre: Zener | StateSpace, bench: Bench, frequency: float) 
         return amplification(tyre, bench.damped_at(frequency), frequency)
     names = (*FURTHER, "preload_stiffness", "preload_damping")
     laboratory = Laboratory(
-        moving_mass=(bench.mass, 0.0),
-        undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")},
+        moving_mass=(bench.mass, 0.0), undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")}
     )
     tests = Conditions(frequency, stiffness=complex(*_two_parts(tyre, frequency)))
     return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])

@@ -65,12 +65,7 @@ def test_clean_sines_are_met_exactly(record, frequency, cycles, rate, phases, of
 @pytest.mark.parametrize("delay", [0.0, 2e-4, -1.7e-3, 0.021])
 def test_every_motion_becomes_a_velocity_and_delays_are_undone(record, quantity, delay):
     found = demodulate(
-        record(
-            AMPLITUDES,
-            10.37,
-            quantities=("force", quantity, "acceleration"),
-            delays=(-0.5 * delay, delay, 1e-3),
-        )
+        record(AMPLITUDES, 10.37, quantities=("force", quantity, "acceleration"), delays=(-0.5 * delay, delay, 1e-3))
     )
     exactly(found, AMPLITUDES, 10.37, 2.0)
 

@@ -27,11 +27,7 @@ def wave(time, omega, amplitudes):
     return sum((a * np.exp(1j * k * omega * time)).real for k, a in enumerate(amplitudes, start=1))
 
 
-@given(
-    samples=st.integers(200, 900),
-    frequency=st.floats(8.0, 40.0),
-    seed=st.integers(0, 1000),
-)
+@given(samples=st.integers(200, 900), frequency=st.floats(8.0, 40.0), seed=st.integers(0, 1000))
 @settings(max_examples=50)
 def test_harmonics_lines_and_drift_do_not_leak_into_one_another(samples, frequency, seed):
     rng = np.random.default_rng(seed)

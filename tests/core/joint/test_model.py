@@ -9,15 +9,7 @@ from hypothesis import strategies as st
 
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint import model
-from fourpole.core.joint.model import (
-    FLOOR,
-    Observed,
-    inverse_upper,
-    linearise,
-    projected,
-    upper_factor,
-    whitened,
-)
+from fourpole.core.joint.model import FLOOR, Observed, inverse_upper, linearise, projected, upper_factor, whitened
 from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.sources import PARTS, Kind, Role, Source
 

@@ -24,11 +24,7 @@ def solved(make, full):
 def moved(made, joint, *, log_k=0.0, z=None, k1=None):
     """The outputs at values moved away from the most probable ones."""
     solution = joint.solution
-    values = replace(
-        solution,
-        stiffness=solution.stiffness * np.exp(log_k),
-        z=solution.z if z is None else z,
-    )
+    values = replace(solution, stiffness=solution.stiffness * np.exp(log_k), z=solution.z if z is None else z)
     return outputs(replace(joint, solution=values), made.phasors, made.k1 if k1 is None else k1).value
 
 

@@ -21,11 +21,7 @@ GOOD = Laboratory(
     noise=1e-4,
 )
 #: Declared with an uncertainty: tyre mass, frame, loss.
-DECLARED = {
-    "tyre_mass": (1.0, 0.1),
-    "frame_stiffness": (1e5, 1e4),
-    "preload_loss_factor": (0.1, 0.02),
-}
+DECLARED = {"tyre_mass": (1.0, 0.1), "frame_stiffness": (1e5, 1e4), "preload_loss_factor": (0.1, 0.02)}
 
 
 def errors(made, joint):
@@ -196,12 +192,7 @@ def test_an_unsteady_drive_is_found_as_what_it_is():
         k1 = np.array([120e3, 150e3, 180e3, 210e3])[family]
         made = simulate_phasors(exact, Conditions(frequency, k1, 0.6 * k1, 700.0), rng)
         wrong = frequency * (1 + level * rng.standard_normal(frequency.size))
-        found = solve_joint(
-            replace(made.phasors, frequency=wrong),
-            Rig(**values),
-            k1,
-            family=family,
-        )
+        found = solve_joint(replace(made.phasors, frequency=wrong), Rig(**values), k1, family=family)
         assert found.misfit.fits
         assert found.misfit.inflation == 1
         ratios.append(found.misfit.unsteady / level)

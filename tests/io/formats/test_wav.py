@@ -27,8 +27,7 @@ def table() -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("kind", "round_off"),
-    [("u1", 2**-7), ("i2", 2**-15), ("i4", 2**-31), ("f4", 1e-6), ("f8", 1e-12)],
+    ("kind", "round_off"), [("u1", 2**-7), ("i2", 2**-15), ("i4", 2**-31), ("f4", 1e-6), ("f8", 1e-12)]
 )
 def test_samples_come_back_to_full_scale_one(tmp_path: Path, table: np.ndarray, kind: str, round_off: float) -> None:
     full = {"u1": 128, "i2": 2**15, "i4": 2**31}.get(kind, 1)

@@ -181,11 +181,7 @@ def _read(request: Request) -> Sequence[Signal]:
     signals: dict[int, Signal] = {}
     for stretch, names in _by_stretch(chosen).values():
         columns = read_columns(
-            request.path,
-            list(names.values()),
-            max_bytes=request.max_file_bytes,
-            label=request.label,
-            stretch=stretch,
+            request.path, list(names.values()), max_bytes=request.max_file_bytes, label=request.label, stretch=stretch
         )
         signals |= {at: _signal(columns, one, request.names[at]) for at, one in names.items()}
     return [signals[at] for at in range(len(request.names))]
@@ -236,12 +232,7 @@ def _stretch_blocks(
     """The chunks of some columns of a stretch, or of a file with one table."""
     done = 0
     for block in column_blocks(
-        request.path,
-        list(names.values()),
-        rows,
-        max_bytes=request.max_file_bytes,
-        label=request.label,
-        stretch=stretch,
+        request.path, list(names.values()), rows, max_bytes=request.max_file_bytes, label=request.label, stretch=stretch
     ):
         yield [_signal(block, one, request.names[at], done) for at, one in names.items()]
         done += len(block)

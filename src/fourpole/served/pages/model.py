@@ -64,11 +64,7 @@ def routes(site: Site) -> list[Route]:
         headers = {"X-Notes": quote(json.dumps(notes))}
         return FileResponse(path, filename=f"{place.key}-{path.name}", headers=headers, background=cleaning)
 
-    return [
-        Route("/c/{key}/model", page),
-        Route("/c/{key}/model/answer", ask),
-        Route("/c/{key}/export/{kind}", export),
-    ]
+    return [Route("/c/{key}/model", page), Route("/c/{key}/model/answer", ask), Route("/c/{key}/export/{kind}", export)]
 
 
 def _results(site: Site, place: Place) -> Shown:
