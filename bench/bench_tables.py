@@ -14,13 +14,13 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["POLARS_MAX_THREADS"] = "1"
 
 import numpy as np
+from fourpole.study.outcome import Point, Reduced
 from laboratory import LABORATORY, check_error
 from promises import alone, at_most, own_cpu, own_memory, report
 
 from fourpole import analyse
 from fourpole.core.demodulation.preview import BLOCKS, POINTS, Preview
 from fourpole.study import study as wiring
-from fourpole.study.outcome import Point, Reduced
 from fourpole.virtual.phasor_rig import Conditions, simulate_phasors
 
 SEED = 1982

@@ -24,10 +24,7 @@ __all__ = ["CELLS", "QUANTITIES", "Cell", "run", "table"]
 _SCATTER = 0.001
 #: Seeds of the laboratories without a fault. The seed of a fault is its place in the list, from 1 on.
 _HONEST = range(1001, 1009)
-_PLANS: Mapping[str, Mapping[str, Any]] = {
-    "one mass": {"repeats": 3},
-    "weighed mass": {"added_masses": (0.0, 10.0)},
-}
+_PLANS: Mapping[str, Mapping[str, Any]] = {"one mass": {"repeats": 3}, "weighed mass": {"added_masses": (0.0, 10.0)}}
 _LABORATORY: Mapping[str, Any] = {
     "tyres": [RADIAL_PLY],
     "pressures": (170e3,),

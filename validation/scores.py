@@ -128,10 +128,7 @@ def against_bound(results: Iterable[Mapping[str, Any]], names: Sequence[str]) ->
                 for value, share in zip(values, relative, strict=True)
                 if value is not None and share is not None and share <= NEAR_POLE
             )
-    lines = [
-        f"| quantity ({count} campaigns) | rows | 5 % | median | 95 % |",
-        "|---|---|---|---|---|",
-    ]
+    lines = [f"| quantity ({count} campaigns) | rows | 5 % | median | 95 % |", "|---|---|---|---|---|"]
     for name in names:
         if ratios.get(name):
             low, middle, high = np.quantile(ratios[name], [0.05, 0.5, 0.95])

@@ -25,13 +25,7 @@ RANGES = {
     "declared, each in 1 of 4 campaigns": "tyre mass 0.8 kg, frame 1 MN/m, loss factor 0.05; each known to 2 %",
     "errors": "normal, but no larger than twice what is stated: their own root mean square is 0.96 of it",
 }
-_VALUES = {
-    "K'": "Re K* [N/m]",
-    "K''": "Im K* [N/m]",
-    "K1": "K1 [N/m]",
-    "K2": "K2 [N/m]",
-    "C": "C [N s/m]",
-}
+_VALUES = {"K'": "Re K* [N/m]", "K''": "Im K* [N/m]", "K1": "K1 [N/m]", "K2": "K2 [N/m]", "C": "C [N s/m]"}
 
 
 def run(number: int) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def masses() -> FigureData:
     stiffness = pt.tyre(f)
     panels: dict[str, list[Series]] = {"K'": [], "K''": []}
     for at, (label, added, gain) in enumerate(
-        (("one mass", (0.0,), 0.01), ("two masses", (0.0, 10.0), 0.01), ("two, 10 × worse", (0.0, 10.0), 0.1)),
+        (("one mass", (0.0,), 0.01), ("two masses", (0.0, 10.0), 0.01), ("two, 10 × worse", (0.0, 10.0), 0.1))
     ):
         uncertainty = _of_masses(f, stiffness, added, gain)
         for name, column in zip(panels, uncertainty.T, strict=True):
