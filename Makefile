@@ -17,7 +17,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs figures links format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults lock clean
+.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -98,6 +98,10 @@ check: $(READY)  ## lint, format, types, direction of imports
 	@$(BIN)/ruff format --check
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
+
+lines: $(READY)  ## count the code lines of the package, in the format that `make check` wants
+	@$(BIN)/ruff format --check --quiet src || { echo "run make format first" >&2; exit 1; }
+	@$(BIN)/python tools/lines.py
 
 # Pages that have not changed are not read again. A warning is an error: of a link, a formula, a docstring.
 docs: $(READY)  ## the site of the documentation, build/site/index.html, made without a network
