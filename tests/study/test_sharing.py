@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fourpole import quantities as q
 from fourpole.campaign.folder import Test as Row
 from fourpole.campaign.schema import ConditionsFile, parse_campaign
 from fourpole.core.condition import temperature_std
@@ -53,14 +54,8 @@ def test_k1_of_another_temperature_is_as_uncertain_as_it_is_far():
         values = {"preload": 1000.0, "temperature": temperature}
         return Row(name, 2, kind=kind, tyre="radial", values=values)
 
-    static = StaticRow(
-        row("S1", "static", 20.0),
-        1000.0,
-        stiffness=180e3,
-        std=900.0,
-        measured="mean",
-        parts={Source(Kind.K1_FIT): 900.0},
-    )
+    columns = {q.K1.head: 180e3, q.K1.u_head: 900.0, q.K1_OF.head: "mean"}
+    static = StaticRow(row("S1", "static", 20.0), 1000.0, columns, parts={Source(Kind.K1_FIT): 900.0})
     near, far, same = (stiffness_for(row("D", "dynamic", t), [static], per_kelvin=0.01) for t in (23.0, 30.0, 20.0))
     assert near.std == pytest.approx(np.hypot(900.0, 0.03 * 180e3))
     assert near.parts[Source(Kind.K1_TEMPERATURE)] == pytest.approx(0.03 * 180e3)

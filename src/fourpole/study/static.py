@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.campaign import defaults
 from fourpole.campaign.conditions import condition_of
 from fourpole.campaign.folder import Campaign, Test, problem_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, Verdict, fault_of, reported, worst_verdict
 from fourpole.core.codes import Code
-from fourpole.core.condition import Condition, Sameness
+from fourpole.core.condition import Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
 from fourpole.core.remarks import Branch, NoK1, Side
 from fourpole.core.sources import Kind, Source
@@ -31,22 +33,11 @@ _DOUBTS = (Code.CURVE, Code.LOAD_ZERO)
 
 @dataclass(frozen=True)
 class StaticRow:
-    """One row of static.csv: a static test at one preload; not-a-number becomes a blank cell."""
+    """One row of static.csv: a static test at one preload [N], with its columns by head and the parts of u(K1)."""
 
     test: Test
     preload: float
-    stiffness: float = float("nan")
-    std: float = float("nan")
-    secant: float = float("nan")
-    loss: float = float("nan")
-    loss_std: float = float("nan")
-    nonlinearity: float = float("nan")
-    loading: float = float("nan")
-    unloading: float = float("nan")
-    gap: float = float("nan")
-    branch_time: float = float("nan")
-    cycle: int | None = None
-    measured: str = ""
+    columns: Mapping[str, Any] = field(default_factory=dict)
     checks: tuple[Check, ...] = ()
     parts: Mapping[Source, float] = field(default_factory=dict)
 
@@ -81,15 +72,12 @@ def evaluate_statics(campaign: Campaign, cache: Cache | None = None, seconds: fl
     return [_evaluated(campaign, test, sorted(loads[test.name]), read) for test in statics]
 
 
-_Sides = tuple[tuple[str, Side], ...]
-
-
 @dataclass(frozen=True)
 class _Choice:
     """The static tests whose K1 a dynamic test uses, the axes that only one side states, and a warning."""
 
     names: tuple[str, ...] = ()
-    sides: _Sides = ()
+    sides: tuple[tuple[str, Side], ...] = ()
     warning: Check | None = None
 
 
@@ -100,27 +88,22 @@ def _choice(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     """
     anywhere = rule.without("preload")
     mine = condition_of(test, anywhere)
-    others = [(static, condition_of(static, anywhere)) for static in statics if static.tyre == test.tyre]
-    same = [pair for pair in others if anywhere.same(pair[1], mine, blank=True)]
-    if not same:
+    of_tyre = {static.name: condition_of(static, anywhere) for static in statics if static.tyre == test.tyre}
+    lacking = {
+        name: sum((a is None) != (b is None) for a, b in zip(condition.values, mine.values, strict=True))
+        for name, condition in of_tyre.items()
+        if anywhere.same(condition, mine, blank=True)
+    }
+    if not lacking:
         return _nearest(test, statics, rule)
-    lacking = [sum((a is None) != (b is None) for a, b in zip(one.values, mine.values, strict=True)) for _, one in same]
-    used = [pair for pair, number in zip(same, lacking, strict=True) if number == min(lacking)]
-    names = tuple(static.name for static, _ in used)
-    return _with_remarks(names, [one for _, one in used], [one for _, one in others], mine, anywhere)
-
-
-def _with_remarks(
-    names: tuple[str, ...], used: Sequence[Condition], others: Sequence[Condition], mine: Condition, rule: Sameness
-) -> _Choice:
-    """The choice of these static tests, with each axis that only one side states."""
+    names = tuple(name for name, number in lacking.items() if number == min(lacking.values()))
     sides: list[tuple[str, Side]] = []
     mixed = []
-    for at, axis in enumerate(rule.axes):
-        stated = [one.values[at] for one in used if one.values[at] is not None]
+    for place, axis in enumerate(anywhere.axes):
+        stated = [value for name in names if (value := of_tyre[name].values[place]) is not None]
         # An axis of the campaign that no static test states does not apply to static tests.
-        foreign = axis in rule.further and all(one.values[at] is None for one in others)
-        if (mine.values[at] is None) == bool(stated) and not foreign:
+        foreign = axis in rule.further and all(other.values[place] is None for other in of_tyre.values())
+        if (mine.values[place] is None) == bool(stated) and not foreign:
             sides.append((axis.name, Side.STATIC if stated else Side.DYNAMIC))
         if len(set(axis.groups(stated).tolist())) > 1:
             mixed.append(axis.name)
@@ -132,14 +115,14 @@ def _nearest(test: Test, statics: Sequence[Test], rule: Sameness) -> _Choice:
     """The static tests that are nearest in temperature, all other values of the condition being the same."""
     otherwise, own = rule.without("preload", "temperature"), test.value("temperature")
     mine = condition_of(test, otherwise)
-    near = [one for one in statics if otherwise.same(condition_of(one, otherwise), mine, blank=True)]
+    near = [static for static in statics if otherwise.same(condition_of(static, otherwise), mine, blank=True)]
     if own is None or not near:
         return _Choice()
     # All have a temperature: a static test without one would already have matched.
-    there = {one.name: one.values["temperature"] for one in near}
-    at = min(there.values(), key=lambda value: (abs(value - own), value))
+    there = {static.name: static.values["temperature"] for static in near}
+    nearest = min(there.values(), key=lambda value: (abs(value - own), value))
     axis = next(axis for axis in rule.axes if axis.name == "temperature")
-    names = tuple(name for name, value in there.items() if axis.same(value, at))
+    names = tuple(name for name, value in there.items() if axis.same(value, nearest))
     mean = float(np.mean([there[name] for name in names]))
     off, limit = abs(own - mean), axis.absolute
     warning = reported(Code.K1_TEMPERATURE, Verdict.WARNING, off, limit, tests=names, there=mean, own=own)
@@ -154,77 +137,67 @@ def _evaluated(
         found = CurveOfFile(None, "", error=problem_of(test)) if test.faults else read(test)
         sha256 = found.sha256
         if found.curve is not None:
-            whole = _whole(campaign, test, found.curve)
-            rows = tuple(_at(campaign, found.curve, whole, load) for load in preloads)
-            lacking = reported(Code.NO_PRELOAD, Verdict.OK, test=test.name)
-            return StaticTest(test, found.curve, rows or (replace(whole, checks=(lacking,)),), sha256)
+            loads: list[float] | list[None] = preloads or [None]
+            rows = tuple(_at_preload(campaign, test, found.curve, load) for load in loads)
+            return StaticTest(test, found.curve, rows, sha256)
         check = reported(code, Verdict.REJECTED, error=found.error)
     except FourpoleError as error:
         check = reported(code, Verdict.REJECTED, error=error.message)
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
         check = fault_of(error, test.file)
-    rows = tuple(StaticRow(test, load, checks=(check,)) for load in preloads or [float("nan")])
+    rows = tuple(StaticRow(test, load, checks=(check,)) for load in preloads or [np.nan])
     return StaticTest(test, None, rows, sha256)
 
 
-def _whole(campaign: Campaign, test: Test, curve: LoadCurve) -> StaticRow:
-    """The part of a row that does not depend on the preload."""
-    loss, times = curve.hysteresis_loss, curve.times
-    return StaticRow(
-        test,
-        float("nan"),
-        loss=loss,
-        loss_std=float(np.hypot(curve.loss_std, loss * np.hypot(*_gain_stds(campaign)))),
-        nonlinearity=curve.nonlinearity,
-        branch_time=float(np.mean(times)) if times else float("nan"),
-        cycle=curve.cycles or None,
-        measured=curve.measured,
-    )
-
-
-def _gain_stds(campaign: Campaign) -> tuple[float, float]:
-    """Relative standard uncertainties of the gains of load and deflection [1]."""
+def _at_preload(campaign: Campaign, test: Test, curve: LoadCurve, load: float | None) -> StaticRow:
+    """The row of a static test at a preload [N]; without one it has no K1."""
     channels = campaign.stated.channels
     assert channels.load is not None
     assert channels.deflection is not None
-    return channels.load.gain_std, channels.deflection.gain_std
-
-
-def _at(campaign: Campaign, curve: LoadCurve, whole: StaticRow, load: float) -> StaticRow:
+    gains = channels.load.gain_std, channels.deflection.gain_std
+    loss = curve.hysteresis_loss
+    columns: dict[str, Any] = {
+        q.CYCLE_LOSS.head: loss,
+        q.CYCLE_LOSS.u_head: float(np.hypot(curve.loss_std, loss * np.hypot(*gains))),
+        q.BRANCH_TIME.head: float(np.mean(curve.times)) if curve.times else np.nan,
+        q.CYCLE.head: curve.cycles or None,
+        q.NONLINEARITY.head: curve.nonlinearity,
+    }
+    if load is None:
+        return StaticRow(test, np.nan, columns, (reported(Code.NO_PRELOAD, Verdict.OK, test=test.name),))
     try:
-        tangent = curve.tangent(load)
-        secant = curve.secant(load)
+        tangent, secant = curve.tangent(load), curve.secant(load)
     except LoadCurveError as error:
-        return replace(
-            whole, preload=load, checks=(reported(Code.BEYOND_CURVE, Verdict.REJECTED, error=error.message),)
-        )
-    checks = [branch_check(curve.measured)] if curve.measured != "mean" else []
-    checks += [reported(Code.CURVE, Verdict.WARNING, error=doubt) for doubt in curve.doubts]
-    lack = Message("no secant", "", secant.reason)
-    checks += [reported(Code.SECANT, Verdict.OK, error=lack)] if secant.reason else []
-    if curve.zero_off > ZERO_OFF:
-        without = curve.without_contact
-        checks.append(reported(Code.LOAD_ZERO, Verdict.WARNING, curve.zero_off, ZERO_OFF, without=without))
-    std = tangent.std_with_gains(*_gain_stds(campaign))
+        return StaticRow(test, load, columns, (reported(Code.BEYOND_CURVE, Verdict.REJECTED, error=error.message),))
+    std = tangent.std_with_gains(*gains)
+    columns |= {
+        q.K1.head: tangent.stiffness,
+        q.K1.u_head: std,
+        q.K1_OF.head: curve.measured,
+        q.K1_LOADING.head: tangent.loading,
+        q.K1_UNLOADING.head: tangent.unloading,
+        q.GAP.head: tangent.gap,
+        q.SECANT.head: secant.stiffness,
+    }
     parts = {
         Source(Kind.K1_FIT): tangent.fit,
         Source(Kind.K1_CYCLES): tangent.cycles,
         Source(Kind.K1_ZERO): tangent.zero,
         Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
     }
-    k1 = tangent.stiffness
-    return replace(
-        whole,
-        preload=load,
-        stiffness=k1,
-        std=std,
-        secant=secant.stiffness,
-        loading=tangent.loading,
-        unloading=tangent.unloading,
-        gap=tangent.gap,
-        checks=tuple(checks),
-        parts=parts,
-    )
+    return StaticRow(test, load, columns, tuple(_checks_of_curve(curve, secant.reason)), parts)
+
+
+def _checks_of_curve(curve: LoadCurve, no_secant: str) -> Iterator[Check]:
+    """What is doubtful in a curve whose tangent is K1."""
+    if curve.measured != "mean":
+        yield branch_check(curve.measured)
+    for doubt in curve.doubts:
+        yield reported(Code.CURVE, Verdict.WARNING, error=doubt)
+    if no_secant:
+        yield reported(Code.SECANT, Verdict.OK, error=Message("no secant", "", no_secant))
+    if curve.zero_off > ZERO_OFF:
+        yield reported(Code.LOAD_ZERO, Verdict.WARNING, curve.zero_off, ZERO_OFF, without=curve.without_contact)
 
 
 def branch_check(measured: str, tests: Sequence[str] = ()) -> Check:
@@ -261,35 +234,38 @@ def stiffness_for(
 
 def _mean(good: Sequence[StaticRow], choice: _Choice) -> StaticStiffness:
     """Mean K1 of repeats; their scatter is a part of its uncertainty."""
-    values = np.array([row.stiffness for row in good])
+    values = np.array([row.columns[q.K1.head] for row in good])
     spread = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
-    parts = {name: float(np.mean([row.parts[name] for row in good])) for name in good[0].parts}
-    single = [row for row in good if row.measured != "mean"]
-    checks = [choice.warning] if choice.warning is not None else []
-    checks += [branch_check(single[0].measured, [row.test.name for row in single])] if single else []
+    parts = {source: float(np.mean([row.parts[source] for row in good])) for source in good[0].parts}
     if spread > 0:
         parts[Source(Kind.K1_REPEATS)] = float(spread)
-    std = float(np.hypot(np.mean([row.std for row in good]), spread))
-    of_tests = {row.test.name: tuple(check for check in row.checks if check.code in _DOUBTS) for row in good}
-    doubts = tuple((name, doubtful) for name, doubtful in of_tests.items() if doubtful)
-    if choice.sides or doubts:
-        checks.append(reported(Code.K1, Verdict.OK, tests=choice.names, sides=choice.sides, doubts=doubts))
+    std = float(np.hypot(np.mean([row.columns[q.K1.u_head] for row in good]), spread))
     time = float(np.mean([row.test.values.get("time", np.nan) for row in good]))
-    return StaticStiffness(float(values.mean()), std, checks=tuple(checks), parts=parts, time=time)
+    checks = tuple(_checks_of_choice(good, choice))
+    return StaticStiffness(float(values.mean()), std, checks=checks, parts=parts, time=time)
 
 
-def _at_temperature(
-    found: StaticStiffness, test: Test, good: Sequence[StaticRow], per_kelvin: float
-) -> StaticStiffness:
+def _checks_of_choice(good: Sequence[StaticRow], choice: _Choice) -> Iterator[Check]:
+    """What is doubtful in the static tests that give K1, and in their choice."""
+    if choice.warning is not None:
+        yield choice.warning
+    single = [row for row in good if row.columns[q.K1_OF.head] != "mean"]
+    if single:
+        yield branch_check(single[0].columns[q.K1_OF.head], [row.test.name for row in single])
+    of_tests = {row.test.name: tuple(check for check in row.checks if check.code in _DOUBTS) for row in good}
+    doubts = tuple((name, checks) for name, checks in of_tests.items() if checks)
+    if choice.sides or doubts:
+        yield reported(Code.K1, Verdict.OK, tests=choice.names, sides=choice.sides, doubts=doubts)
+
+
+def _at_temperature(mean: StaticStiffness, test: Test, good: Sequence[StaticRow], per_kelvin: float) -> StaticStiffness:
     """K1 with the uncertainty from the difference of its temperature from that of the dynamic test."""
     own, there = test.value("temperature"), [row.test.value("temperature") for row in good]
     if own is None or None in there:
-        return found
-    moved = per_kelvin * abs(own - float(np.mean(np.array(there, dtype=float)))) * found.value
-    if not moved:
-        return found
-    parts = {**found.parts, Source(Kind.K1_TEMPERATURE): float(moved)}
-    return replace(found, std=float(np.hypot(found.std, moved)), parts=parts)
+        return mean
+    moved = per_kelvin * abs(own - float(np.mean(np.array(there, dtype=float)))) * mean.value
+    parts = {**mean.parts, Source(Kind.K1_TEMPERATURE): float(moved)}
+    return replace(mean, std=float(np.hypot(mean.std, moved)), parts=parts) if moved else mean
 
 
 def _no_static_test(test: Test, statics: Sequence[StaticRow], rule: Sameness) -> Check:
