@@ -68,6 +68,11 @@ class Test:
         """The reason why the row cannot be used; empty if it can."""
         return "; ".join(f"tests.csv row {self.row}: {fault}" for fault in self.faults)
 
+    @property
+    def added_mass(self) -> float:
+        """The mass that is fixed to the moving mass [kg]; 0 for a blank cell."""
+        return self.values.get("added_mass") or 0.0
+
     def value(self, name: str) -> float | None:
         """A number of the row: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ...; None for a blank cell."""
         return self.values.get(name)

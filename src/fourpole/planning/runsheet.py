@@ -141,7 +141,7 @@ def _dynamics(tests: Sequence[Test], rule: Sameness, repeats: int, rng: np.rando
     for state in _conditions(tests, rule, rng):
         by_mass: dict[float, list[Test]] = {}
         for test in state:
-            by_mass.setdefault(test.value("added_mass") or 0.0, []).append(test)
+            by_mass.setdefault(test.added_mass, []).append(test)
         masses = sorted(by_mass)
         falls = rng.random() >= 0.5 if fitted is None else abs(masses[-1] - fitted) < abs(masses[0] - fitted)
         for number, mass in enumerate(masses[::-1] if falls else masses):
@@ -216,7 +216,7 @@ def _cells(row: _Row, extra: Sequence[str]) -> dict[str, Any]:
         q.PRESSURE.stated_head: None if pressure is None else round(pressure / 1e5, 10),
         q.PRELOAD.head: test.value("preload"),
         q.FREQUENCY.head: test.value("frequency"),
-        q.ADDED_MASS.stated_head: None if test.kind == "static" else test.value("added_mass") or 0.0,
+        q.ADDED_MASS.stated_head: None if test.kind == "static" else test.added_mass,
         **{head: test.value(head.partition(" [")[0]) for head in _OPTIONAL},
         "rig": test.rig or None,
         q.WINDOW.head: None if window is None else f"{window[0]:g}..{window[1]:g}",

@@ -77,7 +77,7 @@ def compare_points(campaign: Campaign, points: Points) -> Compared:
     sound = points.sound
     used = sound & (points.condition >= 0)
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
-    added = np.array([test.value("added_mass") or 0.0 for test in points.tests])
+    added = np.array([test.added_mass for test in points.tests])
     unknown = replace(points.phasors, amplitudes=np.where(used[:, None], points.phasors.amplitudes, np.nan))
     alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.

@@ -242,7 +242,7 @@ def setup_of(
 
 def added_masses(tests: Sequence[Test]) -> tuple[FloatArray, FloatArray]:
     """Added mass of each test and its standard uncertainty [kg]."""
-    added = np.array([test.value("added_mass") or 0.0 for test in tests])
+    added = np.array([test.added_mass for test in tests])
     std = _numbers(tests, "u(added_mass)")
     return added, np.where(np.isnan(std), defaults.MASS_STD * added, std)
 

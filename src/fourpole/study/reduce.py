@@ -25,9 +25,8 @@ from fourpole.core.codes import Code
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.preview import Preview, raw_preview
-from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
-from fourpole.core.demodulation.tracks import Track, tracks_of
+from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
@@ -54,16 +53,6 @@ ROUTE_NEEDS = {
 
 #: The parts of [channels] that the demodulation depends on.
 _OF_DEMODULATION = ("time", "sample_rate", "reference", "drive", *CHANNELS)
-
-#: The first part of a recording passes without demodulation if three values are below these limits: the residual over
-#: the amplitude of each channel, the relative error of the stated frequency, and the force over the preload. The limits
-#: of the checks that reject a test are much higher.
-_PLAIN_NOISE, _PLAIN_OFF, _PLAIN_FORCE = 0.15, 0.03, 0.8
-#: Smallest number of cycles for which the first part passes without demodulation, or shows a frequency.
-_CYCLES_OF_PART = 4.0
-#: Length of the first part [s], or its number of cycles if that is longer.
-_PART, _MOST_CYCLES = 2.0, 20.0
-
 
 #: The amplitudes of a recording that was rejected.
 _UNKNOWN = Phasors(
@@ -102,6 +91,11 @@ class Job:
     needed: tuple[str, ...]
     responses: dict[str, str] = field(default_factory=dict)
     remote: str = ""
+
+    @property
+    def bench(self) -> Rig | None:
+        """The rig as stated; None where it is not."""
+        return self.rig.rig() if self.rig is not None else None
 
     @property
     def settings(self) -> list[object]:
@@ -155,7 +149,7 @@ def demodulated(job: Job) -> Demodulated:
 
 def points_of(job: Job, done: Demodulated) -> Points:
     """The rows of one recording, with the checks that depend on the statement of the campaign."""
-    found, rig = done.found, job.rig.rig() if job.rig is not None else None
+    found, rig = done.found, job.bench
     phasors, columns = _UNKNOWN, dict[str, np.ndarray]()
     checks: tuple[tuple[Check, ...], ...] = (done.checks,)
     corrections: tuple[tuple[Correction, ...], ...] = ((),)
@@ -199,7 +193,7 @@ def _checks_of_lines(job: Job, done: Demodulated, found: Excited, rig: Rig | Non
     whole = [*done.checks, *_checks_of_force(job.test, found.force_peak, done.mean_force)]
     whole += [*check_closure(found), *check_shared_noise(found)]
     if rig is not None:
-        whole += check_pooled(found, rig, job.test.value("added_mass") or 0.0, _sensors(job.channels))
+        whole += check_pooled(found, rig, job.test.added_mass, _sensors(job.channels))
     for line in range(found.averages.size):
         yield (*whole, *_checks_of_line(job, found, line, rig))
         if not line:
@@ -209,7 +203,7 @@ def _checks_of_lines(job: Job, done: Demodulated, found: Excited, rig: Rig | Non
 def _checks_of_line(job: Job, found: Excited, at: int, rig: Rig | None) -> Iterator[Check]:
     """The checks of one line; on a doubtful line, noise would look like a wrong sign of F1."""
     line, phasors = check_line(found, at), found.phasors.part(at)
-    added = job.test.value("added_mass") or 0.0
+    added = job.test.added_mass
     yield line
     if line.verdict is not Verdict.REJECTED and rig is not None and not rig.blocked:
         yield checks.check_resonance(float(phasors.frequency), rig, added)
@@ -225,86 +219,14 @@ def _sensors(channels: ChannelsFile) -> Sensors:
     return Sensors(*(tuple([*values, 0.0, 0.0][:2]) for values in (gains, phases, delays)))
 
 
-def check_part(job: Job) -> tuple[Check, ...]:
-    """Checks of the first part of a recording that reject the test or leave out a channel.
-
-    The part has at most 2 s or 20 cycles, whichever is longer. If no frequency is stated, the cycles are those of the
-    frequency that the recording shows. An error that would reject the test is raised.
-    """
-    with at_hand(job.folder, job.test.file) as path:
-        return _checks_of_part(job, path)
-
-
-def _checks_of_part(job: Job, path: Path) -> tuple[Check, ...]:
-    if job.test.band is not None:
-        return tuple(_loaded(job, path, _PART)[1])
-    near = job.test.value("frequency")
-    length = max(0.5, 10.0 / near) if near else _PART
-    recording, rows = _loaded(job, path, length)
-    if job.test.window is None and all(np.ptp(one.samples) == 0.0 for one in recording.channels.values()):
-        return (reported(Code.CONSTANT, Verdict.WARNING, at_first=True),)
-    recording, clipped = _unclipped(recording, job.needed)
-    rows += clipped
-    shown = tuple(rows)
-    if not _is_plain(job, recording):
-        cycles = _MOST_CYCLES / (near or _shown_frequency(job, path, recording))
-        (shown,) = points_of(job, demodulated_part(job, path, max(_PART, cycles))).checks
-    moved = [row for row in shown if row.code is Code.EXCITATION and row.channel == SYMBOLS["motion_in"]]
-    runs = job.test.window is not None or all(row.verdict is Verdict.OK for row in moved)
-    bad = [row for row in shown if row.verdict is Verdict.REJECTED]
-    # The drive may start after this part, because the analysis cuts a lead-in.
-    if not runs:
-        bad = [replace(row, verdict=Verdict.WARNING, values={**row.values, "at_first": True}) for row in bad]
-    return (*bad, *(row for row in shown if row.verdict is Verdict.WARNING and row.code is Code.LEFT_OUT))
-
-
-def _shown_frequency(job: Job, path: Path, recording: Recording) -> float:
-    """Frequency of the drive [Hz], from the first part; its length is doubled until it has enough cycles."""
-    length = _PART
-    while (frequency := first_guess(recording)) * length < _CYCLES_OF_PART and recording.duration > 0.9 * length:
-        length *= 2.0
-        recording, _ = _loaded(job, path, length)
-    return frequency
-
-
-def _is_plain(job: Job, recording: Recording) -> bool:
-    """Whether a sine fit at a first guess of the frequency shows that no check rejects the recording."""
-    near, preload = job.test.value("frequency"), job.test.value("preload")
-    if any(channel.chain or channel.crosstalk for channel in recording.channels.values()):
-        return False  # the correction of amplitudes may raise an error
-    try:
-        frequency = first_guess(recording, near)
-        tracks = tracks_of(recording, list(recording.channels))
-    except RecordingError:
-        return False
-    off = abs(frequency / near - 1) if near else 0.0
-    if frequency * recording.duration < _CYCLES_OF_PART or off > _PLAIN_OFF:
-        return False
-    if not all(_is_sine(track, frequency) for track in tracks):
-        return False
-    if preload is not None and not job.test.fixed and recording.force_peak > _PLAIN_FORCE * preload:
-        return False
-    rig = job.rig.rig() if job.rig is not None else None
-    return (
-        rig is None or checks.check_resonance(frequency, rig, job.test.value("added_mass") or 0.0).verdict is Verdict.OK
-    )
-
-
-def _is_sine(track: Track, frequency: float) -> bool:
-    """Whether each channel of a track is a sine with a small residual."""
-    fit = fit_sines(track, 2 * np.pi * frequency, 1, np.empty(0))
-    left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
-    return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))
-
-
 def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodulated:
     """Amplitudes of all stated channels; a damaged channel that the route does not need is left out with a warning.
 
     With `part` [s], only the first part of this length is used.
     """
-    recording, rows = _loaded(job, path, part)
+    recording, rows = loaded(job, path, part)
     if job.test.band is not None:
-        recording, clipped = _unclipped(recording, job.needed)
+        recording, clipped = unclipped(recording, job.needed)
         lines, left = _amplitudes(job.test, recording)
         return Demodulated(lines, (*rows, *clipped, *left), _mean_force(recording))
     near = job.test.value("frequency")
@@ -312,7 +234,7 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
     if job.test.window is None:
         recording, start, cut = _trimmed(recording, near)
         rows += cut
-    recording, clipped = _unclipped(recording, job.needed)
+    recording, clipped = unclipped(recording, job.needed)
     rows += clipped
     try:
         found, wandering = _followed(recording, near, start)
@@ -355,7 +277,7 @@ def _mean_force(recording: Recording) -> float:
     return float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
 
 
-def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
+def loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
     """The recording with all stated channels, or with the needed channels only, and its checks."""
     driven = (DRIVE,) if job.test.band is not None else ()
     roles = [role for role in (*driven, *CHANNELS) if job.channels.line(role) is not None]
@@ -368,20 +290,20 @@ def _loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording,
             + (fixed if route == "relative" and lacking == ["motion_out"] else "")
         )
     spare = [role for role in roles if role not in job.needed]
-    rows: list[Check] = []
-    try:
-        recording, remarks = load_recording(job.folder, path, job.test, job.channels, roles, part=part)
-    except TableError as error:
-        if not spare:
-            raise
-        kept = [role for role in roles if role != spare[0]]
+    tries = [roles, *([[role for role in roles if role != spare[0]], list(job.needed)] if spare else [])]
+    failed: list[Message] = []
+    while True:
         try:
+            kept = tries[len(failed)]
             recording, remarks = load_recording(job.folder, path, job.test, job.channels, kept, part=part)
-        except TableError as further:
-            recording, remarks = load_recording(job.folder, path, job.test, job.channels, job.needed, part=part)
-            rows += [_left_out(role, further.message) for role in spare[1:]]
-        rows.append(_left_out(spare[0], error.message))
-    return recording, rows + [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
+            break
+        except TableError as error:
+            failed.append(error.message)
+            if len(failed) == len(tries):
+                raise
+    left = [_left_out(role, failed[1]) for role in spare[1:] if len(failed) > 1]
+    left += [_left_out(spare[0], failed[0])] if failed else []
+    return recording, left + [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float | None, list[Check]]:
@@ -418,7 +340,7 @@ def _left_out(role: str, because: Message | Check) -> Check:
     return reported(Code.LEFT_OUT, Verdict.WARNING, np.nan, np.nan, SYMBOLS.get(role, role), because=because)
 
 
-def _unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
+def unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
     """The recording without clipped channels that the route does not need, and the checks of clipped channels."""
     rows = []
     for role, channel in list(recording.channels.items()):
@@ -439,7 +361,7 @@ def _checks_of(job: Job, found: Demodulation, mean_force: float, rig: Rig | None
     """The checks of one demodulated test; a fault of a channel that the route does not need is a warning."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, frequency = job.test, float(found.phasors.frequency)
-    added = test.value("added_mass") or 0.0
+    added = test.added_mass
     yield from linearity_checks(found.harmonics, frequency, rig, added)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(found)

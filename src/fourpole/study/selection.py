@@ -101,7 +101,7 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], r
         q.TYRE.head: _texts(test.tyre for test in tests),
         q.CONSTRUCTION.head: _texts(_construction(campaign, test) for test in tests),
         **stated,
-        q.ADDED_MASS.head: np.array([test.value("added_mass") or 0.0 for test in tests]),
+        q.ADDED_MASS.head: np.array([test.added_mass for test in tests]),
         q.FREQUENCY.head: phasors.frequency,
         q.FREQUENCY.u_head: phasors.frequency_std,
         **parts,

@@ -35,10 +35,11 @@ from fourpole.io.packed import unpack
 from fourpole.io.remote import allow, is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
+from fourpole.study.firstpart import check_part
 from fourpole.study.guard import is_guarded
 from fourpole.study.points import Demodulated, Points
 from fourpole.study.reduce import OF_WORK as OF_JOB
-from fourpole.study.reduce import Job, check_part, demodulated, points_of
+from fourpole.study.reduce import Job, demodulated, points_of
 
 #: Largest number of worker processes that is chosen by itself.
 _MOST = 8
