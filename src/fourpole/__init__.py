@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from fourpole.core.routes import maxwell_arm
     from fourpole.errors import FourpoleError
     from fourpole.findings.compared import compare
+    from fourpole.fitting.curvefit import fit
     from fourpole.planning.plan import plan
     from fourpole.plot.notebook import draw
     from fourpole.study import Study, analyse
@@ -50,6 +51,7 @@ _HOME = {
     "compare": "findings.compared",
     "demodulate": "core.demodulation.demodulate",
     "draw": "plot.notebook",
+    "fit": "fitting.curvefit",
     "identify": "core.identify",
     "identify_joint": "core.joint",
     "maxwell_arm": "core.routes",
@@ -83,6 +85,7 @@ __all__ = [
     "compare",
     "demodulate",
     "draw",
+    "fit",
     "identify",
     "identify_joint",
     "maxwell_arm",

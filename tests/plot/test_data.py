@@ -390,7 +390,7 @@ def test_every_figure_with_axes_is_data():
 def test_data_needs_no_matplotlib():
     code = (
         "import sys, polars\n"
-        "from fourpole.study.results import Results\n"
+        "from fourpole.study.study import Study\n"
         "from fourpole.plot import states, frequency, loops, fields, chain, budget, residuals, part, rig, choice\n"
         "from fourpole.plot import spectrum, amplitude, operating, carpet, properties, motion, stiffness\n"
         "assert not [name for name in sys.modules if name.startswith('matplotlib')]\n"

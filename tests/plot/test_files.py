@@ -89,8 +89,8 @@ def test_drawing_needs_no_pyplot():
     code = (
         "import sys, matplotlib; before = matplotlib.rcParams.copy()\n"
         "import polars, fourpole.plot as plot\n"
-        "from fourpole.study.results import Results\n"
-        "nothing = Results(polars.DataFrame(), polars.DataFrame(), polars.DataFrame())\n"
+        "from fourpole.study.study import Study\n"
+        "nothing = Study(polars.DataFrame(), polars.DataFrame(), polars.DataFrame())\n"
         "plot.render(plot.draw(nothing, 'fig02'), 'fig02')\n"
         "assert matplotlib.rcParams.copy() == before\n"
         "assert 'matplotlib.pyplot' not in sys.modules"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests import random_rig
 
-from fourpole.campaign.folder import Test as Row
+from fourpole.campaign.row import Test as Row
 from fourpole.core.alone import Alone
 from fourpole.core.codes import Code
 from fourpole.core.confidence import SEARCH_CHANCE

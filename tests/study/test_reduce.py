@@ -11,7 +11,7 @@ import pytest
 
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import worst_verdict
-from fourpole.study import analyse, study
+from fourpole.study import analyse, analysis
 from fourpole.study.points import Points
 from fourpole.study.reduce import jobs_of
 from fourpole.study.results import read_results
@@ -65,7 +65,7 @@ def test_a_recording_with_two_points_has_two_rows(noisy, monkeypatch):
         parts = [reduce_tests([job], **options) for job in made for _ in range(2)]
         return Points.joined(parts)
 
-    monkeypatch.setattr(study, "reduce_tests", twice)
+    monkeypatch.setattr(analysis, "reduce_tests", twice)
     both = analyse(noisy.path, route="mobility")
     for name in ("dynamic", "phasors", "previews"):
         table = getattr(whole, name).filter(~getattr(whole, name)["test"].str.starts_with("S"))
@@ -97,7 +97,7 @@ def test_points_of_one_recording_are_what_tests_of_their_own_are_on_the_joint_ro
     kept = [separate.dynamic["test"][int(np.flatnonzero(by_mass == mass)[0])] for mass in (0.0, 10.0)]
     rows = [row for row in rows if not row.startswith("D") or row.split(",")[0] in kept]
     (whole / "tests.csv").write_text("\n".join(rows) + "\n")
-    monkeypatch.setattr(study, "reduce_tests", lambda made, **options: merged)
+    monkeypatch.setattr(analysis, "reduce_tests", lambda made, **options: merged)
     found = analyse(whole)
     assert list(zip(found.dynamic["test"], found.dynamic["point"], strict=True)) == [
         (test, point) for test in kept for point in (1, 2, 3)

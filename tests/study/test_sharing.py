@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Test as Row
+from fourpole.campaign.row import Test as Row
 from fourpole.campaign.schema import ConditionsFile, parse_campaign
 from fourpole.core.condition import temperature_std
 from fourpole.core.sources import Kind, Source

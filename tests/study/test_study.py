@@ -82,7 +82,10 @@ FILES = {"static.csv", "dynamic.csv", "dynamic.parquet", "phasors.parquet", "stu
 
 
 def files(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    """The bytes of each result; study.json without the path of the campaign, and the seal over it."""
+    found = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    record = json.loads(found["study.json"])
+    return {**found, "study.json": {key: value for key, value in record.items() if key not in ("campaign", "seal")}}
 
 
 def rows_of(path):

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign
+from fourpole.campaign.row import Test
 from fourpole.core.arrays import IntArray
 from fourpole.core.condition import Condition, Sameness
 

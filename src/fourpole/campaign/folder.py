@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import Any
 
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
-from fourpole.campaign.columns import PASSED, QUANTITIES, Column, columns_of, doubts_of
+from fourpole.campaign.columns import PASSED, Column, columns_of, doubts_of
 from fourpole.campaign.doubts import doubtful_uncertainties, doubtful_values
-from fourpole.campaign.guessed import DOUBTS, still_open
+from fourpole.campaign.guessed import DOUBTS
 from fourpole.campaign.limits import Limits, read_limits
 from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.place import at_hand
+from fourpole.campaign.row import OF_BAND, Test, test_of_row
 from fourpole.campaign.schema import CampaignFile, parse_campaign
 from fourpole.campaign.statement import MOST_TESTS, MOST_TOML, statement_text
 from fourpole.core.arrays import short_repr
-from fourpole.errors import CampaignError, FourpoleError, Message, TableError, UnitError
+from fourpole.errors import CampaignError, FourpoleError, TableError
 from fourpole.io.child import read_apart
 from fourpole.io.documents import rows_of
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
@@ -30,57 +28,8 @@ from fourpole.io.signals import FileInfo, SignalInfo
 
 #: The file with the limits that results are held against.
 LIMITS = "limits.toml"
-#: Largest number of characters of a cell.
-_MOST_TEXT = 1000
 #: Largest number of unknown names and units that are compared with known ones.
 _HINTED = 1000
-
-_KINDS = ("static", "dynamic", "calibration", "random", "sweep")
-#: Kinds whose excitation has a band of frequencies.
-_OF_BAND = ("random", "sweep")
-
-
-@dataclass(frozen=True)
-class Test:
-    """One row of tests.csv in SI units; `faults` are the reasons why the row cannot be used, each
-    with its column.
-
-    A test whose column `excluded` has a reason is left out, and that is its problem. `fixed` says that the specimen is
-    held on both sides and can be pulled; `band` has the lowest and the highest frequency [Hz] of random excitation.
-    """
-
-    name: str
-    row: int
-    file: str = ""
-    kind: str = ""
-    tyre: str = ""
-    rig: str = ""
-    values: dict[str, float] = field(default_factory=dict)
-    window: tuple[float, float] | None = None
-    extra: dict[str, str] = field(default_factory=dict)
-    faults: tuple[Message, ...] = ()
-    excluded: bool = False
-    fixed: bool = False
-    band: tuple[float, float] | None = None
-
-    @property
-    def problem(self) -> str:
-        """The reason why the row cannot be used; empty if it can."""
-        return "; ".join(f"tests.csv row {self.row}: {fault}" for fault in self.faults)
-
-    @property
-    def added_mass(self) -> float:
-        """The mass that is fixed to the moving mass [kg]; 0 for a blank cell."""
-        return self.values.get("added_mass") or 0.0
-
-    def value(self, name: str) -> float | None:
-        """A number of the row: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ...; None for a blank cell."""
-        return self.values.get(name)
-
-
-def problem_of(test: Test) -> Message:
-    """Why the row of a test cannot be used, as a value: the columns at fault, and the whole sentence."""
-    return Message("tests.csv", ", ".join(f"{fault.code} {fault.site}" for fault in test.faults), test.problem)
 
 
 @dataclass(frozen=True, repr=False)
@@ -172,7 +121,7 @@ def read_campaign(folder: str | Path) -> Campaign:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
     columns = columns_of(rows[0][1])
     with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts below
-        tests = _held([_test(row, cells, columns, stated) for row, cells in rows[1:]], stated)
+        tests = _held([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
     if not tests:
         raise CampaignError("tests.csv: lists no test below its row of names")
     _check_names(tests)
@@ -226,50 +175,6 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
         raise CampaignError(str(error)) from None
 
 
-def _test(row: int, cells: list[str], columns: list[Column], stated: CampaignFile) -> Test:
-    """The test of one row, whose `problem` lists all faults of the row; CampaignError for a test without a name."""
-    where = f"tests.csv row {row}"
-    test, texts, faults = _read_cells(row, cells, columns, stated)
-    if DOUBTS in test.extra:
-        named = {column.name: cell for column, cell in zip(columns, cells, strict=False)}
-        test.extra[DOUBTS] = still_open(test.extra[DOUBTS], named)
-    if not texts.get("test"):
-        raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
-    texts["kind"] = texts.get("kind", "").lower()
-    faults += _contradictions(texts, stated)
-    kind, band = texts["kind"], test.band
-    if kind in _OF_BAND and band is None:
-        needs = f"a {kind} test needs the band of its excitation: fill in frequency, as in 5:200 Hz"
-        faults.append(Message("frequency", "missing", needs))
-    if kind in _KINDS and kind not in _OF_BAND and band is not None:
-        alone = f"frequency: a band is for kind {' or '.join(_OF_BAND)}; a {kind} test has one number"
-        faults.append(Message("frequency", "band", alone))
-    if kind == "calibration" and "added_mass" not in test.values:
-        unweighed = "the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
-        faults.append(Message("added_mass", "missing", unweighed))
-    if not _can_have(test.value("preload"), texts.get("tyre", ""), stated):
-        pulled = (
-            f"preload: {test.value('preload'):g} N must be positive for a specimen that only stands on the rig; one "
-            "that can be pulled belongs under [specimens], with fixed = true"
-        )
-        faults.append(Message("preload", "not positive", pulled))
-    rigs, excluded = list(stated.all_rigs), texts.get("excluded", "")
-    rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
-    if excluded:
-        faults = [Message("excluded", "by hand", f"excluded: {units.shown(excluded, 300)[1:-1]}")]
-    return replace(
-        test, name=texts["test"], file=texts.get("file", ""), kind=texts["kind"], tyre=texts.get("tyre", ""), rig=rig,
-        excluded=bool(excluded), faults=tuple(faults),
-    )  # fmt: skip
-
-
-def _can_have(preload: float | None, specimen: str, stated: CampaignFile) -> bool:
-    """Whether a specimen can have a preload [N]: one that is zero or negative only if it is held on both sides."""
-    one = stated.all_specimens.get(specimen)
-    fixed = one is not None and (specimen in stated.specimens if one.fixed is None else one.fixed)
-    return fixed or preload is None or preload > 0
-
-
 def _held(tests: list[Test], stated: CampaignFile) -> list[Test]:
     """The tests, with `fixed` set for specimens that are held on both sides.
 
@@ -278,144 +183,6 @@ def _held(tests: list[Test], stated: CampaignFile) -> list[Test]:
     pulled = {one.tyre for one in tests if not one.problem and one.values.get("preload", 1.0) <= 0}
     fixed = {name for name, one in stated.all_specimens.items() if one.fixed or (one.fixed is None and name in pulled)}
     return [replace(one, fixed=True) if one.tyre in fixed else one for one in tests]
-
-
-def _read_cells(
-    row: int, cells: list[str], columns: list[Column], stated: CampaignFile
-) -> tuple[Test, dict[str, str], list[Message]]:
-    """A test with the values of its cells, the texts of the row by name of column, and the faults of single cells."""
-    test, texts, faults = Test("", row), dict[str, str](), list[Message]()
-    if len(cells) != len(columns):
-        many = f"has {len(cells)} cells, {len(columns)} columns are named"
-        faults.append(Message("", "cells", f"{many}: check its commas; decimal commas need ; between the cells"))
-    measured = {axis.name for axis in stated.conditions.axes if not axis.text}
-    for column, whole in zip(columns, cells, strict=False):
-        cell = whole[:_MOST_TEXT]
-        if cell != whole:
-            many = f"{units.shown(column.name)} has {len(whole)} characters, at most {_MOST_TEXT} are taken"
-            faults.append(Message(column.name, "characters", many))
-        try:
-            if column.role == "text":
-                texts[column.name] = cell
-            elif column.name == "frequency" and column.role == "quantity" and _is_band(cell):
-                test = replace(test, band=units.frequency_band(_united(cell, column.unit)))
-            elif column.role == "window":
-                test = replace(test, window=_window(cell, column.unit) if cell else None)
-            else:
-                _fill(test, cell, column, measured)
-        except ValueError as error:
-            faults.append(Message(column.name, "value", f"{column.name}: {error}"))
-    return test, texts, faults
-
-
-def _fill(test: Test, cell: str, column: Column, measured: set[str]) -> None:
-    """Put the cell of a quantity or of a further column into a test; `measured` are the numeric axes of conditions."""
-    if column.role == "quantity" and cell:
-        test.values[column.name] = _number(cell, column)
-    elif column.role == "time":
-        test.extra[column.label] = cell
-        if (moment := _moment(cell, column.unit)) is not None:
-            test.values["time"] = moment
-    elif column.role == "extra":
-        test.extra[column.label] = cell
-        if cell and column.label in measured:
-            test.values[column.label] = _plain_number(cell)
-            test.extra[column.label] = f"{test.values[column.label]:.15g}"
-
-
-def _is_band(cell: str) -> bool:
-    """Whether the cell of a frequency has two numbers."""
-    bare = "".join(cell.split())
-    number = re.fullmatch(r"[-+0-9.,eE]+", cell.strip())
-    return number is None and re.search(r"\d[A-Za-z]*(:|\.\.|-|to)\d", bare) is not None
-
-
-def _united(cell: str, unit: str) -> str:
-    """A band with a unit, that of its column if it has none of its own."""
-    return cell if re.search(r"[A-Za-z]\s*$", cell) else f"{cell} {unit}"
-
-
-def _number(cell: str, column: Column) -> float:
-    """SI value of a cell; UnitError if its sign is not allowed."""
-    value = units.quantity(cell, column.kind, default_unit=column.unit)
-    wanted = QUANTITIES[column.name][1]
-    if (wanted == "positive" and value <= 0) or (wanted == "zero or positive" and value < 0):
-        raise UnitError(f"{units.shown(cell)} must be {wanted}")
-    return value
-
-
-def _plain_number(cell: str) -> float:
-    """Number in a cell of a numeric axis of [conditions], in the unit of its column; ValueError for a text."""
-    try:
-        return units.quantity(cell, "ratio", default_unit="1")
-    except UnitError:
-        raise ValueError(f"{units.shown(cell)} is no number, which [conditions] axes needs in this column") from None
-
-
-def _moment(cell: str, unit: str) -> float | None:
-    """Seconds of a date and time, of a time of day, or of a number with a unit; None for another text."""
-    try:
-        return units.quantity(cell, "time", default_unit=unit)
-    except UnitError:  # numbers come first, because "10" would be ten o'clock and "20240503" a date
-        pass
-    try:
-        moment = datetime.fromisoformat(cell)
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    except ValueError:
-        pass
-    try:
-        clock = time.fromisoformat(cell)
-        return 3600.0 * clock.hour + 60.0 * clock.minute + clock.second + 1e-6 * clock.microsecond
-    except ValueError:
-        return None
-
-
-def _window(cell: str, unit: str) -> tuple[float, float]:
-    """First and last time of a window such as "2..12" [s]; UnitError for another text."""
-    start, dots, stop = cell.partition("..")
-    if not dots:
-        raise UnitError(f"{units.shown(cell)} is no window: write it as 2..12")
-    low, high = (units.quantity(part.strip(), "time", default_unit=unit) for part in (start, stop))
-    if not high > low:
-        raise UnitError(f"{units.shown(cell)} ends before it starts")
-    return low, high
-
-
-def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[Message]:
-    """Faults of a row: names that campaign.toml lacks, and cells that must be filled in or left blank."""
-    kind = texts["kind"]
-    if kind not in _KINDS:
-        near = units.nearest(kind, _KINDS)
-        hint = f"; did you mean '{near}'?" if near else f"; it must be {' or '.join(_KINDS)}"
-        yield Message("kind", "unknown", f"kind {units.shown(kind)} is not known{hint}")
-    tyre, rig = texts.get("tyre", ""), texts.get("rig", "")
-    if kind == "calibration":
-        if tyre:
-            named = "a calibration has a rigid mass in place of the tyre: leave the column 'tyre' blank"
-            yield Message("tyre", "calibration", named)
-    elif not tyre:
-        yield Message("tyre", "missing", "the tyre is not named: fill in the column 'tyre'")
-    elif tyre not in stated.all_specimens:
-        yield _unknown("tyre", "tyres", tyre, stated.all_specimens)
-    if rig and rig not in stated.all_rigs:
-        yield _unknown("rig", "rigs", rig, stated.all_rigs)
-    if not rig and len(stated.all_rigs) > 1 and kind != "static":
-        yield Message("rig", "missing", "several rigs are stated: name one of them in the column 'rig'")
-    if not texts.get("file"):
-        yield Message("file", "missing", "no recording is named: fill in the column 'file'")
-
-
-def _unknown(column: str, section: str, name: str, known: Iterable[str]) -> Message:
-    """The fault that campaign.toml has no table of this name."""
-    near = units.nearest(name, tuple(known))
-    hint = f"did you mean {units.shown(near)}?" if near else f"add [{section}.{_key(name)}]"
-    return Message(column, "unknown", f"{column} {units.shown(name)} is not in campaign.toml; {hint}")
-
-
-def _key(name: str) -> str:
-    """A name as a key of TOML, in quotation marks where it needs them."""
-    text = units.shown(name)[1:-1]
-    return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else json.dumps(text, ensure_ascii=False)
 
 
 def _check_names(tests: list[Test]) -> None:
@@ -435,7 +202,7 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
     needs = {
         "dynamic": ("motion_in",),
         "calibration": ("motion_in",),
-        **dict.fromkeys(_OF_BAND, ("force_in", "motion_in")),
+        **dict.fromkeys(OF_BAND, ("force_in", "motion_in")),
         "static": ("load", "deflection"),
     }
     for kind, roles in needs.items():

@@ -21,15 +21,29 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.twoport import cascade, mass, spring
 from fourpole.errors import RigError
+from fourpole.face import public
 from fourpole.quantities import RIG_VALUES
 
 #: The rig's values in the order of every gradient, with their SI units.
 PARAMETERS = {key: one.unit for key, one in RIG_VALUES.items()}
 
 
+#: Kind of quantity of each value that is written as a text.
+_KINDS = {"kg": "mass", "N/m": "stiffness", "N s/m": "damping", "1": "ratio"}
+
+
+def _number(name: str, value: float | str) -> float:
+    """A value of a rig in SI, from a number or from a text with its unit."""
+    if not isinstance(value, str) or name not in PARAMETERS:
+        return value  # type: ignore[return-value]
+    return float(public("quantity")(value, _KINDS[PARAMETERS[name]]))
+
+
 @dataclass(frozen=True)
 class Rig:
     r"""The parts between the tyre and the foundation, and between the force cell and the tyre.
+
+    Values and uncertainties are numbers in SI, or texts with their unit, as in ``Rig(moving_mass="15 kg")``.
 
     With the paper's parts, the impedance at the tyre is :math:`Z_r = j\omega m + c_3 + K_3/(j\omega)`. `impedance` has
     the formula with all parts.
@@ -57,6 +71,8 @@ class Rig:
     ------
     RigError
         If a value is out of its range or not finite, or `std` names no value of a rig.
+    UnitError
+        If a text is no quantity of the kind.
 
     References
     ----------
@@ -80,6 +96,9 @@ class Rig:
     std: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name in PARAMETERS:
+            object.__setattr__(self, name, _number(name, getattr(self, name)))
+        object.__setattr__(self, "std", {name: _number(name, value) for name, value in self.std.items()})
         for name, unit in PARAMETERS.items():
             value = getattr(self, name)
             rigid = name == "frame_stiffness" and value == float("inf")

@@ -12,7 +12,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.conditions import condition_of
-from fourpole.campaign.folder import Test
+from fourpole.campaign.row import Test
 from fourpole.core.condition import Sameness
 from fourpole.planning.plan import CampaignPlan
 

@@ -26,7 +26,7 @@ def dynamic_cards(results: Study) -> list[str]:
     Examples
     --------
     >>> import polars as pl
-    >>> dynamic_cards(Results(dynamic=pl.DataFrame({"test": ["D1", "D2"]})))
+    >>> dynamic_cards(Study(dynamic=pl.DataFrame({"test": ["D1", "D2"]})))
     ['dynamic-1', 'dynamic-2']
     """
     if _KEY in results.derived:

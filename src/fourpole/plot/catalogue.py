@@ -127,7 +127,7 @@ def figure_data(results: Study, key: str) -> FigureData | None:
     Examples
     --------
     >>> none = pl.DataFrame()
-    >>> figure_data(Results(none, none, none), "stiffness") is None
+    >>> figure_data(Study(none, none, none), "stiffness") is None
     True
     """
     spec = spec_of(key)

@@ -59,7 +59,7 @@ def chains(results: Study) -> dict[str, tuple[Link, ...]]:
     --------
     >>> import polars as pl
     >>> none, rig = pl.DataFrame(), {"output": "blocked"}
-    >>> chains(Results(none, none, none, {"stated": {"rigs": {"": rig}}}))[""][-1]
+    >>> chains(Study(none, none, none, {"stated": {"rigs": {"": rig}}}))[""][-1]
     Link(kind=<Kind.FIXED: 'fixed'>, name='blocked: V2 = 0', stated=(), damped=False)
     """
     stated = section(results.record, "stated", "rigs")

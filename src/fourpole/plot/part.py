@@ -75,7 +75,7 @@ def select(results: Study, selection: Selection) -> Study:
 
     Returns
     -------
-    Results
+    Study
         Their tables, and models without conditions of other tests. Numbers of specimens and ids of cards are those of
         the whole results, so that a figure of them has the same colours, markers and links.
 

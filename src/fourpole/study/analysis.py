@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.campaign.conditions import condition_numbers
-from fourpole.campaign.folder import LIMITS, Campaign, Test, read_campaign
+from fourpole.campaign.folder import LIMITS, Campaign, read_campaign
 from fourpole.campaign.place import inside
+from fourpole.campaign.row import Test
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.fitting.likelihood import likelihood_of, likelihood_record

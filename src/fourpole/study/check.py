@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fourpole import units
-from fourpole.campaign.folder import Campaign, Test, problem_of
+from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import inside
+from fourpole.campaign.row import Test, problem_of
 from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.core.remarks import kind_of, remark_of, why_no_k1
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError

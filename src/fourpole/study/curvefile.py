@@ -8,8 +8,9 @@ from pathlib import Path
 
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import at_hand, identity_or_none
+from fourpole.campaign.row import Test
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import FileError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Died, Late, answer_of

@@ -10,7 +10,8 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign
+from fourpole.campaign.row import Test
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty

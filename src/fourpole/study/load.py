@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.campaign.channels import ChannelFile, ChannelsFile, DriveFile, ReferenceFile
-from fourpole.campaign.folder import Test
 from fourpole.campaign.place import inside
+from fourpole.campaign.row import Test
 from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve

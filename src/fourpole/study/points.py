@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fourpole.campaign.folder import Test
+from fourpole.campaign.row import Test
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
 from fourpole.core.checks import Check, Verdict, worst_verdict
 from fourpole.core.demodulation.corrections import Correction

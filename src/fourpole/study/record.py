@@ -9,7 +9,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign
+from fourpole.campaign.row import Test
 from fourpole.campaign.shown import shown_units
 from fourpole.errors import FileError, TableError
 from fourpole.io.folders import resolved
@@ -31,7 +32,7 @@ KEYS = {
     "verdicts": "number of tests by verdict",
     "assumptions": "what was taken for values that the campaign does not state",
     "notes": "notes on the route and the rigs",
-    "campaign": "path of the campaign's folder, from the folder of the results if it lies in or beside that",
+    "campaign": "path of the campaign's folder, from that of the results if they lie in it",
     "tests": "rows of tests.csv as they were understood, in SI",
     "joint": "of each rig: what the joint route found; only after the joint route",
     "likelihood": "of each rig: values that its tests share, which likelihood.parquet refers to",
@@ -101,8 +102,6 @@ def _test(row: Mapping[str, Any], known: set[str]) -> Test:
 
 
 def place_of(campaign: Path, results: Path) -> str:
-    """The path of a campaign for study.json: from the results if one is in the other or both are in one folder."""
+    """The path of a campaign for study.json: from the results if they lie in its folder, so that both can be moved."""
     campaign, results = resolved(campaign), resolved(results)
-    if campaign in results.parents or campaign.parent in results.parents:
-        return os.path.relpath(campaign, results)
-    return str(campaign)
+    return os.path.relpath(campaign, results) if campaign in results.parents else str(campaign)

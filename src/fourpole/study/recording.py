@@ -10,8 +10,9 @@ from typing import Any
 from fourpole import units
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import check_text
+from fourpole.campaign.row import Test
 from fourpole.campaign.schema import validated
 from fourpole.core.chain import Calibrated, Delay, Geophone, HighPass, LowPass
 from fourpole.core.phasor import CHANNELS

@@ -16,8 +16,9 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
-from fourpole.campaign.folder import Campaign, Test, problem_of
+from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import at_hand, inside
+from fourpole.campaign.row import Test, problem_of
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core import recordingchecks as checks
 from fourpole.core.checks import Check, Verdict, fault_of, reported

@@ -10,7 +10,8 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Campaign, Test
+from fourpole.campaign.folder import Campaign
+from fourpole.campaign.row import Test
 from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.identify import OUTPUTS

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.folder import Campaign, read_campaign
 from fourpole.campaign.shown import shown_units
-from fourpole.core.checks import worst_verdict
-from fourpole.core.condition import PRELOAD, PRESSURE, Sameness
+from fourpole.core.condition import PRELOAD, PRESSURE, Axis, Sameness
 from fourpole.core.joint.around import Likelihood
-from fourpole.core.notebook import notebook_html
-from fourpole.core.phasor import Phasors
 from fourpole.errors import CampaignError
 from fourpole.face import public
 from fourpole.fitting.likelihood import read_likelihoods
@@ -32,16 +28,16 @@ from fourpole.io.write import write_table
 from fourpole.models.families import by_amplitude
 from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.notebook import tables_html
-from fourpole.study.record import place_of, section, tests_of, texts, write_record
+from fourpole.study.onetest import TestsByName
+from fourpole.study.record import place_of, section, texts, write_record
 from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.rig_reading import read_rig_estimates
 from fourpole.study.tables import DYNAMIC, TABLE_FILES, TABLES, Tables, verdict_counts
-from fourpole.units import nearest, shown
+from fourpole.units import nearest, quantity, shown
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from fourpole.core.recording import Recording
     from fourpole.fitting.measured import MeasuredSet
     from fourpole.fitting.modelfile import ModelFile
     from fourpole.fitting.modelling import TyreFits
@@ -229,9 +225,63 @@ class Study(Tables):
 
     # ---- figures, models and maps
 
-    def plot(self, figure: str = "stiffness", **options: Any) -> Any:
-        """A figure of the results, as `fourpole.draw` makes it: `study.plot("K2")`."""
-        return public("draw")(self, figure, **options)
+    def plot(self, figure: str = "stiffness", *, style: Any = None, **where: str | float) -> Any:
+        """A figure of the results, as `fourpole.draw` makes it: ``study.plot("K2", tyre="radial")``; see `only`."""
+        return public("draw")(self.only(**where) if where else self, figure, style=style)
+
+    def only(self, **where: str | float) -> Study:
+        """The study with the tests of one specimen and state alone.
+
+        Parameters
+        ----------
+        where : str or float
+            ``tyre``, or ``specimen``, and values by the name of an axis of a condition: pressure [Pa], preload [N],
+            temperature [degC] or an axis of the campaign. A text has its unit: ``pressure="1.7 bar"``.
+
+        Raises
+        ------
+        CampaignError
+            If there is no such axis, or no test has the value; the message has the nearest.
+        """
+        kept = {name: self.table(name) for name in TABLES}
+        for axis, value in where.items():
+            for name in ("static", "dynamic"):
+                kept[name] = kept[name].filter(self._is_at(kept[name], axis, value))
+            if not any(kept[name].height for name in ("static", "dynamic")):
+                there = ", ".join(self._values_of(axis)) or "none"
+                raise CampaignError(f"no test has {axis} {value}: there is {there}")
+        tests = pl.concat([kept[name].select(q.TEST.head) for name in ("static", "dynamic")])[q.TEST.head].unique()
+        further = {
+            name: table.filter(pl.col(q.TEST.head).is_in(tests.implode()))
+            for name, table in kept.items()
+            if q.TEST.head in table.columns
+        }
+        return replace(self, tables={**kept, **further})
+
+    def _is_at(self, table: pl.DataFrame, axis: str, value: str | float) -> pl.Series:
+        """Whether each row has this value on an axis, within the tolerance of the campaign's rule."""
+        if axis in ("tyre", "specimen"):
+            return table[TYRE.head] == str(value)
+        wanted = self._axis(axis)
+        kind = {"pressure": "pressure", "preload": "force", "temperature": "temperature"}.get(axis)
+        number = quantity(value, kind) if isinstance(value, str) and kind is not None else value
+        conditions = conditions_in(table, Sameness((wanted,)))
+        return pl.Series([wanted.same(one.values[0], number) for one in conditions], dtype=pl.Boolean)
+
+    def _axis(self, name: str) -> Axis:
+        axes = {axis.name: axis for axis in self.rule.axes}
+        if name not in axes:
+            near = nearest(name, ("tyre", *axes))
+            hint = f"did you mean {near!r}?" if near else f"there are tyre, {', '.join(axes)}"
+            raise CampaignError(f"no axis {shown(name)}: {hint}")
+        return axes[name]
+
+    def _values_of(self, axis: str) -> list[str]:
+        """The values that tests have on an axis, as texts."""
+        column = TYRE.head if axis in ("tyre", "specimen") else self._axis(axis).column
+        tables = [table for table in (self.static, self.dynamic) if column in table.columns]
+        values = dict.fromkeys(value for table in tables for value in table[column].to_list() if value is not None)
+        return [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
 
     @cached_property
     def likelihoods(self) -> Mapping[str, Likelihood]:
@@ -376,178 +426,3 @@ class Study(Tables):
             write_table(new / f"{name}.csv", table)
         place = {"campaign": place_of(self.campaign.folder, folder)} if self.campaign is not None else {}
         write_record(new, {**self.record, **place})
-
-
-class UnknownTestError(CampaignError, KeyError):
-    """A study has no test of this name."""
-
-    __str__ = Exception.__str__
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class OneTest:
-    """One test of a study.
-
-    Attributes
-    ----------
-    stated : Test
-        Its row of tests.csv.
-    study : Study
-        The study.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import fourpole
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     made = fourpole.simulate_campaign(
-    ...         folder, pressures=[170e3], preloads=[1000.0], frequencies=[14.0], clean=True
-    ...     )
-    ...     test = fourpole.analyse(made.folder).tests["D1"]
-    ...     recording = test.recording()
-    >>> test.verdict, round(test.row["C [N s/m]"]), round(recording.duration, 1)
-    ('ok', 1400, 4.1)
-    """
-
-    stated: Test
-    study: Study
-
-    @property
-    def name(self) -> str:
-        """Name of the test."""
-        return self.stated.name
-
-    @property
-    def kind(self) -> str:
-        """static, dynamic or calibration."""
-        return self.stated.kind
-
-    @property
-    def rows(self) -> pl.DataFrame:
-        """Its rows of static.csv or dynamic.csv: one for each frequency, or for each preload of a static test."""
-        return self._of("static" if self.kind == "static" else "dynamic")
-
-    @property
-    def row(self) -> dict[str, Any]:
-        """Its first row by the heads of the columns, in SI."""
-        return self.rows.row(0, named=True)
-
-    @property
-    def verdict(self) -> str:
-        """ok, warning or rejected: the worst of its rows."""
-        return worst_verdict(self.rows[q.VERDICT.head].to_list())
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """The reasons of the verdict, with what to do."""
-        return tuple(dict.fromkeys(text for text in self.rows[q.REMARKS.head].to_list() if text))
-
-    @property
-    def checks(self) -> pl.DataFrame:
-        """Its rows of checks.csv."""
-        return self._of("checks")
-
-    @property
-    def preview(self) -> pl.DataFrame:
-        """Its rows of previews.parquet: a few cycles of signal, fit and residual, or the static loop."""
-        return self._of("previews")
-
-    @property
-    def phasors(self) -> Phasors:
-        """The complex amplitudes of F1, V1 and V2, one for each frequency.
-
-        Raises
-        ------
-        CampaignError
-            If the test has none: it is static, or no amplitude could be taken from its recording.
-        """
-        table = self._of("phasors")
-        if table.is_empty():
-            raise CampaignError(f"test {shown(self.name)} has no amplitudes: {'; '.join(self.remarks) or self.kind}")
-        parts = [[table[head].to_numpy() for head in one.parts] for one in (q.F1, q.V1, q.V2)]
-        return Phasors(
-            table[q.FREQUENCY.head].to_numpy(),
-            np.stack([re + 1j * im for re, im in parts], axis=1),
-            np.array(table[q.PHASOR_COVARIANCE.head].to_list(), dtype=float).reshape(-1, 6, 6),
-            table[q.FREQUENCY.u_head].to_numpy(),
-            table[q.DOF.head].to_numpy(),
-        )
-
-    def recording(self, campaign: Campaign | str | Path | None = None) -> Recording:
-        """Read the recording of a dynamic test, as the analysis does.
-
-        Parameters
-        ----------
-        campaign : Campaign or path, optional
-            The campaign or its folder; by default the one that was analysed, where study.json says that it is.
-
-        Raises
-        ------
-        CampaignError
-            For a static test, whose curve `preview` has; or if the campaign is not there any more.
-        FileError, TableError, RecordingError
-            If it cannot be read.
-        """
-        from fourpole.study.recording import read_recording
-
-        if self.kind == "static":
-            raise CampaignError(f"test {shown(self.name)} is static: it has a curve, which preview holds")
-        if not self.stated.file:
-            raise CampaignError("an older version wrote these results, without the rows of tests.csv: analyse again")
-        known = self.study.campaign_there() if campaign is None else campaign
-        return read_recording(self.stated.file, known if isinstance(known, Campaign) else read_campaign(known))
-
-    def _of(self, name: str) -> pl.DataFrame:
-        table = self.study.table(name)
-        return table.filter(pl.col(q.TEST.head) == self.name) if q.TEST.head in table.columns else table
-
-    def __repr__(self) -> str:
-        remarks = f": {shown('; '.join(self.remarks), 300)}" if self.remarks else ""
-        return f"<test {shown(self.name, 60)}, {self.kind} of {shown(self.stated.tyre, 60)}, {self.verdict}{remarks}>"
-
-    def _repr_html_(self) -> str:
-        """Its first row and its remarks, for a notebook."""
-        cells = [(head, _text(value)) for head, value in self.row.items() if value not in (None, "")]
-        title = f"Test {self.name}: {self.verdict}"
-        return notebook_html(title, self.remarks, ("column", "value"), cells, most=len(cells))
-
-
-def _text(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _tests_in(study: Study) -> list[Test]:
-    """The tests that tables of an older version name, without the rows of tests.csv."""
-    statics = [Test(name, 0, kind="static") for name in study.static[q.TEST.head].unique(maintain_order=True)]
-    return [
-        *statics,
-        *(Test(name, 0, kind="dynamic") for name in study.dynamic[q.TEST.head].unique(maintain_order=True)),
-    ]
-
-
-class TestsByName(Mapping[str, OneTest]):
-    """The tests of a study by name, in the order of tests.csv."""
-
-    __test__ = False
-
-    def __init__(self, study: Study) -> None:
-        """The tests of this study."""
-        self._study = study
-        stated = study.campaign.tests if study.campaign is not None else tests_of(study.record) or _tests_in(study)
-        self._stated = {test.name: test for test in stated}
-
-    def __getitem__(self, name: str) -> OneTest:
-        if name not in self._stated:
-            near = nearest(str(name), self._stated)
-            hint = f"did you mean {near!r}?" if near else f"there are {len(self)}, as {next(iter(self), 'none')!r}"
-            raise UnknownTestError(f"no test {shown(str(name))}: {hint}")
-        return OneTest(self._stated[name], self._study)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._stated)
-
-    def __len__(self) -> int:
-        return len(self._stated)
-
-    def __repr__(self) -> str:
-        return f"<{len(self)} tests: {', '.join(list(self._stated)[:8])}{', ...' if len(self) > 8 else ''}>"

@@ -6,6 +6,7 @@ column `point` is written only where a test has more than one point.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,7 @@ from fourpole.fitting.likelihood import LIKELIHOOD_COLUMNS
 from fourpole.fitting.rows import KEY, checked, each_once
 from fourpole.io.published import Published
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity
+from fourpole.units import shown
 
 _AGAIN = "run fourpole analyse again"
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
@@ -39,7 +41,7 @@ class TableSpec:
     Attributes
     ----------
     name : str
-        Name of the file without its ending, and of the attribute of `Study` and `Results`.
+        Name of the file without its ending, and of the attribute of `Study`.
     about : str
         The thing that a row describes.
     columns : mapping of str to polars type
@@ -51,7 +53,7 @@ class TableSpec:
     always : bool
         Whether the file is written without rows too; another table without rows has no file.
     read : bool
-        Whether `Results` holds the table.
+        Whether `read_results` reads the table at once; another one is read when it is asked for.
     """
 
     name: str
@@ -293,6 +295,9 @@ def read_table(results: Published, spec: TableSpec, needed: Collection[str] | No
 def _parsed(content: bytes, name: str, known: Mapping[str, Any]) -> pl.DataFrame:
     """The table of a CSV or Parquet file, its columns of known kinds; TableError for a cell of another kind."""
     if name.endswith(".parquet"):
+        for column, kind in pl.read_parquet_schema(io.BytesIO(content)).items():  # a few bytes may hold many zeros
+            if known.get(column) == pl.String and kind != pl.String:
+                raise TableError(f"{name}, column {shown(column)}: is not one that fourpole wrote")
         return checked(pl.read_parquet(content), name, known)
     names = pl.read_csv(content, n_rows=0, infer_schema=False).columns
     kinds = {name: known.get(name, pl.String) for name in names}

@@ -19,8 +19,9 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Campaign, Test, read_campaign
+from fourpole.campaign.folder import Campaign, read_campaign
 from fourpole.campaign.place import inside
+from fourpole.campaign.row import Test
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.campaign.statement import MOST_TESTS
 from fourpole.core.checks import Verdict, worst_verdict

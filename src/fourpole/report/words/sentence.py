@@ -69,7 +69,7 @@ def sentences(findings: Sequence[Finding], units: ShownUnits | None = None) -> l
     findings : sequence of Finding
         See `fourpole.findings.findings`.
     units : ShownUnits, optional
-        The units of the sentences, as `Results.shown` has them; by default the usual ones.
+        The units of the sentences, as `Study.shown` has them; by default the usual ones.
 
     Returns
     -------
