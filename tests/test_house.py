@@ -99,7 +99,7 @@ def test_importing_the_package_loads_nothing_heavy():
 
 
 FACE = """
-    analyse Channel ChannelUncertainty compare demodulate draw FourpoleError Identification identify identify_joint
+    analyse Channel ChannelUncertainty compare demodulate draw fit FourpoleError Identification identify identify_joint
     LoadCurve maxwell_arm models Phasors plan quantity read_campaign read_recording read_results Recording Rig
     simulate_campaign Study
 """
