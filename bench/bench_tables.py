@@ -14,13 +14,14 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["POLARS_MAX_THREADS"] = "1"
 
 import numpy as np
-from fourpole.study.outcome import Point, Reduced
 from laboratory import LABORATORY, check_error
 from promises import alone, at_most, own_cpu, own_memory, report
 
 from fourpole import analyse
+from fourpole.campaign.folder import read_campaign
 from fourpole.core.demodulation.preview import BLOCKS, POINTS, Preview
-from fourpole.study import study as wiring
+from fourpole.study import analysis as wiring
+from fourpole.study.points import Points
 from fourpole.virtual.phasor_rig import Conditions, simulate_phasors
 
 SEED = 1982
@@ -93,9 +94,15 @@ def measure(count: int) -> Row:
         arms = k2[family] * (frequency / 15) ** 0.6, c[family] * (frequency / 15) ** 0.2
         run = simulate_phasors(LABORATORY, Conditions(frequency, k1, *arms, added_mass=added), rng)
         roles = ("force_in", "motion_in", "motion_out")
-        reduced = [
-            Reduced((Point(run.phasors.part(at), (), (), roles, preview(rng)),), f"{at:064x}") for at in range(count)
-        ]
+        reduced = Points(
+            tests=tuple(read_campaign(place).of_kind("dynamic")),
+            phasors=run.phasors,
+            checks=((),) * count,
+            corrections=((),) * count,
+            previews=tuple((roles, preview(rng)) for _ in range(count)),
+            began=np.full(count, np.nan),
+            sha256=tuple(f"{number:064x}" for number in range(count)),
+        )
         wiring.reduce_tests = lambda *_, **__: reduced
         before, start = own_memory(), own_cpu()
         study = analyse(place)
