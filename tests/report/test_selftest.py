@@ -10,11 +10,10 @@ from pathlib import Path
 import pytest
 from tests.report.mutants import mutated
 
-from fourpole.report.selftest.campaigns import campaign_names, compared_campaign
+from fourpole.report.selftest.cases import campaign_names, cases, compared_campaign, compared_case, reference
 from fourpole.report.selftest.compared import Compared, failed, number, word
 from fourpole.report.selftest.page import HEADS, render_selftest, selftest_csv
 from fourpole.report.selftest.run import self_test
-from fourpole.report.selftest.vectors import cases, compared_cases, reference
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -117,7 +116,7 @@ def test_a_small_fault_of_a_formula_is_caught(known, place, old, new):
     module = place.partition(":")[0]
     first = sorted(known, key=lambda one: not one["function"].startswith(module.rpartition(".")[0]))
     with mutated(place, old, new):
-        assert any(not value.good for one in first for value in compared_cases([one]))
+        assert any(not value.good for one in first for value in compared_case(one))
 
 
 @pytest.mark.parametrize(("name", "place", "old", "new"), OF_CAMPAIGNS, ids=[place for _, place, _, _ in OF_CAMPAIGNS])
@@ -140,9 +139,9 @@ def test_a_function_that_ends_with_an_error_fails_and_does_not_stop_the_test(kno
     def broken(*given):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setitem(sys.modules["fourpole.report.selftest.vectors"]._CALCULATED, "core.polar.polar", broken)
+    monkeypatch.setattr("fourpole.core.polar.polar", broken)
     one = next(each for each in known if each["function"] == "core.polar.polar")
-    (found,) = compared_cases([one])
+    (found,) = compared_case(one)
     assert (found.good, found.found) == (False, "ZeroDivisionError: division by zero")
 
 

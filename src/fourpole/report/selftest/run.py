@@ -15,9 +15,8 @@ from importlib.metadata import version
 from importlib.resources.abc import Traversable
 
 from fourpole.io.origin import Origin, origin
-from fourpole.report.selftest.campaigns import campaign_names, compared_campaign
+from fourpole.report.selftest.cases import campaign_names, cases, compared_campaign, compared_case, reference
 from fourpole.report.selftest.compared import Compared, Summary, summaries
-from fourpole.report.selftest.vectors import cases, compared_cases, reference
 
 #: Packages that the results depend on.
 _PACKAGES = ("numpy", "scipy", "polars", "pint", "pydantic", "matplotlib", "jinja2", "typer", "rich")
@@ -79,7 +78,7 @@ def self_test(progress: Callable[[int, int], None] | None = None) -> SelfTest:
     known, names = cases(), campaign_names()
     found: list[Compared] = []
     for done, one in enumerate(known, start=1):
-        found += compared_cases([one])
+        found += compared_case(one)
         if progress is not None:
             progress(done, len(known) + len(names))
     for done, name in enumerate(names, start=len(known) + 1):

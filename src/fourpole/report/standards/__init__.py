@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import tomllib
+
 from fourpole.errors import CampaignError
-from fourpole.report.standards import iso_7626_2, iso_10846_2, sae_j1085
-from fourpole.report.standards.requirement import Standard
+from fourpole.report.html import packaged
+from fourpole.report.standards.measures import MEASURES, VALUES
+from fourpole.report.standards.requirement import Requirement, Standard
 from fourpole.units import shown
 
-#: The standards by their name in the command.
-STANDARDS = {one.key: one for one in (sae_j1085.STANDARD, iso_7626_2.STANDARD, iso_10846_2.STANDARD)}
-
+#: The standards by their name in the command, from standards.toml, which says what stands in it.
+STANDARDS = {
+    key: Standard(
+        key,
+        stated["title"],
+        tuple(stated["terms"]),
+        tuple(
+            Requirement(name, clause, text, limit, stated["sources"][source], MEASURES[measure], tuple(given))
+            for name, clause, text, limit, source, measure, *given in stated["requirements"]
+        ),
+        VALUES[key],
+    )
+    for key, stated in tomllib.loads(packaged("standards.toml", "fourpole.report.standards")).items()
+}
 #: The page of each, in the folder of the results.
 PAGES = {name: f"report-{name}.html" for name in STANDARDS}
 

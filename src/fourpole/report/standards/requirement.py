@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from fourpole.study.study import Study
 
@@ -42,7 +43,9 @@ class Requirement:
     source : str
         Where clause, text and limit are from.
     measure : callable
-        What the results say of it.
+        What the results say of it, with further arguments.
+    given : tuple
+        Those arguments.
     read : bool
         Whether the clause was read in the standard itself.
     """
@@ -52,7 +55,8 @@ class Requirement:
     text: str
     limit: str
     source: str
-    measure: Callable[[Study], Found]
+    measure: Callable[..., Found]
+    given: tuple[Any, ...] = ()
     read: bool = False
 
     @property
@@ -101,7 +105,7 @@ class Standard:
 
 def answered(standard: Standard, results: Study) -> list[tuple[Requirement, Found]]:
     """Each requirement with what the results say of it."""
-    return [(one, one.measure(results)) for one in standard.requirements]
+    return [(one, one.measure(results, *one.given)) for one in standard.requirements]
 
 
 def counts(found: Sequence[tuple[Requirement, Found]]) -> dict[Answer, int]:

@@ -1,20 +1,61 @@
-"""The reference campaigns: analysed from the package, and held against their expected results."""
+"""The reference cases and campaigns: read from the package, and held against what it finds."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from importlib import resources
-from pathlib import Path
+from importlib.resources.abc import Traversable
 from typing import Any
 
-from fourpole.errors import FourpoleError
+from fourpole.errors import FileError, FourpoleError
+from fourpole.io.source import reason
+from fourpole.report.selftest.calculated import calculated
 from fourpole.report.selftest.compared import Compared, failed, number, word
-from fourpole.report.selftest.vectors import read_reference, reference
 from fourpole.study.analysis import analyse
 from fourpole.study.study import Study
 
 _EXPECTED = "expected.csv"
+
+
+def reference() -> Traversable:
+    """The folder of the reference data in the package."""
+    return resources.files("fourpole.report.selftest").joinpath("reference")
+
+
+def read_reference(*name: str) -> str:
+    """The text of a file of the reference data; FileError if the installation has lost it."""
+    try:
+        return reference().joinpath(*name).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise FileError(
+            f"{'/'.join(name)} of the reference data cannot be read ({reason(error)}): install Fourpole again"
+        ) from None
+
+
+def cases() -> list[dict[str, Any]]:
+    """All cases of vectors.json: check, function, inputs, and values with 50 digits and their tolerances."""
+    try:
+        return list(json.loads(read_reference("vectors.json"))["cases"])
+    except (ValueError, KeyError, TypeError):
+        raise FileError("vectors.json of the reference data is damaged: install Fourpole again") from None
+
+
+def compared_case(case: Mapping[str, Any]) -> Iterator[Compared]:
+    """Each value of a case beside what the package finds; a fault of a function is a value that does not pass."""
+    check, rows = case["check"], case["values"]
+    function = f"{case['function']} ({case['about']})" if "about" in case else case["function"]
+    try:
+        values = calculated(case)
+    except (FourpoleError, ArithmeticError, LookupError, TypeError, ValueError, AttributeError) as error:
+        yield failed(check, function, rows[0]["value"], f"{type(error).__name__}: {error}")
+        return
+    for row in rows:
+        name = row["value"]
+        value = complex(values[name[3:]] if name[:3] in ("Re ", "Im ") else values.get(name, float("nan")))
+        part = value.imag if name[:3] == "Im " else value.real
+        yield number(check, function, name, row["unit"], row["expected"], part, float(row["tolerance"]))
 
 
 def campaign_names() -> list[str]:
@@ -32,17 +73,12 @@ def compared_campaign(name: str) -> Iterator[Compared]:
         return
     with resources.as_file(reference().joinpath("campaigns", name)) as folder:
         try:
-            study = _analysed(folder, rows[0]["route"])
+            study = analyse(folder, route=rows[0]["route"], workers=1)
         except (FourpoleError, ArithmeticError, LookupError, TypeError, ValueError, AttributeError) as error:
             yield failed(check, "analyse", "the analysis", f"{type(error).__name__}: {error}")
             return
     for row in rows:
         yield _compared(check, study, row)
-
-
-def _analysed(folder: Path, route: str) -> Study:
-    """The study of a campaign, in this thread."""
-    return analyse(folder, route=route, workers=1)
 
 
 def _compared(check: str, study: Study, row: dict[str, str]) -> Compared:
