@@ -49,7 +49,8 @@ MAY = {
     # package data
     "report/html.py": "templates and styles",
     "report/selftest/run.py": "the reference data",
-    "report/selftest/vectors.py": "the reference data",
+    "report/selftest/cases.py": "the reference data",
+    "report/selftest/calculated.py": "the calls of the reference cases",
     "served/site.py": "scripts and styles",
     "export/fmi/csource.py": "the source of FMUs",
     "io/origin.py": "the package's own repository",

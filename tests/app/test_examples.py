@@ -6,7 +6,7 @@ import pytest
 import typer
 
 from fourpole.app.cli import app
-from fourpole.app.examples import EXAMPLES, GROUPS, groups_of
+from fourpole.app.group import EXAMPLES, GROUPS, groups_of
 from fourpole.plot.catalogue import FIGURES
 
 GROUP = typer.main.get_command(app)

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.app.outline import line, picture
+from fourpole.app.info import line, picture
 from fourpole.io import stream as streaming
 from fourpole.io.look import look
 from fourpole.io.recordings import survey

@@ -10,7 +10,7 @@ from fourpole.campaign.limits import read_limits
 from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.schema import parse_campaign
 from fourpole.errors import CampaignError
-from fourpole.report.ratedload import rated_load
+from fourpole.report.front import rated_load
 
 BASE = '[channels]\nforce_in = { column = "F", unit = "N" }\n'
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(20)

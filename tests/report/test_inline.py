@@ -2,7 +2,7 @@
 
 import pytest
 
-from fourpole.report.inline import inline
+from fourpole.report.html import inline
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" viewBox="0 0 9 9">'
 

@@ -24,7 +24,7 @@ from tests.report.browser import launched, renewed, watched
 from fourpole.core.condition import PRESSURE, axis_of
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import number, spread, with_std
-from fourpole.report.packed import ALPHABET, packed
+from fourpole.report.linecards import ALPHABET, packed
 from fourpole.report.page import ReportFigure, _versions, render_report, write_report
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import rigs_in_words

@@ -15,7 +15,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
-from fourpole.served.patience import PatientProtocol
+from fourpole.served.guard import PatientProtocol
 
 
 class Hasty(PatientProtocol):

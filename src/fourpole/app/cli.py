@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from fourpole.app import model_commands, table_commands
+from fourpole.app import model_commands
 from fourpole.app.console import end_in_order, out, progress, rising, say, show_warnings, warn
 from fourpole.app.events import end_with_caller
 from fourpole.app.group import group_of
@@ -194,7 +194,7 @@ def app_(
     It works without a network. What it saves is campaign.toml, tests.csv and the results of the commands. Open the
     whole address that it prints: without its token, other accounts of the machine cannot use it.
     """
-    from fourpole.app.serving import run_app
+    from fourpole.app.browse import run_app
 
     allow_remote(remote)
     run_app(folder, host, port, no_browser=no_browser, no_token=no_token)
@@ -276,9 +276,6 @@ def convert(
     for sentence in made.lost:
         warn(sentence)
     out("\n  ".join([f"{target}: {made.format}", *made.groups]))
-
-
-RUNS.update(table_commands.COMMANDS)
 
 
 @_command

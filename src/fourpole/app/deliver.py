@@ -1,17 +1,18 @@
-"""A table of numbers to a file, to a program, or to the terminal."""
+"""A table of numbers to a file, to a program, or to the terminal with the digits that its uncertainty allows."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
-from fourpole.app.console import out, print_json, say
-from fourpole.app.shown import print_rows
+from fourpole.app.console import out, print_json, print_table, say
 from fourpole.io.write import write_table
 from fourpole.quantities import ShownUnits
+from fourpole.report.digits import PLUS_MINUS, cell
 
 
 def deliver(
@@ -31,3 +32,21 @@ def deliver(
         print_rows(frame.to_dicts(), units, leave_out)
     elif file is None:
         out(frame.write_csv().rstrip("\n"))
+
+
+def print_rows(rows: Sequence[Mapping[str, Any]], units: ShownUnits, leave_out: Sequence[str] = ()) -> None:
+    """Print rows of a result table, whose heads have SI units, each value with its uncertainty."""
+    heads = [head for head in rows[0] if head not in leave_out and not head.startswith(("u(", "corr("))]
+    used = [head for head in heads if any(row[head] not in (None, "") for row in rows)]
+    labels = {head: _label(head, units) for head in used}
+    numbers = [labels[head] for head in used if any(isinstance(row[head], float) for row in rows)]
+    print_table(labels.values(), [[cell(row, head, units) for head in used] for row in rows], right=numbers)
+    if any(head.startswith("u(") for head in rows[0]):
+        out(PLUS_MINUS)
+
+
+def _label(head: str, units: ShownUnits) -> str:
+    """Head of a column with the unit shown."""
+    name, _, si = head.removesuffix("]").partition(" [")
+    unit, _ = units.unit(si)
+    return f"{name} [{unit}]" if unit else name

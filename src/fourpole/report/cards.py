@@ -18,11 +18,9 @@ from fourpole.core.checks import worst_verdict
 from fourpole.findings.verdicts import CheckRow, checks_by_point
 from fourpole.fitting.rows import KEY, Key, key_of, keyed
 from fourpole.plot.cardids import dynamic_cards
-from fourpole.report.digits import known, number
-from fourpole.report.linecards import band_words, line_body, lines_of
-from fourpole.report.packed import extremes, packed
+from fourpole.report.digits import known, number, shown_as
+from fourpole.report.linecards import band_words, extremes, line_body, lines_of, packed
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
-from fourpole.report.wanted import shown_as
 from fourpole.study.record import section, stated_blocked
 from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC as TABLE

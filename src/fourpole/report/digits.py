@@ -1,9 +1,11 @@
-"""Numbers as text, with as many digits as their uncertainty allows."""
+"""Numbers as text, with as many digits as their uncertainty allows, and the units in which a report is written."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -119,3 +121,29 @@ def cell(row: Mapping[str, Any], head: str, units: ShownUnits) -> str:
         return with_u(value, std, scale)
     text = number(value / scale, 5)
     return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text
+
+
+_UNITS = ContextVar("units of the report", default=ShownUnits())  # noqa: B039  it is frozen
+
+
+@contextmanager
+def in_units(units: ShownUnits) -> Iterator[None]:
+    """Inside the context words and tables have these units, afterwards the former ones.
+
+    Examples
+    --------
+    >>> from fourpole.quantities import PRESSURE
+    >>> with in_units(ShownUnits({"Pa": ("kPa", 1e3)})):
+    ...     shown_as(PRESSURE).label
+    'pressure [kPa]'
+    """
+    token = _UNITS.set(units)
+    try:
+        yield
+    finally:
+        _UNITS.reset(token)
+
+
+def shown_as(quantity: Quantity) -> Quantity:
+    """A quantity with the unit in which it is written now."""
+    return _UNITS.get().of(quantity)

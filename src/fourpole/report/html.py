@@ -1,4 +1,4 @@
-"""A page that is one file: its template, its style sheet and its pictures."""
+"""A page that is one file: its template, its style sheet and its pictures, and drawings as parts of it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import re
 from collections.abc import Callable, Mapping
 from importlib import resources
 from typing import Any
+from xml.etree import ElementTree as ET
 
 from jinja2 import BaseLoader, DictLoader, Environment, StrictUndefined
+from markupsafe import Markup
 
 #: Characters that a page must not contain: control characters and lone surrogates.
 _UNFIT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
@@ -48,3 +50,55 @@ def fit(page: str) -> str:
 def svg_address(svg: bytes) -> str:
     """A drawing as a data: URL."""
     return f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+
+
+_SVG = "{http://www.w3.org/2000/svg}"
+_LINK = "{http://www.w3.org/1999/xlink}href"
+_ELEMENTS = frozenset(
+    ("svg", "g", "defs", "style", "title", "path", "use", "a", "text", "tspan", "rect", "clipPath", "image")
+)
+_ATTRIBUTES = frozenset(
+    ("id", "d", "style", "x", "y", "width", "height", "transform", "clip-path", "viewBox", "version", "type", _LINK)
+)
+#: What a link, and an address in a style, may be: a place of this page, or a picture inside it.
+_HARMLESS = re.compile(r"#[\w-]+|data:image/png;base64,[A-Za-z0-9+/=\s]+")
+_STYLE_SHEET = re.compile(r"<style\b.*?</style>", re.S)
+#: Bytes of a drawing that is part of the page; a larger one is an image.
+_MOST = 4_000_000
+
+
+def inline(svg: str, title: str) -> Markup | None:
+    """A drawing as a part of an HTML page; None for one that holds more than shapes, texts and links within the page.
+
+    Parameters
+    ----------
+    svg : str
+        The drawing, without prolog and metadata.
+    title : str
+        Its name, for those who do not see it.
+
+    Examples
+    --------
+    >>> inline('<svg xmlns="http://www.w3.org/2000/svg"><script/></svg>', "x") is None
+    True
+    """
+    if len(svg) > _MOST or "<!" in svg or "<?" in svg or not svg.startswith("<svg"):
+        return None
+    try:
+        root = ET.fromstring(svg)
+    except ET.ParseError:
+        return None
+    if not all(map(_is_harmless, root.iter())):
+        return None
+    named = Markup('<svg role="group" aria-label="{}"').format(title)
+    body = _STYLE_SHEET.sub("", svg).replace("<a ", '<a tabindex="-1" ')
+    return named + Markup(body[len("<svg") :])
+
+
+def _is_harmless(element: ET.Element) -> bool:
+    name = element.tag.removeprefix(_SVG) if isinstance(element.tag, str) else ""
+    if name not in _ELEMENTS or not element.attrib.keys() <= _ATTRIBUTES:
+        return False
+    link = element.attrib.get(_LINK)
+    addresses = re.findall(r"url\(\s*['\"]?([^)'\"]*)", " ".join(element.attrib.values()))
+    return all(_HARMLESS.fullmatch(one) for one in (*addresses, *([link] if link is not None else [])))

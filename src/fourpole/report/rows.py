@@ -12,8 +12,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
 from fourpole.quantities import DERIVED, Quantity
-from fourpole.report.digits import known, number, with_std
-from fourpole.report.wanted import shown_as
+from fourpole.report.digits import known, number, shown_as, with_std
 
 STATIC = (q.PRESSURE, q.PRELOAD, q.K1, q.SECANT, q.CYCLE_LOSS, q.NONLINEARITY)
 DYNAMIC = (

@@ -12,8 +12,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.quantities import RIG_VALUES, Quantity
-from fourpole.report.digits import known, number, spread, with_std
-from fourpole.report.wanted import shown_as
+from fourpole.report.digits import known, number, shown_as, spread, with_std
 from fourpole.study.record import section
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts

@@ -14,8 +14,8 @@ from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
 from fourpole.io.published import Published
 from fourpole.plot import FIGURES
+from fourpole.report.digits import in_units
 from fourpole.report.page import ReportFigure, page_parts
-from fourpole.report.wanted import in_units
 from fourpole.report.words.sentence import sentences
 from fourpole.served.workspace import Place
 from fourpole.study.results import read_results

@@ -23,6 +23,7 @@ from fourpole.findings.readings import (
     Turning,
 )
 from fourpole.findings.trends import Trend
+from fourpole.report.words.levels import over, span
 from fourpole.report.words.phrases import (
     bar,
     combinations,
@@ -34,7 +35,6 @@ from fourpole.report.words.phrases import (
     percents,
     ranged,
 )
-from fourpole.report.words.trend import over, span
 
 _NEEDS = {
     Need.BOTH: "{of} of both tyres at a condition in common",

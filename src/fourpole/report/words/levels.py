@@ -1,12 +1,28 @@
-"""Sentences on one quantity of one specimen: its level, its linearity, the energy loss of a static cycle."""
+"""Sentences on a quantity: its level in a specimen, two specimens compared, its change with a condition."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from fourpole.findings.finding import UNSTATED, Finding, Holds
+from fourpole.findings.comparisons import Comparison
+from fourpole.findings.evidence import Effect
+from fourpole.findings.finding import UNSTATED, Finding, Holds, Key
 from fourpole.findings.levels import CycleLoss, Departure, Level
-from fourpole.report.words.phrases import condition, counted, joined, opening, percents, ranged, shown
+from fourpole.findings.trends import Extremum, Trend
+from fourpole.report.words.phrases import (
+    combinations,
+    condition,
+    counted,
+    joined,
+    opening,
+    percent,
+    percents,
+    ranged,
+    setting,
+    shown,
+    some,
+    stretches,
+)
 
 _LINEAR = {
     Holds.NEARLY_LINEAR: "nearly linear",
@@ -53,3 +69,155 @@ def _pressures(found: Level) -> str:
     """The number of pressures in brackets; empty for a specimen without inflation."""
     stated = [key for key in found.values if UNSTATED not in key]
     return f" ({counted(len(found.values), 'pressure')})" if stated else ""
+
+
+#: Largest number of conditions that a sentence lists; of more it gives their number.
+_MOST_NAMED = 6
+Effects = Mapping[Key, Effect]
+Axes = tuple[str, ...]
+
+
+def comparison(finding: Finding, found: Comparison) -> str:
+    """The specimen that has more, by how much and where; or that no difference exceeds the uncertainty."""
+    said, axes, mean = finding.quantity, finding.conditions.axes, found.mean
+    assert said is not None
+    where = _where_in_common(axes, list(found.effects), each=all(effect.sign == 1 for effect in found.effects.values()))
+    if finding.holds is Holds.NO_DIFFERENCE:
+        return (
+            f"{opening(finding)} and {finding.specimens[1]} shows no difference beyond the uncertainty "
+            f"{where}: that of {found.upper} is {percent(mean.value)} higher"
+            f"{' on average' if len(found.effects) > 1 else ''}, no more than the expanded uncertainty (95 %) of "
+            f"{percent(mean.reach())}."
+        )
+    if finding.holds is Holds.MIXED:
+        return _mixed(said.column, axes, found)
+    return (
+        f"{found.upper} {said.more}: its {said.column} is above that of {found.lower} {where}"
+        f"{_by(axes, found.effects, mean)}{_exceptions(axes, found.effects)}."
+    )
+
+
+def _where_in_common(axes: Axes, keys: list[Key], *, each: bool) -> str:
+    if len(keys) == 1:
+        return f"at {condition(axes, keys[0])}, the only condition in common"
+    return f"at {'each of ' if each else ''}the {combinations(axes, keys)} in common"
+
+
+def _by(axes: Axes, found: Effects, mean: Effect) -> str:
+    if len(found) == 1:
+        return f", by {percent(mean.value)} (standard uncertainty {percent(mean.std)})"
+    low, high = (pick(found, key=lambda key: (found[key].value, key)) for pick in (min, max))
+    return (
+        f", by {percent(mean.value)} on average, from {percent(found[low].value)} "
+        f"({condition(axes, low)}) to {percent(found[high].value)} ({condition(axes, high)})"
+    )
+
+
+def _exceptions(axes: Axes, found: Effects) -> str:
+    silent = [key for key, effect in found.items() if effect.sign == 0]
+    if not silent or len(silent) == len(found):
+        return ""
+    return f"; no difference beyond the uncertainty at {_listed(axes, silent, len(found))}"
+
+
+def _mixed(symbol: str, axes: Axes, found: Comparison) -> str:
+    parts = []
+    for name, sign in ((found.upper, 1), (found.lower, -1), ("", 0)):
+        keys = [key for key, effect in found.effects.items() if effect.sign == sign]
+        if keys and sign:
+            most = percent(max(abs(found.effects[key].value) for key in keys))
+            much = f"by {'up to ' if len(keys) > 1 else ''}{most} at {_listed(axes, keys, len(found.effects))}"
+            parts.append(f"{name} has the higher {symbol}, {much}")
+        elif keys:
+            where = _listed(axes, keys, len(found.effects))
+            parts.append(f"there is no difference beyond the uncertainty at {where}")
+    return f"{'; '.join(parts)}."
+
+
+def _listed(axes: Axes, keys: list[Key], of: int) -> str:
+    """'3 of 10 conditions in common (1.00 bar, 1000 N; ...)'."""
+    named = some([f"({condition(axes, key)})" for key in keys], _MOST_NAMED)
+    return f"{len(keys)} of {of} conditions in common{f': {named}' if len(keys) <= _MOST_NAMED else ''}"
+
+
+def trend(finding: Finding, found: Trend) -> str:
+    """One sentence on a trend, or that no change exceeds the uncertainty."""
+    name = opening(finding)
+    if found.extremum is not None:
+        return f"{name} has its {_extremum(found, found.extremum)}."
+    if finding.holds is Holds.NO_CHANGE:
+        return f"{name} does not {_no_change(found)}."
+    if finding.holds is Holds.MIXED:
+        return f"{name}, between {span(found, 'and')}, {_piecewise(found)}."
+    return f"{name} {_uniform(found)}."
+
+
+def span(found: Trend, word: str = "to") -> str:
+    """'1.00 to 2.40 bar'."""
+    low, high = (setting(found.axis, end) for end in found.ends)
+    return f"{low.rpartition(' ')[0]} {word} {high}"
+
+
+def over(found: Trend) -> str:
+    """The number of conditions over which the mean is taken, in words."""
+    return combinations(found.rest, list(found.effects))
+
+
+def _extremum(found: Trend, extremum: Extremum) -> str:
+    what, off = ("maximum", "below") if extremum.holds is Holds.MAXIMUM else ("minimum", "above")
+    return (
+        f"{what} against {found.axis} at {setting(found.axis, extremum.at)}{_where(found)}: it is "
+        f"{percent(abs(extremum.first.value))} {off} it at {setting(found.axis, found.ends[0])} and "
+        f"{percent(abs(extremum.last.value))} {off} it at {setting(found.axis, found.ends[1])}"
+    )
+
+
+def _no_change(found: Trend) -> str:
+    mean = found.mean
+    vary = f"differ measurably between {span(found, 'and')}: it changes"
+    if found.is_line:
+        vary = f"vary measurably with {found.axis}: from {span(found)} it changes"
+    signed = percent(mean.value) if mean.value < 0 else f"+{percent(mean.value)}"
+    return f"{vary} by {signed}{_where(found)}, no more than the expanded uncertainty (95 %) of {percent(mean.reach())}"
+
+
+def _uniform(found: Trend) -> str:
+    up = found.holds is Holds.RISES
+    low, high = (setting(found.axis, end) for end in found.ends)
+    text = f"{'rises' if up else 'falls'} with {found.axis} from {span(found)}"
+    if not found.is_line:
+        text = f"is {'higher' if up else 'lower'} at {high} than at {low}"
+    text += f", by {percent(abs(found.mean.value))}{_where(found)}"
+    changes = [effect.value if up else -effect.value for effect in found.effects.values()]
+    if len(changes) > 1:
+        text += f" ({percents(changes)})" if percents(changes) != percent(abs(found.mean.value)) else ""
+    silent = [value for value, effect in found.parts.items() if not effect.sign]
+    if silent and found.split_by and len(silent) < len(found.parts):
+        text += f"; at {stretches(found.split_by, silent, list(found.parts))} the change is within its uncertainty"
+    return text
+
+
+def _piecewise(found: Trend) -> str:
+    axis, parts = found.split_by or found.axis, found.parts
+    goes, last = f" with {found.axis}", setting(found.axis, found.ends[1])
+    verbs = {1: f"rises{goes}", -1: f"falls{goes}", 0: f"does not vary measurably{goes}"}
+    if not found.is_line:
+        verbs = {1: f"is higher at {last}", -1: f"is lower at {last}", 0: "does not differ measurably"}
+    said = []
+    for sign in dict.fromkeys(effect.sign for effect in parts.values()):
+        chosen = {value: abs(effect.value) for value, effect in parts.items() if effect.sign == sign}
+        top = max(chosen, key=lambda value: chosen[value])
+        much = f", by up to {percent(chosen[top])} at {setting(axis, top)}" if sign else ""
+        said.append(f"{verbs[sign]} at {stretches(axis, list(chosen), list(parts))}{much}")
+    text = joined(said) if len(said) < 3 else f"{'; '.join(said[:-1])}; and {said[-1]}"
+    if found.zero is None:
+        return text
+    return f"{text}; the change with {found.axis} crosses zero at about {setting(axis, found.zero)}"
+
+
+def _where(found: Trend) -> str:
+    """The condition of a single change, or the number of conditions of a mean, in words."""
+    if len(found.effects) == 1:
+        (key,) = found.effects
+        return f" at {condition(found.rest, key)}" if any(value != UNSTATED for value in key) else ""
+    return f" on average over {over(found)}"

@@ -19,8 +19,8 @@ from fourpole.fitting.modelparts import NamedValue
 from fourpole.models.families import by_amplitude
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, spread
+from fourpole.report.words.levels import span
 from fourpole.report.words.phrases import percent, ranged
-from fourpole.report.words.trend import span
 
 #: Up to this number non-passive conditions are listed one by one.
 _NAMED = 6

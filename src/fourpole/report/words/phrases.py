@@ -8,7 +8,7 @@ from fourpole.core.wording import first_of
 from fourpole.findings.finding import UNSTATED, Finding, Key
 from fourpole.quantities import PRELOAD, PRESSURE, Quantity
 from fourpole.report.digits import number as digits_of
-from fourpole.report.wanted import shown_as
+from fourpole.report.digits import shown_as
 
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 

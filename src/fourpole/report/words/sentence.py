@@ -8,24 +8,52 @@ from typing import Any
 
 from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.comparisons import Comparison
-from fourpole.findings.finding import Finding, Topic
+from fourpole.findings.finding import Finding, Holds, Topic
 from fourpole.findings.levels import CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import Doubt, Tally
 from fourpole.quantities import ShownUnits
-from fourpole.report.wanted import in_units
+from fourpole.report.digits import in_units
 from fourpole.report.words import resonances
 from fourpole.report.words.claims import claim, claims_summary, no_common_state
-from fourpole.report.words.comparison import comparison
-from fourpole.report.words.levels import cycle_loss, level, linearity
-from fourpole.report.words.trend import trend
-from fourpole.report.words.verdicts import doubt, tally
+from fourpole.report.words.levels import comparison, cycle_loss, level, linearity, trend
+from fourpole.report.words.phrases import counted, some
 
 __all__ = ["Sentence", "headline", "sentences"]
 
+#: Tests that one sentence names; more are counted.
+_MOST_NAMED = 10
 _HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
 _MOST_IN_HEADLINE = 8
+
+
+def tally(finding: Finding, found: Tally) -> str:
+    """The number of tests used, with a warning, and rejected, as a sentence."""
+    many = found.total > 1
+    if finding.holds is Holds.NO_TESTS:
+        return "The campaign has no tests."
+    if finding.holds is Holds.NONE_USED:
+        if not many:
+            return "The only test was rejected, so nothing can be said of it."
+        return f"None of the {counted(found.total, 'test')} could be used: all were rejected."
+    if finding.holds is Holds.ALL_USED:
+        return f"{f'All {found.total} tests were' if many else 'The only test was'} used without a warning."
+    return (
+        f"Of {counted(found.total, 'test')} {found.total - found.rejected} could be used, {found.warning} of them with "
+        f"a warning; {found.rejected or 'none'} {'was' if found.rejected <= 1 else 'were'} rejected."
+    )
+
+
+def doubt(finding: Finding, found: Doubt) -> str:
+    """The tests that were rejected, or used with a warning, for one reason, as a sentence."""
+    advice = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
+    count = len(finding.tests)
+    of = f" ({count} tests)" if count > _MOST_NAMED else ""
+    reason = found.code.short(finding.holds) if found.code else found.remark
+    return f"{advice} {some(finding.tests, _MOST_NAMED)}{of}: {reason}."
+
+
 _TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
     Tally: tally,
     Doubt: doubt,

@@ -16,7 +16,7 @@ from starlette.routing import Route
 from fourpole.errors import FourpoleError
 from fourpole.report.cards import embedded
 from fourpole.served.jobs import Job
-from fourpole.served.pages.atwork import job_routes
+from fourpole.served.pages.run import job_routes
 from fourpole.served.site import Site, address
 from fourpole.served.workspace import Place, state_of
 
