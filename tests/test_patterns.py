@@ -32,7 +32,7 @@ WORST = {
     "campaign/row._is_band#2": ("", "0-", "\x00"),
     "campaign/row._key": ("", "9Z", "]"),
     "campaign/row._united": ("", "\ne", ","),
-    "campaign/guessed._ENTRY": ("", "1", ","),
+    "campaign/row._ENTRY": ("", "1", ","),
     "campaign/place._NUMBERS": ("", "9.", "a"),
     "core/sources._MASS": ("added mass ", "a", "\n~"),
     "export/materials._name": ("", "\u5b57#", "\n~"),

@@ -6,7 +6,7 @@ import io
 import pytest
 
 from fourpole.campaign import read_campaign
-from fourpole.campaign.conditions import condition_of
+from fourpole.campaign.row import condition_of
 from fourpole.core.condition import Axis, Sameness
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import axes_record, rule_in

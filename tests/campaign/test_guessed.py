@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fourpole.campaign.guessed import columns_in_doubt, doubts_cell, still_open
+from fourpole.campaign.row import columns_in_doubt, doubts_cell, still_open
 
 CELL = doubts_cell([("", "", "no such column"), ("tyre", "A [2]", "or B | C?"), ("preload", "", "not known")])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fourpole.campaign.limits import read_limits
-from fourpole.campaign.particulars import logo_of
+from fourpole.campaign.report import logo_of
 from fourpole.campaign.schema import parse_campaign
 from fourpole.errors import CampaignError
 from fourpole.report.front import rated_load

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from fourpole import quantities as q
+from fourpole.campaign.report import shown_units
 from fourpole.campaign.schema import parse_campaign
-from fourpole.campaign.shown import shown_units
 from fourpole.errors import CampaignError
 from fourpole.quantities import ShownUnits
 from fourpole.study.study import Study

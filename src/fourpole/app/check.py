@@ -10,7 +10,7 @@ from pathlib import Path
 from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, print_table, progress, say, warn
 from fourpole.campaign import Campaign, read_campaign
-from fourpole.campaign.guessed import DOUBTS, columns_in_doubt
+from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict
 from fourpole.core.wording import first_of
 from fourpole.study.check import CampaignProblem, Checked, check_campaign

@@ -10,13 +10,13 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from fourpole import units
 from fourpole.campaign import defaults
 from fourpole.core.chain import Geophone, HighPass, Link, LowPass
+from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import DRIVE, CrossTalk
 from fourpole.core.wording import first_of
 from fourpole.errors import TableError, UnitError
 
 #: Highest order of a filter.
 _HIGHEST_ORDER = 12
-_ROLES = ("force_in", "motion_in", "motion_out")
 #: Largest number of known names that a message lists.
 _SHOWN = 40
 #: Keys that only a channel of dynamic tests has, because they belong to an amplitude at a frequency.
@@ -59,11 +59,11 @@ def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
     for name in kinds:
         if name not in raw and name != "order":
             raise ValueError(f"{name} is missing: write it as {example}")
-    found = {name: _quantity(raw[name], kind) for name, kind in kinds.items() if name in raw}
-    for name, value in found.items():
+    values = {name: _quantity(raw[name], kind) for name, kind in kinds.items() if name in raw}
+    for name, value in values.items():
         if value <= 0:
             raise ValueError(f"{name} must be positive")
-    return found
+    return values
 
 
 def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
@@ -71,11 +71,11 @@ def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
     example = '{ corner = "0.5 Hz", order = 1 }'
 
     def read(raw: Any) -> HighPass | LowPass:
-        found = _numbers(raw, {"corner": "frequency", "order": "ratio"}, example)
-        order = found.get("order", 1.0)
+        values = _numbers(raw, {"corner": "frequency", "order": "ratio"}, example)
+        order = values.get("order", 1.0)
         if order != int(order) or order > _HIGHEST_ORDER:
             raise ValueError(f"order must be a whole number from 1 to {_HIGHEST_ORDER}, not {order:g}")
-        return kind(found["corner"], int(order))
+        return kind(values["corner"], int(order))
 
     return read
 
@@ -83,15 +83,15 @@ def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
 def _geophone(raw: Any) -> Geophone:
     """The geophone of a table of natural frequency and damping ratio."""
     example = '{ natural_frequency = "4.5 Hz", damping = 0.7 }'
-    found = _numbers(raw, {"natural_frequency": "frequency", "damping": "ratio"}, example)
-    return Geophone(found["natural_frequency"], found["damping"])
+    values = _numbers(raw, {"natural_frequency": "frequency", "damping": "ratio"}, example)
+    return Geophone(values["natural_frequency"], values["damping"])
 
 
 def _coefficients(raw: Any) -> dict[str, str]:
     """The coefficients of crosstalk by the channel that they come from, as texts with units."""
     if not isinstance(raw, dict) or not all(isinstance(value, str) for value in raw.values()):
         raise ValueError('write it as { motion_in = "0.02 N/(m/s2)" }')
-    known_keys(raw, _ROLES)
+    known_keys(raw, CHANNELS)
     return raw
 
 
@@ -145,7 +145,8 @@ class ChannelFile(File):
         if self.geophone is not None and kind != "velocity":
             raise TableError(f"geophone is for a sensor of velocity, this one is of {kind}")
         talk = tuple(_crosstalk(source, text, kind) for source, text in self.crosstalk.items())
-        return Conversion(kind, slope, offset, self.delay, limits, self.chain, talk)
+        chain = tuple(link for link in (self.high_pass, self.low_pass, self.geophone) if link is not None)
+        return Conversion(kind, slope, offset, self.delay, limits, chain, talk)
 
     @property
     def has_no_unit(self) -> bool:
@@ -176,11 +177,6 @@ class ChannelFile(File):
                 "by campaign.toml: correct the unit in campaign.toml"
             )
         return stated
-
-    @property
-    def chain(self) -> tuple[Link, ...]:
-        """Filters and geophone of the channel, without its calibrated response."""
-        return tuple(link for link in (self.high_pass, self.low_pass, self.geophone) if link is not None)
 
     def _recorded(self, kinds: tuple[str, ...]) -> tuple[str, float, str]:
         """Kind of the measured quantity, its SI value per recorded unit, and the recorded unit."""
@@ -224,7 +220,10 @@ class ChannelFile(File):
 
 @dataclass(frozen=True)
 class Conversion:
-    """Conversion SI value = slope · (recorded − offset); limits and delay are in SI."""
+    """Conversion SI value = slope · (recorded − offset); limits and delay are in SI.
+
+    `chain` has the filters and the geophone of the channel, without its calibrated response.
+    """
 
     kind: str
     slope: float
@@ -324,17 +323,15 @@ class ChannelsFile(File):
     def _readable(self) -> ChannelsFile:
         if self.time is not None and self.sample_rate is not None:
             raise ValueError("time and sample_rate are both stated: keep one of them")
-        for role in CHANNEL_KINDS:
-            if (channel := self.named(role)) is not None:
-                try:
-                    # The recording states a missing unit. Any unit of the kind serves to check the other keys.
-                    self.conversion(role, units.si_unit(CHANNEL_KINDS[role][0]) if channel.has_no_unit else None)
-                except ValueError as error:
-                    raise ValueError(f"{role}: {error}") from None
+        for role, channel in self.by_role.items():
+            try:
+                # The recording states a missing unit. Any unit of the kind serves to check the other keys.
+                self.conversion(role, units.si_unit(CHANNEL_KINDS[role][0]) if channel.has_no_unit else None)
+            except ValueError as error:
+                raise ValueError(f"{role}: {error}") from None
         self._check_crosstalk()
-        for role in ("load", "deflection"):
-            channel = self.named(role)
-            idle = [key for key in _DYNAMIC_ONLY if channel is not None and key in channel.model_fields_set]
+        for role, channel in self.by_role.items():
+            idle = [key for key in _DYNAMIC_ONLY if key in channel.model_fields_set and role not in CHANNELS]
             if idle:
                 raise ValueError(
                     f"{role}: {idle[0]} is for channels of dynamic tests, a static one has none: remove it"
@@ -343,20 +340,20 @@ class ChannelsFile(File):
 
     def _check_crosstalk(self) -> None:
         """ValueError for crosstalk that does not come from another stated channel of the dynamic tests."""
-        for role in CHANNEL_KINDS:
-            channel = self.named(role)
-            for source in channel.crosstalk if channel is not None else ():
-                if source == role or role not in _ROLES or self.named(source) is None:
+        for role, channel in self.by_role.items():
+            for source in channel.crosstalk:
+                if source == role or role not in CHANNELS or self.named(source) is None:
                     why = "itself" if source == role else f"{source}, which is not stated"
                     raise ValueError(f"{role}: crosstalk is of another channel of the dynamic tests, not of {why}")
-
-    def conversion_of(self, role: str, written: str | None) -> Conversion:
-        """Conversion of the numbers of a role; those of the drive stay as they are."""
-        return _AS_IT_IS if role == DRIVE else self.conversion(role, written)
 
     def line(self, role: str) -> ChannelFile | DriveFile | None:
         """The channel of a role, or the drive; None if it is not stated."""
         return self.drive if role == DRIVE else self.named(role)
+
+    @property
+    def by_role(self) -> dict[str, ChannelFile]:
+        """The channels that are stated, by their roles."""
+        return {role: channel for role in CHANNEL_KINDS if (channel := self.named(role)) is not None}
 
     def named(self, role: str) -> ChannelFile | None:
         """The channel of a role; None if it is not stated."""
@@ -364,7 +361,12 @@ class ChannelsFile(File):
         return channel
 
     def conversion(self, role: str, written: str | None = None) -> Conversion:
-        """Conversion of the numbers of a role to SI; `written` is the unit in the recording, if it states one."""
+        """Conversion of the numbers of a role to SI; `written` is the unit in the recording, if it states one.
+
+        The numbers of the drive stay as they are.
+        """
+        if role == DRIVE:
+            return _AS_IT_IS
         channel = self.named(role)
         assert channel is not None
         if channel.has_no_unit and written is not None:

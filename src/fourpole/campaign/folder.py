@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fourpole import units
 from fourpole.campaign.channels import did_you_mean
-from fourpole.campaign.columns import PASSED, Column, columns_of, doubts_of
-from fourpole.campaign.doubts import doubtful_uncertainties, doubtful_values
-from fourpole.campaign.guessed import DOUBTS
+from fourpole.campaign.doubts import doubtful_columns, doubtful_uncertainties, doubtful_values
 from fourpole.campaign.limits import Limits, read_limits
-from fourpole.campaign.particulars import logo_of
 from fourpole.campaign.place import at_hand
-from fourpole.campaign.row import OF_BAND, Test, test_of_row
+from fourpole.campaign.report import logo_of
+from fourpole.campaign.row import DOUBTS, OF_BAND, PASSED, Column, Test, columns_of, condition_of, test_of_row
 from fourpole.campaign.schema import CampaignFile, parse_campaign
-from fourpole.campaign.statement import MOST_TESTS, MOST_TOML, statement_text
-from fourpole.core.arrays import short_repr
-from fourpole.errors import CampaignError, FourpoleError, TableError
+from fourpole.core.arrays import IntArray, short_repr
+from fourpole.core.phasor import CHANNELS
+from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.child import read_apart
 from fourpole.io.documents import rows_of
+from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
+from fourpole.io.source import decode
 
 #: The file with the limits that results are held against.
 LIMITS = "limits.toml"
+#: Largest size of campaign.toml and of tests.csv [byte].
+MOST_TOML, MOST_TESTS = 1_000_000, 200_000_000
 #: Largest number of unknown names and units that are compared with known ones.
 _HINTED = 1000
 
@@ -82,6 +87,14 @@ class Campaign:
         return [test for test in self.tests if (test.kind == "static") == (kind == "static")]
 
 
+def condition_numbers(campaign: Campaign, tests: Sequence[Test]) -> IntArray:
+    """Number of the condition of some dynamic tests among all of the campaign; negative for a rigid block."""
+    rule, every = campaign.stated.sameness, campaign.of_kind("dynamic")
+    numbers = rule.groups([condition_of(test, rule) for test in every]).tolist()
+    number = {test.name: number for test, number in zip(every, numbers, strict=True)}
+    return np.array([-1 if test.kind == "calibration" else number[test.name] for test in tests], dtype=int)
+
+
 def read_campaign(folder: str | Path) -> Campaign:
     """Read campaign.toml and tests.csv of a folder.
 
@@ -121,41 +134,35 @@ def read_campaign(folder: str | Path) -> Campaign:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
     columns = columns_of(rows[0][1])
     with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts below
-        tests = _held([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
-    if not tests:
-        raise CampaignError("tests.csv: lists no test below its row of names")
+        tests = _fixed([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
     _check_names(tests)
     _check_channels(stated, tests)
     _check_files(folder, stated, tests)
-    mended = () if any(test.extra.get(DOUBTS) for test in tests) else (DOUBTS,)
-    extra = tuple(one.label for one in columns if one.role in PASSED and one.label and one.label not in mended)
-    for axis in stated.conditions.axes:
-        if axis.name not in extra:
-            raise CampaignError(
-                f"campaign.toml: [conditions] axes: {units.shown(axis.name)} is no further column of tests.csv"
-                + (did_you_mean(axis.name, extra) if extra else "; it has none")
-            )
-    doubts = (*doubts_of(columns, stated), *_doubtful(columns, tests), *doubtful_uncertainties(stated))
-    logo = logo_of(folder, stated.report.logo)
-    limits = _limits(folder, tests, sha256)
+    extra = _further_columns(columns, tests, stated)
+    doubts = (*doubtful_columns(columns, stated), *doubtful_values(columns, tests), *doubtful_uncertainties(stated))
+    logo, path, limits = logo_of(folder, stated.report.logo), folder / LIMITS, Limits()
+    if path.exists() or path.is_symlink():
+        specimens = tuple(dict.fromkeys(test.tyre for test in tests))
+        limits = read_limits(statement_text(path, MOST_TOML, sha256, strict=True), specimens)
     return Campaign(folder, stated, tuple(tests), extra, doubts, limits, logo, sha256)
 
 
-def _doubtful(columns: Sequence[Column], tests: Sequence[Test]) -> Iterator[str]:
-    """Columns whose values were probably meant in another unit."""
-    for column in columns:
-        found = [value for one in tests if (value := one.values.get(column.name)) is not None]
-        if column.role == "quantity" and found:
-            yield from doubtful_values(column.label, column.name, column.unit or "", found)
+def statement_text(path: Path, most: int, sha256: dict[str, str], *, strict: bool) -> str:
+    """The text of a file of at most `most` bytes; CampaignError if `strict` and the text is not UTF-8.
 
-
-def _limits(folder: Path, tests: Sequence[Test], sha256: dict[str, str]) -> Limits:
-    """The limits of limits.toml; none without such a file."""
-    path = folder / LIMITS
-    specimens = tuple(dict.fromkeys(test.tyre for test in tests))
-    if not (path.exists() or path.is_symlink()):
-        return Limits()
-    return read_limits(statement_text(path, MOST_TOML, sha256, strict=True), specimens)
+    Its SHA-256 is put under its name.
+    """
+    try:
+        content = read_bytes(path, max_bytes=most, label=path.name, within=path.parent)
+        sha256[path.name] = hashlib.sha256(content).hexdigest()
+        if strict:
+            return content.decode("utf-8-sig")
+        return decode(content, path.name)[0]
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise CampaignError(f"{path.name}: line {line} is not UTF-8 text; save the file as UTF-8") from None
+    except (FileError, TableError) as error:
+        raise CampaignError(str(error)) from None
 
 
 def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
@@ -175,18 +182,24 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
         raise CampaignError(str(error)) from None
 
 
-def _held(tests: list[Test], stated: CampaignFile) -> list[Test]:
+def _fixed(tests: list[Test], stated: CampaignFile) -> list[Test]:
     """The tests, with `fixed` set for specimens that are held on both sides.
 
     So is a specimen that campaign.toml states as fixed, and one under [specimens] with a preload of zero or less.
     """
-    pulled = {one.tyre for one in tests if not one.problem and one.values.get("preload", 1.0) <= 0}
-    fixed = {name for name, one in stated.all_specimens.items() if one.fixed or (one.fixed is None and name in pulled)}
-    return [replace(one, fixed=True) if one.tyre in fixed else one for one in tests]
+    pulled = {test.tyre for test in tests if not test.faults and test.values.get("preload", 1.0) <= 0}
+    fixed = {
+        name
+        for name, specimen in stated.all_specimens.items()
+        if specimen.fixed or (specimen.fixed is None and name in pulled)
+    }
+    return [replace(test, fixed=True) if test.tyre in fixed else test for test in tests]
 
 
 def _check_names(tests: list[Test]) -> None:
-    """CampaignError if two tests have the same name."""
+    """CampaignError if there is no test, or two have the same name."""
+    if not tests:
+        raise CampaignError("tests.csv: lists no test below its row of names")
     seen: dict[str, int] = {}
     for test in tests:
         if test.name in seen:
@@ -195,6 +208,20 @@ def _check_names(tests: list[Test]) -> None:
                 "give each test a name of its own"
             )
         seen[test.name] = test.row
+
+
+def _further_columns(columns: Sequence[Column], tests: Sequence[Test], stated: CampaignFile) -> tuple[str, ...]:
+    """Heads of the columns that pass through to the results; CampaignError if an axis of [conditions] is none."""
+    mended = () if any(test.extra.get(DOUBTS) for test in tests) else (DOUBTS,)
+    labels = [column.label for column in columns if column.role in PASSED]
+    further = tuple(label for label in labels if label and label not in mended)
+    for axis in stated.conditions.axes:
+        if axis.name not in further:
+            raise CampaignError(
+                f"campaign.toml: [conditions] axes: {units.shown(axis.name)} is no further column of tests.csv"
+                + (did_you_mean(axis.name, further) if further else "; it has none")
+            )
+    return further
 
 
 def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
@@ -214,16 +241,11 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
                 )
 
 
-def _without_unit(stated: CampaignFile) -> dict[str, str]:
-    """Column of each dynamic channel without a unit and a sensitivity in campaign.toml, by role."""
-    named = {role: stated.channels.named(role) for role in ("force_in", "motion_in", "motion_out")}
-    return {role: channel.column for role, channel in named.items() if channel is not None and channel.has_no_unit}
-
-
 def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
     """CampaignError if neither campaign.toml nor the first dynamic recording states the times, or a unit."""
     timeless = stated.channels.time is None and stated.channels.rate is None
-    unitless = _without_unit(stated)
+    dynamic = {role: stated.channels.named(role) for role in CHANNELS}
+    unitless = {role: channel.column for role, channel in dynamic.items() if channel and channel.has_no_unit}
     first = next((test for test in tests if test.kind == "dynamic" and not test.problem), None)
     if first is None or not (timeless or unitless):
         return
@@ -239,8 +261,8 @@ def _check_files(folder: Path, stated: CampaignFile, tests: list[Test]) -> None:
 def _survey(folder: Path, file: str) -> FileInfo:
     """The description of a recording of a campaign."""
     with at_hand(folder, file) as path:
-        found: FileInfo = read_apart(survey_named, path, file, classes=(FileInfo, SignalInfo))
-        return found
+        description: FileInfo = read_apart(survey_named, path, file, classes=(FileInfo, SignalInfo))
+        return description
 
 
 def survey_named(path: Path, label: str) -> FileInfo:

@@ -102,19 +102,19 @@ def read_limits(text: str, specimens: tuple[str, ...], name: str = "limits.toml"
     listed, specification = raw.pop("limits", None), raw.pop("specification", "")
     if not isinstance(specification, str) or len(specification) > _MOST_TEXT:
         raise CampaignError(f"{name}: specification must be a text of at most {_MOST_TEXT} characters")
-    if raw or not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
+    if raw or not isinstance(listed, list) or not all(isinstance(limit, dict) for limit in listed):
         raise CampaignError(
             f'{name}: write each limit as a table [[limits]] with quantity = "K1" and low or high, as high = "220 kN/m"'
         )
     if len(listed) > _MOST:
         raise CampaignError(f"{name}: has {len(listed)} limits, at most {_MOST} are taken")
-    found = []
-    for at, one in enumerate(listed, start=1):
+    limits = []
+    for number, limit in enumerate(listed, start=1):
         try:
-            found.append(_limit(one, specimens))
+            limits.append(_limit(limit, specimens))
         except ValueError as error:
-            raise CampaignError(f"{name}: limit {at}: {error}") from None
-    return Limits(tuple(found), specification.strip())
+            raise CampaignError(f"{name}: limit {number}: {error}") from None
+    return Limits(tuple(limits), specification.strip())
 
 
 def _limit(raw: dict[str, Any], specimens: tuple[str, ...]) -> StatedLimit:
@@ -134,11 +134,16 @@ def _limit(raw: dict[str, Any], specimens: tuple[str, ...]) -> StatedLimit:
         raise ValueError('has neither low nor high: state one of them, as high = "220 kN/m"')
     if low is not None and high is not None and low >= high:
         raise ValueError("low is not below high: exchange them")
-    condition = {name: _quantity(raw, name, of) for name, of in _CONDITION.items()}
+    return StatedLimit(key, low, high, specimen, **_condition(raw))
+
+
+def _condition(raw: dict[str, Any]) -> dict[str, float | None]:
+    """The condition of a limit by its axes, in SI; ValueError for a value that no result can have."""
+    condition = {name: _quantity(raw, name, kind) for name, kind in _CONDITION.items()}
     for name, value in condition.items():
         if value is not None and value <= 0 and name != "temperature":
             raise ValueError(f"{name}: {units.shown(raw[name])} is not positive, so that no result can have it")
-    return StatedLimit(key, low, high, specimen, **condition)
+    return condition
 
 
 def _quantity(raw: dict[str, Any], name: str, kind: str) -> float | None:

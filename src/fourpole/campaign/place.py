@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path, PureWindowsPath
 
 from fourpole import units
@@ -90,21 +91,17 @@ def _likely(folder: Path, file: str) -> str:
         return f"write {units.shown(plain)}" if there else "name it from the campaign's folder, with / in place of \\"
     with suppress(OSError):
         name = Path(file).name
-        some = (one.name for one, _ in zip((folder / file).parent.iterdir(), range(_MOST_BESIDE), strict=False))
-        beside = [one for one in some if _NUMBERS.findall(one) == _NUMBERS.findall(name)]  # D1 is not meant by D2
+        paths = islice((folder / file).parent.iterdir(), _MOST_BESIDE)
+        numbers = _NUMBERS.findall(name)
+        beside = [path.name for path in paths if _NUMBERS.findall(path.name) == numbers]  # D1 is not meant by D2
         near = difflib.get_close_matches(name, beside, n=1, cutoff=_ALIKE)
         if near:
             return f"did you mean {units.shown(Path(file).with_name(near[0]).as_posix())}?"
     return "check its name"
 
 
-def identity_at(folder: Path, file: str) -> Identity:
-    """Identity of a file of a campaign without opening it; FileError or OSError if it cannot be looked up."""
-    return remote_identity(file) if is_elsewhere(file) else identity_of(inside(folder, file))
-
-
 def identity_or_none(folder: Path, file: str) -> Identity | None:
     """Identity of a file of a campaign without opening it; None if it cannot be looked up."""
     with suppress(FourpoleError, OSError, ValueError):
-        return identity_at(folder, file)
+        return remote_identity(file) if is_elsewhere(file) else identity_of(inside(folder, file))
     return None

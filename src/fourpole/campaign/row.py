@@ -1,24 +1,119 @@
-"""One row of tests.csv: its cells become a `Test`; each fault of the row is kept with its column."""
+"""tests.csv: its columns, and each row as a `Test`; each fault of a row is kept with its column."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 
+from fourpole import quantities as q
 from fourpole import units
-from fourpole.campaign.columns import QUANTITIES, Column
-from fourpole.campaign.guessed import DOUBTS, still_open
 from fourpole.campaign.schema import CampaignFile
+from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, Message, UnitError
 
+#: Kind of quantity and allowed sign of each column of numbers, by the name of the column.
+QUANTITIES: dict[str, tuple[str, str]] = {
+    "pressure": ("pressure", "zero or positive"),
+    "preload": ("force", "any"),
+    "frequency": ("frequency", "positive"),
+    "K1": ("stiffness", "positive"),
+    "u(K1)": ("stiffness", "zero or positive"),
+    "added_mass": ("mass", "zero or positive"),
+    "u(added_mass)": ("mass", "zero or positive"),
+    "temperature": ("temperature", "any"),
+}
+#: Columns of texts, and all columns with a defined meaning.
+_TEXTS = ("test", "file", "kind", "tyre", "rig", "excluded")
+_NAMES = (*_TEXTS, *QUANTITIES, "window", "time")
+#: Roles of the columns that pass through to the results unchanged.
+PASSED = ("extra", "time")
+#: Columns that tests.csv must have.
+_REQUIRED = ("test", "file", "kind", "tyre")
+#: Largest number of columns; least similarity of a name that was meant as a required one.
+_MOST_COLUMNS, _ALIKE = 1000, 0.6
 #: Largest number of characters of a cell.
 _MOST_TEXT = 1000
 _KINDS = ("static", "dynamic", "calibration", "random", "sweep")
 #: Kinds whose excitation has a band of frequencies.
 OF_BAND = ("random", "sweep")
+#: Head of the column of doubts on a guessed tests.csv, each until the cell that it is about is corrected.
+DOUBTS = "doubts"
+_BETWEEN = " | "
+_ENTRY = re.compile(r"(?P<column>\w+) \[(?P<cell>.*?)\]: ")
+#: Largest number of characters in a cell of doubts.
+_MOST_DOUBTS = 1500
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of tests.csv; its `role`: "text", "quantity", "window", "time", "extra" (of the user's own)."""
+
+    label: str
+    name: str
+    role: str
+    unit: str = ""
+    kind: str = ""
+
+
+def columns_of(header: list[str]) -> list[Column]:
+    """The columns that the first row names; CampaignError if one is missing or named twice, or too many are."""
+    if len(header) > _MOST_COLUMNS:
+        raise CampaignError(f"tests.csv row 1: names {len(header)} columns, at most {_MOST_COLUMNS} are taken")
+    columns = [_column(label) for label in header]
+    names = [column.name for column in columns if column.role not in PASSED]
+    for name in names:
+        if names.count(name) > 1:
+            raise CampaignError(f"tests.csv row 1: column '{name}' stands twice: keep one of them")
+    for name in _REQUIRED:
+        if name not in names:
+            near = units.nearest(name, header, _ALIKE)
+            hint = f"; did you mean {units.shown(near)}?" if near else ""
+            raise CampaignError(f"tests.csv row 1: column '{name}' is missing{hint}")
+    labels = [column.label for column in columns if column.role in PASSED and column.label]
+    if len(set(labels)) < len(labels):
+        raise CampaignError("tests.csv row 1: two further columns have the same name: rename one of them")
+    return columns
+
+
+def _plain(name: str) -> str:
+    """A column's name in small letters, with underscores instead of spaces."""
+    return name.strip().casefold().replace(" ", "_")
+
+
+_MEANT = {_plain(name): name for name in _NAMES}
+
+
+def _column(label: str) -> Column:
+    """The column with this head; CampaignError if it lacks its unit, or is probably misspelt."""
+    written, unit = units.column_unit(label)
+    name = _MEANT.get(_plain(written), written)
+    if name == written and (near := units.nearest(_plain(written), _MEANT, 0.9)) and name not in _NAMES:
+        raise CampaignError(
+            f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_MEANT[near]}'? "
+            "(a column of your own needs a name less like it)"
+        )
+    if name in _TEXTS:
+        return Column(label, name, "text")
+    if name == "specimen":
+        return Column(label, "tyre", "text")
+    if name == "time":
+        return Column(label, name, "time", unit or "s")
+    if name not in QUANTITIES and name != "window":
+        return Column(label, label, "extra")
+    kind = "time" if name == "window" else QUANTITIES[name][0]
+    if unit is None:
+        example = {"temperature": "degC", "frequency": "Hz", "window": "s", "pressure": "bar"}.get(
+            name, units.si_unit(kind)
+        )
+        raise CampaignError(f"tests.csv row 1: column '{name}' has no unit: write '{name} [{example}]'")
+    try:
+        units.to_si([1.0], unit, kind)
+    except UnitError as error:
+        raise CampaignError(f"tests.csv row 1: column {units.shown(label)}: {error}") from None
+    return Column(label, name, "window" if name == "window" else "quantity", unit, kind)
 
 
 @dataclass(frozen=True)
@@ -64,6 +159,24 @@ def problem_of(test: Test) -> Message:
     return Message("tests.csv", ", ".join(f"{fault.code} {fault.site}" for fault in test.faults), test.problem)
 
 
+def condition_of(test: Test, rule: Sameness) -> Condition:
+    """The condition of a row of tests.csv on the axes of a rule; a blank cell is None."""
+    values = (test.extra.get(axis.name) or None if axis.text else test.value(axis.name) for axis in rule.axes)
+    return Condition(test.tyre, tuple(values))
+
+
+def condition_words(test: Test, beside: Test | None = None, further: Sequence[str] = ()) -> str:
+    """The condition of a test in words, as far as it differs from that of another test."""
+    parts = [] if beside is not None and test.tyre == beside.tyre else [test.tyre]
+    for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE):
+        value = test.value(quantity.key)
+        if value is not None and (beside is None or value != beside.value(quantity.key)):
+            parts.append(f"{value / quantity.scale:.4g} {quantity.shown}")
+    values = [(name, test.extra.get(name) or test.value(name)) for name in further]
+    parts += [f"{name} {value}" for name, value in values if value is not None]
+    return ", ".join(parts) or test.name
+
+
 def test_of_row(row: int, cells: list[str], columns: list[Column], stated: CampaignFile) -> Test:
     """The test of one row, whose `problem` lists all faults of the row; CampaignError for a test without a name."""
     where = f"tests.csv row {row}"
@@ -74,23 +187,7 @@ def test_of_row(row: int, cells: list[str], columns: list[Column], stated: Campa
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
     texts["kind"] = texts.get("kind", "").lower()
-    faults += _contradictions(texts, stated)
-    kind, band = texts["kind"], test.band
-    if kind in OF_BAND and band is None:
-        needs = f"a {kind} test needs the band of its excitation: fill in frequency, as in 5:200 Hz"
-        faults.append(Message("frequency", "missing", needs))
-    if kind in _KINDS and kind not in OF_BAND and band is not None:
-        alone = f"frequency: a band is for kind {' or '.join(OF_BAND)}; a {kind} test has one number"
-        faults.append(Message("frequency", "band", alone))
-    if kind == "calibration" and "added_mass" not in test.values:
-        unweighed = "the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
-        faults.append(Message("added_mass", "missing", unweighed))
-    if not _can_have(test.value("preload"), texts.get("tyre", ""), stated):
-        pulled = (
-            f"preload: {test.value('preload'):g} N must be positive for a specimen that only stands on the rig; one "
-            "that can be pulled belongs under [specimens], with fixed = true"
-        )
-        faults.append(Message("preload", "not positive", pulled))
+    faults += [*_contradictions(texts, stated), *_wrong_values(test, texts["kind"], texts.get("tyre", ""), stated)]
     rigs, excluded = list(stated.all_rigs), texts.get("excluded", "")
     rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
     if excluded:
@@ -101,11 +198,25 @@ def test_of_row(row: int, cells: list[str], columns: list[Column], stated: Campa
     )  # fmt: skip
 
 
-def _can_have(preload: float | None, specimen: str, stated: CampaignFile) -> bool:
-    """Whether a specimen can have a preload [N]: one that is zero or negative only if it is held on both sides."""
-    one = stated.all_specimens.get(specimen)
-    fixed = one is not None and (specimen in stated.specimens if one.fixed is None else one.fixed)
-    return fixed or preload is None or preload > 0
+def _wrong_values(test: Test, kind: str, tyre: str, stated: CampaignFile) -> Iterator[Message]:
+    """Faults of the values of a row that its kind or its specimen cannot have."""
+    if kind in OF_BAND and test.band is None:
+        needs = f"a {kind} test needs the band of its excitation: fill in frequency, as in 5:200 Hz"
+        yield Message("frequency", "missing", needs)
+    if kind in _KINDS and kind not in OF_BAND and test.band is not None:
+        alone = f"frequency: a band is for kind {' or '.join(OF_BAND)}; a {kind} test has one number"
+        yield Message("frequency", "band", alone)
+    if kind == "calibration" and "added_mass" not in test.values:
+        unweighed = "the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
+        yield Message("added_mass", "missing", unweighed)
+    preload, specimen = test.value("preload"), stated.all_specimens.get(tyre)
+    fixed = specimen is not None and (tyre in stated.specimens if specimen.fixed is None else specimen.fixed)
+    if preload is not None and preload <= 0 and not fixed:
+        pulled = (
+            f"preload: {preload:g} N must be positive for a specimen that only stands on the rig; one "
+            "that can be pulled belongs under [specimens], with fixed = true"
+        )
+        yield Message("preload", "not positive", pulled)
 
 
 def _read_cells(
@@ -244,3 +355,42 @@ def _key(name: str) -> str:
     """A name as a key of TOML, in quotation marks where it needs them."""
     text = units.shown(name)[1:-1]
     return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else json.dumps(text, ensure_ascii=False)
+
+
+def doubts_cell(doubts: Iterable[tuple[str, str, str]]) -> str:
+    """The cell with some doubts: column, the cell that was guessed in it, and text; without a column, the text alone.
+
+    Examples
+    --------
+    >>> doubts_cell([("pressure", "1.7", "'1p7' taken as bar"), ("preload", "", "not known")])
+    "pressure [1.7]: '1p7' taken as bar | preload []: not known"
+    """
+    whole = ""
+    for column, cell, text in doubts:
+        doubt = (f"{column} [{cell}]: {text}" if column else text).replace(_BETWEEN, " / ")
+        if len(whole) + len(_BETWEEN) + len(doubt) > _MOST_DOUBTS:
+            break
+        whole += f"{_BETWEEN if whole else ''}{doubt}"
+    return whole
+
+
+def still_open(doubts: str, cells: Mapping[str, str]) -> str:
+    """A cell of doubts without those whose cell is no longer as it was guessed; `cells` are by name of column.
+
+    Examples
+    --------
+    >>> still_open("pressure [1.7]: '1p7' taken as bar | preload []: not known", {"pressure": "1.7", "preload": "1000"})
+    "pressure [1.7]: '1p7' taken as bar"
+    """
+    kept = []
+    for doubt in doubts.split(_BETWEEN):
+        entry = _ENTRY.match(doubt)
+        if entry is None or cells.get(entry["column"], entry["cell"]) == entry["cell"]:
+            kept.append(doubt)
+    return _BETWEEN.join(kept)
+
+
+def columns_in_doubt(doubts: str) -> tuple[str, ...]:
+    """The columns that a cell of doubts is about; a doubt without a column counts as "other"."""
+    entries = map(_ENTRY.match, doubts.split(_BETWEEN)) if doubts.strip() else ()
+    return tuple(dict.fromkeys("other" if entry is None else entry["column"] for entry in entries))

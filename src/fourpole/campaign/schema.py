@@ -20,17 +20,17 @@ from fourpole.campaign.channels import (
     did_you_mean,
     known_keys,
 )
-from fourpole.campaign.particulars import Equipment
-from fourpole.campaign.report import ReportFile
+from fourpole.campaign.report import Equipment, ReportFile
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
+from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import CampaignError, TableError
 from fourpole.io.documents import toml_of
 from fourpole.models.shape import shape_of
 
-#: Kind of quantity of each value of the rig.
 #: Most axes of [conditions]: a condition is compared with the others axis by axis.
 _MOST_AXES = 20
+#: Kind of quantity of each value of the rig.
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
 
 
@@ -41,10 +41,6 @@ class Stated:
     value: float
     std: float
     assumed: bool
-
-    def summary(self, unit: str) -> dict[str, Any]:
-        """The value as plain data, with its SI unit."""
-        return {"value": self.value, "std": self.std, "unit": unit, "assumed": self.assumed}
 
 
 def _stated(raw: Any, kind: str) -> Stated:
@@ -71,14 +67,10 @@ def _stated(raw: Any, kind: str) -> Stated:
         return Stated(value, 0.0, assumed=False)
     if "std" not in raw:
         return Stated(value, defaults.RIG_STD * abs(value), assumed=value != 0)
-    std = raw["std"]
-    if isinstance(std, str) and std.strip().endswith("%"):
-        return _non_negative(value, abs(value) * units.quantity(std, "ratio"))
-    return _non_negative(value, units.quantity(std, kind, default_unit=unit))
-
-
-def _non_negative(value: float, std: float) -> Stated:
-    """A value with a stated standard uncertainty; ValueError if this is negative."""
+    if isinstance(raw["std"], str) and raw["std"].strip().endswith("%"):
+        std = abs(value) * units.quantity(raw["std"], "ratio")
+    else:
+        std = units.quantity(raw["std"], kind, default_unit=unit)
     if std < 0:
         raise ValueError("std is negative: state a standard uncertainty, zero or positive")
     return Stated(value, std, assumed=False)
@@ -119,11 +111,6 @@ class RigFile(File):
         values = {name: stated.value for name, stated in self.values.items()}
         std = {name: stated.std for name, stated in self.values.items()}
         return Rig(**values, blocked=self.output == "blocked", std=std)  # type: ignore[arg-type]
-
-    @property
-    def assumed(self) -> list[str]:
-        """Names of the values whose uncertainty is not stated."""
-        return [name for name, stated in self.values.items() if stated.assumed]
 
 
 class SpecimenFile(BaseModel):
@@ -183,12 +170,12 @@ class ConditionsFile(File):
         try:
             if not mark or unit.strip() not in ("K", "degC", "°C"):
                 raise ValueError
-            found = units.quantity(number.strip(), "ratio", default_unit="1")
+            change = units.quantity(number.strip(), "ratio", default_unit="1")
         except ValueError:
             raise ValueError(f'write it with its unit, as "1 %/K" or "0.01 1/K", not {raw!r}') from None
-        if found < 0:
+        if change < 0:
             raise ValueError("is negative: state how much |K*| changes per kelvin, zero or more")
-        return found
+        return change
 
     @property
     def per_kelvin(self) -> float:
@@ -203,12 +190,12 @@ class ConditionsFile(File):
             raise ValueError('must be a list: axes = ["batch", "amplitude [mm]"]')
         if len(raw) > _MOST_AXES:
             raise ValueError(f"has {len(raw)} axes, at most {_MOST_AXES} are taken")
-        found = tuple(_axis(one) for one in raw)
-        names = [axis.name for axis in found]
+        axes = tuple(map(_axis, raw))
+        names = [axis.name for axis in axes]
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"{units.shown(name)} stands twice: keep one of them")
-        return found
+        return axes
 
 
 class CampaignFile(File):
@@ -249,7 +236,6 @@ class CampaignFile(File):
 
     def summary(self) -> dict[str, Any]:
         """Statements on rigs, channels and specimens as plain data, in SI units."""
-        channels = {role: channel for role in CHANNEL_KINDS if (channel := self.channels.named(role)) is not None}
         return {
             **({"laboratory": self.laboratory} if self.laboratory else {}),
             **({"date": self.date.isoformat()} if self.date else {}),
@@ -257,18 +243,21 @@ class CampaignFile(File):
             "rigs": {
                 name: {
                     "output": rig.output or "moving",
-                    **{value: stated.summary(PARAMETERS[value]) for value, stated in rig.values.items()},
+                    **{
+                        key: {"value": value.value, "std": value.std, "unit": PARAMETERS[key], "assumed": value.assumed}
+                        for key, value in rig.values.items()
+                    },
                 }
                 for name, rig in self.all_rigs.items()
             },
             "channels": {
                 role: {
                     **channel.model_dump(exclude_defaults=True),
-                    "quantity": self.conversion_kind(role),
+                    "quantity": "" if channel.has_no_unit else self.channels.conversion(role).kind,
                     "std_gain [1]": channel.gain_std,
                     "std_phase [rad]": channel.phase_std,
                 }
-                for role, channel in channels.items()
+                for role, channel in self.channels.by_role.items()
             },
             "sample_rate [Hz]": self.channels.rate,
             **({"reference": self.channels.reference.model_dump()} if self.channels.reference is not None else {}),
@@ -279,26 +268,16 @@ class CampaignFile(File):
             },
         }
 
-    def conversion_kind(self, role: str) -> str:
-        """Kind of quantity that a channel records; empty if the channel or its unit is not stated."""
-        channel = self.channels.named(role)
-        return "" if channel is None or channel.has_no_unit else self.channels.conversion(role).kind
-
     def assumptions(self) -> list[str]:
         """Notes on the uncertainties that are assumed because campaign.toml does not state them."""
         notes = []
         for name, rig in self.all_rigs.items():
             where = f"[rigs.{name}]" if name else "[rig]"
-            if rig.assumed:
-                notes.append(
-                    f"{where} {', '.join(rig.assumed)}: no std stated, taken as 2 % (exact = true if it is exact)"
-                )
-        roles = [role for role in CHANNEL_KINDS if self.channels.named(role) is not None]
-        for what, default, which in (
-            ("std_gain", "1 %", roles),
-            ("std_phase", "0.5 deg", [r for r in roles if r not in ("load", "deflection")]),
-        ):
-            lacking = [r for r in which if _lacks(self.channels.named(r), what)]
+            if assumed := [key for key, value in rig.values.items() if value.assumed]:
+                notes.append(f"{where} {', '.join(assumed)}: no std stated, taken as 2 % (exact = true if it is exact)")
+        inexact = {role: channel for role, channel in self.channels.by_role.items() if not channel.exact}
+        for what, default, roles in (("std_gain", "1 %", CHANNEL_KINDS), ("std_phase", "0.5 deg", CHANNELS)):
+            lacking = [role for role in inexact if role in roles and getattr(inexact[role], what) is None]
             if lacking:
                 notes.append(
                     f"[channels] {', '.join(lacking)}: no {what} stated, taken as {default} (exact = true if exact)"
@@ -306,36 +285,22 @@ class CampaignFile(File):
         return notes
 
 
-def _lacks(channel: ChannelFile | None, what: str) -> bool:
-    """Whether a channel that is not exact lacks an uncertainty."""
-    return channel is not None and not channel.exact and getattr(channel, what) is None
+def parse_campaign(stated: str | dict[str, Any], name: str = "campaign.toml") -> CampaignFile:
+    """The content of campaign.toml from its text or its tables; CampaignError that begins with `name` if not valid.
 
-
-def parse_campaign(text: str, name: str = "campaign.toml") -> CampaignFile:
-    """The content of campaign.toml from its text; CampaignError with a short message if it is not valid."""
+    The message has the first three faults, each with its place and remedy.
+    """
     try:
-        raw = toml_of(text, name)
+        return CampaignFile.model_validate(toml_of(stated, name) if isinstance(stated, str) else stated)
     except TableError as error:
         remedy = r"; in a path write / in place of \, or '...' around it" if "\\" in str(error) else ""
         raise CampaignError(f"{error}{remedy}") from None
-    return validated(raw, name)
-
-
-def validated(raw: dict[str, Any], name: str) -> CampaignFile:
-    """The content of campaign.toml from its tables; CampaignError that begins with `name` if it is not valid."""
-    try:
-        return CampaignFile.model_validate(raw)
     except ValidationError as error:
-        raise CampaignError(_explain(error, name)) from None
-
-
-def _explain(error: ValidationError, name: str) -> str:
-    """Message on the first three faults of campaign.toml, each with its place and remedy."""
-    faults = error.errors(include_url=False)
-    lines = [_fault(fault, name) for fault in faults[:3]]
-    if len(faults) > 3:
-        lines.append(f"... and {len(faults) - 3} more")
-    return "\n".join(lines)
+        faults = error.errors(include_url=False)
+        lines = [_fault(fault, name) for fault in faults[:3]]
+        if len(faults) > 3:
+            lines.append(f"... and {len(faults) - 3} more")
+        raise CampaignError("\n".join(lines)) from None
 
 
 #: Class of each table of campaign.toml by its name; the other tables that have keys are channels.
@@ -347,8 +312,6 @@ _TABLES: dict[str, Any] = {
     "report": ReportFile,
     "equipment": Equipment,
 }
-
-
 #: What TOML calls the value that pydantic asks for.
 _WANTED = {
     "tuple_type": "a list, in square brackets",

@@ -110,24 +110,25 @@ def _stated(raw: dict[str, Any], stem: str) -> StatedVehicle:
     """The vehicle of a table; ValueError with the reason if it is none."""
     kind = raw.get("kind")
     if kind not in _KINDS:
-        raise ValueError(f"kind: {units.shown(str(kind))} is none: write kind = {' or '.join(map(_quoted, _KINDS))}")
+        kinds = " or ".join(f'"{known}"' for known in _KINDS)
+        raise ValueError(f"kind: {units.shown(str(kind))} is none: write kind = {kinds}")
     made = _KINDS[kind]
-    values = {one.name: one for one in fields(made)}
-    known_keys(raw, (*_WORDS, *values))
+    names = [parameter.name for parameter in fields(made)]
+    known_keys(raw, (*_WORDS, *names))
     for word in ("name", "source"):
         if not isinstance(raw.get(word, ""), str) or len(raw.get(word, "")) > 1000:
             raise ValueError(f"{word} must be a text of at most 1000 characters")
-    found = {}
-    for key in values:
+    values = {}
+    for key in names:
         if key not in raw:
             if key == "seat_ahead":
                 continue
             raise ValueError(f'{key} is missing: state it with its unit, as {key} = "{_example(key)}"')
         try:
-            found[key] = units.quantity(raw[key], _quantity(key))
+            values[key] = units.quantity(raw[key], _quantity(key))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{key}: {error}") from None
-    return StatedVehicle(raw.get("name") or stem, raw.get("source", ""), made(**found))
+    return StatedVehicle(raw.get("name") or stem, raw.get("source", ""), made(**values))
 
 
 def _quantity(key: str) -> str:
@@ -138,7 +139,3 @@ def _example(key: str) -> str:
     return {"mass": "250 kg", "inertia": "700 kg m²", "displacement": "1.3 m", "stiffness": "16 kN/m"}.get(
         _quantity(key), "1.5 kN s/m"
     )
-
-
-def _quoted(text: str) -> str:
-    return f'"{text}"'

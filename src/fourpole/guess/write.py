@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fourpole import quantities as q
-from fourpole.campaign.guessed import DOUBTS, doubts_cell
+from fourpole.campaign.row import DOUBTS, doubts_cell
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
 from fourpole.guess.entries import MOVING_KINDS

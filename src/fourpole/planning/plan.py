@@ -12,9 +12,8 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.conditions import condition_numbers, condition_of
-from fourpole.campaign.folder import Campaign, read_campaign
-from fourpole.campaign.row import Test
+from fourpole.campaign.folder import Campaign, condition_numbers, read_campaign
+from fourpole.campaign.row import Test, condition_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.condition import Axis, Condition, Sameness, Value

@@ -11,8 +11,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.conditions import condition_of
-from fourpole.campaign.row import Test
+from fourpole.campaign.row import Test, condition_of
 from fourpole.core.condition import Sameness
 from fourpole.planning.plan import CampaignPlan
 

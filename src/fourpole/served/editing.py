@@ -18,7 +18,7 @@ from tomlkit.items import InlineTable, Table
 
 from fourpole import quantities as q
 from fourpole.campaign import read_campaign
-from fourpole.campaign.statement import MOST_TOML
+from fourpole.campaign.folder import MOST_TOML
 from fourpole.errors import CampaignError, FourpoleError, TableError
 from fourpole.io.documents import delimiter_of, rows_of, toml_of
 from fourpole.io.door import read_bytes

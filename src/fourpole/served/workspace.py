@@ -15,7 +15,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from fourpole.campaign.statement import MOST_TESTS, MOST_TOML
+from fourpole.campaign.folder import MOST_TESTS, MOST_TOML
 from fourpole.core.checks import VERDICTS
 from fourpole.errors import CampaignError, FileError, FourpoleError
 from fourpole.io.documents import MOST_CHARACTERS, json_of, rows_of, toml_of

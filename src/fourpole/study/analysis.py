@@ -10,8 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fourpole.campaign.conditions import condition_numbers
-from fourpole.campaign.folder import LIMITS, Campaign, read_campaign
+from fourpole.campaign.folder import LIMITS, Campaign, condition_numbers, read_campaign
 from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test
 from fourpole.core.routes import ROUTES

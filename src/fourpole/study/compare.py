@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.campaign.conditions import condition_of, condition_words
 from fourpole.campaign.folder import Campaign
+from fourpole.campaign.row import condition_of, condition_words
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import BoolArray, ByValue
 from fourpole.core.checks import Check, Verdict, judged, reported

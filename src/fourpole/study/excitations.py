@@ -7,8 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fourpole.campaign.conditions import condition_words
-from fourpole.campaign.row import Test
+from fourpole.campaign.row import Test, condition_words
 from fourpole.core import stats
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import ComplexArray, FloatArray

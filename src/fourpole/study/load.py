@@ -165,7 +165,7 @@ def _fed(
             if run.count and timing.near is None and "motion_in" in stated:
                 timing = replace(timing, near=_about(signals["motion_in"], channels, timing))
             for role, channel in stated.items():
-                made = channels.conversion_of(role, signals[role].unit)
+                made = channels.conversion(role, signals[role].unit)
                 lines[role] = ChannelBuilder(channel.column, made, channel.plain_unit, timing, run.count)
         for role, line in lines.items():
             line.feed(signals[role])

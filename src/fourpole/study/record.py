@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.campaign.folder import Campaign
+from fourpole.campaign.report import shown_units
 from fourpole.campaign.row import Test
-from fourpole.campaign.shown import shown_units
 from fourpole.errors import FileError, TableError
 from fourpole.io.folders import resolved
 from fourpole.io.published import LIST, published_beside

@@ -13,7 +13,7 @@ from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import check_text
 from fourpole.campaign.row import Test
-from fourpole.campaign.schema import validated
+from fourpole.campaign.schema import parse_campaign
 from fourpole.core.chain import Calibrated, Delay, Geophone, HighPass, LowPass
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Channel, CrossTalk, Recording
@@ -72,7 +72,7 @@ def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, A
         folder = channels.folder
     else:
         columns = {role: _column(role, text) for role, text in channels.items()}
-        stated = validated({"channels": columns}, "read_recording").channels
+        stated = parse_campaign({"channels": columns}, "read_recording").channels
         folder, test = Path(), Test(Path(file).name, 0, str(file), "dynamic")
     if stated.motion_in is None:
         raise CampaignError('read_recording: motion_in is missing: name its column, as in {"motion_in": "V1 [m/s]"}')

@@ -11,9 +11,8 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
-from fourpole.campaign.conditions import condition_of
 from fourpole.campaign.folder import Campaign
-from fourpole.campaign.row import Test, problem_of
+from fourpole.campaign.row import Test, condition_of, problem_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, Verdict, fault_of, reported, worst_verdict
 from fourpole.core.codes import Code

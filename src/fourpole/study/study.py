@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, read_campaign
-from fourpole.campaign.shown import shown_units
+from fourpole.campaign.report import shown_units
 from fourpole.core.condition import PRELOAD, PRESSURE, Axis, Sameness
 from fourpole.core.joint.around import Likelihood
 from fourpole.errors import CampaignError

@@ -19,11 +19,10 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Campaign, read_campaign
+from fourpole.campaign.folder import MOST_TESTS, Campaign, read_campaign
 from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test
 from fourpole.campaign.schema import RigFile, Stated
-from fourpole.campaign.statement import MOST_TESTS
 from fourpole.core.checks import Verdict, worst_verdict
 from fourpole.core.sources import Kind
 from fourpole.errors import FourpoleError
