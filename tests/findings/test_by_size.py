@@ -4,8 +4,7 @@ import pytest
 from tests.findings.designed import Tables, Tyre
 
 from fourpole.findings import by_size, findings
-from fourpole.findings.comparisons import Comparison
-from fourpole.findings.levels import Level
+from fourpole.findings.levels import Comparison, Level
 from fourpole.findings.trends import Trend
 from fourpole.quantities import K2
 

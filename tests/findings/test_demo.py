@@ -155,7 +155,7 @@ def test_the_resonances_are_true(told, true, tyre):
         f, tr = true_peak(true, tyre, pressure, 1000.0)
         top = f[np.argmax(tr)]
         assert one.low < top < one.high
-        assert one.at is None or one.at == pytest.approx(top, abs=0.25)
+        assert one.top is None or one.top == pytest.approx(top, abs=0.25)
         _, tested = curve(true, "TR [1]", **dict(zip(KEY, (tyre, pressure, 1000.0), strict=True)))
         assert one.tr == pytest.approx(tested.max(), rel=0.005)
 
@@ -167,11 +167,11 @@ def test_the_crossing_is_true(told, true):
         crossings.append(f[np.flatnonzero(np.diff(np.sign(cross - radial)))[-1]])
     found = only(told, "crossing", "TR", "cross-ply", "radial-ply", holds=Holds.ONE_CROSSING)
     single = found.detail.single.values()
-    assert len(single) == len(found.detail.at) == 3
+    assert len(single) == len(found.detail.crossings) == 3
     # Below the crossing the second tyre has the higher TR.
     assert (found.specimens, {one.sign for one in single}) == (("cross-ply", "radial-ply"), {1})
-    assert min(one.at for one in single) == pytest.approx(min(crossings), abs=0.15)
-    assert max(one.at for one in single) == pytest.approx(max(crossings), abs=0.15)
+    assert min(one.frequency for one in single) == pytest.approx(min(crossings), abs=0.15)
+    assert max(one.frequency for one in single) == pytest.approx(max(crossings), abs=0.15)
 
 
 def test_the_measured_tr_agrees_with_the_predicted(told):

@@ -9,9 +9,8 @@ from fourpole.core.checks import Verdict
 from fourpole.core.codes import Code
 from fourpole.findings import Holds, findings, findings_table
 from fourpole.findings.claims import Claim, NoCommonState
-from fourpole.findings.comparisons import Comparison
 from fourpole.findings.facts import Curve
-from fourpole.findings.levels import Departure, Level
+from fourpole.findings.levels import Comparison, Departure, Level
 from fourpole.findings.resonances import Crossing, Crossings, Prediction, Resonance, ResonanceOrder, peak
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import CheckRow, Doubt, Tally, checks_by_test
@@ -85,7 +84,7 @@ def test_a_trend_has_its_direction_and_size(change, holds):
     if holds is Holds.RISES:
         assert found.effect == pytest.approx(0.2 / 1.1)
     if found.detail.extremum:
-        assert found.detail.extremum.at == {Holds.MAXIMUM: 200e3, Holds.MINIMUM: 150e3}[holds]
+        assert found.detail.extremum.place == {Holds.MAXIMUM: 200e3, Holds.MINIMUM: 150e3}[holds]
 
 
 def test_a_trend_that_turns_depends_on_the_condition_and_has_its_zero():
@@ -234,7 +233,7 @@ def test_a_resonance_is_found_between_the_tested_frequencies():
 def test_a_coarse_grid_only_brackets_the_resonance_and_the_crossing():
     coarse = found_in({"A": Tyre(tr=rig_curve(15.6, 0.05))}, loads=(1000.0,), frequencies=(10.0, 13.0, 16.0, 19.0))
     peaks = only(coarse, Resonance).detail.peaks.values()
-    assert {(each.at, round(each.low), round(each.high)) for each in peaks} == {(None, 13, 19)}
+    assert {(each.top, round(each.low), round(each.high)) for each in peaks} == {(None, 13, 19)}
     tyres = {"A": Tyre(tr=rig_curve(15.0)), "B": Tyre(tr=rig_curve(18.0))}
     crossing = only(found_in(tyres, frequencies=(10.0, 14.0, 20.0, 24.0)), Crossings).detail.single.values()
     assert {(each.resolved, round(each.low), round(each.high)) for each in crossing} == {(False, 14, 20)}
@@ -325,7 +324,7 @@ def test_a_crossing_is_resolved_up_to_15_per_cent_between_the_frequencies(high, 
 @pytest.mark.parametrize(("least", "found"), [(0.708, True), (0.706, False)])
 def test_a_parabola_needs_the_neighbours_within_half_power(least, found):
     curve = Curve((10.0, 11.0, 12.0), (2.0 * least, 2.0, 1.9), (0.01,) * 3)
-    assert (peak(curve).at is not None) is found
+    assert (peak(curve).top is not None) is found
 
 
 def paper_pair(**changed):

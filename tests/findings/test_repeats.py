@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.findings.repeats import mean_of_repeats, scatter_in
+from fourpole.findings.summary import mean_of_repeats, scatter_in
 
 CONDITIONS, DRAWS = 12, 400
 

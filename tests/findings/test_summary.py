@@ -6,8 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.findings.repeats import mean_of_repeats
-from fourpole.findings.summary import summary
+from fourpole.findings.summary import mean_of_repeats, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS
 from fourpole.study.study import Study
 

@@ -10,25 +10,25 @@ from tests.findings.designed import Tables, Tyre, frame, rig_curve
 from fourpole.core.codes import Code
 from fourpole.findings import Finding, FindingConditions, Holds, Setup, Topic
 from fourpole.findings import findings as found_in
-from fourpole.findings.claims import Claim, NoCommonState
-from fourpole.findings.comparisons import Comparison
-from fourpole.findings.evidence import Effect
-from fourpole.findings.facts import Measured
-from fourpole.findings.finding import UNSTATED
-from fourpole.findings.levels import CycleLoss, Departure, Level
-from fourpole.findings.readings import (
+from fourpole.findings.claims import (
     Above,
     ApartAt,
+    Claim,
     Isolation,
     Lack,
     Likewise,
     Need,
+    NoCommonState,
     Nonlinear,
     OptimumAt,
     Order,
     Turning,
     TurningAt,
 )
+from fourpole.findings.evidence import Effect
+from fourpole.findings.facts import Measured
+from fourpole.findings.finding import UNSTATED
+from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Extremum, Trend
 from fourpole.findings.verdicts import Doubt, Tally

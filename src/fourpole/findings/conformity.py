@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, isfinite
 from typing import Any
-
-import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.checks import Verdict
@@ -23,9 +21,10 @@ from fourpole.study.study import Study
 
 #: The quantities that limits may be stated for, by their keys.
 LIMITED: dict[str, Quantity] = {
-    one.key: one for one in (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
+    quantity.key: quantity for quantity in (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
 }
 _AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
+_SETTINGS = ("pressure", "preload")
 
 
 class Conformity(StrEnum):
@@ -100,102 +99,96 @@ def judged(results: Study) -> tuple[Judged, ...]:
     normal distribution about the measured value.
     """
     stated = section(results.record, "stated").get("limits")
-    limits = [one for one in stated if isinstance(one, dict)] if isinstance(stated, list) else []
+    limits = [limit for limit in stated if isinstance(limit, dict)] if isinstance(stated, list) else []
     if not limits:
         return ()
-    known, warned = list(_known(results)), _warned(results)
-    found = (one for at, limit in enumerate(limits, start=1) for one in _held(at, limit, known))
-    return tuple(
-        replace(one, warned=tuple(test for test in dict.fromkeys(one.value.tests) if test in warned))
-        if one.value
-        else one
-        for one in found
-    )
+    known = list(_known(results))
+    return tuple(result for number, limit in enumerate(limits, start=1) for result in _held(number, limit, known))
 
 
-def _warned(results: Study) -> set[str]:
-    """The tests that have a warning."""
-    return {
-        str(test)
-        for table in (results.static, results.dynamic)
-        for test in table.filter(pl.col(q.VERDICT.head) == Verdict.WARNING)[q.TEST.head]
-    }
-
-
-def outcome_of(found: Sequence[Judged]) -> Conformity:
+def outcome_of(results: Sequence[Judged]) -> Conformity:
     """The outcome of all results together: the worst one; pass without any."""
     order = list(Conformity)
-    return max((one.outcome for one in found), key=order.index, default=Conformity.PASS)
+    return max((result.outcome for result in results), key=order.index, default=Conformity.PASS)
 
 
-def conformity_rows(found: Sequence[Judged]) -> list[dict[str, Any]]:
+def conformity_rows(results: Sequence[Judged]) -> list[dict[str, Any]]:
     """The results held against limits as rows for programs, in SI; a value that is not there is None."""
     return [
         {
-            "limit": one.limit,
-            "quantity": one.quantity.column,
-            "unit": one.quantity.unit,
-            "specimen": one.specimen,
-            **{_AXES[name].column: value for name, value in one.condition.items()},
-            "low": one.low,
-            "high": one.high,
-            "value": one.value.value if one.value else None,
-            "interval": list(one.interval) if one.interval and all(map(isfinite, one.interval)) else None,
-            "outcome": one.outcome.value,
-            "probability": one.probability,
-            "tests with a warning": list(one.warned),
+            "limit": result.limit,
+            "quantity": result.quantity.column,
+            "unit": result.quantity.unit,
+            "specimen": result.specimen,
+            **{_AXES[name].column: value for name, value in result.condition.items()},
+            "low": result.low,
+            "high": result.high,
+            "value": result.value.value if result.value else None,
+            "interval": list(result.interval) if result.interval and all(map(isfinite, result.interval)) else None,
+            "outcome": result.outcome.value,
+            "probability": result.probability,
+            "tests with a warning": list(result.warned),
         }
-        for one in found
+        for result in results
     ]
 
 
 @dataclass(frozen=True)
 class _Known:
-    """A result: its quantity, specimen with and without its temperature, condition, value and skewed interval."""
+    """A result: its quantity, names of the specimen with and without its state, condition, value and skewed interval.
+
+    `warned` are the tests behind it that have a warning.
+    """
 
     quantity: Quantity
-    specimen: str
-    stated: str
+    names: tuple[str, str]
     condition: Mapping[str, float]
     value: Measured
     skewed: tuple[float, float] | None
+    warned: tuple[str, ...]
 
 
 def _known(results: Study) -> Iterator[_Known]:
     """Every quantity of every specimen at each condition and frequency."""
     facts = Facts.of(results)
     warm = _temperatures(facts)
+    warned = {str(row["test"]) for rows in facts.rows for row in rows if row["verdict"] == Verdict.WARNING}
+
+    def known(
+        quantity: Quantity, specimen: str, key: Key, value: Measured, skewed: tuple[float, float] | None = None
+    ) -> _Known:
+        names = specimen, facts.stated(specimen)
+        place = {name: setting for name, setting in zip(_SETTINGS, key, strict=False) if setting != UNSTATED}
+        place |= {"temperature": warm[specimen]} if specimen in warm else {}
+        place |= {"frequency": key[2]} if len(key) > 2 else {}
+        tests = tuple(test for test in dict.fromkeys(value.tests) if test in warned)
+        return _Known(quantity, names, place, value, skewed, tests)
+
     for specimen in facts.tyres:
         for key, value in k1_of(facts, specimen).items():
-            yield _Known(q.K1, specimen, facts.stated.get(specimen, specimen), _place(key, specimen, warm), value, None)
+            yield known(q.K1, specimen, key, value)
     conditions = conditions_of(facts)
     scatters = scatters_of(conditions)
     for (specimen, key), tested in conditions.items():
         pooled = scatters[specimen]
         for frequency, rows in sorted(tested.items()):
             skewed = intervals_of(results, rows, pooled)
-            place = {**_place(key, specimen, warm), "frequency": frequency}
-            for one in LIMITED.values():
-                if one is not q.K1 and (mean := mean_of(one, rows, pooled)) is not None:
-                    yield _Known(one, specimen, facts.stated.get(specimen, specimen), place, mean, skewed.get(one.key))
+            for quantity in LIMITED.values():
+                if quantity is not q.K1 and (mean := mean_of(quantity, rows, pooled)) is not None:
+                    yield known(quantity, specimen, (*key, frequency), mean, skewed.get(quantity.key))
 
 
 def _temperatures(facts: Facts) -> dict[str, float]:
     """Mean temperature [degC] of each specimen whose tests state it."""
-    found: dict[str, list[float]] = {}
+    warm: dict[str, list[float]] = {}
     for row in (*facts.used_static, *facts.used_dynamic):
         value = row.get(q.TEMPERATURE.head)
         if value is not None and isfinite(value):
-            found.setdefault(row["tyre"], []).append(value)
-    return {name: sum(values) / len(values) for name, values in found.items()}
+            warm.setdefault(row["tyre"], []).append(value)
+    return {name: sum(values) / len(values) for name, values in warm.items()}
 
 
-def _place(key: Key, specimen: str, warm: Mapping[str, float]) -> dict[str, float]:
-    place = {name: value for name, value in zip(("pressure", "preload"), key, strict=True) if value != UNSTATED}
-    return {**place, **({"temperature": warm[specimen]} if specimen in warm else {})}
-
-
-def _held(at: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterator[Judged]:
+def _held(number: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterator[Judged]:
     """One limit against each result that it applies to."""
     quantity = LIMITED[limit["quantity"]]
     low, high = limit.get("low"), limit.get("high")
@@ -203,23 +196,21 @@ def _held(at: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterato
     if quantity is q.K1:
         wanted.pop("frequency", None)
     name = limit.get("specimen", "")
-    found = [
-        one
-        for one in known
-        if one.quantity is quantity and name in ("", one.stated, one.specimen) and _fits(one.condition, wanted)
+    concerned = [
+        result
+        for result in known
+        if result.quantity is quantity
+        and name in ("", *result.names)
+        and all(_AXES[axis].same(result.condition.get(axis), value) for axis, value in wanted.items())
     ]
-    if not found:
-        yield Judged(at, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
-    for one in found:
-        interval = one.skewed or ends_of(one.value)
-        least, most = -inf if low is None else low, inf if high is None else high
-        probability = None if one.skewed else share_within(one.value.value, one.value.std, least, most)
-        outcome = _outcome(interval, least, most)
-        yield Judged(at, quantity, one.specimen, one.condition, low, high, one.value, interval, outcome, probability)
-
-
-def _fits(condition: Mapping[str, float], wanted: Mapping[str, float]) -> bool:
-    return all(_AXES[name].same(condition.get(name), value) for name, value in wanted.items())
+    if not concerned:
+        yield Judged(number, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
+    least, most = -inf if low is None else low, inf if high is None else high
+    for result in concerned:
+        value, interval = result.value, result.skewed or ends_of(result.value)
+        probability = None if result.skewed else share_within(value.value, value.std, least, most)
+        decision = interval, _outcome(interval, least, most), probability, result.warned
+        yield Judged(number, quantity, result.names[0], result.condition, low, high, value, *decision)
 
 
 def _outcome(interval: tuple[float, float], low: float, high: float) -> Conformity:

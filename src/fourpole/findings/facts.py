@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Hashable, Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import Any, TypeVar
 
 import numpy as np
-import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis, Condition, Sameness, Value
 from fourpole.findings.finding import UNSTATED, Detail, Finding, FindingConditions, Holds, Key, Setup, Topic
-from fourpole.fitting.rows import conditions_in, rule_in
+from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 
@@ -62,104 +61,105 @@ class Curve:
 Values = Mapping[Key, Measured]
 
 
+Row = dict[str, Any]
+
+
 @dataclass(frozen=True)
 class Facts:
-    """Results with nominal conditions.
-
-    Attributes
-    ----------
-    results : Study
-        Specimens have names of their own for each temperature: "radial at 60 °C".
-    stated : mapping of str to str
-        The campaign's name of each specimen: "radial".
-    nominal : mapping
-        Nominal value of each value in the tables, by axis: the median of all values that are the same.
-    """
+    """Results with nominal conditions; the campaign's rule of one condition distinguishes the states of a specimen."""
 
     results: Study
-    stated: Mapping[str, str] = field(default_factory=dict)
-    nominal: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, results: Study) -> Facts:
-        """The facts of results, made once; temperature and the campaign's own axes distinguish specimens."""
-        if cls not in results.derived:
-            results.derived[cls] = cls._made(results)
-        found: Facts = results.derived[cls]
-        return found
+        """The facts of results, made once."""
+        facts: Facts = results.derived.setdefault(cls, cls(results))
+        return facts
 
-    @classmethod
-    def _made(cls, stated: Study) -> Facts:
-        results = stated.apart()
-        pairs = zip((stated.static, stated.dynamic), (results.static, results.dynamic), strict=True)
-        names = {
-            new: old or "" for before, after in pairs for new, old in zip(after["tyre"], before["tyre"], strict=True)
+    @cached_property
+    def _rule(self) -> Sameness:
+        """The axes on which a specimen has a state: all but pressure and preload."""
+        return rule_in(self.results.record).without(PRESSURE.name, PRELOAD.name)
+
+    @cached_property
+    def _conditions(self) -> list[list[Condition]]:
+        return [conditions_in(table, self._rule) for table in (self.results.static, self.results.dynamic)]
+
+    @cached_property
+    def rows(self) -> list[list[Row]]:
+        """Rows of the static and of the dynamic table; "tyre" names a specimen in one state, as "radial at 60 °C"."""
+        tables = [table.rows(named=True) for table in (self.results.static, self.results.dynamic)]
+        for rows, names in zip(tables, names_apart(self._conditions, self._rule), strict=True):
+            for row, name in zip(rows, names, strict=True):
+                row["tyre"] = name
+        return tables
+
+    @cached_property
+    def _states(self) -> dict[str, Condition]:
+        """The campaign's specimen of each tyre, with its middle value on each axis of the rule."""
+        members: dict[str, list[Condition]] = {}
+        for rows, conditions in zip(self.rows, self._conditions, strict=True):
+            for row, condition in zip(rows, conditions, strict=True):
+                members.setdefault(row["tyre"], []).append(condition)
+        return {
+            tyre: Condition(states[0].specimen, tuple(map(_middle, zip(*(s.values for s in states), strict=True))))
+            for tyre, states in members.items()
         }
-        every = (results.static, results.dynamic)
-        nominal = {
-            name: _nominal([v for table in every for v in _column(table, axis)], axis, _used_values(every, axis))
-            for name, axis in _AXES.items()
-        }
-        return cls(results, names, {**nominal, "frequency": {f: _snapped(n) for f, n in nominal["frequency"].items()}})
+
+    def stated(self, tyre: str) -> str:
+        """The campaign's name of a tyre in one state: "radial" of "radial at 60 °C"."""
+        return self._states[tyre].specimen
+
+    def warmer(self, first: str, second: str) -> float | None:
+        """Absolute difference in temperature of two tyres [K], 0 if not stated; None if their states differ."""
+        state, other = self._states[first], self._states[second]
+        if not self._rule.same(state, replace(other, specimen=state.specimen)):
+            return None
+        place = [axis.column for axis in self._rule.axes].index(q.TEMPERATURE.head)
+        a, b = state.values[place], other.values[place]
+        return abs(a - b) if isinstance(a, float) and isinstance(b, float) else 0.0
 
     @cached_property
     def tyres(self) -> tuple[str, ...]:
         """Names of all tyres that were tested, sorted."""
-        names = {name for table in self.tables for name in table["tyre"].to_list()}
-        return tuple(sorted(names, key=natural))
+        return in_order(self._states)
 
     @cached_property
     def inflated(self) -> frozenset[str]:
         """Names of the tyres of which a test states an inflation pressure."""
-        stated = [table.filter(pl.col(q.PRESSURE.head).is_finite())["tyre"] for table in self.tables]
-        return frozenset(name for each in stated for name in each)
+        rows = (row for rows in self.rows for row in rows)
+        return frozenset(row["tyre"] for row in rows if isfinite(_number(row.get(q.PRESSURE.head))))
 
     @cached_property
     def constructions(self) -> dict[str, str]:
         """The construction of each tyre as the campaign states it."""
-        rows = pl.concat([table.select("tyre", "construction") for table in self.tables]).unique().sort("construction")
-        return {tyre: text or "" for tyre, text in rows.rows()}
+        constructions = dict.fromkeys(self.tyres, "")
+        for row in (row for rows in self.rows for row in rows):
+            constructions[row["tyre"]] = max(constructions[row["tyre"]], row["construction"] or "")
+        return constructions
 
     @cached_property
-    def _states(self) -> dict[str, Condition]:
-        """Each specimen's value on each axis but pressure and preload: a median, or a text."""
-        rule = self._rule
-        rows: dict[str, list[Condition]] = {}
-        for table in self.tables:
-            for tyre, one in zip(table["tyre"], conditions_in(table, rule), strict=True):
-                rows.setdefault(tyre, []).append(one)
-        columns = {tyre: zip(*(one.values for one in found), strict=True) for tyre, found in rows.items()}
-        return {tyre: Condition("", tuple(map(_middle, each))) for tyre, each in columns.items()}
+    def nominal(self) -> dict[str, dict[float, float]]:
+        """Nominal value of each value in the tables, by axis: the median of all values that are the same."""
+        nominal = {
+            name: _nominal(
+                _values_on(axis, self.rows), axis, {*_values_on(axis, (self.used_static, self.used_dynamic))}
+            )
+            for name, axis in _AXES.items()
+        }
+        return {**nominal, "frequency": {f: _snapped(value) for f, value in nominal["frequency"].items()}}
 
     @cached_property
-    def _rule(self) -> Sameness:
-        return rule_in(self.results.record).without(PRESSURE.name, PRELOAD.name)
-
-    def warmer(self, one: str, other: str) -> float | None:
-        """Absolute difference in temperature of two specimens [K], 0 if not stated; None if their states differ."""
-        first, second = self._states[one], self._states[other]
-        if not self._rule.same(first, second):
-            return None
-        at = [axis.column for axis in self._rule.axes].index(q.TEMPERATURE.head)
-        a, b = first.values[at], second.values[at]
-        return abs(a - b) if isinstance(a, float) and isinstance(b, float) else 0.0
-
-    @property
-    def tables(self) -> tuple[pl.DataFrame, pl.DataFrame]:
-        """Static table and dynamic table, with the rows of rejected tests."""
-        return self.results.static, self.results.dynamic
-
-    @cached_property
-    def used_static(self) -> list[dict[str, Any]]:
+    def used_static(self) -> list[Row]:
         """Rows of static tests that were not rejected."""
-        return _used(self.results.static)
+        return _used(self.rows[0])
 
     @cached_property
-    def used_dynamic(self) -> list[dict[str, Any]]:
+    def used_dynamic(self) -> list[Row]:
         """Rows of dynamic tests that were not rejected."""
-        return _used(self.results.dynamic)
+        return _used(self.rows[1])
 
-    def used(self, quantity: Quantity) -> list[dict[str, Any]]:
+    def used(self, quantity: Quantity) -> list[Row]:
         """Rows of tests that were not rejected, from the table that has the column of the quantity."""
         return self.used_dynamic if "frequency" in quantity.over else self.used_static
 
@@ -171,9 +171,13 @@ class Facts:
         """A quantity of a tyre by nominal condition; values that are blank or not positive are left out."""
         groups: dict[Key, list[tuple[float, float, str]]] = {}
         for row in self.used(quantity):
-            if row["tyre"] == tyre and (found := known(row, quantity)):
-                groups.setdefault(self.key(row, quantity.over), []).append((*found, row["test"]))
+            if row["tyre"] == tyre and (measured := known(row, quantity)):
+                groups.setdefault(self.key(row, quantity.over), []).append((*measured, row["test"]))
         return {key: averaged(groups[key]) for key in sorted(groups)}
+
+    def by_tyre(self, quantity: Quantity) -> dict[str, dict[Key, Measured]]:
+        """The same of each tyre that has a value."""
+        return {tyre: values for tyre in self.tyres if (values := self.values(quantity, tyre))}
 
     @cached_property
     def curves(self) -> dict[tuple[str, Setup], dict[Key, Curve]]:
@@ -192,9 +196,9 @@ class Facts:
         repeats: dict[float, list[tuple[float, ...]]] = {}
         for frequency, tr, std, _ in points:
             repeats.setdefault(self.nominal["frequency"][frequency], []).append((frequency, tr, std))
-        means = sorted(np.mean(each, axis=0).tolist() for each in repeats.values())
-        at, heights, stds = zip(*means, strict=True)
-        return Curve(at, heights, stds, tuple(test for *_, test in points))
+        means = sorted(np.mean(members, axis=0).tolist() for members in repeats.values())
+        frequencies, heights, stds = zip(*means, strict=True)
+        return Curve(frequencies, heights, stds, tuple(test for *_, test in points))
 
 
 def finding_on(
@@ -212,10 +216,10 @@ def finding_on(
 ) -> Finding:
     """A finding on a quantity of some specimens at conditions that all of them have; it names the tests used there."""
     keys = tuple(sorted(keys))
-    tests = tuple(sorted({test for each in values.values() for key in keys for test in each[key].tests}, key=natural))
+    tests = {test for measured in values.values() for key in keys for test in measured[key].tests}
     about = FindingConditions(quantity.over[: len(keys[0])], keys, setup or Setup())
     topic = Topic(topic or quantity.topic)
-    return Finding(topic, quantity, tuple(values), holds, detail, about, effect, std, unit, tests)
+    return Finding(topic, quantity, tuple(values), holds, detail, about, effect, std, unit, in_order(tests))
 
 
 def known(row: Mapping[str, Any], quantity: Quantity) -> tuple[float, float] | None:
@@ -245,9 +249,14 @@ def natural(name: str) -> tuple[Any, ...]:
     ), name
 
 
-def _used(table: pl.DataFrame) -> list[dict[str, Any]]:
-    rows = table.filter(pl.col("verdict") != Verdict.REJECTED).rows(named=True)
-    return sorted(rows, key=lambda row: natural(row["test"]))
+def in_order(names: Iterable[str]) -> tuple[str, ...]:
+    """Names with D2 before D10."""
+    return tuple(sorted(names, key=natural))
+
+
+def _used(rows: Sequence[Row]) -> list[Row]:
+    """The rows that were not rejected, by their tests."""
+    return sorted((row for row in rows if row["verdict"] != Verdict.REJECTED), key=lambda row: natural(row["test"]))
 
 
 def _setup(row: Mapping[str, Any]) -> Setup:
@@ -263,9 +272,10 @@ def averaged(repeats: Sequence[tuple[float, float, str]]) -> Measured:
     return Measured(float(values.mean()), max(stated, scatter), tuple(test for _, _, test in repeats))
 
 
-def _column(table: pl.DataFrame, axis: Axis) -> list[float]:
-    values = table[axis.column].to_list() if axis.column in table else []
-    return [v for v in values if v is not None and isfinite(v) and v > 0.0]
+def _values_on(axis: Axis, tables: Iterable[Sequence[Row]]) -> list[float]:
+    """The positive values of an axis in the rows of some tables."""
+    values = (_number(row.get(axis.column)) for rows in tables for row in rows)
+    return [value for value in values if 0.0 < value < inf]
 
 
 def _middle(values: Iterable[Value]) -> Value:
@@ -276,11 +286,6 @@ def _middle(values: Iterable[Value]) -> Value:
 
 def _number(value: Any) -> float:
     return float(value) if isinstance(value, (int, float)) else float("nan")
-
-
-def _used_values(tables: Iterable[pl.DataFrame], axis: Axis) -> set[float]:
-    """The values on an axis of the tests that are not rejected."""
-    return {value for table in tables for value in _column(table.filter(pl.col("verdict") != Verdict.REJECTED), axis)}
 
 
 def _nominal(values: Sequence[float], axis: Axis, used: Set[float]) -> dict[float, float]:

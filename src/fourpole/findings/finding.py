@@ -1,16 +1,32 @@
-"""One finding as data: its quantity, specimens and conditions, its effect with uncertainty, and its outcome."""
+"""One finding as data: quantity, specimens and conditions, effect with uncertainty, and outcome; findings.csv."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
+
+import polars as pl
 
 from fourpole.quantities import Quantity
 
 #: The value of a pressure, load or frequency that the campaign does not state.
 UNSTATED = -1.0
 Key = tuple[float, ...]
+#: Heads of findings.csv, each with its meaning.
+FINDING_COLUMNS = {
+    "kind": "level, comparison, trend with an axis, resonance, claim with its number, or another kind of finding",
+    "quantity": "name of the quantity; blank where the finding is about tests",
+    "specimens": "names of the specimens",
+    "condition": "lowest to highest pressure, load and frequency, the rig, and the added mass",
+    "effect": "size of the effect",
+    "u(effect)": "its standard uncertainty; of a mean over conditions, that of one condition; blank where it has none",
+    "unit": "unit of the effect, 1 for a relative one",
+    "holds": "the outcome",
+    "tests": "names of the tests that the finding uses",
+}
+_UNITS = {"pressure": "Pa", "load": "N", "frequency": "Hz"}
 
 
 class Topic(StrEnum):
@@ -81,8 +97,21 @@ class FindingConditions:
 
     def values(self, axis: str) -> list[float]:
         """Distinct stated values of one axis in SI, rising."""
-        at = self.axes.index(axis)
-        return sorted({key[at] for key in self.keys if key[at] != UNSTATED})
+        place = self.axes.index(axis)
+        return sorted({key[place] for key in self.keys if key[place] != UNSTATED})
+
+    def __str__(self) -> str:
+        """Lowest to highest setting of each axis in SI, and the set-up."""
+        parts = []
+        for axis in self.axes:
+            if values := self.values(axis):
+                span = f"{values[0]:.6g}" if len(values) == 1 else f"{values[0]:.6g} to {values[-1]:.6g}"
+                parts.append(f"{axis} {span} {_UNITS[axis]}")
+        if self.setup.rig:
+            parts.append(f"rig {self.setup.rig}")
+        if self.setup.added_mass:
+            parts.append(f"added mass {self.setup.added_mass:.6g} kg")
+        return "; ".join(parts)
 
 
 class Detail(Protocol):
@@ -133,3 +162,35 @@ class Finding:
     def kind(self) -> str:
         """Name of its kind: comparison, trend with pressure, claim 3."""
         return self.detail.kind
+
+
+def findings_table(findings: Sequence[Finding]) -> pl.DataFrame:
+    """Findings as the rows of findings.csv.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+
+    Returns
+    -------
+    polars.DataFrame
+        `effect` and `u(effect)` are in `unit`, not-a-number is blank; several specimens, settings or tests are
+        separated by "; ".
+    """
+    rows = [
+        (
+            finding.kind,
+            finding.quantity.column if finding.quantity else "",
+            "; ".join(finding.specimens),
+            str(finding.conditions),
+            finding.effect,
+            finding.std,
+            finding.unit,
+            str(finding.holds),
+            "; ".join(finding.tests),
+        )
+        for finding in findings
+    ]
+    numbers = ("effect", "u(effect)")
+    schema = {name: pl.Float64 if name in numbers else pl.String for name in FINDING_COLUMNS}
+    return pl.DataFrame(rows, schema=schema, orient="row")

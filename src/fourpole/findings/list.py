@@ -8,10 +8,9 @@ from math import inf
 import numpy as np
 
 from fourpole.findings.claims import claims
-from fourpole.findings.comparisons import Comparison, compare
 from fourpole.findings.facts import Facts, pairs
 from fourpole.findings.finding import Finding
-from fourpole.findings.levels import Level, cycle_losses, level_of, linearity
+from fourpole.findings.levels import Comparison, Level, compare, cycle_losses, level_of, linearity
 from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import Trend, trend_of
 from fourpole.findings.verdicts import verdicts
@@ -40,53 +39,51 @@ def findings(results: Study) -> list[Finding]:
     Examples
     --------
     >>> from fourpole import read_results  # doctest: +SKIP
-    >>> for found in findings(read_results("campaign/results")):  # doctest: +SKIP
-    ...     print(found.kind, found.quantity, found.specimens, found.holds, found.effect, found.std)
+    >>> for finding in findings(read_results("campaign/results")):  # doctest: +SKIP
+    ...     print(finding.kind, finding.quantity, finding.specimens, finding.holds, finding.effect, finding.std)
     """
     facts = Facts.of(results)
-    found = verdicts(facts)
+    trust = verdicts(facts)
     if not (facts.used_static or facts.used_dynamic):
-        return found
-    found += [*_quantity(facts, K1), *linearity(facts)]
-    for quantity in (K2, STORAGE, C, LOSS_FACTOR, *(one for one in DERIVED if one.topic)):
-        if quantity is not STORAGE or _lacks_arm(facts):
-            found += _quantity(facts, quantity)
-    return [*found, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]
+        return trust
+    # A specimen may have K* but no K1 and so no K2; specimens are then compared by K*.
+    by_k_star = (STORAGE,) if facts.by_tyre(STORAGE).keys() - facts.by_tyre(K2).keys() else ()
+    quantities = (K2, *by_k_star, C, LOSS_FACTOR, *(quantity for quantity in DERIVED if quantity.topic))
+    moving = [finding for quantity in quantities for finding in _quantity(facts, quantity)]
+    static = [*_quantity(facts, K1), *linearity(facts)]
+    return [*trust, *static, *moving, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]
 
 
-def by_size(found: Sequence[Finding]) -> list[Finding]:
+def by_size(findings: Sequence[Finding]) -> list[Finding]:
     """Findings as a reader wants them: within a topic the largest effects first, without those too small to matter.
 
     Only differences between specimens and trends have a size. One below 1 % is left out unless it exceeds three of its
     standard uncertainties. Levels come after them; other findings keep their places before them.
     """
-    kept = [one for one in found if not _is_small(one)]
-    first = {one.topic: at for at, one in reversed(list(enumerate(kept)))}
-    return sorted(kept, key=lambda one: (first[one.topic], -_size(one)))
+    kept = [finding for finding in findings if not _is_small(finding)]
+    topics = list(dict.fromkeys(finding.topic for finding in kept))
+    return sorted(kept, key=lambda finding: (topics.index(finding.topic), -_size(finding)))
 
 
-def _size(one: Finding) -> float:
+def _size(finding: Finding) -> float:
     """The size of a relative effect, 0 for a level; infinite for a finding that has none."""
-    if isinstance(one.detail, Level):
+    if isinstance(finding.detail, Level):
         return 0.0
-    return abs(one.effect) if one.effect is not None and isinstance(one.detail, Comparison | Trend) else inf
+    sized = finding.effect is not None and isinstance(finding.detail, Comparison | Trend)
+    return abs(finding.effect or 0.0) if sized else inf
 
 
-def _is_small(one: Finding) -> bool:
-    return not isinstance(one.detail, Level) and _size(one) < _SMALL and _size(one) <= _SURE * (one.std or 0.0)
-
-
-def _lacks_arm(facts: Facts) -> bool:
-    """Whether a specimen has K* but no K1 and so no K2; specimens are then compared by K*."""
-    return any(facts.values(STORAGE, tyre) and not facts.values(K2, tyre) for tyre in facts.tyres)
+def _is_small(finding: Finding) -> bool:
+    size = _size(finding)
+    return not isinstance(finding.detail, Level) and size < _SMALL and size <= _SURE * (finding.std or 0.0)
 
 
 def _quantity(facts: Facts, quantity: Quantity) -> list[Finding]:
     """Comparisons, levels and trends of one quantity."""
-    values = {tyre: found for tyre in facts.tyres if (found := facts.values(quantity, tyre))}
-    means = {tyre: float(np.mean([one.value for one in each.values()])) for tyre, each in values.items()}
-    made = [compare(quantity, (a, b), (values[a], values[b])) for a, b in pairs(means)]
-    for tyre, each in values.items():
-        made.append(level_of(quantity, tyre, each))
-        made += [trend_of(quantity, tyre, each, axis) for axis in quantity.over]
-    return [finding for finding in made if finding is not None]
+    by_tyre = facts.by_tyre(quantity)
+    means = {tyre: float(np.mean([measured.value for measured in by_tyre[tyre].values()])) for tyre in by_tyre}
+    findings = [compare(quantity, (a, b), (by_tyre[a], by_tyre[b])) for a, b in pairs(means)]
+    for tyre, values in by_tyre.items():
+        findings.append(level_of(quantity, tyre, values))
+        findings += [trend_of(quantity, tyre, values, axis) for axis in quantity.over]
+    return [finding for finding in findings if finding is not None]

@@ -1,4 +1,4 @@
-"""Measured points: K*, K1, K2 and C of tests, with the errors that they share with other points."""
+"""Measured points: K*, K1, K2 and C of tests, with the errors that they share with others; errors of two results."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.polar import polar
 from fourpole.core.routes import arm_slopes
-from fourpole.core.sources import Kind
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.common_errors import joined
 from fourpole.fitting.rows import KEY, Key, keyed, keys_of
-from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
+from fourpole.quantities import LOSS_ANGLE, MODULUS, RIG_VALUES, Quantity
+from fourpole.study.record import section
+from fourpole.study.study import Study
 
 #: The quantities of a point, in the order of `Points.values`.
 QUANTITIES = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
@@ -27,7 +30,9 @@ _ALIKE = 0.2
 _REACH, _APART = 0.7, 0.02
 #: Least variance of a difference as a share of the variances of both values: that of round-off.
 _LEAST = 1e-9
-
+_STATIC_ROLES = ("load", "deflection")
+#: Keys of a channel that have no effect on its calibration.
+_NO_CALIBRATION = ("range",)
 #: Whether the error of a source of budget.csv is common to two campaigns.
 Common = Callable[[str], bool]
 
@@ -76,13 +81,12 @@ class Points(ByValue):
     ) -> Points:
         """The points of rows of dynamic.csv, each a point; `covariance` is covariance.parquet of the same campaign."""
         keys = keys_of(table)
-        number = {one: _numbers(table, one) for one in (*_COLUMNS, *_STD, q.CORR_K.head)}
-        re, im, k1, k2, c, frequency = (number[one] for one in _COLUMNS)
-        u_re, u_im, *std = (number[one] for one in _STD)
-        cross = np.nan_to_num(number[q.CORR_K.head]) * u_re * u_im
-        found = cls(
+        re, im, k1, k2, c = (_numbers(table, quantity.head) for quantity in _COLUMNS)
+        u_re, u_im, *std = (_numbers(table, quantity.u_head) for quantity in _COLUMNS)
+        cross = np.nan_to_num(_numbers(table, q.CORR_K.head)) * u_re * u_im
+        points = cls(
             keys=tuple((key,) for key in keys),
-            frequency=frequency,
+            frequency=_numbers(table, q.FREQUENCY.head),
             stiffness=re + 1j * im,
             k1=k1,
             k2=k2,
@@ -95,12 +99,12 @@ class Points(ByValue):
             shared=np.zeros((len(keys), 2, 0)),
         )
         if covariance is not None and set(keys) <= set(keys_of(covariance)):
-            found = replace(found, shared=joined(keys, covariance)[1])
-        return found.with_budget(budget) if budget.height else found
+            points = replace(points, shared=joined(keys, covariance)[1])
+        return points.with_budget(budget) if budget.height else points
 
     def with_budget(self, budget: pl.DataFrame) -> Points:
         """The points with the effect of each source, from the standard uncertainties that budget.csv has."""
-        places = pl.DataFrame([(*key, at) for at, (key,) in enumerate(self.keys)], schema=_PLACES, orient="row")
+        places = pl.DataFrame([(*key, row) for row, (key,) in enumerate(self.keys)], schema=_PLACES, orient="row")
         placed = keyed(budget).join(places, on=list(KEY), how="inner", maintain_order="left")
         parts = placed.partition_by(q.SOURCE.head, q.QUANTITY.head, as_dict=True)
 
@@ -112,9 +116,8 @@ class Points(ByValue):
             return values
 
         names = dict.fromkeys(source for source, quantity in parts if quantity == q.STORAGE.column)
-        effects = {
-            name: self._signed(*(part(name, one) for one in (q.STORAGE, q.LOSS, q.LOSS_FACTOR))) for name in names
-        }
+        parts_of_k = (q.STORAGE, q.LOSS, q.LOSS_FACTOR)
+        effects = {name: self._signed(*(part(name, quantity) for quantity in parts_of_k)) for name in names}
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = part(Kind.K1_GAINS.text, q.C) / np.abs(self.slopes[:, -1, 2])
         return replace(self, effects=effects, k1_gain=np.minimum(np.nan_to_num(gain), np.nan_to_num(self.std[:, 0])))
@@ -160,10 +163,9 @@ class Points(ByValue):
 
     def part(self, rows: np.ndarray) -> Points:
         """Some of the points."""
-        held = ("frequency", "stiffness", "k1", "k2", "c", "covariance", "std", "group", "k1_gain", "shared")
-        taken = {name: getattr(self, name)[rows] for name in held}
+        arrays = {name: getattr(self, name)[rows] for name in (*_ARRAYS, "group")}
         effects = {name: effect[rows] for name, effect in self.effects.items()}
-        return replace(self, keys=tuple(self.keys[at] for at in rows.tolist()), effects=effects, **taken)
+        return replace(self, keys=tuple(self.keys[row] for row in rows.tolist()), effects=effects, **arrays)
 
     def means(self, members: Sequence[Sequence[int]]) -> Points:
         """The mean of each of some sets of points.
@@ -178,21 +180,21 @@ class Points(ByValue):
                     [np.nanmean(values[list(rows)], axis=0) if len(rows) > 1 else values[rows[0]] for rows in members]
                 )
 
-        held = ("frequency", "stiffness", "k1", "k2", "c", "covariance", "std", "k1_gain", "shared")
         effects = {name: mean(_aligned(effect, members)) for name, effect in self.effects.items()}
         return replace(
             self,
-            keys=tuple(tuple(key for at in rows for key in self.keys[at]) for rows in members),
+            keys=tuple(tuple(key for row in rows for key in self.keys[row]) for rows in members),
             group=self.group[[rows[0] for rows in members]],
             effects=effects,
-            **{name: mean(getattr(self, name)) for name in held},
+            **{name: mean(getattr(self, name)) for name in _ARRAYS},
         )
 
 
 _PLACE = "place"
 _PLACES: dict[str, Any] = {q.TEST.head: pl.String, q.POINT.head: pl.Int64, _PLACE: pl.Int64}
-_COLUMNS = (*(one.head for one in (q.STORAGE, q.LOSS, q.K1, q.K2, q.C)), q.FREQUENCY.head)
-_STD = tuple(one.u_head for one in (q.STORAGE, q.LOSS, q.K1, q.K2, q.C))
+_COLUMNS = (q.STORAGE, q.LOSS, q.K1, q.K2, q.C)
+#: The attributes of points that are arrays of numbers.
+_ARRAYS = ("frequency", "stiffness", "k1", "k2", "c", "covariance", "std", "k1_gain", "shared")
 
 
 def _numbers(table: pl.DataFrame, head: str) -> FloatArray:
@@ -205,8 +207,8 @@ def _aligned(effect: ComplexArray, members: Sequence[Sequence[int]]) -> ComplexA
     turned = effect.copy()
     for rows in members:
         first = effect[rows[0]]
-        for at in rows[1:]:
-            turned[at] *= 1.0 if (np.conj(first) * effect[at]).real >= 0.0 else -1.0
+        for row in rows[1:]:
+            turned[row] *= 1.0 if (np.conj(first) * effect[row]).real >= 0.0 else -1.0
     return turned
 
 
@@ -230,7 +232,9 @@ class Differences(ByValue):
     unlike: np.ndarray
 
 
-def differences(one: Points, two: Points, pairs: tuple[np.ndarray, np.ndarray], common: Common | None) -> Differences:
+def differences(
+    points: Points, others: Points, pairs: tuple[np.ndarray, np.ndarray], common: Common | None
+) -> Differences:
     r"""The second points less the first, with the uncertainty of each difference.
 
     .. math:: u^2 = u_1^2 + u_2^2 - 2\,g_1^T X g_2 + u_{step}^2
@@ -239,61 +243,60 @@ def differences(one: Points, two: Points, pairs: tuple[np.ndarray, np.ndarray], 
 
     Parameters
     ----------
-    one, two : Points
+    points, others : Points
     pairs : two (M,) int arrays
         Places of both points of each pair.
     common : function, optional
         Whether the error of a source is common to two campaigns. It is then taken to act in the same direction on both
         points if their K* differs by less than 20 %. None for points of one campaign, whose covariance `shared` has.
     """
-    first, second = one.part(pairs[0]), two.part(pairs[1])
+    first, second = points.part(pairs[0]), others.part(pairs[1])
     unlike = np.zeros(len(pairs[0]), dtype=bool)
     cross = np.zeros((unlike.size, 3, 3))
     if common is None:
         cross[:, :2, :2] = first.shared @ np.swapaxes(second.shared, 1, 2)
-        cross[:, 2, 2] = first.k1_gain * second.k1_gain
     else:
         apart = np.abs(second.stiffness - first.stiffness) / np.minimum(abs(first.stiffness), abs(second.stiffness))
         unlike = apart > _ALIKE
         cross[:, :2, :2] = np.where(unlike[:, None, None], 0.0, _cross(first, second, common))
-        if common(Kind.K1_GAINS.text):
-            cross[:, 2, 2] = first.k1_gain * second.k1_gain
+    if common is None or common(Kind.K1_GAINS.text):
+        cross[:, 2, 2] = first.k1_gain * second.k1_gain
     g1, g2 = first.slopes, second.slopes
     with np.errstate(invalid="ignore"):
         covariance = np.einsum("nqi,nij,nqj->nq", np.nan_to_num(g1), cross, np.nan_to_num(g2))
         alone = first.stds**2 + second.stds**2
         variance = np.maximum(alone - 2.0 * covariance, _LEAST * alone)
-    moved, u_step = _steps(first, two, pairs[1])
+    moved, u_step = _steps(first, others, pairs[1])
     return Differences(first.values, second.values - moved, np.sqrt(variance + u_step**2), unlike)
 
 
 def _cross(first: Points, second: Points, common: Common) -> FloatArray:
     """Covariance (M, 2, 2) of K* of both points from the common errors, each in the same direction on both."""
-    found = np.zeros((first.frequency.size, 2, 2))
+    covariance = np.zeros((first.frequency.size, 2, 2))
     for name in first.effects.keys() & second.effects.keys():
         if common(name):
             a, b = first.effects[name], second.effects[name]
             sign = np.where((np.conj(a) * b).real >= 0.0, 1.0, -1.0)
-            pair = (np.stack([each.real, each.imag], axis=1) for each in (a, sign * b))
-            found += np.einsum("ni,nj->nij", *pair)
-    return found
+            pair = (np.stack([effect.real, effect.imag], axis=1) for effect in (a, sign * b))
+            covariance += np.einsum("ni,nj->nij", *pair)
+    return covariance
 
 
-def _steps(first: Points, two: Points, rows: np.ndarray) -> tuple[FloatArray, FloatArray]:
+def _steps(first: Points, others: Points, rows: np.ndarray) -> tuple[FloatArray, FloatArray]:
     """Change (M, 8) of each quantity of the second from the frequency of the first to its own, and its uncertainty."""
     moved, u = np.zeros((rows.size, len(QUANTITIES))), np.zeros((rows.size, len(QUANTITIES)))
-    members = {number: np.flatnonzero(two.group == number) for number in np.unique(two.group[rows]).tolist()}
-    for at, row in enumerate(rows.tolist()):
-        step = float(np.log(two.frequency[row] / first.frequency[at]))
-        near = members[int(two.group[row])]
-        x = np.log(two.frequency[near] / first.frequency[at])
+    members = {number: np.flatnonzero(others.group == number) for number in np.unique(others.group[rows]).tolist()}
+    for pair, row in enumerate(rows.tolist()):
+        step = float(np.log(others.frequency[row] / first.frequency[pair]))
+        near = members[int(others.group[row])]
+        x = np.log(others.frequency[near] / first.frequency[pair])
         near, x = near[np.abs(x) <= _REACH], x[np.abs(x) <= _REACH]
-        values = two.values[near]
+        values = others.values[near]
         for column in range(1, len(QUANTITIES)):  # K1 has no frequency
             known = np.isfinite(values[:, column])
-            moved[at, column], u[at, column] = _step(x[known], values[known, column], step)
-            if not np.isfinite(moved[at, column]):  # K* of a passive specimen changes by less than the frequency does
-                moved[at, column], u[at, column] = 0.0, abs(two.values[row, column] * step)
+            moved[pair, column], u[pair, column] = _step(x[known], values[known, column], step)
+            if not np.isfinite(moved[pair, column]):  # K* of a passive specimen changes by less than the frequency does
+                moved[pair, column], u[pair, column] = 0.0, abs(others.values[row, column] * step)
     return moved, u
 
 
@@ -310,3 +313,89 @@ def _step(x: FloatArray, values: FloatArray, end: float) -> tuple[float, float]:
         return line, abs(line) / 2
     slope, bend = np.polynomial.polynomial.polyfit(x, values, 2)[1:].tolist()
     return slope * end + bend * end**2, abs(slope * end + bend * end**2 - line)
+
+
+# ---- the errors that two results have in common
+
+
+def none(_: str) -> bool:
+    """No error is common."""
+    return False
+
+
+def of_one_campaign(results: Study, specimens: tuple[str, str]) -> tuple[str, ...]:
+    """What two specimens of one campaign share, as sentences."""
+    if not results.covariance.height:
+        return ("The results have no covariance.parquet: errors that both specimens share are taken as independent.",)
+    rigs = [set(results.dynamic.filter(pl.col(q.TYRE.head) == name)[q.RIG.head]) for name in specimens]
+    if not rigs[0] & rigs[1]:
+        return (f"{' and '.join(specimens)} were tested on different rigs: all errors of K* are taken as independent.",)
+    text = (
+        f"{' and '.join(specimens)} were tested in one campaign: the errors of its sensors, rig and weighed masses are "
+        "common to both, with the covariance that the campaign found; in K1 the gains of load and deflection are."
+    )
+    return (text,)
+
+
+def of_two_campaigns(first: Study, second: Study) -> tuple[Callable[[str], bool], tuple[str, ...]]:
+    """Whether the error of a source is common, and the reasons as sentences: it is if both state the value alike."""
+    records = first.record, second.record
+    halls = [str(section(record, "stated").get("laboratory") or "") for record in records]
+    if all(halls) and halls[0] != halls[1]:
+        return none, (f"The laboratories differ ({halls[0]}, {halls[1]}): all errors are taken as independent.",)
+    channels = {role: _alike(records, role) for role in (*CHANNELS, *_STATIC_ROLES)}
+    rigs = [section(rig) for record in records for rig in section(record, "stated", "rigs").values()]
+    values = {
+        name: all(name in rig for rig in rigs)
+        and len({(section(rig, name).get("value"), section(rig, name).get("std")) for rig in rigs}) == 1
+        for name in RIG_VALUES
+    }
+    by_symbol = {SYMBOLS[role]: channels[role] is True for role in CHANNELS}
+
+    def common(text: str) -> bool:
+        source = Source.read(text)
+        if source.kind is Kind.K1_GAINS:
+            return all(channels[role] is True for role in _STATIC_ROLES)
+        if source.role in (Role.CHANNEL, Role.RATIO):
+            names = [name for name in (*source.of.split(" in "), source.under) if name]
+            return all(by_symbol.get(name, False) for name in names)
+        if source.role is Role.RIG:
+            return values.get(source.of, False)
+        return source.role is Role.MASS
+
+    return common, _reasons(channels, values, weighed=all(map(_weighs, (first, second))))
+
+
+def _weighs(results: Study) -> bool:
+    """Whether a test has an added mass."""
+    table = results.dynamic
+    return q.ADDED_MASS.head in table.columns and bool((table[q.ADDED_MASS.head].fill_null(0.0) > 0.0).any())
+
+
+def _alike(records: Sequence[Mapping[str, Any]], role: str) -> bool | None:
+    """Whether both records state a channel alike; None if one of them does not have it."""
+    channels = [section(record, "stated", "channels", role) for record in records]
+    if not all(channels):
+        return None
+    first, second = ({key: c[key] for key in c if key not in _NO_CALIBRATION} for c in channels)
+    return first == second
+
+
+def _reasons(channels: dict[str, bool | None], values: dict[str, bool], *, weighed: bool) -> tuple[str, ...]:
+    """What is common and what is not, as sentences."""
+    words = {**SYMBOLS, "load": "load", "deflection": "deflection"}
+    alike = [words[role] for role, same in channels.items() if same]
+    other = [words[role] for role, same in channels.items() if same is False]
+    rig = [RIG_VALUES[name].name for name, same in values.items() if same]
+    said = []
+    if alike or rig:
+        parts = [f"the sensors of {', '.join(alike)}"] if alike else []
+        parts += [f"of the rig {', '.join(rig)}"] if rig else []
+        listed = "; ".join([*parts, *(["weighed masses of the same size"] if weighed else [])])
+        said.append(
+            f"Both campaigns state alike {listed}. Their errors are taken as common: they cancel as far as they act "
+            "alike. If one of them was exchanged or calibrated again between the campaigns, use --independent."
+        )
+    if other:
+        said.append(f"The statements of {', '.join(other)} differ: their errors are taken as independent.")
+    return tuple(said) or ("The campaigns state nothing alike: all errors are taken as independent.",)

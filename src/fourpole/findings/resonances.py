@@ -14,7 +14,7 @@ import scipy
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY
 from fourpole.findings.evidence import FloatArray, factor
-from fourpole.findings.facts import Curve, Facts, common, finding_on, known, natural, pairs
+from fourpole.findings.facts import Curve, Facts, common, finding_on, in_order, known, natural, pairs
 from fourpole.findings.finding import Detail, Finding, Holds, Key, Setup, Topic
 from fourpole.quantities import TR
 
@@ -39,7 +39,7 @@ class Peak:
         Frequency and value of the largest measured TR.
     low, high : float [Hz]
         The interval in which the resonance lies; both are `frequency` at an end of the tested range.
-    at : float or None [Hz]
+    top : float or None [Hz]
         The top of a parabola, if the three points round the largest TR resolve it.
     side : {-1, 0, 1}
         -1 if the largest TR is at the lowest tested frequency, 1 if it is at the highest, else 0.
@@ -49,19 +49,19 @@ class Peak:
     tr: float
     low: float
     high: float
-    at: float | None = None
+    top: float | None = None
     side: int = 0
 
     @property
     def best(self) -> float:
         """Best estimate of the resonance [Hz]: the top of the parabola, else the tested frequency of the largest TR."""
-        return self.frequency if self.at is None else self.at
+        return self.frequency if self.top is None else self.top
 
     @property
     def doubt(self) -> float:
         """Largest distance of the resonance from `best` [Hz]: half the interval, or a tenth of that with a parabola."""
         width = 0.5 * (self.high - self.low)
-        return 0.1 * width if self.at is not None else width
+        return 0.1 * width if self.top is not None else width
 
     @property
     def std(self) -> float:
@@ -75,7 +75,7 @@ class Crossing:
 
     Attributes
     ----------
-    at : float [Hz]
+    frequency : float [Hz]
         Interpolated frequency of the crossing.
     low, high : float [Hz]
         The tested frequencies between which it lies.
@@ -83,7 +83,7 @@ class Crossing:
         1 if the second curve is the higher one below the crossing.
     """
 
-    at: float
+    frequency: float
     low: float
     high: float
     sign: int
@@ -144,17 +144,17 @@ class Crossings:
     """The crossings of the TR curves of two specimens, by condition; the tuple is empty where they do not cross."""
 
     kind: ClassVar[str] = "crossing"
-    at: Mapping[Key, tuple[Crossing, ...]]
+    crossings: Mapping[Key, tuple[Crossing, ...]]
 
     @property
     def single(self) -> dict[Key, Crossing]:
         """The conditions with exactly one crossing."""
-        return {key: found[0] for key, found in self.at.items() if len(found) == 1}
+        return {key: several[0] for key, several in self.crossings.items() if len(several) == 1}
 
     @property
     def several(self) -> dict[Key, tuple[Crossing, ...]]:
         """The conditions with more than one crossing."""
-        return {key: found for key, found in self.at.items() if len(found) > 1}
+        return {key: several for key, several in self.crossings.items() if len(several) > 1}
 
     @property
     def holds(self) -> Holds:
@@ -220,19 +220,19 @@ def _vertex(f: FloatArray, tr: FloatArray) -> float | None:
 def transmissibility(facts: Facts) -> list[Finding]:
     """All findings on the transmissibility."""
     peaks = {
-        who: {key: found for key, curve in lines.items() if (found := peak(curve)) is not None}
-        for who, lines in sorted(facts.curves.items(), key=lambda item: (natural(item[0][0]), item[0][1]))
+        who: {key: highest for key, curve in facts.curves[who].items() if (highest := peak(curve)) is not None}
+        for who in sorted(facts.curves, key=lambda who: (natural(who[0]), who[1]))
     }
     both = _pairs(peaks)
-    orders = [one for pair in both for one in _order(facts, peaks, *pair)]
-    inside = [one for who, each in peaks.items() for one in _resonances(facts, who, each)]
-    crossed = [one for pair in both for one in _crossings(facts, *pair)]
+    orders = [finding for pair in both for finding in _order(facts, peaks, *pair)]
+    inside = [finding for who in peaks for finding in _resonances(facts, who, peaks[who])]
+    crossed = [finding for pair in both for finding in _crossings(facts, *pair)]
     return [*orders, *inside, *crossed, *_measured_against_predicted(facts)]
 
 
 def _pairs(peaks: Mapping[Who, Mapping[Key, Peak]]) -> list[tuple[Who, Who]]:
     """Pairs of specimens in the same set-up."""
-    means = {who: float(np.mean([one.best for one in found.values()])) for who, found in peaks.items() if found}
+    means = {who: float(np.mean([p.best for p in peaks[who].values()])) for who in peaks if peaks[who]}
     setups = sorted({setup for _, setup in means})
     return [pair for setup in setups for pair in pairs({who: best for who, best in means.items() if who[1] == setup})]
 
@@ -243,14 +243,14 @@ def _resonances(facts: Facts, who: Who, peaks: Mapping[Key, Peak]) -> list[Findi
     The effect is the mean frequency; for resonances inside, its uncertainty is the mean of theirs.
     """
     groups: dict[tuple[int, float], dict[Key, Peak]] = {}
-    for key, one in peaks.items():
-        groups.setdefault((list(_SIDES).index(one.side), 0.0 if one.side else key[1]), {})[key] = one
+    for key, highest in peaks.items():
+        groups.setdefault((list(_SIDES).index(highest.side), 0.0 if highest.side else key[1]), {})[key] = highest
     findings = []
-    for _, each in sorted(groups.items()):
-        found, holds = list(each.values()), _SIDES[next(iter(each.values())).side]
-        best, std = (float(np.mean(x)) for x in ([one.best for one in found], [one.std for one in found]))
+    for _, alike in sorted(groups.items()):
+        holds = _SIDES[next(iter(alike.values())).side]
+        best, std = (float(np.mean([getattr(p, name) for p in alike.values()])) for name in ("best", "std"))
         size = best, std if holds is Holds.INSIDE else None
-        findings.append(_on_curves(facts, (who,), each, Topic.RESONANCE, holds, Resonance(each), *size))
+        findings.append(_on_curves(facts, (who,), alike, Topic.RESONANCE, holds, Resonance(alike), *size))
     return findings
 
 
@@ -276,9 +276,9 @@ def _order(facts: Facts, peaks: Mapping[Who, Mapping[Key, Peak]], first: Who, se
     if not keys:
         return []
     gaps = {key: b[key].best - a[key].best for key in keys}
-    found = ResonanceOrder(gaps, {key: hypot(a[key].doubt, b[key].doubt) for key in keys})
-    size = -found.mean, max(hypot(a[key].std, b[key].std) for key in keys)
-    return [_on_curves(facts, (first, second), keys, Topic.RESONANCE, found.holds, found, *size)]
+    order = ResonanceOrder(gaps, {key: hypot(a[key].doubt, b[key].doubt) for key in keys})
+    size = -order.mean, max(hypot(a[key].std, b[key].std) for key in keys)
+    return [_on_curves(facts, (first, second), keys, Topic.RESONANCE, order.holds, order, *size)]
 
 
 def crossings(first: Curve, second: Curve) -> list[Crossing]:
@@ -287,16 +287,16 @@ def crossings(first: Curve, second: Curve) -> list[Crossing]:
     tested = np.array([f for f in order if np.min(np.abs(np.array(second.frequency) / f - 1.0)) < FREQUENCY.relative])
     if tested.size < _FEWEST_POINTS:
         return []
-    found = []
+    between = []
     gap, std = _gap(first, second, tested)
     clear = [i for i in range(tested.size) if abs(gap[i]) > factor() * std[i]]
     for a, b in pairwise(clear):
         if gap[a] * gap[b] < 0.0:
             f = np.linspace(tested[a], tested[b], 501)
             left = np.flatnonzero(_gap(first, second, f)[0] * gap[a] <= 0.0)
-            at = float(f[left[0]] if left.size else f[-1])
-            found.append(Crossing(at, float(tested[a]), float(tested[b]), int(np.sign(gap[a]))))
-    return found
+            place = float(f[left[0]] if left.size else f[-1])
+            between.append(Crossing(place, float(tested[a]), float(tested[b]), int(np.sign(gap[a]))))
+    return between
 
 
 def _gap(first: Curve, second: Curve, f: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -318,10 +318,10 @@ def _crossings(facts: Facts, first: Who, second: Who) -> list[Finding]:
     keys = [key for key in common(a, b) if min(len(a[key].frequency), len(b[key].frequency)) >= _FEWEST_POINTS]
     if not keys:
         return []
-    found = Crossings({key: tuple(crossings(a[key], b[key])) for key in keys})
-    at = [one.at for one in found.single.values()]
-    mean = float(np.mean(at)) if at else None
-    return [_on_curves(facts, (first, second), keys, Topic.TRANSMISSIBILITY, found.holds, found, mean)]
+    detail = Crossings({key: tuple(crossings(a[key], b[key])) for key in keys})
+    single = [crossing.frequency for crossing in detail.single.values()]
+    mean = float(np.mean(single)) if single else None
+    return [_on_curves(facts, (first, second), keys, Topic.TRANSMISSIBILITY, detail.holds, detail, mean)]
 
 
 def _measured_against_predicted(facts: Facts) -> list[Finding]:
@@ -335,7 +335,7 @@ def _measured_against_predicted(facts: Facts) -> list[Finding]:
     if not off:
         return []
     reach = factor(searched=len(off))
-    beyond = tuple(sorted((test for test in off if abs(off[test]) > reach * std[test]), key=natural))
-    found, tests = Prediction(off, beyond), tuple(sorted(off, key=natural))
-    holds = Holds.BEYOND if beyond else Holds.WITHIN
-    return [Finding(Topic.TRANSMISSIBILITY, TR, facts.tyres, holds, found, effect=found.mean, unit="1", tests=tests)]
+    beyond = in_order(test for test in off if abs(off[test]) > reach * std[test])
+    detail, holds = Prediction(off, beyond), Holds.BEYOND if beyond else Holds.WITHIN
+    about = Topic.TRANSMISSIBILITY, TR, facts.tyres, holds, detail
+    return [Finding(*about, effect=detail.mean, unit="1", tests=in_order(off))]

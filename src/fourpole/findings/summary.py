@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import hypot, inf, isfinite, nan
+from math import hypot, inf, isfinite, nan, sqrt
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
+import scipy
 
 from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.polar import polar
 from fourpole.findings.facts import Facts, Measured, known, natural
 from fourpole.findings.finding import UNSTATED, Key
-from fourpole.findings.repeats import Scatter, mean_of_repeats, reach_of_scatter, scatter_in
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.record import section
@@ -26,10 +28,22 @@ SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 USUAL_FREQUENCY = 15.0
 #: Conditions that a table shows one by one; of more, each specimen has one row.
 MOST_CONDITIONS = 12
+#: Probability below value + 2 u of a normal distribution.
+_BELOW_TWO = 0.97725
+#: The attributes of a row that are ranges.
+_RANGES = ("pressure", "preload", "temperature", "amplitude", "frequency")
 #: Lowest and highest value; None where there is none.
 Range = tuple[float, float] | None
 #: Rows of dynamic.csv by (specimen, (pressure, preload)), then by frequency [Hz].
 Conditions = dict[tuple[str, Key], dict[float, list[dict[str, Any]]]]
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far repeats of one quantity of a specimen scatter: relative standard deviation [1], degrees of freedom."""
+
+    relative: float = 0.0
+    dof: int = 0
 
 
 @dataclass(frozen=True)
@@ -99,17 +113,16 @@ def summary(
         Sorted by specimen, pressure and preload. Without a dynamic test in use, K1 of the static ones.
     """
     facts = Facts.of(results)
-    at = conditions_of(facts)
-    if not at:
+    conditions = conditions_of(facts)
+    if not conditions:
         return bounded(_static_rows(facts), most)
-    if frequency is None:
-        frequency = wanted_frequency(results)
-    shared = set.intersection(*(set(each) for each in at.values()))
-    rows, scatters = [], scatters_of(at)
-    for (specimen, condition), tested in at.items():
-        chosen = min(shared or tested, key=lambda one: (abs(one - frequency), one))
-        made = _row(specimen, condition, chosen, tested[chosen], scatters[specimen])
-        rows.append(replace(made, intervals=intervals_of(results, tested[chosen], scatters[specimen])))
+    wanted = wanted_frequency(results) if frequency is None else frequency
+    shared = set.intersection(*map(set, conditions.values()))
+    rows, scatters = [], scatters_of(conditions)
+    for (specimen, condition), tested in conditions.items():
+        chosen = min(shared or tested, key=lambda f: (abs(f - wanted), f))
+        row = _row(specimen, condition, chosen, tested[chosen], scatters[specimen])
+        rows.append(replace(row, intervals=intervals_of(results, tested[chosen], scatters[specimen])))
     return bounded(rows, most)
 
 
@@ -118,10 +131,9 @@ def _static_rows(facts: Facts) -> list[SummaryRow]:
     rows = []
     for specimen in facts.tyres:
         for (pressure, preload), k1 in k1_of(facts, specimen).items():
-            at = [None if one == UNSTATED else (one, one) for one in (pressure, preload)]
             tests = [row for row in facts.used_static if row["test"] in k1.tests]
-            warm, key = _middle(tests, q.TEMPERATURE), q.K1.key
-            rows.append(SummaryRow(specimen, at[0], at[1], warm, None, None, k1.tests, {key: (k1, k1)}, {key: k1.std}))
+            where = _twice(pressure), _twice(preload), _middle(tests, q.TEMPERATURE), None, None
+            rows.append(SummaryRow(specimen, *where, k1.tests, {q.K1.key: (k1, k1)}, {q.K1.key: k1.std}))
     return rows
 
 
@@ -149,27 +161,27 @@ def wanted_frequency(results: Study) -> float:
 
 def conditions_of(facts: Facts) -> Conditions:
     """The dynamic tests in use by nominal condition and frequency, the conditions in order."""
-    found: Conditions = {}
+    conditions: Conditions = {}
     for row in facts.used_dynamic:
-        pressure, load, place = facts.key(row, ("pressure", "load", "frequency"))
-        if place != UNSTATED:
-            found.setdefault((row["tyre"], (pressure, load)), {}).setdefault(place, []).append(row)
+        pressure, load, frequency = facts.key(row, ("pressure", "load", "frequency"))
+        if frequency != UNSTATED:
+            conditions.setdefault((row["tyre"], (pressure, load)), {}).setdefault(frequency, []).append(row)
 
-    def rank(at: tuple[str, Key]) -> tuple[Any, ...]:
-        specimen, key = at
-        warm = (row.get(q.TEMPERATURE.head) for rows in found[at].values() for row in rows)
+    def rank(condition: tuple[str, Key]) -> tuple[Any, ...]:
+        specimen, key = condition
+        warm = (row.get(q.TEMPERATURE.head) for rows in conditions[condition].values() for row in rows)
         lowest = min((value for value in warm if value is not None), default=-inf)
-        return natural(facts.stated.get(specimen, specimen)), lowest, natural(specimen), key
+        return natural(facts.stated(specimen)), lowest, natural(specimen), key
 
-    return {at: found[at] for at in sorted(found, key=rank)}
+    return {condition: conditions[condition] for condition in sorted(conditions, key=rank)}
 
 
 def mean_of(
     quantity: Quantity, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter] | None = None
 ) -> Measured | None:
     """A quantity averaged over the rows of some tests; None where none of them has it. `pooled` as of `scatters_of`."""
-    found = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
-    return mean_of_repeats(found, (pooled or {}).get(quantity.key)) if found else None
+    repeats = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
+    return mean_of_repeats(repeats, (pooled or {}).get(quantity.key)) if repeats else None
 
 
 def scatters_of(conditions: Conditions) -> dict[str, dict[str, Scatter]]:
@@ -177,13 +189,12 @@ def scatters_of(conditions: Conditions) -> dict[str, dict[str, Scatter]]:
     groups: dict[str, list[list[dict[str, Any]]]] = {}
     for (specimen, _), tested in conditions.items():
         groups.setdefault(specimen, []).extend(rows for rows in tested.values() if len(rows) > 1)
-    quantities = (*SUMMARISED, q.LOSS_FACTOR)
     return {
         specimen: {
-            one.key: scatter_in([[pair[0] for row in rows if (pair := _value(one, row))] for rows in each])
-            for one in quantities
+            quantity.key: scatter_in([[pair[0] for row in rows if (pair := _value(quantity, row))] for rows in repeats])
+            for quantity in (*SUMMARISED, q.LOSS_FACTOR)
         }
-        for specimen, each in groups.items()
+        for specimen, repeats in groups.items()
     }
 
 
@@ -192,8 +203,8 @@ def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
     for rows in (facts.used_static, facts.used_dynamic):
         groups: dict[Key, list[tuple[float, float, str]]] = {}
         for row in rows:
-            if row["tyre"] == specimen and (found := known(row, q.K1)):
-                groups.setdefault(facts.key(row, q.K1.over), []).append((*found, str(row["test"])))
+            if row["tyre"] == specimen and (k1 := known(row, q.K1)):
+                groups.setdefault(facts.key(row, q.K1.over), []).append((*k1, str(row["test"])))
         if groups:
             return {key: mean_of_repeats(groups[key]) for key in sorted(groups)}
     return {}
@@ -202,17 +213,20 @@ def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
 def _row(
     specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter]
 ) -> SummaryRow:
-    pressure, preload = (None if value == UNSTATED else (value, value) for value in condition)
+    pressure, preload = map(_twice, condition)
     means = {quantity.key: mean for quantity in SUMMARISED if (mean := mean_of(quantity, tests, pooled)) is not None}
     values = {key: (mean, mean) for key, mean in means.items()}
     names = tuple(str(row["test"]) for row in tests)
-    temperature, amplitude = (_middle(tests, one) for one in (q.TEMPERATURE, q.DEFLECTION_AMPLITUDE))
+    temperature, amplitude = (_middle(tests, quantity) for quantity in (q.TEMPERATURE, q.DEFLECTION_AMPLITUDE))
+    where = pressure, preload, temperature, amplitude, (frequency, frequency)
     stds = {key: mean.std for key, mean in means.items()}
-    at = (frequency, frequency)
     scatter, single = _scatter(tests)
-    return SummaryRow(
-        specimen, pressure, preload, temperature, amplitude, at, names, values, stds, scatter=scatter, single=single
-    )
+    return SummaryRow(specimen, *where, names, values, stds, scatter=scatter, single=single)
+
+
+def _twice(value: float) -> Range:
+    """A nominal value as a range; None if it is not stated."""
+    return None if value == UNSTATED else (value, value)
 
 
 def _scatter(tests: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
@@ -237,14 +251,14 @@ def intervals_of(
 
     About the mean it reaches as far as those of the repeats do on average, and their scatter is added in squares.
     """
-    keys, skewed = [key_of(row) for row in rows], _skewed(results)
-    found = {}
+    skewed, intervals = _skewed(results), {}
     for quantity in (q.K2, q.C):
-        ends = [skewed.get((key, quantity.symbol)) for key in keys]
-        if any(ends):
-            both = [(pair, end) for row, end in zip(rows, ends, strict=True) if (pair := _value(quantity, row))]
-            found.update({quantity.key: _about_mean(both, (pooled or {}).get(quantity.key))} if both else {})
-    return found
+        ends = [skewed.get((key_of(row), quantity.symbol)) for row in rows]
+        values = [_value(quantity, row) for row in rows]
+        repeats = [(value, end) for value, end in zip(values, ends, strict=True) if value]
+        if repeats and any(ends):
+            intervals[quantity.key] = _about_mean(repeats, (pooled or {}).get(quantity.key))
+    return intervals
 
 
 def _skewed(results: Study) -> dict[tuple[Any, str], tuple[float, float | None]]:
@@ -255,8 +269,8 @@ def _skewed(results: Study) -> dict[tuple[Any, str], tuple[float, float | None]]
             for row in results.quantiles.rows(named=True)
             if row[q.LOWER.head] is not None
         }
-    found: dict[tuple[Any, str], tuple[float, float | None]] = results.derived["skewed"]
-    return found
+    skewed: dict[tuple[Any, str], tuple[float, float | None]] = results.derived["skewed"]
+    return skewed
 
 
 def _about_mean(
@@ -293,34 +307,34 @@ def _polar(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | 
         return None
     (re, u_re), (im, u_im), corr = storage, loss, row.get(q.CORR_K.head) or 0.0
     values, slopes = polar(complex(re, im))
-    at = 0 if quantity is MODULUS else 1
-    by_re, by_im = slopes[at].tolist()
+    place = 0 if quantity is MODULUS else 1
+    by_re, by_im = slopes[place].tolist()
     variance = (by_re * u_re) ** 2 + (by_im * u_im) ** 2 + 2 * corr * by_re * by_im * u_re * u_im
-    return float(values[at]), max(variance, 0.0) ** 0.5
+    return float(values[place]), max(variance, 0.0) ** 0.5
 
 
 def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
     """One row of several conditions of a specimen."""
     values, largest, intervals = {}, {}, {}
     for key in (quantity.key for quantity in SUMMARISED):
-        found = [row.values[key][0] for row in rows if key in row.values]
-        if found:
-            values[key] = (min(found, key=_size), max(found, key=_size))
-            largest[key] = max(one.std for one in found)
+        measured = [row.values[key][0] for row in rows if key in row.values]
+        if measured:
+            values[key] = (min(measured, key=_size), max(measured, key=_size))
+            largest[key] = max(value.std for value in measured)
         if any(key in row.intervals for row in rows):
             ends = [row.intervals.get(key) or ends_of(row.values[key][0]) for row in rows if key in row.values]
             intervals[key] = (min(low for low, _ in ends), max(high for _, high in ends))
-    ranges = [
-        (min(one[0] for one in stated), max(one[1] for one in stated)) if stated else None
-        for stated in ([one for one in each if one is not None] for each in zip(*map(_axes, rows), strict=True))
-    ]
-    pressure, preload, temperature, amplitude, frequency = ranges
+    pressure, preload, temperature, amplitude, frequency = (_whole(map(attrgetter(name), rows)) for name in _RANGES)
+    where = pressure, preload, temperature, amplitude, frequency
     tests = tuple(test for row in rows for test in row.tests)
     worst = max(rows, key=lambda row: row.scatter)
-    return SummaryRow(
-        rows[0].specimen, pressure, preload, temperature, amplitude, frequency, tests, values, largest, intervals,
-        worst.scatter, worst.single,
-    )  # fmt: skip
+    return SummaryRow(rows[0].specimen, *where, tests, values, largest, intervals, worst.scatter, worst.single)
+
+
+def _whole(ranges: Iterable[Range]) -> Range:
+    """The range over some ranges; None if all of them are."""
+    ends = [end for stated in ranges if stated is not None for end in stated]
+    return (min(ends), max(ends)) if ends else None
 
 
 def ends_of(measured: Measured) -> tuple[float, float]:
@@ -328,9 +342,56 @@ def ends_of(measured: Measured) -> tuple[float, float]:
     return measured.value - COVERAGE_FACTOR * measured.std, measured.value + COVERAGE_FACTOR * measured.std
 
 
-def _axes(row: SummaryRow) -> tuple[Range, ...]:
-    return row.pressure, row.preload, row.temperature, row.amplitude, row.frequency
-
-
 def _size(measured: Measured) -> float:
     return measured.value
+
+
+# ---- repeats
+
+
+def scatter_in(groups: Iterable[Sequence[float]]) -> Scatter:
+    r"""The scatter of repeats within groups, pooled over the groups.
+
+    .. math:: s^2 = \sum_i (n_i - 1) (s_i/\bar x_i)^2 / \sum_i (n_i - 1)
+
+    Source: JCGM 100:2008, 4.2.4, here of relative standard deviations.
+
+    >>> scatter_in([[1.0, 1.2], [2.0], [3.0, 3.6]]).dof
+    2
+    """
+    squares, dof = 0.0, 0
+    for values in (np.asarray(group) for group in groups if len(group) > 1):
+        if mean := float(values.mean()):
+            squares += float(((values / mean - 1) ** 2).sum())
+            dof += values.size - 1
+    return Scatter(sqrt(squares / dof) if dof else 0.0, dof)
+
+
+def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: Scatter | None = None) -> Measured:
+    r"""Mean of values with their standard uncertainties and tests, such that twice its u is a 95 % interval.
+
+    .. math:: u^2 = \bar u^2 + (t/2)^2 s^2/n
+
+    with the mean u of the n repeats, which their common errors make, the standard deviation s of the repeats, and
+    Student's t: few repeats do not tell how far their mean is off. Where other conditions of the specimen have repeats,
+    too, s is that of all of them, at least that of these. Source of t: JCGM 100:2008, G.3.2.
+
+    >>> mean_of_repeats([(2.0, 0.1, "D1"), (2.0, 0.1, "D2")]).pair
+    (2.0, 0.1)
+    """
+    values = np.array([value for value, _, _ in repeats])
+    stated = float(np.mean([std for _, std, _ in repeats]))
+    std = hypot(stated, 0.5 * reach_of_scatter(values, pooled))
+    return Measured(float(values.mean()), std, tuple(test for *_, test in repeats))
+
+
+def reach_of_scatter(values: FloatArray, pooled: Scatter | None = None) -> float:
+    """Half the 95 % interval of a mean by the scatter of repeats alone; 0 for one value."""
+    if values.size < 2:
+        return 0.0
+    of_these = float(values.std(ddof=1))
+    scatter, dof = of_these, values.size - 1
+    if pooled is not None and pooled.dof > dof:
+        scatter, dof = pooled.relative * abs(float(values.mean())), pooled.dof
+    t = float(scipy.special.stdtrit(dof, _BELOW_TWO))
+    return max(t * scatter, 2.0 * of_these) / sqrt(values.size)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,14 +29,14 @@ class Extremum:
     ----------
     holds : Holds
         MAXIMUM or MINIMUM.
-    at : float
+    place : float
         Its place on the axis, in SI.
     first, last : Effect
         The values at the two ends relative to the extremum, less 1.
     """
 
     holds: Holds
-    at: float
+    place: float
     first: Effect
     last: Effect
 
@@ -84,9 +84,10 @@ class Trend:
         """Mean relative change at each value of the axis `split_by`; one mean of all lines if there is no such axis."""
         if self.split_by is None:
             return {0.0: self.mean}
-        at = self.rest.index(self.split_by)
-        order = sorted(self.effects.items(), key=lambda item: item[0][at])
-        return {v: mean_effect([e for _, e in group]) for v, group in groupby(order, key=lambda item: item[0][at])}
+        place, groups = self.rest.index(self.split_by), dict[float, list[Effect]]()
+        for key in sorted(self.effects, key=lambda key: key[place]):
+            groups.setdefault(key[place], []).append(self.effects[key])
+        return {value: mean_effect(effects) for value, effects in groups.items()}
 
     @property
     def holds(self) -> Holds:
@@ -178,7 +179,7 @@ class Lines:
         variance, dof = self.scatter(2)
         for holds, top in ((Holds.MAXIMUM, int(np.argmax(curve))), (Holds.MINIMUM, int(np.argmin(curve)))):
             change, shared = curve / curve[top] - 1.0, np.abs(std - std[top])
-            ends = [Effect(float(change[at]), (2 * variance) ** 0.5, float(shared[at]), dof) for at in (0, -1)]
+            ends = [Effect(float(change[i]), (2 * variance) ** 0.5, float(shared[i]), dof) for i in (0, -1)]
             if 0 < top < full - 1 and all(end.claimed(full) for end in ends):
                 return Extremum(holds, float(grid[top]), *ends)
         return None
@@ -186,11 +187,11 @@ class Lines:
 
 def lines_along(values: Values, axes: tuple[str, ...], axis: str) -> Lines | None:
     """Lines of three points or more along an axis; if there are none, lines of two points; else None."""
-    at = axes.index(axis)
+    place = axes.index(axis)
     points: dict[Key, list[tuple[float, float, float]]] = {}
-    for key, found in sorted(values.items(), key=lambda item: item[0]):
-        if key[at] > 0:
-            points.setdefault((*key[:at], *key[at + 1 :]), []).append((key[at], *found.pair))
+    for key in sorted(values):
+        if key[place] > 0:
+            points.setdefault((*key[:place], *key[place + 1 :]), []).append((key[place], *values[key].pair))
     most = max((len(line) for line in points.values()), default=0)
     if most < 2:
         return None
@@ -204,5 +205,5 @@ def trend_of(quantity: Quantity, tyre: str, values: Values, axis: str) -> Findin
     lines = lines_along(values, quantity.over, axis)
     if lines is None:
         return None
-    found = lines.trend()
-    return finding_on(quantity, {tyre: values}, values, found.holds, found, found.mean.value, found.mean.std)
+    trend = lines.trend()
+    return finding_on(quantity, {tyre: values}, values, trend.holds, trend, trend.mean.value, trend.mean.std)

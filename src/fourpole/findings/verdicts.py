@@ -12,7 +12,7 @@ from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.codes import Code
 from fourpole.core.remarks import CASES
-from fourpole.findings.facts import Facts, natural
+from fourpole.findings.facts import Facts, in_order
 from fourpole.findings.finding import Finding, Holds, Topic
 from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.documents import json_of
@@ -83,14 +83,13 @@ def kind_of(checks: Sequence[CheckRow], remarks: str) -> tuple[object, ...]:
 
 def verdicts(facts: Facts) -> list[Finding]:
     """The number of tests by verdict; then the rejected and the warned ones by reason, the commonest reason first."""
-    rows = pl.concat([table.select("test", "verdict", "remarks") for table in facts.tables]).rows()
+    rows = [(row["test"], row["verdict"], row["remarks"]) for table in facts.rows for row in table]
     by_test: dict[str, list[str]] = {}
     for test, verdict, _ in rows:
         by_test.setdefault(test, []).append(verdict)
-    worst = {test: worst_verdict(found) for test, found in by_test.items()}
+    worst = {test: worst_verdict(each) for test, each in by_test.items()}
     tally = Tally(*(list(worst.values()).count(verdict) for verdict in VERDICTS))
-    used = tuple(sorted((test for test, verdict in worst.items() if verdict != Verdict.REJECTED), key=natural))
-    found = [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used)]
+    used = in_order(test for test, verdict in worst.items() if verdict != Verdict.REJECTED)
     checks = checks_by_test(facts.results.checks)
     doubts: list[Finding] = []
     for holds in (Holds.REJECTED, Holds.WARNING):
@@ -99,18 +98,13 @@ def verdicts(facts: Facts) -> list[Finding]:
         for test, verdict, remarks in rows:
             for doubt, kind in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
                 reasons.setdefault(doubt if doubt.code else alike.setdefault(kind, doubt), set()).add(test)
-        order = sorted(reasons, key=lambda one: (-len(reasons[one]), one.code.text if one.code else "", one.remark))
-        doubts += [Finding(Topic.TRUST, None, (), holds, one, tests=_sorted(reasons[one])) for one in order]
-    return found + sorted(doubts, key=_place)
-
-
-def _place(doubt: Finding) -> bool:
-    """Sort key of a doubt: a specimen that is not linear comes first, because all other checks assume a linear one."""
-    return not (isinstance(doubt.detail, Doubt) and doubt.detail.code is Code.LINEARITY)
-
-
-def _sorted(tests: set[str]) -> tuple[str, ...]:
-    return tuple(sorted(tests, key=natural))
+        order = sorted(
+            reasons, key=lambda doubt: (-len(reasons[doubt]), doubt.code.text if doubt.code else "", doubt.remark)
+        )
+        doubts += [Finding(Topic.TRUST, None, (), holds, doubt, tests=in_order(reasons[doubt])) for doubt in order]
+    # A specimen that is not linear comes first, because all other checks assume a linear one.
+    doubts.sort(key=lambda finding: not (isinstance(finding.detail, Doubt) and finding.detail.code is Code.LINEARITY))
+    return [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used), *doubts]
 
 
 def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> Sequence[tuple[Doubt, object]]:
@@ -125,21 +119,21 @@ def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> Sequence[
 
 def checks_by_point(checks: pl.DataFrame) -> dict[Key, list[CheckRow]]:
     """The rows of checks.csv that are not plainly ok, by test and point; empty if the results have no checks.csv."""
-    found: dict[Key, list[CheckRow]] = {}
+    by_point: dict[Key, list[CheckRow]] = {}
     for key, row in zip(keys_of(checks), checks.rows(named=True), strict=True):
         if row[q.VERDICT.head] != Verdict.OK or row[q.STATISTIC.head] is None:
             texts = (row[q.REMEDY.head] or "", row[q.CHANNEL.head] or "", row.get(q.VALUES.head) or "")
             check = CheckRow(Verdict.read(row[q.VERDICT.head]), Code.read(row[q.CODE.head]), *texts)
-            found.setdefault(key, []).append(check)
-    return found
+            by_point.setdefault(key, []).append(check)
+    return by_point
 
 
 def checks_by_test(checks: pl.DataFrame) -> dict[str, list[CheckRow]]:
     """The same by test."""
-    found: dict[str, list[CheckRow]] = {}
+    by_test: dict[str, list[CheckRow]] = {}
     for (test, _), rows in checks_by_point(checks).items():
-        found.setdefault(test, []).extend(rows)
-    return found
+        by_test.setdefault(test, []).extend(rows)
+    return by_test
 
 
 def _beginning(remarks: str) -> str:

@@ -10,9 +10,8 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import CampaignError
-from fourpole.findings.common import none
 from fourpole.findings.compared import RATIO, compared_by
-from fourpole.findings.points import Common
+from fourpole.findings.points import Common, none
 from fourpole.fitting.rows import rule_in
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes

@@ -111,7 +111,7 @@ def summary_table(results: Study, rows: Sequence[SummaryRow]) -> SimpleNamespace
         for name, stated in section(results.record, "stated", "specimens").items()
         if (load := rated_load(section(stated))) is not None
     }
-    made = [_row(row, used, shown, rated.get(facts.stated.get(row.specimen, row.specimen))) for row in rows]
+    made = [_row(row, used, shown, rated.get(facts.stated(row.specimen))) for row in rows]
     frequencies = [one for one in {row.frequency for row in rows} if one is not None]
     frequency = shown.of(q.FREQUENCY)
     at = f"{_span(frequencies[0], frequency.scale)} {frequency.suffix}" if len(frequencies) == 1 else ""

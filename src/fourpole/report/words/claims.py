@@ -6,22 +6,25 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from fourpole.findings.claims import CROSS, RADIAL, Claim, NoCommonState
-from fourpole.findings.evidence import Effect
-from fourpole.findings.finding import Finding, Holds
-from fourpole.findings.readings import (
+from fourpole.findings.claims import (
+    CROSS,
+    RADIAL,
     Above,
     ApartAt,
+    Claim,
     Evidence,
     Isolation,
     Lack,
     Likewise,
     Need,
+    NoCommonState,
     Nonlinear,
     OptimumAt,
     Order,
     Turning,
 )
+from fourpole.findings.evidence import Effect
+from fourpole.findings.finding import Finding, Holds
 from fourpole.findings.trends import Trend
 from fourpole.report.words.levels import over, span
 from fourpole.report.words.phrases import (

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fourpole.findings.comparisons import Comparison
 from fourpole.findings.evidence import Effect
 from fourpole.findings.finding import UNSTATED, Finding, Holds, Key
-from fourpole.findings.levels import CycleLoss, Departure, Level
+from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
 from fourpole.findings.trends import Extremum, Trend
 from fourpole.report.words.phrases import (
     combinations,
@@ -166,7 +165,7 @@ def over(found: Trend) -> str:
 def _extremum(found: Trend, extremum: Extremum) -> str:
     what, off = ("maximum", "below") if extremum.holds is Holds.MAXIMUM else ("minimum", "above")
     return (
-        f"{what} against {found.axis} at {setting(found.axis, extremum.at)}{_where(found)}: it is "
+        f"{what} against {found.axis} at {setting(found.axis, extremum.place)}{_where(found)}: it is "
         f"{percent(abs(extremum.first.value))} {off} it at {setting(found.axis, found.ends[0])} and "
         f"{percent(abs(extremum.last.value))} {off} it at {setting(found.axis, found.ends[1])}"
     )

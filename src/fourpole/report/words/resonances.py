@@ -59,7 +59,7 @@ def _inside(finding: Finding, found: Resonance) -> str:
         heights = ranged([each.tr for each in peaks])
         return f"{name} at {span} over {len(peaks)} pressures; the largest TR is {heights}."
     where = [f" ({bar(key[0])})" if key[0] > 0 else "" for key in found.peaks]
-    if all(each.at is not None for each in peaks):
+    if all(each.top is not None for each in peaks):
         at = f"at about {joined(f'{number(each.best)} Hz{p}' for each, p in zip(peaks, where, strict=True))}"
     else:
         at = joined(f"{_at(each)}{p}" for each, p in zip(peaks, where, strict=True))
@@ -68,8 +68,8 @@ def _inside(finding: Finding, found: Resonance) -> str:
 
 
 def _at(found: Peak) -> str:
-    if found.at is not None:
-        return f"at about {number(found.at)} Hz"
+    if found.top is not None:
+        return f"at about {number(found.top)} Hz"
     return f"between the tested frequencies {number(found.low)} and {number(found.high)} Hz"
 
 
@@ -101,12 +101,12 @@ def crossings(finding: Finding, found: Crossings) -> str:
     first, second = _names(finding)
     names = f"The TR curves of {first} and {second}"
     if finding.holds is Holds.NO_CROSSING:
-        return f"{names} do not cross beyond their uncertainty at {each_of(len(found.at))} in common."
+        return f"{names} do not cross beyond their uncertainty at {each_of(len(found.crossings))} in common."
     texts = []
     if found.single:
-        at = each_of(len(found.at))
-        if len(found.single) < len(found.at):
-            at = f"{len(found.single)} of {counted(len(found.at), 'condition')}"
+        at = each_of(len(found.crossings))
+        if len(found.single) < len(found.crossings):
+            at = f"{len(found.single)} of {counted(len(found.crossings), 'condition')}"
         texts.append(f"cross once at {at} in common, {_crossed(found.single)}{_below(found, first, second)}")
     if found.several:
         listed = [f"{joined(map(_crossing, at))} ({condition(_AXES, key)})" for key, at in found.several.items()]
@@ -116,7 +116,7 @@ def crossings(finding: Finding, found: Crossings) -> str:
 
 def _crossing(found: Crossing) -> str:
     """The frequency, as '18.2 Hz', if the crossing is resolved; else the tested frequencies on either side."""
-    return f"{number(found.at)} Hz" if found.resolved else f"{number(found.low)} to {number(found.high)} Hz"
+    return f"{number(found.frequency)} Hz" if found.resolved else f"{number(found.low)} to {number(found.high)} Hz"
 
 
 def _crossed(single: Mapping[Key, Crossing]) -> str:
@@ -126,10 +126,10 @@ def _crossed(single: Mapping[Key, Crossing]) -> str:
         return f"between the tested frequencies {number(low)} and {number(high)} Hz"
     if len(found) == 1:
         return f"at about {_crossing(found[0])}"
-    first, last = (pick(single, key=lambda key: (single[key].at, key)) for pick in (min, max))
+    first, last = (pick(single, key=lambda key: (single[key].frequency, key)) for pick in (min, max))
     return (
         f"between {_crossing(single[first])} ({condition(_AXES, first)}) and {_crossing(single[last])} "
-        f"({condition(_AXES, last)}), at {number(float(np.mean([one.at for one in found])))} Hz on average"
+        f"({condition(_AXES, last)}), at {number(float(np.mean([one.frequency for one in found])))} Hz on average"
     )
 
 

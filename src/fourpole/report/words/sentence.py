@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fourpole.findings.claims import Claim, NoCommonState
-from fourpole.findings.comparisons import Comparison
 from fourpole.findings.finding import Finding, Holds, Topic
-from fourpole.findings.levels import CycleLoss, Departure, Level
+from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Trend
 from fourpole.findings.verdicts import Doubt, Tally
