@@ -53,6 +53,7 @@ MAY = {
     "report/selftest/calculated.py": "the calls of the reference cases",
     "served/site.py": "scripts and styles",
     "export/fmi/csource.py": "the source of FMUs",
+    "words/__init__.py": "the sentences of checks",
     "io/origin.py": "the package's own repository",
     # the user's own
     "served/signals.py": "samples in the user's own cache folder",

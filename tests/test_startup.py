@@ -60,7 +60,7 @@ def test_the_version_is_printed_without_the_command_line():
 def test_the_list_of_commands_needs_typer_and_neither_rich_nor_numpy():
     loaded = loaded_by(run("--help", code=0))
     assert "typer" in loaded
-    assert not loaded & {"rich", "numpy", "pydantic"}
+    assert not loaded & {"rich", "numpy", "pydantic", "fourpole.words"}
 
 
 def test_the_units_that_are_suggested_do_not_load_pint():

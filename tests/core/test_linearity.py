@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.linearity import linearity_checks
 from fourpole.core.rig import Rig

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fourpole.core.checks import Check, Verdict
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict
 from fourpole.core.demodulation.demodulate import demodulate
 from fourpole.core.phasor import CHANNELS, Phasors
 from fourpole.core.recording import Channel
@@ -29,8 +28,8 @@ from fourpole.core.recordingchecks import (
     check_spoilt,
     clipped_share,
 )
-from fourpole.core.remarks import remark_of, said
 from fourpole.core.rig import Rig
+from fourpole.words import remark_of, said
 
 NAMES = ("F1", "V1", "V2")
 

@@ -11,11 +11,10 @@ from tests import random_rig
 
 from fourpole import Recording
 from fourpole.core.chain import LowPass
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import DRIVE, Channel
-from fourpole.core.remarks import remark_of
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.spectra.average import cross_spectra, independent
@@ -25,6 +24,7 @@ from fourpole.core.spectra.ratios import Ratios, with_bend
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import RecordingError, TooShortError
+from fourpole.words import remark_of
 
 BAND = (5.0, 200.0)
 

@@ -4,14 +4,15 @@ import re
 import sys
 from pathlib import Path
 
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
+from fourpole.words import template
 
 PAGE = Path(__file__).parents[2] / "docs" / "checks.md"
 
 
 def remedy(code):
     """What to do, for a warning and for a rejection; remarks have what differs from test to test."""
-    texts = dict.fromkeys(code.says(verdict)[1] for verdict in ("warning", "rejected"))
+    texts = dict.fromkeys(template(code, "remedy", verdict) for verdict in ("warning", "rejected"))
     said = "; ".join(text for text in texts if text and "{" not in text)
     return said or "see the remark"
 
@@ -34,10 +35,9 @@ def described():
         "| check | looks at | means | remedy |",
         "|---|---|---|---|",
     ]
-    lines += [
-        f"| `{code.text}` | {code.about} | {code.short('rejected') or 'see the remark'} | {remedy(code)} |"
-        for code in Code
-    ]
+    for code in Code:
+        short = template(code, "short", "rejected") or "see the remark"
+        lines.append(f"| `{code.text}` | {template(code, 'about')} | {short} | {remedy(code)} |")
     return re.sub(r"K\*", r"K\\*", "\n".join(lines)) + "\n"
 
 

@@ -5,8 +5,7 @@ import polars as pl
 import pytest
 from tests.findings.designed import LOADS, Tables, Tyre, rig_curve
 
-from fourpole.core.checks import Verdict
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code, Verdict
 from fourpole.findings import Holds, findings, findings_table
 from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.facts import Curve

@@ -5,12 +5,13 @@ import csv
 import pytest
 
 from fourpole import analyse
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.findings import findings
 from fourpole.findings.verdicts import Doubt
 from fourpole.report.page import render_report
 from fourpole.report.words.sentence import sentences
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
+from fourpole.words import template
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague)
     ]
     remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
     assert remarks.count("<tr>") == 3
-    assert remarks.count(Code.PASSIVE_ARM.short("rejected")) == 1
+    assert remarks.count(template(Code.PASSIVE_ARM, "short", "rejected")) == 1
 
 
 @pytest.mark.parametrize("monte_carlo", [0, 300])
@@ -63,5 +64,5 @@ def test_the_commonest_warning_stands_once_in_the_report(vague, monte_carlo):
     doubts = [(one.detail.code, one.tests) for one in found if isinstance(one.detail, Doubt)]
     assert doubts == [(Code.UNCERTAINTY, ("D1", "D2", "D3"))]
     remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
-    assert remarks.count(Code.UNCERTAINTY.short("warning")) == 1
+    assert remarks.count(template(Code.UNCERTAINTY, "short")) == 1
     assert remarks.count("<tr>") == 2

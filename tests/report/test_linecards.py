@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from fourpole import quantities as q
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.plot.cardids import dynamic_cards
 from fourpole.plot.strided import shown_rows, strided
 from fourpole.report.cards import make_cards

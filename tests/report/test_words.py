@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 from tests.findings.designed import Tables, Tyre, frame, rig_curve
 
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.findings import Finding, FindingConditions, Holds, Setup, Topic
 from fourpole.findings import findings as found_in
 from fourpole.findings.claims import (
@@ -37,6 +37,7 @@ from fourpole.report.words.claims import STATEMENTS, claims_summary
 from fourpole.report.words.sentence import Sentence, headline, sentences
 from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC, STATIC
+from fourpole.words import template
 
 P1, P2, P3, P4 = (1e5, 1000.0), (1e5, 2000.0), (2e5, 1000.0), (2e5, 2000.0)
 AXES = ("pressure", "load")
@@ -74,7 +75,7 @@ def test_the_number_of_tests(tally, text):
 @pytest.mark.parametrize(
     ("detail", "holds", "tests", "text"),
     [
-        (Doubt(Code.CLIPPING), Holds.REJECTED, 2, f"Do not trust D1 and D2: {Code.CLIPPING.short('rejected')}."),
+        (Doubt(Code.CLIPPING), Holds.REJECTED, 2, f"Do not trust D1 and D2: {template(Code.CLIPPING, 'short')}."),
         (Doubt(None, "why"), Holds.WARNING, 12, "Use with care {ten} and 2 more (12 tests): why."),
     ],
 )

@@ -4,8 +4,7 @@ import polars as pl
 import pytest
 from tests.unlisted import unlisted
 
-from fourpole.core.checks import Verdict, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code, Verdict, reported
 from fourpole.study.analysis import analyse
 from fourpole.study.results import read_results
 from fourpole.virtual import simulate_campaign

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from fourpole.campaign import folder
-from fourpole.core.checks import Verdict, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code, Verdict, reported
 from fourpole.core.phasor import Phasors
 from fourpole.study.analysis import analyse
 from fourpole.study.compare import Compared, noises

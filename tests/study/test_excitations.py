@@ -10,11 +10,11 @@ from tests import random_rig
 
 from fourpole.campaign.row import Test as Row
 from fourpole.core.alone import Alone
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.core.confidence import SEARCH_CHANCE
-from fourpole.core.remarks import remark_of
 from fourpole.study.excitations import excitations
 from fourpole.study.points import Points
+from fourpole.words import remark_of
 
 
 def made(rng, *, softer=1.0, noise=0.005, second="random"):

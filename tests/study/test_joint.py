@@ -14,6 +14,7 @@ from fourpole.core.routes import maxwell_arm
 from fourpole.study import analyse
 from fourpole.study.results import read_results
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
+from fourpole.words import cause_words
 
 pytestmark = pytest.mark.thorough
 
@@ -163,7 +164,7 @@ def test_an_undeclared_part_is_seen_and_no_value_is_calibrated(tmp_path, part, n
     assert study.rigs[0].fits is False
     causes = study.rigs[0].causes
     assert named in [one.name for one in causes]
-    assert any(words in one.text for one in causes)
+    assert any(words in cause_words(one) for one in causes)
     assert len(causes) <= 2
     assert "ok" not in study.dynamic["verdict"].to_list()
     assert "no value is called calibrated" in study.notes[0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.findings.facts import Facts
 from fourpole.findings.verdicts import verdicts
 from fourpole.study.analysis import analyse

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fourpole.core.checks import Check, Verdict, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict, reported
 from fourpole.study.analysis import analyse
 from fourpole.study.rig_estimate import NoteCode, RigEstimate
 from fourpole.study.rig_solution import with_recordings

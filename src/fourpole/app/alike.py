@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
-from fourpole.core.wording import first_of
+from fourpole.words import first_of
 
 #: Tests with the same remark that are named.
 _MOST_NAMED = 6

@@ -17,10 +17,8 @@ from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_js
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import STATEMENT, Outcome, forget, identities, note_standing, results_of, settings_of, show
 from fourpole.campaign import Campaign, read_campaign
-from fourpole.core.checks import Verdict, worst_verdict
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code, Verdict, worst_verdict
 from fourpole.core.phasor import CHANNELS
-from fourpole.core.remarks import remark_of
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.findings.verdicts import checks_by_test, kind_of
 from fourpole.fitting.effort import seconds_of_fits
@@ -31,6 +29,7 @@ from fourpole.io.folders import check_no_way_out, is_for_keeping
 from fourpole.io.published import LIST, Published, is_complete, published, publishing, without_list
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.quantities import CODE, STORAGE
+from fourpole.words import remark_of
 
 if TYPE_CHECKING:
     from fourpole.study.points import Points

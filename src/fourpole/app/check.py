@@ -12,8 +12,8 @@ from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_js
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict
-from fourpole.core.wording import first_of
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
+from fourpole.words import first_of
 
 _MOST_NAMED = 4
 _MOST_LISTED = 60

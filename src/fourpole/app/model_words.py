@@ -8,13 +8,13 @@ from typing import Any
 
 from fourpole import quantities as q
 from fourpole.app.console import out, print_table, say, warn
-from fourpole.core.wording import first_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import PLUS_MINUS, cell, number, with_u
 from fourpole.report.words.models import discrepancy, lacking, place, verdicts
+from fourpole.words import first_of
 
 _MOST_ROWS = 40
 #: More parameters than this are listed one below the other, for the first so many conditions.

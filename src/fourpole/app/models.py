@@ -17,7 +17,6 @@ from fourpole.app.console import option, out, print_json, progress, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.model_words import show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions, answered_in
-from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
@@ -33,6 +32,7 @@ from fourpole.models.families import automatic, by_amplitude, model_named, sizes
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number
 from fourpole.study.record import units_beside
+from fourpole.words import first_of
 
 if TYPE_CHECKING:
     from fourpole.study.study import Study

@@ -19,7 +19,6 @@ from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.recordingchecks import check_resonance
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict, stiffness_std
-from fourpole.core.remarks import remark_of
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError
 from fourpole.io.tables.curve import read_curve
@@ -27,6 +26,7 @@ from fourpole.io.tables.kstar import KStarTable, read_k_star
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import PLUS_MINUS, number, with_u
 from fourpole.study.static import branch_check
+from fourpole.words import remark_of
 
 
 def run_identify(

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.app.console import UNREADABLE, out, print_json, say, warn
-from fourpole.core.wording import first_of
 from fourpole.errors import FourpoleError
 from fourpole.fitting.modelfile import MapEntry, ModelEntry, ModelFile
 from fourpole.fitting.verified import TableState, Verified, seal_later, verify
+from fourpole.words import first_of
 
 _MOST_NAMED = 6
 _TABLES = {

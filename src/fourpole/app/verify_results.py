@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, out, print_json, progress, warn
-from fourpole.core.wording import first_of
 from fourpole.findings import findings, findings_table
 from fourpole.io.origin import origin
 from fourpole.study.repeated import Difference
 from fourpole.study.verified import File, Repeated, State, VerifiedResults, verify_results
+from fourpole.words import first_of
 
 _MOST_NAMED = 8
 #: What is wrong with a file, in words, and what to do.

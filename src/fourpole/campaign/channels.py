@@ -12,8 +12,8 @@ from fourpole.campaign import defaults
 from fourpole.core.chain import Geophone, HighPass, Link, LowPass
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import DRIVE, CrossTalk
-from fourpole.core.wording import first_of
 from fourpole.errors import TableError, UnitError
+from fourpole.words import first_of
 
 #: Highest order of a filter.
 _HIGHEST_ORDER = 12

@@ -1,7 +1,7 @@
 """Checks: each compares a statistic of a test with a limit and gives a verdict; codes, numbers and names, no sentence.
 
-`codes` has the names and templates of all checks, and `remarks` makes their sentences. `recordingchecks` and
-`linearity` have the functions for one recording, called in `fourpole.study.reduce`. `fourpole.study.compare` makes the
+`fourpole.words` makes their sentences. `recordingchecks` and `linearity` have the functions for one recording, called
+in `fourpole.study.reduce`. `fourpole.study.compare` makes the
 checks between tests, with `scales` and `curves`, and `fourpole.study.verdicts` those of an identified point.
 """
 
@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import Enum, StrEnum, auto
 from math import inf, nan
 from typing import Any
 
-from fourpole.core.codes import Code
 from fourpole.errors import Message, out_of_memory
 
 
@@ -42,6 +41,152 @@ class Verdict(StrEnum):
 VERDICTS = tuple(Verdict)
 
 
+class Code(Enum):
+    """The code of each check, which is its name on disk."""
+
+    FREQUENCY = "stated frequency"
+    MISSING = "missing samples"
+    SPOILT = "drop-outs"
+    HALVES = "steady channel"
+    MEAN_FORCE = "mean force"
+    MAINS = "mains"
+    DISTORTION = "distortion"
+    LINEARITY = "linearity of the specimen"
+    FORCE_LINEARITY = "linearity of F1"
+    RIG_LINEARITY = "linearity of the rig"
+    EXCITATION = "excitation"
+    LINE = "line"
+    BESIDE = "beside a line"
+    CLOSURE = "closure phase"
+    SHARED = "shared noise"
+    POOLED = "F1 against V2, all lines"
+    RESIDUAL = "residual"
+    LIFT_OFF = "lift-off"
+    RESONANCE = "rig resonance"
+    CONSISTENCY = "F1 against V2"
+    CLIPPING = "clipping"
+    LEFT_OUT = "use"
+    TIME_BASE = "time base"
+    STEADY = "steady part"
+    SPEED = "speed"
+    STATEMENT = "tests.csv"
+    EXCLUDED = "excluded"
+    RECORDING = "recording"
+    CONSTANT = "constant channel"
+    TOO_SHORT = "length"
+    MEMORY = "memory"
+    READER = "reader"
+    SLOW = "time"
+    FAULT = "fault"
+    LOAD_CURVE = "load curve"
+    CURVE = "curve"
+    BEYOND_CURVE = "preload"
+    NO_PRELOAD = "no preload"
+    SECANT = "secant"
+    LOAD_ZERO = "zero of the load"
+    K1 = "K1"
+    K1_TEMPERATURE = "K1 temperature"
+    K1_MIXED = "K1 conditions"
+    K1_BRANCH = "K1 of one branch"
+    NO_K1 = "no K1"
+    PASSIVE_ARM = "passive arm"
+    UNCERTAINTY = "uncertainty"
+    AGREEMENT = "agreement"
+    RELATIVE = "joint against relative"
+    RIG = "rig"
+    SCATTER = "scatter"
+    DRIFT_BY_MASS = "drift with the mass"
+    V1_SCALE = "V1 against K1"
+    K1_RATIO = "K1 against K'"
+    K1_LARGE = "K1 above K'"
+    K1_EXCHANGED = "K1 exchanged"
+    AMPLITUDES = "amplitudes"
+    EXCITATIONS = "excitations"
+    COPY = "copy"
+    NOISE = "noise"
+    OFF_CURVE = "K* curve"
+    OTHER_CURVE = "K* curve of another condition"
+    EXCHANGED = "labels"
+    CONVERGENCE = "convergence"
+    CALIBRATION = "calibration"
+    CALIBRATION_UNUSED = "calibration unused"
+
+    @property
+    def text(self) -> str:
+        """Its name on disk."""
+        return self.value
+
+    @property
+    def limit_is_least(self) -> bool:
+        """Whether the limit is the least good statistic; it is the largest one of every other code."""
+        return self in (Code.MAINS, Code.PASSIVE_ARM)
+
+    @classmethod
+    def read(cls, text: str) -> Code | None:
+        """The code with this name on disk; None if no code has it."""
+        return next((code for code in cls if code.value == text), None)
+
+
+class Looks(Enum):
+    """What a wrong sign, unit or column of a channel looks like."""
+
+    F1_V2_INVERTED = auto()
+    V2_IN_G = auto()
+    F1_IN_KGF = auto()
+    F1_IN_N = auto()
+    F1_IN_KN = auto()
+    V1_V2_EXCHANGED = auto()
+    V1_INVERTED = auto()
+    V1_IN_G = auto()
+    V1_TIMES_G = auto()
+    V1_IN_M = auto()
+    V1_IN_MM = auto()
+
+
+#: What is doubtful in a load-deflection curve, by its code; {0} is its size, {1} the size in percent. The texts are
+#: here because `LoadCurve.remarks` has them for users of the core.
+CURVE_DOUBTS = {
+    "one cycle": "one complete cycle only: the rubber was not conditioned, and no repeat shows how steady it is",
+    "missing points": "{1:.2g} % of the points are missing and were left out",
+    "outliers": "{0} points lie far off the curve and were left out: look for spikes in the load",
+    "creep": "the load at equal deflection changes by {0:.3g} N from the second to the last cycle: the specimen "
+    "creeps, or the load cell drifts and K1 is that of another load",
+    "clipped": "the load stands at its largest value over {0:.0%} of the deflection: the load cell was clipped; repeat "
+    "the test with a larger range",
+}
+
+
+class Branch(Enum):
+    """What K1 is the tangent of where it is not that of the mean of both branches."""
+
+    LOADING = auto()
+    UNLOADING = auto()
+    POINTS = auto()
+
+
+class Side(Enum):
+    """The side that states a value of a condition which the other one leaves blank: the static test, or the dynamic."""
+
+    STATIC = auto()
+    DYNAMIC = auto()
+
+
+class NoK1(Enum):
+    """Why a dynamic test has no K1: no static test, no preload, or a static test that was rejected."""
+
+    NO_TEST = auto()
+    NO_PRELOAD = auto()
+    REJECTED = auto()
+
+
+class Excitation(Enum):
+    """The excitation of some tests of a condition."""
+
+    SINES = auto()
+    RANDOM = auto()
+    SWEEP = auto()
+
+
 @dataclass(frozen=True)
 class Check:
     """One check of one test.
@@ -57,7 +202,7 @@ class Check:
     channel : str
         F1, V1 or V2 for a check of one channel; else empty.
     values : mapping of str to object
-        What the sentence names beside them: numbers in the units of `fourpole.core.remarks.UNITS`, names of tests,
+        What the sentence names beside them: numbers in the units of `fourpole.words.UNITS`, names of tests,
         channels and files, enums, what an error says, other checks, or tuples of them.
     """
 
@@ -72,6 +217,10 @@ class Check:
     def heading(self) -> str:
         """Name of the check, followed by its channel if it has one."""
         return f"{self.code.text} of {self.channel}" if self.channel else self.code.text
+
+
+#: The classes that checks of recordings are made of.
+CHECK_CLASSES = (Check, Code, Verdict, Message, Looks)
 
 
 def worst_verdict(verdicts: Iterable[str]) -> Verdict:

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, judged
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, judged
 from fourpole.core.demodulation.harmonics import Harmonics
 from fourpole.core.recordingchecks import INCONSISTENT
 from fourpole.core.rig import Rig

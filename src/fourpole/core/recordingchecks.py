@@ -7,13 +7,11 @@ from math import inf, nan
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, Verdict, judged, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
 from fourpole.core.demodulation.demodulate import Demodulation
 from fourpole.core.demodulation.spectrum import LINE_GAP, off_multiples
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel
-from fourpole.core.remarks import Looks
 from fourpole.core.rig import Rig
 
 #: Relative departure of F1 from Zr V2 above which the calibration of a channel must be wrong.

@@ -12,12 +12,12 @@ route                 K*                                  needs           blind 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.remarks import NoArm
 
 #: Routes that identify each test by itself.
 ROUTES = ("mobility", "relative", "transmissibility")
@@ -203,6 +203,30 @@ def paper_d(stiffness: ArrayLike, k1: ArrayLike) -> FloatArray:
     np.float64(0.8913)
     """
     return (np.asarray(k1) * (1.0 / np.asarray(stiffness)).real)[()]
+
+
+class NoArm(Enum):
+    """Why no passive K2 and C exist, and what to look for: `Identification.reasons` has it for users of the core."""
+
+    NO_STIFFNESS = ("K* could not be found, so neither can K2 and C", "")
+    NO_STORAGE = (
+        "no passive K2, C exist: K' = {storage:.5g} N/m is not positive; ",
+        "look for an inverted force or motion channel, or a wrong moving mass",
+    )
+    NO_LOSS = (
+        "no passive C exists: K'' = {loss_modulus:.5g} N/m is not positive, the tyre would give energy; ",
+        "look for an inverted channel, an undeclared delay or phase of a channel, or a wrong rig value",
+    )
+    NO_K1 = ("no static stiffness K1 is known, so K2 and C are left blank", "")
+    BELOW_K1 = (
+        "no passive K2 exists: K' = {storage:.5g} N/m is not above the static K1 = {k1:.5g} N/m; ",
+        "look for a K1 taken at another load, amplitude or branch, a wrong moving mass, or a gain error",
+    )
+
+    def says(self, stiffness: complex, k1: float) -> tuple[str, str]:
+        """The cause and what to look for, for K* and K1 [N/m]."""
+        cause, remedy = self.value
+        return cause.format(storage=stiffness.real, loss_modulus=stiffness.imag, k1=k1), remedy
 
 
 def no_arm(stiffness: complex, k1: float, k2: float, c: float) -> NoArm | None:

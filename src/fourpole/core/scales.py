@@ -7,10 +7,8 @@ from math import atan, exp, log, pi
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, Verdict, judged, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
 from fourpole.core.phasor import Phasors
-from fourpole.core.remarks import Looks
 from fourpole.core.routes import relative_route
 
 #: Frequency of a slow static test [Hz]. Above it K' rises with frequency as fast as its loss factor allows.

@@ -17,7 +17,6 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
-from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FileError
 from fourpole.io.folders import results_in
 from fourpole.plot.names import counted, distinct
@@ -27,6 +26,7 @@ from fourpole.study.record import texts as items
 from fourpole.study.results import read_results
 from fourpole.study.study import Study
 from fourpole.units import column_unit, shown
+from fourpole.words import first_of
 
 #: Units and signs of all numbers, written into each exported file.
 SIGNS = (

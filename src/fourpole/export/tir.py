@@ -22,7 +22,6 @@ from scipy.optimize import least_squares
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.wording import first_of
 from fourpole.errors import ModelError
 from fourpole.export.source import MODEL_FILE, ascii_line
 from fourpole.fitting.amplitudequery import depends_on_amplitude
@@ -32,6 +31,7 @@ from fourpole.fitting.query import maps_of
 from fourpole.io.write import write_text
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
+from fourpole.words import first_of
 
 _LOAD, _PRESSURE = q.PRELOAD.head, q.PRESSURE.head
 #: Conditions of the nominal point and the others count as one value within this fraction.

@@ -9,13 +9,12 @@ from typing import ClassVar
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
-from fourpole.core.codes import Code
-from fourpole.core.remarks import CASES
+from fourpole.core.checks import VERDICTS, Code, Verdict, worst_verdict
 from fourpole.findings.facts import Facts, in_order
 from fourpole.findings.finding import Finding, Holds, Topic
 from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.documents import json_of
+from fourpole.words import CASES, template
 
 #: Number of characters of a remark that are shown if its check has no short form.
 _LONGEST = 160
@@ -67,7 +66,7 @@ class CheckRow:
     @property
     def cause(self) -> str:
         """The cause in a few words; empty if the check has no short form."""
-        return self.code.short(self.verdict) if self.code else ""
+        return template(self.code, "short", self.verdict) if self.code else ""
 
     @property
     def kind(self) -> tuple[object, ...]:

@@ -6,12 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from fourpole.core.wording import first_of
 from fourpole.errors import ModelError
 from fourpole.io.door import read_bytes
 from fourpole.io.seal import KEY, alterations
 from fourpole.units import shown
 from fourpole.version import VERSION as OWN_VERSION
+from fourpole.words import first_of
 
 FORMAT, VERSION = "fourpole-model", 1
 MOST_BYTES = 50_000_000

@@ -13,7 +13,6 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.condition import Axis
-from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import (
     Column,
@@ -35,6 +34,7 @@ from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import CONSTRUCTIONS
 from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row
 from fourpole.units import shown
+from fourpole.words import first_of
 
 #: Relative difference from which a stated frequency is another than that of the recording.
 _SAME_FREQUENCY = 0.05

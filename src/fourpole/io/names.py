@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from fourpole.core.wording import first_of
 from fourpole.errors import TableError
 from fourpole.units import column_unit, nearest, shown
+from fourpole.words import first_of
 
 Place = tuple[str, str]
 """Group and name of a channel."""

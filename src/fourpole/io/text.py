@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fourpole.core.wording import first_of
 from fourpole.errors import TableError
 from fourpole.io.door import read_bytes
 from fourpole.io.layout import (
@@ -34,6 +33,7 @@ from fourpole.io.names import in_group
 from fourpole.io.source import decode, name_of
 from fourpole.io.stretches import stretches_of
 from fourpole.units import column_unit, shown
+from fourpole.words import first_of
 
 #: Largest number of lines that a quoted cell may have.
 _LONGEST_QUOTE = 100

@@ -21,11 +21,11 @@ from fourpole.core.phasor import CHANNELS
 from fourpole.core.plan import Plan, PlannedTests
 from fourpole.core.plan.expect import arm_std, planned_phasors, relative_uncertainties
 from fourpole.core.rig import Rig
-from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, RigError
 from fourpole.fitting.rows import conditions_in, tyre_columns
 from fourpole.study.identify import added_masses, channel_uncertainty
 from fourpole.study.results import read_results
+from fourpole.words import first_of
 
 #: Value of the column ``plan`` for the tests as tests.csv states them.
 AS_STATED = "as stated"

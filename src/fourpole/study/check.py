@@ -12,7 +12,6 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test, problem_of
 from fourpole.core.checks import VERDICTS, Verdict
-from fourpole.core.remarks import kind_of, remark_of, why_no_k1
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.child import read_apart
 from fourpole.io.door import sha256_of
@@ -26,6 +25,7 @@ from fourpole.study.load import group_of, source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 from fourpole.study.workers import check_part_of, threads
+from fourpole.words import kind_of, remark_of, why_no_k1
 
 #: Largest file [bytes] whose content is compared with that of other files of its size.
 _MOST_HASHED = 500_000_000

@@ -14,15 +14,14 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import condition_of, condition_words
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import BoolArray, ByValue
-from fourpole.core.checks import Check, Verdict, judged, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict, judged, reported
 from fourpole.core.condition import Condition
 from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS
-from fourpole.core.remarks import said
 from fourpole.core.scales import check_scale, k1_exchanged
 from fourpole.study.excitations import excitations
 from fourpole.study.points import Points
+from fourpole.words import said
 
 #: A channel is noisier than usual above both: noise over the median noise of all tests, and noise over the amplitude.
 _NOISIER, _MATTERS = 10.0, 0.003

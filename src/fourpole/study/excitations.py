@@ -11,10 +11,8 @@ from fourpole.campaign.row import Test, condition_words
 from fourpole.core import stats
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, Verdict, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Excitation, Verdict, reported
 from fourpole.core.confidence import SEARCH_CHANCE
-from fourpole.core.remarks import Excitation
 from fourpole.study.points import Points
 
 #: Tests whose deflections differ by less than this factor have one level.

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.campaign.place import at_hand
-from fourpole.core.checks import Check, Verdict, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict, reported
 from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.tracks import Track, tracks_of

@@ -15,7 +15,7 @@ from fourpole.campaign.row import Test
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code
 from fourpole.core.condition import temperature_std
 from fourpole.core.curvature import largest_bend
 from fourpole.core.demodulation.corrections import Correction, response_std

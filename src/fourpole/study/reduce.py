@@ -21,8 +21,7 @@ from fourpole.campaign.place import at_hand, inside
 from fourpole.campaign.row import Test, problem_of
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core import recordingchecks as checks
-from fourpole.core.checks import Check, Verdict, fault_of, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict, fault_of, reported
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.preview import Preview, raw_preview

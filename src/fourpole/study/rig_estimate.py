@@ -14,8 +14,8 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.core.arrays import short_repr
 from fourpole.core.joint.misfit import Candidate
-from fourpole.core.remarks import explained
 from fourpole.core.sources import Kind, Role, Source
+from fourpole.words import cause_words, explained
 
 #: A found value whose uncertainty is above this share of the stated uncertainty rests in part on the statement.
 _HALF = 0.5
@@ -366,8 +366,17 @@ def _short(value: float | None, unit: str) -> str:
 def _candidate_record(candidate: Candidate) -> dict[str, Any]:
     """A candidate for study.json, with its source as text."""
     part = candidate.source.of if candidate.of_rig else candidate.source.text
-    cells = {"part" if name == "source" else name: value for name, value in vars(candidate).items()}
-    return {name: number(cell) if isinstance(cell, float) else cell for name, cell in cells.items()} | {"part": part}
+    return {
+        "name": candidate.name,
+        "value": number(candidate.value),
+        "std": number(candidate.std),
+        "unit": candidate.unit,
+        "explains": number(candidate.explains),
+        "part": part,
+        "size": number(candidate.size),
+        "text": cause_words(candidate),
+        "released": candidate.released,
+    }
 
 
 def hidden_in(source: Source, stated: set[Source]) -> Source | None:

@@ -104,13 +104,16 @@ def _finding(text: object) -> RigFinding:
 
 def _candidates(listed: object) -> list[Candidate]:
     found = [item for item in _list(listed) if isinstance(item, dict) and item.get("text")]
-    texts, numbers = ("name", "unit", "text"), ("value", "std", "explains", "size")
+    texts, numbers = ("name", "unit"), ("value", "std", "explains", "size")
     cells: list[dict[str, Any]] = [
         {name: str(item.get(name) or "") for name in texts} | {name: _or_nan(item.get(name)) for name in numbers}
         for item in found
     ]
     kinds = [(_candidate_source(str(item.get("part") or "")), item.get("released") is True) for item in found]
-    return [Candidate(source=one, released=two, **row) for (one, two), row in zip(kinds, cells, strict=True)]
+    return [
+        Candidate(source=one, released=two, form="recorded", values={"text": str(item["text"])}, **row)
+        for (one, two), row, item in zip(kinds, cells, found, strict=True)
+    ]
 
 
 def _candidate_source(part: str) -> Source:

@@ -10,8 +10,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.core.checks import Check, Verdict
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict
 from fourpole.core.identification import Identification
 from fourpole.core.joint import Joint
 from fourpole.core.joint.misfit import Candidate, pulls
@@ -258,9 +257,9 @@ def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) ->
 
 def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candidate:
     """A fault that `count` of `of` recordings show, as a cause without a size."""
-    short = code.short(Verdict.WARNING)
-    text = f"what {count} of {of} recordings show: {f'{channel}: ' if channel else ''}{short}"
-    return Candidate("recordings", float("nan"), float("nan"), "1", 0.0, Source(Kind.OTHER, code.text), 0.0, text)
+    shown = {"count": count, "of": of, "channel": channel, "code": code}
+    source = Source(Kind.OTHER, code.text)
+    return Candidate("recordings", np.nan, np.nan, "1", 0.0, source, 0.0, "recordings", shown)
 
 
 def _added(joint: Joint) -> FloatArray:

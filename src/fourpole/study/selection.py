@@ -16,7 +16,6 @@ from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.identify import OUTPUTS
 from fourpole.core.phasor import SYMBOLS
-from fourpole.core.remarks import plain_values, remark_of, said
 from fourpole.fitting.likelihood import likelihood_columns, likelihood_of
 from fourpole.fitting.rows import KEY, Key
 from fourpole.quantities import DERIVED
@@ -25,6 +24,7 @@ from fourpole.study.identify import Group
 from fourpole.study.points import Points
 from fourpole.study.rig_solution import residual_columns
 from fourpole.study.static import StaticTest
+from fourpole.words import plain_values, remark_of, said
 
 _Columns = dict[str, Any]
 

@@ -14,11 +14,9 @@ from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import Test, condition_of, problem_of
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, Verdict, fault_of, reported, worst_verdict
-from fourpole.core.codes import Code
+from fourpole.core.checks import Branch, Check, Code, NoK1, Side, Verdict, fault_of, reported, worst_verdict
 from fourpole.core.condition import Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
-from fourpole.core.remarks import Branch, NoK1, Side
 from fourpole.core.sources import Kind, Source
 from fourpole.errors import FourpoleError, LoadCurveError, Message
 from fourpole.io.child import SECONDS

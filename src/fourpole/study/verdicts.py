@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fourpole.core import stats
-from fourpole.core.checks import Check, Verdict, judged, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict, judged, reported
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.joint import Joint

@@ -13,7 +13,6 @@ from typing import Any
 import polars as pl
 
 from fourpole.campaign.place import inside
-from fourpole.core.wording import first_of
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.verified import verify
 from fourpole.io.door import read_bytes, sha256_of
@@ -29,6 +28,7 @@ from fourpole.study.repeated import Difference, differences
 from fourpole.study.study import Study
 from fourpole.study.tables import TABLE_FILES, TABLES
 from fourpole.version import VERSION
+from fourpole.words import first_of
 
 _MODELS = ("model.json", "map.json")
 #: Changes of study.json that are named.

@@ -24,9 +24,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from fourpole.campaign.place import at_hand, identity_or_none
-from fourpole.core.checks import Check, Verdict, fault_of, reported
-from fourpole.core.codes import Code
-from fourpole.core.remarks import CHECK_CLASSES
+from fourpole.core.checks import CHECK_CLASSES, Check, Code, Verdict, fault_of, reported
 from fourpole.errors import CampaignError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
 from fourpole.io.door import sha256_of

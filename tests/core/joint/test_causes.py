@@ -78,9 +78,9 @@ def test_a_cause_of_impossible_size_is_never_named(make, undeclared, masses):
     most = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3, Kind.CROSSTALK: 0.25, Kind.GAIN_DRIFT: 0.25}
     gross = misfit.candidates and misfit.candidates[0].std == 0  # a gross error, which is no small change of a value
     for one in () if gross else misfit.candidates:
-        assert abs(one.size) <= most.get(one.source.kind, np.inf), one.text
+        assert abs(one.size) <= most.get(one.source.kind, np.inf), one.name
         if one.source.of in ("moving_mass", "preload_stiffness"):
-            assert abs(one.size) <= 0.5 * getattr(USUAL, one.source.of)[0], one.text
+            assert abs(one.size) <= 0.5 * getattr(USUAL, one.source.of)[0], one.name
 
 
 @pytest.mark.parametrize(("value", "std"), [("gain F1", 0.005), ("phase F1", 0.003), ("moving_mass", 0.15)])

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from fourpole.core.joint.gross import gross_errors
+from fourpole.core.joint.misfit import gross_errors
 from fourpole.virtual.phasor_rig import Laboratory
+from fourpole.words import cause_words
 
 pytestmark = pytest.mark.thorough
 
@@ -35,7 +36,7 @@ def test_a_wrong_unit_or_sign_is_named(make, name, masses):
     made = changed(make(USUAL, masses=masses, frequencies=6, families=2, within=2.0), factors)
     misfit = made.identify().misfit
     assert not misfit.fits
-    assert misfit.candidates[0].text.startswith(words)
+    assert cause_words(misfit.candidates[0]).startswith(words)
     assert {one.source.of for one in misfit.candidates[: misfit.tied]} == {"F1", "V2"}
 
 
@@ -43,7 +44,7 @@ def test_exchanged_velocities_are_named(make):
     made = make(USUAL, frequencies=6, families=2, within=2.0)
     misfit = made.recorded(made.phasors.amplitudes[:, [0, 2, 1]]).identify().misfit
     assert not misfit.fits
-    assert "V1 and V2 exchanged" in misfit.candidates[0].text
+    assert "V1 and V2 exchanged" in cause_words(misfit.candidates[0])
 
 
 @pytest.mark.parametrize("seed", range(20))

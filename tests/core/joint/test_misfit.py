@@ -149,7 +149,7 @@ def test_a_delay_is_told_from_a_phase(make):
     best = candidates(problem, solution)[0]
     assert (best.name, best.unit) == ("sensor F1", "s")
     assert best.value == pytest.approx(2e-4, rel=0.1)
-    assert "late" in best.text
+    assert best.form == "late"
 
 
 def test_a_phase_that_nothing_could_tell_is_no_candidate(make):

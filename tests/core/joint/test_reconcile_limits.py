@@ -22,7 +22,7 @@ MASS = Source(Kind.UNSTATED, "mass")
 
 
 def candidate(explains=100.0, source=MASS, released=False):
-    return Candidate("a cause", 1.0, 0.1, "kg", explains, source, size=1.0, text=source.text, released=released)
+    return Candidate("a cause", 1.0, 0.1, "kg", explains, source, size=1.0, form="mass", released=released)
 
 
 def diagnosis(level=0.01, **changes):

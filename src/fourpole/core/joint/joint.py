@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.joint.conditions import JointConditions, group_conditions
-from fourpole.core.joint.gross import gross_errors
-from fourpole.core.joint.misfit import Residuals, residuals
+from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter

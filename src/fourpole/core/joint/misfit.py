@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from fourpole.core.joint.model import (
     upper_factor,
     whitened,
 )
-from fourpole.core.joint.shared import SharedParameter
+from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
 from fourpole.core.rig import Rig
 from fourpole.core.sources import PARTS, Kind, Role, Source
@@ -183,8 +185,10 @@ class Candidate:
         The stated value, the unstated part of the rig, or the error of a channel.
     size : float
         Its estimated size in the unit of `core.sources.PARTS`, of the error of the channel, or of the stated value.
-    text : str
-        The cause in words, with its size.
+    form : str
+        Its form in words, a key of `causes` in `fourpole/words/words.toml`.
+    values : mapping of str to object
+        What these words name: names of channels, numbers in their units.
     released : bool
         Whether it is a stated value without its statement; if not, nobody stated it.
     """
@@ -196,7 +200,8 @@ class Candidate:
     explains: float
     source: Source
     size: float
-    text: str
+    form: str
+    values: Mapping[str, Any] = field(default_factory=dict, hash=False)
     released: bool = False
 
     @property
@@ -211,29 +216,24 @@ def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     Causes of impossible size are left out. A stated value is tried without its statement, and comes before what nobody
     stated if both explain the same.
     """
-    found = [*_released(problem, solution), *_unstated(problem, solution)]
-    return sorted(found, key=lambda one: (-float(f"{one.explains:.4g}"), not one.released))
+    causes = [*_released(problem, solution), *_unstated(problem, solution)]
+    return sorted(causes, key=lambda cause: (-float(f"{cause.explains:.4g}"), not cause.released))
 
 
-def _released(problem: Problem, solution: Solution) -> list[Candidate]:
+def _released(problem: Problem, solution: Solution) -> Iterator[Candidate]:
     """The stated values without their statement."""
-    found = []
     informed = 1.0 - np.diag(solution.covariance)
-    for at, parameter in enumerate(problem.shared.parameters):
-        if parameter.source.role not in STATED or informed[at] < _ROUND_OFF:
+    for index, parameter in enumerate(problem.shared.parameters):
+        if parameter.source.role not in STATED or informed[index] < _ROUND_OFF:
             continue
-        z = float(solution.z[at])
-        size, std = parameter.std * z / informed[at], parameter.std * np.sqrt(1 / informed[at] - 1)
-        if _possible(parameter, size, std) and (described := _described(parameter, size)):
-            name, value, unit, text = described
-            explains = min(z**2 / float(informed[at]), solution.objective)
-            found.append(
-                Candidate(name, value, float(std), unit, explains, parameter.source, size, text, released=True)
-            )
-    return found
+        z = float(solution.z[index])
+        size, std = parameter.std * z / informed[index], parameter.std * np.sqrt(1 / informed[index] - 1)
+        if _possible(parameter, size, std) and (cause := _described(parameter, size)):
+            explains = min(z**2 / float(informed[index]), solution.objective)
+            yield replace(cause, std=float(std), explains=explains, released=True)
 
 
-def _unstated(problem: Problem, solution: Solution) -> list[Candidate]:
+def _unstated(problem: Problem, solution: Solution) -> Iterator[Candidate]:
     """The parts of a rig and the errors of the channels that are not among the shared values."""
     p, rig, extras = len(problem.shared), problem.shared.rig, _extras(problem)
     shared = {parameter.source for parameter in problem.shared.parameters}
@@ -241,21 +241,17 @@ def _unstated(problem: Problem, solution: Solution) -> list[Candidate]:
     triangle, size, _ = _with_extras(problem, solution, slope)
     block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
     weight, pull = np.sum(block**2, axis=0), block.T @ target
-    found = []
-    for at, source in enumerate(extras):
-        if not weight[at] > _IDENTIFIABLE * size[at] or source in shared:
+    for index, source in enumerate(extras):
+        if not weight[index] > _IDENTIFIABLE * size[index] or source in shared:
             continue
-        estimate = float(pull[at] / weight[at])
-        error = at - len(PARTS) - 1
+        estimate = float(pull[index] / weight[index])
+        error = index - len(PARTS) - 1
         if error >= 0 and abs(estimate) * np.abs(problem.observed.turns[..., error]).max() < NEGLIGIBLE:
             continue
         part = SharedParameter(source, "", 0, 1.0 if source.kind is Kind.GAIN else 0.0, 0.0)
-        if _possible(part, estimate, whole=_whole(source, rig)) and (described := _described(part, estimate)):
-            name, value, unit, text = described
-            std = abs(value) * float(np.sqrt(weight[at]) / abs(pull[at]))
-            explains = min(float(pull[at] ** 2 / weight[at]), solution.objective)
-            found.append(Candidate(name, value, std, unit, explains, source, estimate, text))
-    return found
+        if _possible(part, estimate, whole=_whole(source, rig)) and (cause := _described(part, estimate)):
+            std = abs(cause.value) * float(np.sqrt(weight[index]) / abs(pull[index]))
+            yield replace(cause, std=std, explains=min(float(pull[index] ** 2 / weight[index]), solution.objective))
 
 
 def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -325,50 +321,121 @@ def _possible(parameter: SharedParameter, size: float, std: float = 0.0, whole: 
     return role is Role.CHANNEL or parameter.stated + size >= 0
 
 
-def _described(parameter: SharedParameter, size: float) -> tuple[str, float, str, str] | None:
-    """Name, value, unit and words of a cause; None for a part whose size has an impossible sign."""
-    source = parameter.source
-    of, kind = source.of, source.kind
+def _described(parameter: SharedParameter, size: float) -> Candidate | None:
+    """A cause of this size, with its name and words; None for a part whose size has an impossible sign."""
+    source, kind, of = parameter.source, parameter.source.kind, parameter.source.of
     if kind is Kind.UNSTATED:
-        return _described_part(of, size)
+        return _described_part(source, size)
+    name, unit, form = f"sensor {of}", "1", kind.name.lower()
+    values: dict[str, Any] = {"of": of, "percent": 100 * size}
     if kind is Kind.AMPLITUDE:
-        text = f"K* that changes by {100 * (2**size - 1):+.2g} % as the amplitude of the deflection doubles"
-        return "specimen", size, "1", text
-    if kind is Kind.GAIN:
-        unit, text = "1", f"a gain of {of} off by {100 * size:+.2g} %"
+        name, values = "specimen", {"percent": 100 * (2**size - 1)}
     elif kind is Kind.PHASE:
-        unit, text = "rad", f"a phase of {of} off by {np.degrees(size):+.2g} degrees at all frequencies"
+        unit, values = "rad", {"of": of, "degrees": np.degrees(size)}
     elif kind is Kind.DELAY:
-        unit, text = "s", f"{of} {abs(size) * 1e3:.3g} ms {'late' if size > 0 else 'early'}"
-    elif kind is Kind.GAIN_DRIFT:
-        unit, text = "1", f"a gain of {of} that drifts by {100 * size:+.2g} % over the run"
+        unit, form, values = "s", "late" if size > 0 else "early", {"of": of, "milliseconds": abs(size) * 1e3}
     elif kind is Kind.CROSSTALK:
-        one, _, other = of.partition(" in ")
-        return f"sensor {other}", size, "1", f"cross-talk of {one} in {other}, {100 * size:+.2g} % of its size"
-    elif source.role is Role.CHANNEL:
-        unit, text = "1", f"a {source.text} off by {abs(size):.2g} times its uncertainty"
-    else:
-        word = "added mass" if source.role is Role.MASS else of.replace("_", " ")
-        article = "an" if word[0] in "aeiou" else "a"
-        value, unit = parameter.stated + size, parameter.unit if parameter.unit != "1" else ""
-        stated = f"{parameter.stated:.5g} {unit}".strip()
-        return word, size, parameter.unit, f"{article} {word} of {value:.4g} {unit} where {stated} is stated"
-    return f"sensor {of}", size, unit, text
+        crossed, _, channel = of.partition(" in ")
+        name, values = f"sensor {channel}", {"of": crossed, "into": channel, "percent": 100 * size}
+    elif source.role is Role.CHANNEL and kind not in (Kind.GAIN, Kind.GAIN_DRIFT):
+        form, values = "response", {"of": source.text, "times": abs(size)}
+    elif source.role is not Role.CHANNEL:
+        name, unit = "added mass" if source.role is Role.MASS else of.replace("_", " "), parameter.unit
+        shown = unit if unit != "1" else ""
+        form, values = "stated", {"value": parameter.stated + size, "stated": parameter.stated, "unit": shown}
+    return Candidate(name, size, 0.0, unit, 0.0, source, size, form, values)
 
 
-def _described_part(part: str, size: float) -> tuple[str, float, str, str] | None:
-    """Name, value, unit and words of a part of the rig; only a moving mass may be smaller than stated."""
+#: Name and unit of each part of `PARTS` as a cause.
+_PART_NAMES = {
+    "mass": ("tyre mass", "kg"),
+    "spring": ("preload spring", "N/m"),
+    "frame": ("frame", "N/m"),
+    "loss": ("leaf friction", "1"),
+    "friction": ("leaf friction", "N"),
+    "input": ("input mass", "kg"),
+}
+
+
+def _described_part(source: Source, size: float) -> Candidate | None:
+    """A part of the rig of this size; only a moving mass may be smaller than stated."""
     if size <= 0:
-        text = f"a moving mass {-size:.3g} kg smaller than stated"
-        return ("moving mass", size, "kg", text) if part == "mass" else None
-    larger = "a moving mass {:.3g} kg larger than stated, as an undeclared tyre mass would make it"
-    behind = "a frame of {:.3g} N/m behind the preload spring, or a spring softer by as much"
-    name, value, unit, text = {
-        "mass": ("tyre mass", size, "kg", larger),
-        "spring": ("preload spring", size, "N/m", "a preload spring {:.3g} N/m stiffer than stated"),
-        "frame": ("frame", 1 / size, "N/m", behind),  # its size is a compliance
-        "loss": ("leaf friction", size, "1", "a loss factor of {:.3g} in the preload spring"),
-        "friction": ("leaf friction", size, "N", "dry friction of {:.3g} N in the preload spring"),
-        "input": ("input mass", size, "kg", "an input mass of {:.3g} kg between the force cell and the contact"),
-    }[part]
-    return name, value, unit, text.format(value)
+        smaller = Candidate("moving mass", size, 0.0, "kg", 0.0, source, size, "smaller_mass", {"size": -size})
+        return smaller if source.of == "mass" else None
+    name, unit = _PART_NAMES[source.of]
+    value = 1 / size if source.of == "frame" else size  # the size of a frame is a compliance
+    return Candidate(name, value, 0.0, unit, 0.0, source, size, source.of, {"size": value})
+
+
+# ---- gross errors of a statement, which no small change of a value explains: a unit, a sign, exchanged columns
+
+#: A ratio of F1 to what V2 and the rig need is gross beyond these: its logarithm [1], its angle [rad].
+_GROSS, _TURNED = 0.25, 0.5
+#: A factor or an exchange is recognised if the ratio is this close to it, in logarithm and angle.
+_NEAR = 0.15
+#: Tests in which Zr is below this share of its largest part are close to the rig's resonance, and are not used.
+_RESONANT = 0.2
+#: Share of the tests that must agree.
+_MOST = 0.7
+#: Factors by which F1 must be multiplied after a mistake of a unit, with the form of the cause in words.
+_FACTORS = {9.80665: "f1_kgf_as_n", 1 / 9.80665: "f1_n_as_kgf", 1e3: "f1_kn_as_n", 1e-3: "f1_n_as_kn"}
+
+
+def gross_errors(observed: Observed, shared: Shared) -> list[Candidate]:
+    """The gross errors of F1 and V2 that most tests show; empty for none.
+
+    Parameters
+    ----------
+    observed : Observed
+        The tests, sorted or not.
+    shared : Shared
+        The rig and the masses as stated.
+    """
+    force, contact, wheel = observed.amplitudes.T
+    impedance = np.asarray(shared.rig.impedance(observed.omega, observed.added(shared.masses)))
+    input_force = 1j * observed.omega * shared.rig.input_mass * contact
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = (force - input_force) / (impedance * wheel)
+        exchanged = force / (impedance * contact)
+    off_resonance = np.abs(impedance) > _RESONANT * larger_part(impedance, observed.omega, shared.rig)
+    used = np.isfinite(ratio) & (ratio != 0) & (force != 0) & off_resonance
+    if not used.any():
+        return []
+    other = exchanged[used]
+    swapped = bool(np.all(np.isfinite(other))) and _is_one(*_middle(other)) and _agree(other)
+    size, angle = _middle(ratio[used])
+    if swapped and not (_is_one(size, angle) and _agree(ratio[used])):
+        return [_gross("V1", 1.0, "exchanged")]
+    if not _agree(ratio[used]) or (abs(np.log(size)) < _GROSS and abs(angle) < _TURNED):
+        return []
+    turned = abs(abs(angle) - np.pi) < _NEAR
+    for factor, form in _FACTORS.items():
+        if abs(np.log(size * factor)) < _NEAR and (turned or abs(angle) < _NEAR):
+            return [_gross("F1", size, form, turned=turned), _gross("V2", size, "v2_unit", turned=turned)]
+    if turned and abs(np.log(size)) < _NEAR:
+        return [_gross(channel, size, "inverted", of=channel) for channel in ("F1", "V2")]
+    degrees = np.degrees(angle)
+    return [_gross("F1", size, "f1_off", times=size, degrees=degrees), _gross("V2", size, "v2_off", times=1 / size)]
+
+
+def _gross(channel: str, size: float, form: str, **values: object) -> Candidate:
+    """A gross error of a channel, whose factor is `size`; it counts as the cause of all of chi-square."""
+    source = Source(Kind.GAIN, channel)
+    return Candidate(f"sensor {channel}", size - 1, 0.0, "1", np.inf, source, size - 1, form, values)
+
+
+def _middle(ratio: ComplexArray) -> tuple[float, float]:
+    """Median size of ratios, and the angle of their mean direction [rad]."""
+    turned = np.mean(ratio / np.abs(ratio))
+    return float(np.median(np.abs(ratio))), float(np.angle(turned))
+
+
+def _agree(ratio: ComplexArray) -> bool:
+    """Whether most ratios are close to their middle."""
+    size, angle = _middle(ratio)
+    off: FloatArray = np.abs(np.log(ratio / (size * np.exp(1j * angle))))
+    return bool(np.mean(off < 2 * _NEAR) > _MOST)
+
+
+def _is_one(size: float, angle: float) -> bool:
+    return abs(np.log(size)) < _NEAR and abs(angle) < _NEAR

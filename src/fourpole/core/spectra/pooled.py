@@ -9,8 +9,7 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, Verdict, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict, reported
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.spectra.excited import Excited

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fourpole.core import stats
-from fourpole.core.checks import Check, Verdict, judged, reported
-from fourpole.core.codes import Code
+from fourpole.core.checks import Check, Code, Verdict, judged, reported
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.spectra.excited import Excited
 

@@ -14,12 +14,12 @@ import numpy as np
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import DERIVATIVES
-from fourpole.core.wording import first_of
 from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells
 from fourpole.io.tables.columns import Taken, chosen, in_si, unclear, unread, where_of
 from fourpole.io.tables.vocabulary import ROLES, plain
 from fourpole.units import shown
+from fourpole.words import first_of
 
 LEVELS = (("storage", "loss"), ("storage", "tan"), ("storage", "damping"), ("storage", "angle"), ("magnitude", "angle"),
           ("magnitude", "tan"))  # fmt: skip

@@ -19,6 +19,7 @@ from fourpole.report.words.sources import About, remedy, source_in_words
 from fourpole.study.record import stated_blocked
 from fourpole.study.rig_estimate import NoteCode
 from fourpole.study.study import Study
+from fourpole.words import cause_words
 
 _BUDGET = ("test", "quantity", "source", q.SHARE.head)
 #: Quantities of budget.csv for which a limit is given.
@@ -117,7 +118,7 @@ def _about(results: Study, tests: pl.DataFrame, rig: str) -> About:
         with_v2=any(known(v2) for v2 in here[q.V2.head].to_list()),
         fits=found.fits,
         scatter=NoteCode.SCATTER in found.notes,
-        candidate=found.candidates[0].text if found.candidates else "",
+        candidate=cause_words(found.candidates[0]) if found.candidates else "",
         blocked=stated_blocked(results.record, rig),
     )
 

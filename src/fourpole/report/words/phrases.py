@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from fourpole.core.wording import first_of
 from fourpole.findings.finding import UNSTATED, Finding, Key
 from fourpole.quantities import PRELOAD, PRESSURE, Quantity
 from fourpole.report.digits import number as digits_of
 from fourpole.report.digits import shown_as
+from fourpole.words import first_of
 
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 

@@ -16,6 +16,7 @@ from fourpole.report.words.shared_values import DECLARED, ShownValue, shown_valu
 from fourpole.report.words.sources import source_in_words
 from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding
 from fourpole.study.study import Study
+from fourpole.words import cause_words
 
 #: An undeclared error is reported as hard to detect if its detection limit is above this, by the unit shown.
 #: For a value of the rig the limit for per cent counts, relative to the value.
@@ -159,7 +160,7 @@ def _enlarged(found: RigEstimate) -> Iterable[str]:
 def _candidates(found: RigEstimate) -> Iterable[str]:
     """Candidates that would explain the misfit, the best first, and those not distinguishable from it."""
     for at, candidate in enumerate(found.candidates[: max(_MOST_CANDIDATES, found.tied)]):
-        text = f"{candidate.text}{_relative_std(candidate)}"
+        text = f"{cause_words(candidate)}{_relative_std(candidate)}"
         explains = known(candidate.explains)
         if explains is not None:
             text += f": chi-square would fall by {number(explains)}"

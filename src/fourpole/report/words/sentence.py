@@ -18,6 +18,7 @@ from fourpole.report.words import resonances
 from fourpole.report.words.claims import claim, claims_summary, no_common_state
 from fourpole.report.words.levels import comparison, cycle_loss, level, linearity, trend
 from fourpole.report.words.phrases import counted, some
+from fourpole.words import template
 
 __all__ = ["Sentence", "headline", "sentences"]
 
@@ -49,7 +50,7 @@ def doubt(finding: Finding, found: Doubt) -> str:
     advice = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
     count = len(finding.tests)
     of = f" ({count} tests)" if count > _MOST_NAMED else ""
-    reason = found.code.short(finding.holds) if found.code else found.remark
+    reason = template(found.code, "short", finding.holds) if found.code else found.remark
     return f"{advice} {some(finding.tests, _MOST_NAMED)}{of}: {reason}."
 
 

@@ -16,8 +16,7 @@ from starlette.routing import Route
 from fourpole import quantities as q
 from fourpole.campaign import Test
 from fourpole.campaign.place import at_hand
-from fourpole.core.checks import Verdict
-from fourpole.core.codes import Code
+from fourpole.core.checks import Code, Verdict
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.remote import is_elsewhere
@@ -32,6 +31,7 @@ from fourpole.served.workspace import Place, state_of
 from fourpole.study.load import group_of
 from fourpole.study.recording import read_recording
 from fourpole.study.residual import residual_spectrum
+from fourpole.words import template
 
 #: What the channels of a test are called, and their units.
 SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
@@ -155,7 +155,7 @@ def _check(row: dict[str, Any]) -> dict[str, Any]:
     side = "≥" if code is not None and code.limit_is_least else "≤"
     return {
         **row,
-        "about": "" if code is None else code.about,
+        "about": "" if code is None else template(code, "about"),
         "statistic": found,
         "limit": f"{side} {limit}" if limit else "",
     }

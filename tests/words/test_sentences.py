@@ -1,0 +1,85 @@
+"""The sentences of checks and causes, and the file of their texts."""
+
+import re
+import tomllib
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from fourpole.core.checks import VERDICTS, Branch, Code, Excitation, Looks, NoK1, Side, Verdict, reported
+from fourpole.words import interval_words, remark_of, template
+
+TEXTS = tomllib.loads(resources.files("fourpole.words").joinpath("words.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("code", Code)
+def test_every_code_says_what_it_looks_at_and_has_a_sentence(code):
+    assert template(code, "about")
+    for verdict in VERDICTS:
+        cause, remedy = template(code, "cause", verdict), template(code, "remedy", verdict)
+        assert cause
+        assert not remedy or cause.endswith((": ", "; ", "{why}"))
+        assert not remedy.endswith((".", " "))
+
+
+def test_the_file_has_the_texts_of_the_codes_and_of_no_other():
+    assert list(TEXTS["checks"]) == [code.text for code in Code]
+    parts = {"about", "short", "cause", "remedy"}
+    assert all(set(texts) - {"rejected"} <= parts for texts in TEXTS["checks"].values())
+    assert all(set(texts.get("rejected", {})) <= parts for texts in TEXTS["checks"].values())
+
+
+@pytest.mark.parametrize(
+    ("group", "case"), [("looks", Looks), ("k1", Branch), ("k1", Side), ("excitation", Excitation)]
+)
+def test_every_case_has_words(group, case):
+    assert all(TEXTS[group][member.name.lower()] for member in case)
+
+
+def test_every_lack_of_k1_has_a_cause_and_a_remedy():
+    assert all(TEXTS["no_k1"][f"{case.name.lower()}_{part}"] for case in NoK1 for part in ("why", "remedy"))
+
+
+def test_every_text_is_named_in_the_program():
+    source = resources.files("fourpole.words").joinpath("__init__.py").read_text(encoding="utf-8")
+    for group in set(TEXTS) - {"checks", "causes", "looks", "excitation", "no_k1"}:
+        members = {member.name.lower() for case in (Branch, Side) for member in case}
+        assert all(f'"{key}"' in source for key in TEXTS[group] if key not in members), group
+
+
+def test_every_cause_of_a_misfit_is_made_somewhere():
+    made = ("core/joint/misfit.py", "study/rig_reading.py", "study/rig_solution.py")
+    root = resources.files("fourpole")
+    source = "".join(root.joinpath(*name.split("/")).read_text(encoding="utf-8") for name in made)
+    by_kind = {"amplitude", "gain", "phase", "gain_drift", "crosstalk"}
+    assert {form for form in TEXTS["causes"] if not re.search(rf'"{form}"', source)} == by_kind
+
+
+def test_a_rejection_may_have_words_of_its_own():
+    assert template(Code.LIFT_OFF, "short", "rejected") != template(Code.LIFT_OFF, "short", "warning")
+    assert template(Code.CLIPPING, "short", "rejected") == template(Code.CLIPPING, "short", "warning")
+
+
+def test_braces_in_a_file_name_stand_as_they_are():
+    assert "{0} {x}.csv" in remark_of(reported(Code.MEMORY, Verdict.REJECTED, file="{0} {x}.csv"))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (1e5, 2e5, " between 1e+05 N/m and 2e+05 N/m (95 % by Monte Carlo)"),
+        (1e5, np.inf, " between 1e+05 N/m and no upper limit (95 % by Monte Carlo)"),
+        (np.inf, np.inf, " without a limit"),
+    ],
+)
+def test_an_interval_by_monte_carlo_in_words(low, high, said):
+    assert interval_words(low, high, "N/m") == said
+
+
+def test_the_parts_cut_off_in_words():
+    start, both = (
+        remark_of(reported(Code.STEADY, Verdict.OK, before=2.0, after=after, length=9.0)) for after in (0.0, 1.5)
+    )
+    assert start.startswith("the first 2 s (lead-in, run-up) of 9 s")
+    assert both.startswith("the first 2 s (lead-in, run-up) and the last 1.5 s (run-down) of 9 s")
