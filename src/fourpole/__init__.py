@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from fourpole.campaign import read_campaign
     from fourpole.core.channelerrors import ChannelUncertainty
     from fourpole.core.demodulation.demodulate import demodulate
-    from fourpole.core.identification import Identification
-    from fourpole.core.identify import identify
+    from fourpole.core.identify import Identification, identify
     from fourpole.core.joint import identify_joint
     from fourpole.core.loadcurve import LoadCurve
     from fourpole.core.phasor import Phasors
@@ -41,7 +40,7 @@ _HOME = {
     "Channel": "core.recording",
     "ChannelUncertainty": "core.channelerrors",
     "FourpoleError": "errors",
-    "Identification": "core.identification",
+    "Identification": "core.identify",
     "LoadCurve": "core.loadcurve",
     "Phasors": "core.phasor",
     "Recording": "core.recording",

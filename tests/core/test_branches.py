@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fourpole.core.branches import in_contact, split_branches
-from fourpole.core.rests import rests
+from fourpole.core.branches import in_contact, rests, split_branches
 
 
 def sweep(*turns, points=50):

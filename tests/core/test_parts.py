@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from fourpole.core.meancurve import fit_mean_curve
-from fourpole.core.parts import Points, deflection_at, in_part, surest
+from fourpole.core.meancurve import Points, deflection_at, fit_mean_curve, in_part, surest
 
 X = np.linspace(0.0, 1.0, 401)
 

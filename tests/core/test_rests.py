@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.rests import means, passes_levels, ranks, rests
+from fourpole.core.branches import means, passes_levels, ranks, rests
 
 LEVELS = np.array([220.0, 440.0, 660.0, 880.0, 1100.0])
 STIFFNESS = 1e5

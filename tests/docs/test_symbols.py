@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import fourpole
-from fourpole.core.identification import Identification
+from fourpole.core.identify import Identification
 from fourpole.core.joint.solve import Solution
 from fourpole.core.loadcurve import Tangent
 from fourpole.core.rig import PARAMETERS

@@ -22,8 +22,7 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.checks import CURVE_DOUBTS
-from fourpole.core.meancurve import MeanCurve, off_the_curve
-from fourpole.core.parts import Local, Points, deflection_at, in_part, surest
+from fourpole.core.meancurve import Local, MeanCurve, Points, deflection_at, in_part, off_the_curve, surest
 from fourpole.core.stepcurve import fit_curve
 from fourpole.errors import LoadCurveError, Message
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from fourpole.core.arrays import FloatArray, IntArray
+from fourpole.core.branches import means, ranks, rests
 from fourpole.core.meancurve import MeanCurve, fit_mean_curve
-from fourpole.core.rests import means, ranks, rests
 
 _HIGHEST_ORDER = 9
 #: Relative round-off of a load.

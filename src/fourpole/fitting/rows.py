@@ -22,7 +22,7 @@ from fourpole.quantities import Quantity
 from fourpole.units import column_unit, shown
 
 if TYPE_CHECKING:
-    from fourpole.core.identification import Identification
+    from fourpole.core.identify import Identification
     from fourpole.models.operating import Answer
 
 #: Heads of the columns that identify a row of a dynamic test.

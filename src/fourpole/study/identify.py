@@ -19,8 +19,7 @@ from fourpole.core.checks import Code
 from fourpole.core.condition import temperature_std
 from fourpole.core.curvature import largest_bend
 from fourpole.core.demodulation.corrections import Correction, response_std
-from fourpole.core.identification import Identification
-from fourpole.core.identify import identify, variance_by_source
+from fourpole.core.identify import Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import Outputs, identification, outputs
 from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_source

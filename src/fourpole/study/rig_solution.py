@@ -11,7 +11,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import Check, Code, Verdict
-from fourpole.core.identification import Identification
+from fourpole.core.identify import Identification
 from fourpole.core.joint import Joint
 from fourpole.core.joint.misfit import Candidate, pulls
 from fourpole.core.joint.outputs import Outputs

@@ -8,10 +8,10 @@ import pytest
 from scipy import stats
 
 from fourpole.core.joint import misfit
+from fourpole.core.joint.joint import closed_form_start
 from fourpole.core.joint.misfit import candidates, is_unlikely, pulls, residuals
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Solution, solve
-from fourpole.core.joint.start import closed_form_start
 from fourpole.core.rig import Rig
 from fourpole.core.sources import PARTS, Kind, Source
 from fourpole.virtual.phasor_rig import Laboratory

@@ -12,7 +12,7 @@ from fourpole.core.joint import reconcile, specimens
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.joint.reconcile import _Diagnosis
 from fourpole.core.joint.scatter import MEDIAN
-from fourpole.core.joint.state import Misfit, State
+from fourpole.core.joint.specimens import Misfit, State
 from fourpole.core.sources import Kind, Source
 
 BELOW, ABOVE = 0.99, 1.01

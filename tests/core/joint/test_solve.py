@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fourpole.core.joint import solve as module
+from fourpole.core.joint.joint import closed_form_start
 from fourpole.core.joint.solve import solve, without_stiffness
-from fourpole.core.joint.start import closed_form_start
 from fourpole.virtual.phasor_rig import Laboratory
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fourpole import Phasors, Rig
-from fourpole.core.joint.identify import identify_joint
+from fourpole.core.joint.outputs import identify_joint
 
 NOISE, PER_KELVIN = 1e-4, 0.01
 

@@ -24,8 +24,7 @@ from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
 from fourpole.core.joint.scatter import root_of
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution
-from fourpole.core.joint.specimens import fit_specimens, without_drifts
-from fourpole.core.joint.state import NOISE_IN_DOUBT, Misfit, State
+from fourpole.core.joint.specimens import NOISE_IN_DOUBT, Misfit, State, fit_specimens, without_drifts
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: A stated value is a cause of the misfit if it departs from its estimate by this many standard uncertainties.

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.curvature import arm_covariance
-from fourpole.core.identification import Identification
-from fourpole.core.identify import identify
+from fourpole.core.identify import Identification, identify
 from fourpole.core.joint import identify_joint
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig

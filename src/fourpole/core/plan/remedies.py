@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.identification import Identification
+from fourpole.core.identify import Identification
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.plan.expect import PlannedTests, expect, possible_routes
 from fourpole.core.rig import Rig

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fourpole.core.joint.start import closed_form_start
+from fourpole.core.joint.joint import closed_form_start
 from fourpole.virtual.phasor_rig import Laboratory
 
 PERFECT = Laboratory(
