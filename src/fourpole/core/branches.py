@@ -27,8 +27,8 @@ def rests(deflection: FloatArray, load: FloatArray | None = None) -> IntArray | 
 
     Either deflection or load may be the quantity that is held.
     """
-    for one in [deflection] if load is None else [deflection, load]:
-        number = _rests_of(one)
+    for values in [deflection] if load is None else [deflection, load]:
+        number = _rests_of(values)
         if number is not None:
             rank = ranks(number, deflection, load)
             if rank.max() >= _FEWEST_LEVELS - 1:
@@ -49,13 +49,13 @@ def ranks(number: IntArray, deflection: FloatArray, load: FloatArray | None = No
 
     That is the one with fewer levels, if the rests of each of its levels agree.
     """
-    found = []
-    for one in [deflection] if load is None else [deflection, load]:
-        middle = means(number, one)
-        rank = _levels(middle, float(np.ptp(one)))
+    choices = []
+    for values in [deflection] if load is None else [deflection, load]:
+        middle = means(number, values)
+        rank = _levels(middle, float(np.ptp(values)))
         own = np.bincount(rank, middle) / np.bincount(rank)
-        found.append((bool(np.var(middle - own[rank]) > _LOOSE * np.var(middle)), int(rank.max()), rank))
-    return min(found, key=lambda one: one[:2])[2]
+        choices.append((bool(np.var(middle - own[rank]) > _LOOSE * np.var(middle)), int(rank.max()), rank))
+    return min(choices, key=lambda values: values[:2])[2]
 
 
 def passes_levels(rank: IntArray) -> bool:

@@ -188,8 +188,8 @@ class Calibrated(ByValue):
 
     def at(self, frequency: ArrayLike) -> ComplexArray:
         """Recorded over true [1]; frequencies beyond the ends, as of harmonics, have the values at the ends."""
-        at = np.asarray(frequency, dtype=float)
-        gain, phase = (np.interp(at, self.frequency, part) for part in (self.gain, self.phase))
+        hertz = np.asarray(frequency, dtype=float)
+        gain, phase = (np.interp(hertz, self.frequency, part) for part in (self.gain, self.phase))
         return np.asarray(gain * np.exp(1j * phase), dtype=complex)
 
     def std_at(self, frequency: float) -> tuple[float, float]:

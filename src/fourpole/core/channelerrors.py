@@ -75,19 +75,23 @@ class ChannelUncertainty(ByValue):
 
     def errors(self, omega: FloatArray, *, possible: bool = False) -> list[ChannelError]:
         """All errors with an uncertainty, for tests at angular frequencies (N,) [rad/s]; or all that are possible."""
-        one = np.ones(omega.size, dtype=complex)
-        found = []
-        for at, role in enumerate(CHANNELS):
+        ones = np.ones(omega.size, dtype=complex)
+        listed = []
+        for channel, role in enumerate(CHANNELS):
             symbol = SYMBOLS[role]
-            found.append(ChannelError(Source(Kind.GAIN, symbol), "1", at, float(self.gain[at]), one))
-            found.append(ChannelError(Source(Kind.PHASE, symbol), "rad", at, float(self.phase[at]), 1j * one))
-            found.append(ChannelError(Source(Kind.DELAY, symbol), "s", at, float(self.delay[at]), -1j * omega))
+            listed.append(ChannelError(Source(Kind.GAIN, symbol), "1", channel, float(self.gain[channel]), ones))
+            listed.append(
+                ChannelError(Source(Kind.PHASE, symbol), "rad", channel, float(self.phase[channel]), 1j * ones)
+            )
+            listed.append(
+                ChannelError(Source(Kind.DELAY, symbol), "s", channel, float(self.delay[channel]), -1j * omega)
+            )
             if self.response is not None:
-                gain, phase = self.response[:, at].real, self.response[:, at].imag
+                gain, phase = self.response[:, channel].real, self.response[:, channel].imag
                 sources = Source(Kind.RESPONSE_GAIN, symbol), Source(Kind.RESPONSE_PHASE, symbol)
-                found.append(ChannelError(sources[0], "1", at, float(gain.any()), gain + 0j))
-                found.append(ChannelError(sources[1], "1", at, float(phase.any()), 1j * phase))
-        return [error for error in found if possible or error.std > 0]
+                listed.append(ChannelError(sources[0], "1", channel, float(gain.any()), gain + 0j))
+                listed.append(ChannelError(sources[1], "1", channel, float(phase.any()), 1j * phase))
+        return [error for error in listed if possible or error.std > 0]
 
     def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
         """Covariance (N, 6, 6) of measured amplitudes (N, 3) from these uncertainties."""

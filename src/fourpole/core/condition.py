@@ -47,18 +47,18 @@ class Axis:
         """The head of its column in the result tables."""
         return self.head or self.name
 
-    def same(self, one: Value, other: Value, *, blank: bool = False) -> bool:
+    def same(self, value: Value, other: Value, *, blank: bool = False) -> bool:
         """Whether two values are the same; with `blank`, a value that is not stated equals every other value.
 
         >>> pressure = AXES[0]
         >>> pressure.same(1.70e5, 1.73e5), pressure.same(1.70e5, 1.74e5), pressure.same(1.70e5, None)
         (True, False, False)
         """
-        if one is None or other is None:
-            return blank or one is other
-        if isinstance(one, str) or isinstance(other, str):
-            return one == other
-        return abs(one - other) <= self.relative * max(abs(one), abs(other)) + self.absolute
+        if value is None or other is None:
+            return blank or value is other
+        if isinstance(value, str) or isinstance(other, str):
+            return value == other
+        return abs(value - other) <= self.relative * max(abs(value), abs(other)) + self.absolute
 
     def groups(self, values: Iterable[Value]) -> np.ndarray:
         """Number of the group of each value, from 0 in rising order; values that are not stated form the last group."""
@@ -102,11 +102,11 @@ def temperature_std(temperature: FloatArray, group: np.ndarray, sensitivity: flo
     array([0.02, 0.02, 0.  ])
     """
     known = np.isfinite(temperature) & (group >= 0)
-    found = np.zeros(temperature.size)
-    for one in np.unique(group[known]):
-        rows = known & (group == one)
-        found[rows] = sensitivity * np.abs(temperature[rows] - temperature[rows].mean())
-    return found
+    result = np.zeros(temperature.size)
+    for number in np.unique(group[known]):
+        rows = known & (group == number)
+        result[rows] = sensitivity * np.abs(temperature[rows] - temperature[rows].mean())
+    return result
 
 
 @dataclass(frozen=True)
@@ -137,10 +137,10 @@ class Sameness:
         known = {axis.column for axis in self.axes}
         return Sameness((*self.axes, *(axis_of(column) for column in dict.fromkeys(columns) if column not in known)))
 
-    def same(self, one: Condition, other: Condition, *, blank: bool = False) -> bool:
+    def same(self, condition: Condition, other: Condition, *, blank: bool = False) -> bool:
         """Whether two conditions are the same; with `blank`, a value that is not stated equals every other value."""
-        pairs = zip(self.axes, one.values, other.values, strict=True)
-        return one.specimen == other.specimen and all(axis.same(a, b, blank=blank) for axis, a, b in pairs)
+        pairs = zip(self.axes, condition.values, other.values, strict=True)
+        return condition.specimen == other.specimen and all(axis.same(a, b, blank=blank) for axis, a, b in pairs)
 
     def groups(self, conditions: Sequence[Condition]) -> np.ndarray:
         """Number of the group of each condition, from 0.
@@ -156,32 +156,35 @@ class Sameness:
         # Lowest and highest value on each axis of each group: a condition that is like both is like all members.
         ends: list[tuple[Condition, Condition]] = []
         first = 0
-        for one in sorted(set(conditions), key=_place):
+        for condition in sorted(set(conditions), key=_place):
             # Conditions rise on the first axis: a group too far below this condition is too far below all later ones.
-            while first < len(ends) and not self._near(ends[first][0], one):
+            while first < len(ends) and not self._near(ends[first][0], condition):
                 first += 1
-            fits = (at for at in range(first, len(ends)) if all(self.same(one, end) for end in ends[at]))
-            at = next(fits, len(ends))
-            if at == len(ends):
-                ends.append((one, one))
+            fits = (place for place in range(first, len(ends)) if all(self.same(condition, end) for end in ends[place]))
+            place = next(fits, len(ends))
+            if place == len(ends):
+                ends.append((condition, condition))
             else:
-                ends[at] = (_end(ends[at][0], one, lowest=True), _end(ends[at][1], one, lowest=False))
-            number[one] = at
-        return np.array([number[one] for one in conditions], dtype=np.int64)
+                ends[place] = (
+                    _end(ends[place][0], condition, lowest=True),
+                    _end(ends[place][1], condition, lowest=False),
+                )
+            number[condition] = place
+        return np.array([number[condition] for condition in conditions], dtype=np.int64)
 
-    def _near(self, one: Condition, other: Condition) -> bool:
+    def _near(self, condition: Condition, other: Condition) -> bool:
         """Whether the specimens are the same and the values on the first axis are within its tolerance."""
-        return one.specimen == other.specimen and all(
-            axis.same(a, b) for axis, a, b in zip(self.axes[:1], one.values, other.values, strict=False)
+        return condition.specimen == other.specimen and all(
+            axis.same(a, b) for axis, a, b in zip(self.axes[:1], condition.values, other.values, strict=False)
         )
 
 
-def _place(one: Condition) -> tuple[str, list[tuple[bool, float | str]]]:
+def _place(condition: Condition) -> tuple[str, list[tuple[bool, float | str]]]:
     """Sort key of a condition: specimen, then the value on each axis; a value that is not stated comes last."""
-    return one.specimen, [(value is None, 0.0 if value is None else value) for value in one.values]
+    return condition.specimen, [(value is None, 0.0 if value is None else value) for value in condition.values]
 
 
-def _end(end: Condition, one: Condition, *, lowest: bool) -> Condition:
+def _end(end: Condition, condition: Condition, *, lowest: bool) -> Condition:
     """Condition with the lower, or the higher, value of two conditions on each axis."""
-    pairs = zip(end.values, one.values, strict=True)
+    pairs = zip(end.values, condition.values, strict=True)
     return Condition(end.specimen, tuple(a if a is None or b is None or (a < b) == lowest else b for a, b in pairs))  # type: ignore[operator]

@@ -235,7 +235,7 @@ def _shared(answers: _Answers) -> FloatArray:
         along = parts(answers.amplitudes[:, error.channel] * error.turn * error.std)
         first = 2 * error.channel
         columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
-    own = [by[:, :, at] * np.sqrt(answers.covariance[:, None, at, at]) for at in range(6, _K1_AT)]
+    own = [by[:, :, index] * np.sqrt(answers.covariance[:, None, index, index]) for index in range(6, _K1_AT)]
     columns += own[:-1]
     masses = np.unique(answers.added[answers.added != 0])
     columns += [np.where((answers.added == mass)[:, None], own[-1], 0.0) for mass in masses]
@@ -257,9 +257,9 @@ def variance_by_source(
     answers = _Answers(phasors, rig, k1, **stated)
     count = answers.k1.size
 
-    def alone(block: FloatArray, at: slice) -> FloatArray:
+    def alone(block: FloatArray, place: slice) -> FloatArray:
         covariance = np.zeros((count, _INPUTS, _INPUTS))
-        covariance[:, at, at] = block
+        covariance[:, place, place] = block
         return np.diagonal(_propagate(answers.jacobian, covariance), 0, 1, 2)
 
     phasor = slice(0, 6)

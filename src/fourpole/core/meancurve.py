@@ -328,15 +328,15 @@ def surest(points: Points, whole: MeanCurve, place: float, load: float) -> Local
     their uncertainties, the uncertainty of the tangent is enlarged. A curve through rests is always used whole.
     """
     low, high = whole.span
-    found = [Local(whole, place, *whole.tangent(place))]
-    for share in _PARTS if found[0].std > _SURE * found[0].slope and not whole.stepped else ():
+    parts = [Local(whole, place, *whole.tangent(place))]
+    for share in _PARTS if parts[0].std > _SURE * parts[0].slope and not whole.stepped else ():
         reach = 0.5 * share * (high - low)
         local = in_part(points, float(np.clip(place, low + reach, high - reach)), reach, load)
-        found += [local] if local is not None else []
-    best = found[0]
-    for one in found[1:]:
-        best = one if one.std < _SURER * best.std else best
-    others = [(one.slope - best.slope) ** 2 / max(one.std, best.std) ** 2 for one in found if one is not best]
+        parts += [local] if local is not None else []
+    best = parts[0]
+    for part in parts[1:]:
+        best = part if part.std < _SURER * best.std else best
+    others = [(part.slope - best.slope) ** 2 / max(part.std, best.std) ** 2 for part in parts if part is not best]
     spread = float(np.sqrt(max(1.0, float(np.mean(others)) if others else 0.0)))
     return best._replace(std=best.std * spread)
 
@@ -359,7 +359,7 @@ def in_part(points: Points, middle: float, reach: float, load: float) -> Local |
 def _enough(deflection: FloatArray, side: FloatArray | None) -> bool:
     """Whether each branch has enough points, at enough deflections."""
     branches = [deflection] if side is None else [deflection[side > 0], deflection[side < 0]]
-    return all(one.size >= _FEWEST_IN_PART and levels(one) >= _FEWEST_LEVELS for one in branches)
+    return all(branch.size >= _FEWEST_IN_PART and levels(branch) >= _FEWEST_LEVELS for branch in branches)
 
 
 def deflection_at(curve: MeanCurve, load: float) -> float:
@@ -372,4 +372,6 @@ def deflection_at(curve: MeanCurve, load: float) -> float:
     if not crossing.size:
         raise LoadCurveError(f"the mean of the branches does not reach {load:g} N: no extrapolation")
     inside = crossing[np.argmin(np.abs(x[crossing] - np.clip(x[crossing], low, high)))]
-    return float(scipy.optimize.brentq(lambda at: float(curve.value(at)) - load, x[inside], x[inside + 1], xtol=1e-15))
+    return float(
+        scipy.optimize.brentq(lambda place: float(curve.value(place)) - load, x[inside], x[inside + 1], xtol=1e-15)
+    )

@@ -25,7 +25,7 @@ from fourpole.face import public
 from fourpole.quantities import RIG_VALUES
 
 #: The rig's values in the order of every gradient, with their SI units.
-PARAMETERS = {key: one.unit for key, one in RIG_VALUES.items()}
+PARAMETERS = {key: value.unit for key, value in RIG_VALUES.items()}
 
 
 #: Kind of quantity of each value that is written as a text.

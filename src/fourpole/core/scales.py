@@ -52,7 +52,7 @@ def check_scale(phasors: Phasors, stiffness: complex, k1: float, *, motion: bool
     frequency, ratio = float(phasors.frequency), stiffness.real / k1
     if is_plausible(stiffness, k1, frequency):
         return Check(Code.K1_RATIO, Verdict.OK, ratio, largest_ratio(stiffness, frequency))
-    f1, v1, v2 = (complex(one) for one in phasors.amplitudes)
+    f1, v1, v2 = (complex(amplitude) for amplitude in phasors.amplitudes)
     if motion and np.isfinite(v2):
         factors = [
             factor
@@ -106,7 +106,7 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray, *, same: bool = False)
 
     Returns
     -------
-    (one, other, usual) or None [1]
+    (first, second, usual) or None [1]
         Medians of (K' - K1)/K'' of both, and their mean after the exchange; None if the exchange of K1 does not make
         unlike ratios alike.
 
@@ -119,10 +119,10 @@ def k1_exchanged(stiffness: ComplexArray, k1: FloatArray, *, same: bool = False)
     [0.33, 2.4, 1.63]
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = np.median((stiffness.real - k1) / stiffness.imag, axis=0).tolist()
+        first, second = np.median((stiffness.real - k1) / stiffness.imag, axis=0).tolist()
         swapped = np.median((stiffness.real - k1[:, ::-1]) / stiffness.imag, axis=0)
     usual = float(swapped.mean())
     unlike, alike = _STATES if same else _SPECIMENS
-    if usual > 0 and np.ptp(swapped) < alike * usual and abs(one - other) > unlike * usual:
-        return one, other, usual
+    if usual > 0 and np.ptp(swapped) < alike * usual and abs(first - second) > unlike * usual:
+        return first, second, usual
     return None

@@ -126,10 +126,10 @@ class Source:
         kind, of, under = _KNOWN.get(text, (Kind.OTHER, text, ""))
         if kind is Kind.OTHER and (weighed := _MASS.fullmatch(text)):
             try:
-                found = cls(Kind.ADDED_MASS, mass=float(weighed[1]), rig=rig)
+                weighed_mass = cls(Kind.ADDED_MASS, mass=float(weighed[1]), rig=rig)
             except ValueError:
                 return cls(kind, of, rig=rig)
-            return found if found.text == text else cls(kind, of, rig=rig)
+            return weighed_mass if weighed_mass.text == text else cls(kind, of, rig=rig)
         for drift in (Kind.DRIFT, Kind.ANGLE_DRIFT):
             if kind is Kind.OTHER and text.startswith(drift.text):
                 return cls(drift, text.removeprefix(drift.text), rig=rig)

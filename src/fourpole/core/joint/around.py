@@ -115,8 +115,8 @@ class Likelihood(ByValue):
 
     def _start(self, given: np.ndarray) -> tuple[FloatArray, ComplexArray, FloatArray]:
         """Shared values, K* and its slopes to begin with: those found last for the same conditions."""
-        found = self._last.get(given.tobytes())
-        return found or (self.z, self.stiffness, sweep(self.problem, self.z, self.stiffness).slope)
+        kept = self._last.get(given.tobytes())
+        return kept or (self.z, self.stiffness, sweep(self.problem, self.z, self.stiffness).slope)
 
 
 def _stepped(
@@ -124,10 +124,10 @@ def _stepped(
 ) -> tuple[FloatArray, ComplexArray, Step] | None:
     """The shared values and K* after a step, halved until the objective does not rise; None if it always rises."""
     for share in 0.5 ** np.arange(_HALVINGS):
-        found = _moved(stiffness, step, given, share * dz)
-        there = sweep(problem, z + share * dz, found, step.slope)
+        there_stiffness = _moved(stiffness, step, given, share * dz)
+        there = sweep(problem, z + share * dz, there_stiffness, step.slope)
         if no_worse(there, step):
-            return z + share * dz, found, there
+            return z + share * dz, there_stiffness, there
     return None
 
 
@@ -142,6 +142,6 @@ def _best_shared(step: Step, given: np.ndarray) -> FloatArray:
 
 def _moved(stiffness: ComplexArray, step: Step, given: np.ndarray, dz: FloatArray) -> ComplexArray:
     """K* of all conditions for a change of the shared values; that of the given conditions stays."""
-    found = moved(stiffness, step.own_step - step.slope @ dz)
-    found[given] = stiffness[given]
-    return found
+    result = moved(stiffness, step.own_step - step.slope @ dz)
+    result[given] = stiffness[given]
+    return result

@@ -55,17 +55,17 @@ def group_conditions(
     labels = np.full(family.size, -1)
     current, first, last, label = -1, 0.0, 0.0, -1
     present: set[int] = set()
-    for at in order:
-        if family[at] < 0:
+    for index in order:
+        if family[index] < 0:
             continue
-        f = float(places[at])
-        step, width = (_SAME, _SAME) if named[at] else (_STEP, _WIDTH)
-        if family[at] != current or f > step * last or f > width * first or int(own[at]) in present:
-            label, first, current = label + 1, f, family[at]
+        f = float(places[index])
+        step, width = (_SAME, _SAME) if named[index] else (_STEP, _WIDTH)
+        if family[index] != current or f > step * last or f > width * first or int(own[index]) in present:
+            label, first, current = label + 1, f, family[index]
             present.clear()
         last = f
-        present.add(int(own[at]))
-        labels[at] = label
+        present.add(int(own[index]))
+        labels[index] = label
     return labels
 
 
@@ -102,9 +102,9 @@ class JointConditions:
         self._omega = 2 * np.pi * frequency
         here = slice(self.first, None)
         self._apart = np.log(frequency[here] / self.mean_frequency[label[here]]) if self.count else np.zeros(0)
-        at, same = np.arange(self.count), self.family[1:] == self.family[:-1]
-        self._below = np.where(np.append(False, same)[: self.count], at - 1, at)
-        self._above = np.where(np.append(same, False)[: self.count], at + 1, at)
+        number, same = np.arange(self.count), self.family[1:] == self.family[:-1]
+        self._below = np.where(np.append(False, same)[: self.count], number - 1, number)
+        self._above = np.where(np.append(same, False)[: self.count], number + 1, number)
         span = np.log(self.mean_frequency[self._above] / self.mean_frequency[self._below])
         self._span = np.where(span > 0, span, 1.0)
 
@@ -179,7 +179,7 @@ class JointConditions:
         off = np.zeros(values.size)
         if self.count:
             here, label = slice(self.first, None), self.label[self.first :]
-            usual = np.array([np.median(one) for one in np.split(values[here], self.starts[1:] - self.first)])
+            usual = np.array([np.median(group) for group in np.split(values[here], self.starts[1:] - self.first)])
             off[here] = values[here] - usual[label] - self._slopes(usual)[label] * self._apart
         return off
 

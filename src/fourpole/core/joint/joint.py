@@ -173,12 +173,12 @@ def _unlike(deflection: FloatArray) -> FloatArray:
 
 def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarray, FloatArray]:
     """The distinct added masses [kg], the index of each test's mass (-1 for none), and their standard uncertainties."""
-    masses, at = np.unique(added, return_inverse=True)
+    masses, index = np.unique(added, return_inverse=True)
     spread = np.zeros(masses.size)
-    np.maximum.at(spread, at, std)
+    np.maximum.at(spread, index, std)
     real = masses != 0
     number = np.where(real, np.cumsum(real) - 1, -1)
-    return masses[real], number[at], spread[real]
+    return masses[real], number[index], spread[real]
 
 
 def _unstated_errors(amplitudes: ComplexArray, place: FloatArray) -> list[ChannelError]:
@@ -191,12 +191,12 @@ def _unstated_errors(amplitudes: ComplexArray, place: FloatArray) -> list[Channe
         present = np.isfinite(amplitudes)
         square = np.sum(np.abs(np.where(present, amplitudes, 0.0)) ** 2, axis=0) / present.sum(axis=0)
         scaled = amplitudes / np.sqrt(square)
-        for at, symbol in enumerate(SYMBOLS.values()):
-            errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", at, 0.0, place + 0j))
+        for channel, symbol in enumerate(SYMBOLS.values()):
+            errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", channel, 0.0, place + 0j))
             for other, name in enumerate(SYMBOLS.values()):
-                if other != at:
-                    turn = np.nan_to_num(scaled[:, other] / scaled[:, at], posinf=0.0, neginf=0.0)
-                    errors.append(ChannelError(Source(Kind.CROSSTALK, f"{name} in {symbol}"), "1", at, 0.0, turn))
+                if other != channel:
+                    turn = np.nan_to_num(scaled[:, other] / scaled[:, channel], posinf=0.0, neginf=0.0)
+                    errors.append(ChannelError(Source(Kind.CROSSTALK, f"{name} in {symbol}"), "1", channel, 0.0, turn))
     return errors
 
 
@@ -237,7 +237,7 @@ def closed_form_start(
     with np.errstate(divide="ignore", invalid="ignore"):
         u_z = np.sqrt(np.sum(spread**2, axis=1)) / np.abs(impedance) + _LEAST
         routes = ("relative", "mobility", "transmissibility")
-        found = np.stack([stiffness_by(route, (f1, v1, v2), impedance, omega) for route in routes])
+        by_route = np.stack([stiffness_by(route, (f1, v1, v2), impedance, omega) for route in routes])
         apart, tyre = np.abs(v1 - v2), np.abs(v1 / f1 - 1 / impedance)
         off = np.stack(
             [
@@ -246,9 +246,9 @@ def closed_form_start(
                 np.sqrt(u_z**2 + (u_1**2 + u_2**2) * np.abs(v1 / (v1 - v2)) ** 2),
             ]
         )
-    off = np.where(np.isfinite(off) & np.isfinite(found) & (found != 0), off, np.inf)
+    off = np.where(np.isfinite(off) & np.isfinite(by_route) & (by_route != 0), off, np.inf)
     best = np.argmin(off, axis=0)
-    at = np.arange(omega.size)
-    weight = 1 / np.minimum(off[best, at], 1e6) ** 2
-    value = np.where(np.isfinite(found[best, at]), found[best, at], 1e5)
+    rows = np.arange(omega.size)
+    weight = 1 / np.minimum(off[best, rows], 1e6) ** 2
+    value = np.where(np.isfinite(by_route[best, rows]), by_route[best, rows], 1e5)
     return conditions.sum(value * weight) / conditions.sum(weight)

@@ -83,8 +83,8 @@ class Observed(ByRows):
         amplitudes = np.where(present, amplitudes, 0.0)
         whiten = whitening(phasors.covariance, amplitudes, present)
         turns = np.zeros((len(amplitudes), 3, len(errors)), dtype=complex)
-        for at, error in enumerate(errors):
-            turns[:, error.channel, at] = error.turn
+        for index, error in enumerate(errors):
+            turns[:, error.channel, index] = error.turn
         specimen, place = run or (np.zeros(len(amplitudes), dtype=int), np.zeros(len(amplitudes)))
         with np.errstate(divide="ignore"):
             size = np.log(deflection_amplitude(amplitudes[:, 0], amplitudes[:, 1], amplitudes[:, 2], phasors.omega))
@@ -109,23 +109,23 @@ class Observed(ByRows):
     def by_drift(self, shared: Shared) -> FloatArray:
         """Derivatives of Re and Im of log `drifted` by the shared values (N, 2, p), per stated uncertainty."""
         change = np.zeros((self.place.size, len(shared)), dtype=complex)
-        for at, parameter in enumerate(shared.parameters):
+        for index, parameter in enumerate(shared.parameters):
             if parameter.source.kind in DRIFTS:
                 own = self.specimen == parameter.index
-                change[:, at] = np.where(own, DRIFTS[parameter.source.kind] * self.place * parameter.std, 0.0)
+                change[:, index] = np.where(own, DRIFTS[parameter.source.kind] * self.place * parameter.std, 0.0)
             elif parameter.source.kind is Kind.AMPLITUDE:
-                change[:, at] = self.deflection * parameter.std
+                change[:, index] = self.deflection * parameter.std
         return parts(change, axis=1)
 
 
 def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArray) -> FloatArray:
     """W with W S W^T = 1: the inverse of the Cholesky factor of the covariance S."""
     both = np.repeat(present, 2, axis=-1)
-    at = np.arange(6)
+    diagonal = np.arange(6)
     kept = np.where(both[:, :, None] & both[:, None, :], covariance, 0.0)
-    kept[:, at, at] += np.where(both, (FLOOR * np.repeat(np.abs(amplitudes), 2, axis=-1)) ** 2, 1.0)
+    kept[:, diagonal, diagonal] += np.where(both, (FLOOR * np.repeat(np.abs(amplitudes), 2, axis=-1)) ** 2, 1.0)
     # The matrix is scaled to a unit diagonal first, because forces and velocities differ much in size.
-    scale = 1.0 / np.sqrt(kept[:, at, at])
+    scale = 1.0 / np.sqrt(kept[:, diagonal, diagonal])
     factor = np.linalg.cholesky(kept * scale[:, :, None] * scale[:, None, :])
     inverse = np.linalg.inv(factor) * scale[:, None, :]
     return np.where(both[:, :, None], inverse, 0.0)
@@ -264,20 +264,20 @@ def _impedance_by_shared(
     support = _support(observed.omega, rig)
     through_frame = 1 - 2j * observed.omega * support * extra.get("frame", 0.0)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
-    for at, parameter in enumerate(shared.parameters):
+    for index, parameter in enumerate(shared.parameters):
         role, of = parameter.source.role, parameter.source.of
         if role is Role.RIG:
-            change[:, at] = gradient[:, parameter.index]
+            change[:, index] = gradient[:, parameter.index]
             if of in _SUPPORT:
-                change[:, at] *= through_frame
+                change[:, index] *= through_frame
             if of == "preload_stiffness":
-                change[:, at] += extra.get("loss", 0.0) / observed.omega
+                change[:, index] += extra.get("loss", 0.0) / observed.omega
             if of == "tyre_mass":
-                change[observed.rigid, at] = 0.0
+                change[observed.rigid, index] = 0.0
         elif role is Role.UNSTATED and of in shapes:
-            change[:, at] = shapes[of]
+            change[:, index] = shapes[of]
         elif role is Role.MASS:
-            change[:, at] = np.where(observed.mass_at == parameter.index, gradient[:, -1], 0.0)
+            change[:, index] = np.where(observed.mass_at == parameter.index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)
 
 
@@ -291,19 +291,19 @@ def _by_shared(
 ) -> ComplexArray:
     """Derivatives of the three amplitudes by z (N, 3, p)."""
     change = by_zr[:, :, None] * zr_by_shared[:, None, :]
-    for at, parameter in enumerate(shared.parameters):
+    for index, parameter in enumerate(shared.parameters):
         if parameter.source.role is Role.CHANNEL:
-            change[:, :, at] = observed.turns[:, :, parameter.index] * parameter.std * predicted
+            change[:, :, index] = observed.turns[:, :, parameter.index] * parameter.std * predicted
         elif parameter.source in _INPUT_MASSES:
-            change[:, 0, at] = parameter.std * by_input_mass
+            change[:, 0, index] = parameter.std * by_input_mass
     return change
 
 
 def _three(force: ComplexArray, motion: float, beyond: ComplexArray) -> ComplexArray:
     """Complex values of F1, V1 and V2 (N, 3), from those of F1 and V2 (N,) and one value of V1."""
-    found = np.full((beyond.size, 3), motion, dtype=complex)
-    found[:, 0], found[:, 2] = force, beyond
-    return found
+    values = np.full((beyond.size, 3), motion, dtype=complex)
+    values[:, 0], values[:, 2] = force, beyond
+    return values
 
 
 def whitened(whiten: FloatArray, values: ComplexArray) -> FloatArray:
@@ -352,9 +352,9 @@ def inverse_upper(upper: FloatArray) -> FloatArray:
 
 def _upper(first: FloatArray, across: FloatArray, second: FloatArray) -> FloatArray:
     """Upper triangles (..., 2, 2) of their entries (...,)."""
-    found = np.zeros((*first.shape, 2, 2))
-    found[..., 0, 0], found[..., 0, 1], found[..., 1, 1] = first, across, second
-    return found
+    matrix = np.zeros((*first.shape, 2, 2))
+    matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1] = first, across, second
+    return matrix
 
 
 def projected(frame: FloatArray) -> Callable[[FloatArray], FloatArray]:

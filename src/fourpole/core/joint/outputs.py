@@ -174,9 +174,9 @@ def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
     """Values of the conditions for each test; `missing` for rigid blocks."""
     if not values.shape[0]:
         return np.full((joint.condition.size, *values.shape[1:]), missing, dtype=values.dtype)
-    found = values[joint.condition].copy()
-    found[joint.condition < 0] = missing
-    return found
+    of_tests = values[joint.condition].copy()
+    of_tests[joint.condition < 0] = missing
+    return of_tests
 
 
 def _frequency_part(joint: Joint) -> FloatArray:
@@ -191,75 +191,75 @@ def _frequency_part(joint: Joint) -> FloatArray:
     return np.asarray(solution.own @ conditions.sum(drawn[:, :, None] * drawn[:, None, :]) @ solution.own)
 
 
-def variance_by_source(joint: Joint, found: Outputs, k1_std: ArrayLike) -> dict[Source, FloatArray]:
+def variance_by_source(joint: Joint, values: Outputs, k1_std: ArrayLike) -> dict[Source, FloatArray]:
     """Variance (N, 6) of the outputs by source; the sum over all sources is the total variance.
 
     The most probable values are linear in the noise and in the stated values, so each stated value has its own share.
     The share of the noise is the rest; it includes scatter and model discrepancy. The second-order part of K2 and C is
     distributed in proportion; see `fourpole.core.curvature.Curvature`.
     """
-    moved = found.by_shared @ found.covariance
-    by_shared = np.sum(moved * found.by_shared, axis=2)
+    moved = values.by_shared @ values.covariance
+    by_shared = np.sum(moved * values.by_shared, axis=2)
     stated = moved**2
     own, frequency = (
-        np.einsum("nki,nij,nkj->nk", found.by_own, part, found.by_own) for part in (found.own, found.frequency)
+        np.einsum("nki,nij,nkj->nk", values.by_own, part, values.by_own) for part in (values.own, values.frequency)
     )
     misfit = np.zeros_like(own)
-    misfit[:, 5] = found.tr_of_rig**2
+    misfit[:, 5] = values.tr_of_rig**2
     sources = {
         Source(Kind.NOISE): np.maximum(own - frequency + by_shared - stated.sum(axis=2), 0.0),
         Source(Kind.FREQUENCY): frequency,
     }
-    for at, parameter in enumerate(joint.stated.parameters):
-        sources[parameter.source] = stated[:, :, at]
+    for index, parameter in enumerate(joint.stated.parameters):
+        sources[parameter.source] = stated[:, :, index]
     sources[Source(Kind.RIG_MISFIT)] = misfit
     with np.errstate(invalid="ignore"):
-        sources[Source(Kind.K1)] = np.where(found.by_k1 == 0, 0.0, found.by_k1 * np.asarray(k1_std)[..., None]) ** 2
-    return found.curvature.distributed(sources)
+        sources[Source(Kind.K1)] = np.where(values.by_k1 == 0, 0.0, values.by_k1 * np.asarray(k1_std)[..., None]) ** 2
+    return values.curvature.distributed(sources)
 
 
 def identification(
-    joint: Joint, phasors: Phasors, k1: ArrayLike, k1_std: ArrayLike, found: Outputs | None = None
+    joint: Joint, phasors: Phasors, k1: ArrayLike, k1_std: ArrayLike, known: Outputs | None = None
 ) -> Identification:
     """The result of the joint route: one row per test, with K* not-a-number for rigid blocks.
 
-    `found` is the result of `outputs`, if it is known already.
+    `known` is the result of `outputs`, if it is known already.
     """
-    found = outputs(joint, phasors, k1) if found is None else found
+    known = outputs(joint, phasors, k1) if known is None else known
     omega = np.asarray(phasors.omega)
     k1, k1_std = (np.broadcast_to(np.asarray(x, dtype=float), omega.shape) for x in (k1, k1_std))
-    stiffness = found.value[:, 0] + 1j * found.value[:, 1]
+    stiffness = known.value[:, 0] + 1j * known.value[:, 1]
     rigid = joint.condition < 0
     with np.errstate(invalid="ignore"):
         reasons = tuple(
             "" if block else why_no_arm(*row)
-            for block, *row in zip(rigid, stiffness, k1, found.value[:, 3], found.value[:, 4], strict=True)
+            for block, *row in zip(rigid, stiffness, k1, known.value[:, 3], known.value[:, 4], strict=True)
         )
         passive = np.array([not reason for reason in reasons], dtype=bool) & ~rigid
         mobility, mobility_covariance = _corrected_mobility(joint, phasors)
         gains = joint.gains
-        std = np.sqrt(np.diagonal(found.covariance_of(slice(2, 6), k1_std), 0, 1, 2))
+        std = np.sqrt(np.diagonal(known.covariance_of(slice(2, 6), k1_std), 0, 1, 2))
     return Identification(
         frequency=phasors.frequency,
         mobility=mobility,
         mobility_covariance=mobility_covariance,
         stiffness=stiffness,
-        stiffness_covariance=found.covariance_of(slice(0, 2), k1_std),
-        loss_factor=found.value[:, 2],
+        stiffness_covariance=known.covariance_of(slice(0, 2), k1_std),
+        loss_factor=known.value[:, 2],
         loss_factor_std=std[:, 0],
         k1=k1,
         k1_std=k1_std,
-        k2=np.where(passive, found.value[:, 3], np.nan),
-        c=np.where(passive, found.value[:, 4], np.nan),
-        arm_covariance=np.where(passive[:, None, None], found.arm_covariance(k1_std), np.nan),
+        k2=np.where(passive, known.value[:, 3], np.nan),
+        c=np.where(passive, known.value[:, 4], np.nan),
+        arm_covariance=np.where(passive[:, None, None], known.arm_covariance(k1_std), np.nan),
         tr_measured=np.abs(phasors.transmissibility * gains[:, 1] / gains[:, 2]),
-        tr_predicted=found.value[:, 5],
-        tr_std=np.hypot(std[:, 3], found.tr_of_rig),
+        tr_predicted=known.value[:, 5],
+        tr_std=np.hypot(std[:, 3], known.tr_of_rig),
         reasons=reasons,
         route="joint",
-        stiffness_shared=found.by_shared[:, :2] @ _root(found.covariance),
+        stiffness_shared=known.by_shared[:, :2] @ _root(known.covariance),
         condition=joint.condition,
-        condition_covariance=_both_sides(found.by_own[:, :2], found.condition),
+        condition_covariance=_both_sides(known.by_own[:, :2], known.condition),
         joint=joint,
     )
 
@@ -270,10 +270,10 @@ def _root(covariance: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def relative_stiffness(joint: Joint, phasors: Phasors, at: int) -> complex:
+def relative_stiffness(joint: Joint, phasors: Phasors, test: int) -> complex:
     """K* of one test by the relative route, from the amplitudes corrected for the gains found [N/m]."""
-    force, contact, wheel = phasors.amplitudes[at] / joint.gains[at]
-    omega = float(np.asarray(phasors.omega)[at])
+    force, contact, wheel = phasors.amplitudes[test] / joint.gains[test]
+    omega = float(np.asarray(phasors.omega)[test])
     return complex(relative_route(force - 1j * omega * joint.input_mass * contact, contact, wheel, omega))
 
 
@@ -287,10 +287,10 @@ def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, F
     by[:, 2], by[:, 3] = mobility / phasors.motion_in, 1j * mobility / phasors.motion_in
     by_z = np.zeros((*mobility.shape, len(shared)), dtype=complex)
     turns = joint.problem.observed.turns[np.argsort(joint.order)]
-    for at, parameter in enumerate(shared.parameters):
+    for index, parameter in enumerate(shared.parameters):
         if parameter.source.role is Role.CHANNEL:
             turn = turns[:, 0, parameter.index] - turns[:, 1, parameter.index]
-            by_z[:, at] = mobility * turn * parameter.std
+            by_z[:, index] = mobility * turn * parameter.std
     noise, rest = parts(by, axis=1), parts(by_z, axis=1)
     covariance = noise @ phasors.covariance[:, :4, :4] @ np.swapaxes(noise, 1, 2)
     return mobility, covariance + rest @ joint.solution.covariance @ np.swapaxes(rest, 1, 2)

@@ -129,22 +129,22 @@ class _Diagnosis:
         explained = self.named[0].explains if self.named else 0.0
         return max((self.rig_chi2 + self.tyre_chi2 - explained) / dof, 1.0)
 
-    def is_cause(self, one: Candidate) -> bool:
+    def is_cause(self, candidate: Candidate) -> bool:
         """Whether a candidate by itself explains too much for chance."""
-        if one.released and one.explains > _CONFLICT**2 * self.rest:
+        if candidate.released and candidate.explains > _CONFLICT**2 * self.rest:
             return True
-        if one.of_rig and one is self.named[0] and self.effect < NEGLIGIBLE:
+        if candidate.of_rig and candidate is self.named[0] and self.effect < NEGLIGIBLE:
             return False
-        significant = one.explains > _SIGNIFICANT**2 * self.rest
-        return significant or (self.rig_bad and one.explains > max(_SHARE_OF_CAUSE * self.excess, _CONFLICT**2))
+        significant = candidate.explains > _SIGNIFICANT**2 * self.rest
+        return significant or (self.rig_bad and candidate.explains > max(_SHARE_OF_CAUSE * self.excess, _CONFLICT**2))
 
     @cached_property
     def causes(self) -> list[Candidate]:
         """The best cause, and those that explain the misfit as well; empty if no candidate is a cause."""
-        best = next((one for one in self.named if self.is_cause(one)), None)
+        best = next((candidate for candidate in self.named if self.is_cause(candidate)), None)
         if best is None or best.explains < _SHARE_OF_BEST * self.named[0].explains:
             return []
-        return [one for one in self.named if one.explains >= best.explains - _TIE * self.rest]
+        return [candidate for candidate in self.named if candidate.explains >= best.explains - _TIE * self.rest]
 
     @cached_property
     def level(self) -> float:
@@ -161,13 +161,14 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
     rig_dof = float(left.rig_dof.sum())
     # No candidate explains more than the whole chi-square. The exact phasors of a plan have a chi-square of zero.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
-    known = {*state.misfit.added, *(problem.shared.parameters[at].source for at in state.misfit.conflicts)}
+    known = {*state.misfit.added, *(problem.shared.parameters[index].source for index in state.misfit.conflicts)}
     known |= {Source(Kind.UNSTATED, part) for part, value in _TWINS.items() if value in known}
     bad, least = is_unlikely(rig_chi2, rig_dof), max(_WHOLE * (rig_chi2 - rig_dof), _SIGNIFICANT**2)
     named = [
-        one
-        for one in named
-        if one.source not in known and (one.source.kind not in _RARE or (bad and one.explains > least))
+        candidate
+        for candidate in named
+        if candidate.source not in known
+        and (candidate.source.kind not in _RARE or (bad and candidate.explains > least))
     ]
     named = _common_first(named, rig_chi2 + tyre_chi2)
     size = largest_part(problem, solution)
@@ -192,50 +193,50 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
 
 def _common_first(named: list[Candidate], chi2: float) -> list[Candidate]:
     """The candidates with the best common one first, unless a rare one leaves much less of chi-square."""
-    common = next((one for one in named if one.source.kind not in _RARE), None)
+    common = next((candidate for candidate in named if candidate.source.kind not in _RARE), None)
     if common is None or chi2 - named[0].explains < _HALF * (chi2 - common.explains):
         return named
-    return [common, *(one for one in named if one is not common)]
+    return [common, *(candidate for candidate in named if candidate is not common)]
 
 
 def _remedied(state: State, left: Residuals) -> bool:
     """Apply one remedy to the worst misfit that chance cannot explain; False if there is none."""
-    found, misfit = _diagnosed(state, left), state.misfit
-    if misfit.rig_error == 0 and found.causes:
-        _apply(state, found)
-    elif found.rig_bad and misfit.unsteady == 0 and (drive := _unsteady_drive(state, left, found)) is not None:
+    diagnosis, misfit = _diagnosed(state, left), state.misfit
+    if misfit.rig_error == 0 and diagnosis.causes:
+        _apply(state, diagnosis)
+    elif diagnosis.rig_bad and misfit.unsteady == 0 and (drive := _unsteady_drive(state, left, diagnosis)) is not None:
         state.solve(state.problem.widened(drive[1]), unsteady=drive[0])
-    elif found.rig_bad and misfit.rig_error == 0 and _is_of_rig(state, found):
-        _add_rig_error(state, found)
-    elif found.rig_bad:
-        _enlarge_noise(state, found)
+    elif diagnosis.rig_bad and misfit.rig_error == 0 and _is_of_rig(state, diagnosis):
+        _add_rig_error(state, diagnosis)
+    elif diagnosis.rig_bad:
+        _enlarge_noise(state, diagnosis)
     else:
         return False
     return True
 
 
-def _is_of_rig(state: State, found: _Diagnosis) -> bool:
+def _is_of_rig(state: State, diagnosis: _Diagnosis) -> bool:
     """Whether the misfit that is left is an error of the rig, not noise."""
-    if found.level <= NEGLIGIBLE:
+    if diagnosis.level <= NEGLIGIBLE:
         return False
-    noise = state.misfit.inflation * np.sqrt(found.rig_chi2 / found.rig_dof)
+    noise = state.misfit.inflation * np.sqrt(diagnosis.rig_chi2 / diagnosis.rig_dof)
     return bool(state.misfit.conflicts or state.misfit.added or noise > NOISE_IN_DOUBT)
 
 
-def _apply(state: State, found: _Diagnosis) -> None:
+def _apply(state: State, diagnosis: _Diagnosis) -> None:
     """Widen the statements that may be the cause of the misfit, and add the causes that nobody stated."""
     if not state.misfit.candidates:
-        state.misfit = replace(state.misfit, candidates=tuple(found.named), tied=len(found.causes))
+        state.misfit = replace(state.misfit, candidates=tuple(diagnosis.named), tied=len(diagnosis.causes))
     # The drifts are removed; a drift that was only the effect of the cause is not found again.
     shared, z = without_drifts(state.problem.shared, state.solution.z)
     listed, conflicts, added = list(shared.parameters), list(state.misfit.conflicts), list(state.misfit.added)
-    at = {parameter.source: i for i, parameter in enumerate(listed)}
-    common = [cause for cause in found.causes if cause.source.kind not in _RARE]
-    for cause in common or found.causes:
+    places = {parameter.source: i for i, parameter in enumerate(listed)}
+    common = [cause for cause in diagnosis.causes if cause.source.kind not in _RARE]
+    for cause in common or diagnosis.causes:
         # An unstated part acts as the value of the rig that the part belongs to, if that value has an uncertainty.
-        here = at.get(cause.source, at.get(_TWINS.get(cause.source.of, cause.source)))
+        here = places.get(cause.source, places.get(_TWINS.get(cause.source.of, cause.source)))
         # The part of the cause that widens its statement rises smoothly from `_CONFLICT` standard uncertainties on.
-        loss = np.sqrt(max(1.0 - _CONFLICT**2 * found.rest / cause.explains, _LEAST_LOSS))
+        loss = np.sqrt(max(1.0 - _CONFLICT**2 * diagnosis.rest / cause.explains, _LEAST_LOSS))
         if here is None:
             listed.append(_parameter(cause, loss, len(added), state.problem))
             z = np.append(z, 0.0)
@@ -267,17 +268,17 @@ def _parameter(cause: Candidate, loss: float, number: int, problem: Problem) -> 
     if cause.source.kind is Kind.AMPLITUDE:
         return SharedParameter(cause.source, cause.unit, 0, 0.0, std)
     centre = 1.0 if cause.source.kind is Kind.GAIN else 0.0
-    at = problem.errors.index(cause.source)
-    return SharedParameter(cause.source, cause.unit, at, centre, std)
+    index = problem.errors.index(cause.source)
+    return SharedParameter(cause.source, cause.unit, index, centre, std)
 
 
-def _add_rig_error(state: State, found: _Diagnosis) -> None:
+def _add_rig_error(state: State, diagnosis: _Diagnosis) -> None:
     """Add an error of Zr to each test, of the size that chance then explains."""
-    widened = without_rig(state.problem, state.solution.z, state.solution.stiffness, found.level)
+    widened = without_rig(state.problem, state.solution.z, state.solution.stiffness, diagnosis.level)
     if not state.misfit.candidates:
-        likely = [one for one in found.named if one.explains > _SHARE_OF_CAUSE * found.excess]
+        likely = [candidate for candidate in diagnosis.named if candidate.explains > _SHARE_OF_CAUSE * diagnosis.excess]
         state.misfit = replace(state.misfit, candidates=tuple(likely))
-    state.solve(widened, rig_error=float(np.hypot(state.misfit.rig_error, found.level)))
+    state.solve(widened, rig_error=float(np.hypot(state.misfit.rig_error, diagnosis.level)))
 
 
 def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level: float) -> Problem:
@@ -291,15 +292,15 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
     return problem.widened(columns * size[:, None, None])
 
 
-def _enlarge_noise(state: State, found: _Diagnosis) -> None:
+def _enlarge_noise(state: State, diagnosis: _Diagnosis) -> None:
     """Enlarge the noise of all tests until chance explains the residuals of the rig."""
-    state.negligible = state.negligible and found.level <= NEGLIGIBLE
-    ratio = found.rig_chi2 / found.rig_dof
-    whiten = state.problem.observed.whiten / np.sqrt(_each(found.left, ratio))[:, None, None]
+    state.negligible = state.negligible and diagnosis.level <= NEGLIGIBLE
+    ratio = diagnosis.rig_chi2 / diagnosis.rig_dof
+    whiten = state.problem.observed.whiten / np.sqrt(_each(diagnosis.left, ratio))[:, None, None]
     state.solve(state.problem.reweighted(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
 
 
-def _unsteady_drive(state: State, left: Residuals, found: _Diagnosis) -> tuple[float, FloatArray] | None:
+def _unsteady_drive(state: State, left: Residuals, diagnosis: _Diagnosis) -> tuple[float, FloatArray] | None:
     """Relative random error of each frequency, and its columns (N, 6, 1), if it explains most of the misfit.
 
     A drive with a wandering speed has no single frequency, and the rig's inertia is proportional to frequency squared.
@@ -313,7 +314,7 @@ def _unsteady_drive(state: State, left: Residuals, found: _Diagnosis) -> tuple[f
     used = (left.rig_dof > 0) & (weight > 0)
     part = np.sum(along * rest, axis=1)
     explained = float(np.sum(part[used] ** 2 / weight[used])) - float(used.sum())
-    if explained < _MOSTLY * (found.rig_chi2 - found.rig_dof):
+    if explained < _MOSTLY * (diagnosis.rig_chi2 - diagnosis.rig_dof):
         return None
     level = _level(part[used, None], weight[used, None, None], float(used.sum()), np.ones(int(used.sum())))
     return (level, (by_frequency * level)[:, :, None]) if level < NEGLIGIBLE else None

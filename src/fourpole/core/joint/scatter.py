@@ -56,14 +56,14 @@ def deviations(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> Devi
     return Deviations(value, covariance + (apart**2)[:, None, None] * np.eye(2))
 
 
-def squares(conditions: JointConditions, found: Deviations, scatter: float) -> FloatArray:
+def squares(conditions: JointConditions, departures: Deviations, scatter: float) -> FloatArray:
     """Squared normalised departure of each test from the weighted mean of its condition (N,); 0 for a test alone.
 
     Its expectation over all tests of a condition is 2 (n - 1) for n tests.
     """
     here = slice(conditions.first, None)
     label = conditions.label[here]
-    value, weight = found.value[here], np.linalg.inv(found.covariance[here] + scatter**2 * np.eye(2))
+    value, weight = departures.value[here], np.linalg.inv(departures.covariance[here] + scatter**2 * np.eye(2))
     pull = (weight @ value[..., None])[..., 0]
     starts = conditions.starts - conditions.first
     total = np.linalg.inv(np.add.reduceat(weight, starts, axis=0))
@@ -74,13 +74,13 @@ def squares(conditions: JointConditions, found: Deviations, scatter: float) -> F
     return whole
 
 
-def scatter_of(problem: Problem, found: Deviations, used: BoolArray, lost: float = 0.0) -> float:
+def scatter_of(problem: Problem, departures: Deviations, used: BoolArray, lost: float = 0.0) -> float:
     """Scatter of log K* with which the squared departures equal their degrees of freedom (Paule and Mandel).
 
     Parameters
     ----------
     problem : Problem
-    found : Deviations
+    departures : Deviations
     used : (N,) bool array
         The tests that count; the others are taken out of their conditions.
     lost : float [1]
@@ -94,23 +94,23 @@ def scatter_of(problem: Problem, found: Deviations, used: BoolArray, lost: float
     conditions = problem.conditions
     if not conditions.count:
         return 0.0
-    kept = np.where(used[:, None, None], found.covariance, 1e12 * np.eye(2))
-    counted = replace(found, covariance=kept)
+    kept = np.where(used[:, None, None], departures.covariance, 1e12 * np.eye(2))
+    counted = replace(departures, covariance=kept)
     sizes = conditions.sum(used.astype(float))
     dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0))) - lost
     return root_of(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof) if dof > 0 else 0.0
 
 
-def robust_scatter(problem: Problem, found: Deviations) -> float:
+def robust_scatter(problem: Problem, departures: Deviations) -> float:
     """Scatter of log K* by the median of the squared departures, which a few bad tests do not change."""
     conditions = problem.conditions
     sizes = np.ones(conditions.label.size)
     sizes[conditions.first :] = conditions.sizes[conditions.label[conditions.first :]]
     repeated = sizes > 1
     if np.sum(repeated) < _ENOUGH:
-        return scatter_of(problem, found, np.ones(repeated.size, dtype=bool))
+        return scatter_of(problem, departures, np.ones(repeated.size, dtype=bool))
     free = 1 - 1 / sizes[repeated]
-    return root_of(lambda scatter: float(np.median(squares(conditions, found, scatter)[repeated] / free)) - MEDIAN)
+    return root_of(lambda scatter: float(np.median(squares(conditions, departures, scatter)[repeated] / free)) - MEDIAN)
 
 
 def root_of(excess: Callable[[float], float]) -> float:

@@ -68,16 +68,16 @@ class Shared(ByValue):
     def stated(cls, rig: Rig, errors: Sequence[ChannelError], masses: FloatArray, masses_std: FloatArray) -> Shared:
         """The shared values of a rig, of the errors of its channels, and of the distinct masses, as stated."""
         listed = [
-            SharedParameter(Source(Kind.RIG_VALUE, name), unit, at, getattr(rig, name), float(std))
-            for at, ((name, unit), std) in enumerate(zip(PARAMETERS.items(), rig.uncertainties, strict=True))
+            SharedParameter(Source(Kind.RIG_VALUE, name), unit, index, getattr(rig, name), float(std))
+            for index, ((name, unit), std) in enumerate(zip(PARAMETERS.items(), rig.uncertainties, strict=True))
             if np.isfinite(getattr(rig, name))
         ]
-        for at, error in enumerate(errors):
+        for index, error in enumerate(errors):
             centre = 1.0 if error.source.kind is Kind.GAIN else 0.0
-            listed.append(SharedParameter(error.source, error.unit, at, centre, error.std))
-        for at, (mass, std) in enumerate(zip(masses, masses_std, strict=True)):
+            listed.append(SharedParameter(error.source, error.unit, index, centre, error.std))
+        for index, (mass, std) in enumerate(zip(masses, masses_std, strict=True)):
             source = Source(Kind.ADDED_MASS, mass=float(mass))
-            listed.append(SharedParameter(source, "kg", at, float(mass), float(std)))
+            listed.append(SharedParameter(source, "kg", index, float(mass), float(std)))
         return cls(rig, tuple(parameter for parameter in listed if parameter.std > 0), masses)
 
     def __len__(self) -> int:
@@ -100,7 +100,7 @@ class Shared(ByValue):
         """The rig with the values at z."""
         names = list(PARAMETERS)
         moved = self._offsets(z, Role.RIG, len(names))
-        return self.rig.shifted(**{name: getattr(self.rig, name) + moved[at] for at, name in enumerate(names)})
+        return self.rig.shifted(**{name: getattr(self.rig, name) + moved[index] for index, name in enumerate(names)})
 
     def channels_at(self, z: FloatArray, count: int) -> FloatArray:
         """The errors of the channels at z, each in its unit."""
@@ -113,7 +113,7 @@ class Shared(ByValue):
     def by_amplitude_at(self, z: FloatArray) -> float:
         """Change of the logarithm of the modulus of K* per unit of the logarithm of the deflection's amplitude at z."""
         values = zip(z * self.std, self.parameters, strict=True)
-        return float(sum(value for value, one in values if one.source.kind is Kind.AMPLITUDE))
+        return float(sum(value for value, parameter in values if parameter.source.kind is Kind.AMPLITUDE))
 
     def drift_at(self, z: FloatArray, count: int) -> ComplexArray:
         """Drift of log K* of the first `count` specimens over the run at z, (count,) [1] + j [rad]."""
@@ -126,7 +126,9 @@ class Shared(ByValue):
     def extra_at(self, z: FloatArray) -> dict[str, float]:
         """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""
         sizes = zip(z * self.std, self.parameters, strict=True)
-        return {one.source.of: float(value) for value, one in sizes if one.source.kind is Kind.UNSTATED}
+        return {
+            parameter.source.of: float(value) for value, parameter in sizes if parameter.source.kind is Kind.UNSTATED
+        }
 
     def found(self, z: FloatArray) -> FloatArray:
         """Values at z (p,), each in its unit."""

@@ -70,8 +70,8 @@ class Problem(ByValue):
         The K* of all n lines of a recording may scatter together. They know as much of a shared value as independent
         lines whose scatter is larger by the root of n.
         """
-        one = np.ones(self.conditions.label.size)
-        together = one if self.lines is None else np.sqrt(self.lines)
+        ones = np.ones(self.conditions.label.size)
+        together = ones if self.lines is None else np.sqrt(self.lines)
         return np.hypot(self.scatter * together, 0.0 if self.apart is None else self.apart)
 
     @property
@@ -94,11 +94,11 @@ class Problem(ByValue):
         for first in range(0, conditions.first, _CHUNK):
             yield slice(first, min(first + _CHUNK, conditions.first)), slice(0, 0)
         ends = np.append(conditions.starts, conditions.label.size)
-        at = 0
-        while at < conditions.count:
-            to = max(int(np.searchsorted(ends, ends[at] + _CHUNK, side="right")) - 1, at + 1)
-            yield slice(int(ends[at]), int(ends[to])), slice(at, to)
-            at = to
+        first = 0
+        while first < conditions.count:
+            to = max(int(np.searchsorted(ends, ends[first] + _CHUNK, side="right")) - 1, first + 1)
+            yield slice(int(ends[first]), int(ends[to])), slice(first, to)
+            first = to
 
     def linearised(self, z: FloatArray, stiffness: ComplexArray) -> Iterator[tuple[slice, slice, Linear]]:
         """The linearised model of each chunk at shared values z and K* of each condition.

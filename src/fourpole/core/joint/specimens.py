@@ -138,11 +138,11 @@ def _without_worst(state: State, left: Residuals) -> bool:
 
     One bad test may bend the whole solution, so that many tests look bad.
     """
-    at = int(np.argmax(np.where(state.outlier > 1, 0.0, left.whole)))
-    others = np.arange(left.whole.size) != at
+    worst = int(np.argmax(np.where(state.outlier > 1, 0.0, left.whole)))
+    others = np.arange(left.whole.size) != worst
     fresh = replace(state.solution, stiffness=state.start, z=np.zeros(len(state.problem.shared)))
     trial = replace(state, solution=fresh)
-    _weaken(trial, np.where(others, 1.0, max(left.whole[at] / 2, 1.0) * _BENT))
+    _weaken(trial, np.where(others, 1.0, max(left.whole[worst] / 2, 1.0) * _BENT))
     after = residuals(trial.problem, trial.solution).whole[others]
     if np.sum(after) * _BENT > np.sum(left.whole[others]):
         return False
@@ -153,15 +153,15 @@ def _without_worst(state: State, left: Residuals) -> bool:
 def _set_scatter(state: State, *, robust: bool = False) -> None:
     """Solve with the scatter of K* that its repeats show, until both agree."""
     for _ in range(_SCATTER_ROUNDS):
-        found = deviations(state.problem, state.solution.z, state.solution.stiffness)
+        departures = deviations(state.problem, state.solution.z, state.solution.stiffness)
         used = state.outlier == 1
         if robust:
-            scatter = robust_scatter(state.problem, found)
+            scatter = robust_scatter(state.problem, departures)
         else:
-            scatter = scatter_of(state.problem, found, used, len(state.misfit.drifts))
+            scatter = scatter_of(state.problem, departures, used, len(state.misfit.drifts))
             sizes = state.problem.conditions.sum(used.astype(float))
             dof = 2.0 * float(np.sum(np.maximum(sizes - 1, 0.0)))
-            seen = is_unlikely(float(np.sum(squares(state.problem.conditions, found, 0.0)[used])), dof)
+            seen = is_unlikely(float(np.sum(squares(state.problem.conditions, departures, 0.0)[used])), dof)
             state.misfit = replace(state.misfit, scatter=scatter if seen else 0.0)
         if abs(scatter - state.problem.scatter) <= _SETTLED * max(scatter, state.problem.scatter):
             return
@@ -187,13 +187,13 @@ def _add_drifts(state: State) -> bool:
     z = np.append(state.solution.z, np.zeros(len(wider.shared) - state.solution.z.size))
     state.solution = replace(state.solution, z=z)
     state.solve(wider)
-    found = wider.shared.drift_at(state.solution.z, int(observed.specimen.max()) + 1)[repeated]
+    drifts = wider.shared.drift_at(state.solution.z, int(observed.specimen.max()) + 1)[repeated]
     others = np.setdiff1d(np.unique(observed.specimen[problem.conditions.first :]), repeated)
     if others.size:  # specimens without repeats: the drifts found are the prior uncertainty of theirs
-        size = float(np.sqrt(np.mean(np.abs(found) ** 2)))
+        size = float(np.sqrt(np.mean(np.abs(drifts) ** 2)))
         state.solution = replace(state.solution, z=np.append(state.solution.z, np.zeros(2 * others.size)))
         state.solve(replace(state.problem, shared=_with_drifts(state.problem, others, size)))
-    listed = tuple(one.source for one in state.problem.shared.parameters if one.source.kind in DRIFTS)
+    listed = tuple(parameter.source for parameter in state.problem.shared.parameters if parameter.source.kind in DRIFTS)
     state.misfit = replace(state.misfit, drifts=listed)
     return True
 
@@ -224,8 +224,8 @@ def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Shared:
     """The shared values with drifts of some specimens."""
     names = problem.names
     added = [
-        SharedParameter(Source(kind, names[at]), unit, at, 0.0, std)
-        for at in specimens.tolist()
+        SharedParameter(Source(kind, names[number]), unit, number, 0.0, std)
+        for number in specimens.tolist()
         for kind, unit in ((Kind.DRIFT, "1"), (Kind.ANGLE_DRIFT, "rad"))
     ]
     return replace(problem.shared, parameters=(*problem.shared.parameters, *added))
@@ -233,8 +233,8 @@ def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Shared:
 
 def without_drifts(shared: Shared, z: FloatArray) -> tuple[Shared, FloatArray]:
     """The shared values without drifts, and the rest of z."""
-    kept = [at for at, one in enumerate(shared.parameters) if one.source.kind not in DRIFTS]
-    return replace(shared, parameters=tuple(shared.parameters[at] for at in kept)), z[kept]
+    kept = [index for index, parameter in enumerate(shared.parameters) if parameter.source.kind not in DRIFTS]
+    return replace(shared, parameters=tuple(shared.parameters[index] for index in kept)), z[kept]
 
 
 def _fall(wider: Problem, solution: Solution) -> float:

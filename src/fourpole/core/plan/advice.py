@@ -160,8 +160,8 @@ def _combinations(
             changed = plan
             for remedy in chosen:
                 changed = remedy.change(changed)
-            found = changed.expect(route)
-            yield chosen, found.stiffness_covariance[: len(plan.tests)]
+            expected = changed.expect(route)
+            yield chosen, expected.stiffness_covariance[: len(plan.tests)]
 
 
 def _outcome(plan: Plan, chosen: tuple[Remedy, ...], covariance: FloatArray | float) -> Outcome:

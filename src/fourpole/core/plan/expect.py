@@ -153,7 +153,7 @@ def possible_routes(rig: Rig, present: tuple[bool, bool, bool] = _ALL) -> tuple[
     >>> possible_routes(Rig(moving_mass=15.0, preload_stiffness=12440.0), (True, True, False))
     ('mobility',)
     """
-    routes = [route for route in ROUTES if all(present[at] for at in _NEEDS[route])]
+    routes = [route for route in ROUTES if all(present[channel] for channel in _NEEDS[route])]
     if rig.blocked:
         return tuple(route for route in routes if route == "mobility")
     return (*routes, "joint") if all(present) else tuple(routes)
@@ -248,12 +248,12 @@ def expect(
     return identify(phasors, rig, tests.k1, route=route, channels=channels, **stated)
 
 
-def relative_uncertainties(found: Identification) -> FloatArray:
+def relative_uncertainties(expected: Identification) -> FloatArray:
     """Relative standard uncertainties (N, 4) of K*, K2, C and TR; that of K* includes Re and Im."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        stiffness = np.sqrt(np.trace(found.stiffness_covariance, axis1=1, axis2=2)) / np.abs(found.stiffness)
-        arm = np.sqrt(np.diagonal(found.arm_covariance, 0, 1, 2)) / np.stack([found.k2, found.c], axis=1)
-        return np.column_stack([stiffness, arm, found.tr_std / found.tr_predicted])
+        stiffness = np.sqrt(np.trace(expected.stiffness_covariance, axis1=1, axis2=2)) / np.abs(expected.stiffness)
+        arm = np.sqrt(np.diagonal(expected.arm_covariance, 0, 1, 2)) / np.stack([expected.k2, expected.c], axis=1)
+        return np.column_stack([stiffness, arm, expected.tr_std / expected.tr_predicted])
 
 
 def arm_std(tests: PlannedTests, stiffness_covariance: FloatArray | float, k1_std: FloatArray | float) -> FloatArray:
@@ -274,5 +274,5 @@ def arm_std(tests: PlannedTests, stiffness_covariance: FloatArray | float, k1_st
     """
     covariance: FloatArray = np.zeros((len(tests), 2, 2)) + stiffness_covariance
     covariance[:, 0, 0] += np.square(k1_std)
-    found = arm_covariance(tests.stiffness, tests.k1, 2 * np.pi * tests.frequency, covariance)
-    return np.asarray(np.sqrt(np.diagonal(found, 0, 1, 2)))
+    of_arm = arm_covariance(tests.stiffness, tests.k1, 2 * np.pi * tests.frequency, covariance)
+    return np.asarray(np.sqrt(np.diagonal(of_arm, 0, 1, 2)))

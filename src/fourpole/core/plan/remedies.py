@@ -172,11 +172,17 @@ def _quieter(factor: float, cycles: float, plan: Plan) -> Plan:
 
 def _sensors(plan: Plan, effort: Effort) -> Iterator[Remedy]:
     """Calibrations of single channels, and of all channels that are worse than the calibration."""
-    recorded = [at for at in range(3) if plan.tests.present[at] and not (plan.rig.blocked and at == 2)]
+    recorded = [
+        channel for channel in range(3) if plan.tests.present[channel] and not (plan.rig.blocked and channel == 2)
+    ]
     for (gain, phase), minutes in zip(_SENSORS, effort.sensor, strict=True):
-        worse = [at for at in recorded if plan.channels.gain[at] > gain or plan.channels.phase[at] > phase]
-        for which in [*([at] for at in worse), *([worse] if len(worse) > 1 else [])]:
-            names = " and ".join(SYMBOLS[CHANNELS[at]] for at in which) if len(which) < 3 else "F1, V1 and V2"
+        worse = [
+            channel
+            for channel in recorded
+            if plan.channels.gain[channel] > gain or plan.channels.phase[channel] > phase
+        ]
+        for which in [*([channel] for channel in worse), *([worse] if len(worse) > 1 else [])]:
+            names = " and ".join(SYMBOLS[CHANNELS[channel]] for channel in which) if len(which) < 3 else "F1, V1 and V2"
             text = f"{names} calibrated to {100 * gain:g} % and {np.degrees(phase):g}°"
             yield Remedy("sensors", text, minutes * len(which), partial(_calibrated, which, gain, phase))
 
@@ -217,7 +223,7 @@ def _masses(plan: Plan, effort: Effort, masses: Sequence[float]) -> Iterator[Rem
     middle = len(first) // 2
     for mass in masses:
         chosen: dict[tuple[int, ...], str] = {
-            (at,): f"at {tests.frequency[at]:.4g} Hz{where}" for at in (first[0], first[middle], first[-1])
+            (row,): f"at {tests.frequency[row]:.4g} Hz{where}" for row in (first[0], first[middle], first[-1])
         }
         if len(first) > 3:
             chosen[first[0], first[middle], first[-1]] = f"at 3 of {len(first)} frequencies{where}"
