@@ -15,7 +15,7 @@ import pytest
 
 from fourpole.io.packed import unpack
 from fourpole.study import cache as cache_room
-from fourpole.study import curvefile
+from fourpole.study import static
 from fourpole.virtual import CROSS_PLY, simulate_campaign
 
 TABLES = ("static.csv", "dynamic.csv", "dynamic.parquet", "phasors.parquet", "study.json")
@@ -382,7 +382,7 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
     assert [path.name for path in (campaign / "results").iterdir()] == ["cache"]
     done = list(cache.glob("*.fpp"))
     assert 2 < len(done) < 15
-    assert all(unpack(path.read_bytes(), (*cache_room._CLASSES, *curvefile._CLASSES)) is not None for path in done)
+    assert all(unpack(path.read_bytes(), (*cache_room._CLASSES, *static.CURVE_CLASSES)) is not None for path in done)
     written = {path: path.stat().st_mtime_ns for path in done}
 
     again = run(*command)

@@ -9,10 +9,11 @@ import pytest
 from tests.conftest import Folder
 
 from fourpole.campaign import read_campaign
+from fourpole.core.loadcurve import LoadCurve
 from fourpole.io import userfolders
 from fourpole.io.identity import identity_of
 from fourpole.io.userfolders import user_key
-from fourpole.study import cache, curvefile, reduce
+from fourpole.study import cache, reduce, static
 
 pytestmark = pytest.mark.thorough
 
@@ -89,7 +90,7 @@ def test_a_refined_statement_opens_no_recording_and_gives_what_a_first_run_gives
     settle(noisy)
     monkeypatch.setattr(reduce, "sha256_of", None)
     monkeypatch.setattr(reduce, "load_recording", None)
-    monkeypatch.setattr(curvefile, "load_curve", None)
+    monkeypatch.setattr(static, "load_curve", None)
     second = again(noisy)
     assert demodulated == []
     monkeypatch.undo()
@@ -212,13 +213,13 @@ def test_a_curve_that_is_read_again_unchanged_is_not_written_again(noisy):
     folder = noisy.path / "kept"
     folder.mkdir()
     campaign = read_campaign(noisy.path)
-    (static,) = campaign.of_kind("static")
+    (test,) = campaign.of_kind("static")
 
     def read(*, verify):
         kept = cache.Cache(folder, verify=verify)
-        found = curvefile.read_curve(campaign, static, kept)
+        curve, _ = static.read_curve(campaign, test, kept)
         kept.close()
-        return found
+        return curve
 
     read(verify=False)
     (entry,) = folder.glob("*.fpp")
@@ -226,7 +227,7 @@ def test_a_curve_that_is_read_again_unchanged_is_not_written_again(noisy):
     read(verify=True)
     assert entry.stat().st_mtime_ns == 10**9
     entry.write_bytes(b"damaged")
-    assert read(verify=True).curve is not None
+    assert isinstance(read(verify=True), LoadCurve)
     assert entry.read_bytes() != b"damaged"
 
 

@@ -11,7 +11,7 @@ from fourpole.campaign import folder
 from fourpole.core.checks import Code, Verdict, reported
 from fourpole.core.phasor import Phasors
 from fourpole.study.analysis import analyse
-from fourpole.study.compare import Compared, noises
+from fourpole.study.compare import _mixed, noises
 from fourpole.study.points import Points
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
@@ -131,10 +131,7 @@ def test_a_condition_says_the_range_of_its_amplitudes(honest):
         assert found == pytest.approx(sizes.max() / sizes.min())
     assert not any("mixes" in note for note in study.notes)  # the tyre is linear: the range does not matter
     values = {"smallest": 1.0, "largest": 3.0}
-    ranges = Compared(
-        None, None, [(x, reported(Code.AMPLITUDES, Verdict.OK, 3.0, 2.0, name=x, **values)) for x in "ab"]
-    )
-    (note,) = replace(ranges, linear=False).notes
+    (note,) = _mixed([(x, reported(Code.AMPLITUDES, Verdict.OK, 3.0, 2.0, name=x, **values)) for x in "ab"])
     assert note.startswith("the curve of a mixes deflection amplitudes of 1 to 3 mm (1 more curves do so): compare")
 
 

@@ -15,7 +15,7 @@ from fourpole.study import analyse, analysis
 from fourpole.study.points import Points
 from fourpole.study.reduce import jobs_of
 from fourpole.study.results import read_results
-from fourpole.study.workers import Settings, reduce_tests
+from fourpole.study.workers import reduce_tests
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 _MOST_PICKLED = 10_000
@@ -35,9 +35,9 @@ def test_a_job_is_small_whatever_the_campaign_holds(noisy):
 def test_threads_and_spawned_processes_give_the_same(noisy):
     made = jobs(noisy.path)
     with ThreadPoolExecutor(2) as pool:
-        threads = reduce_tests(made, settings=Settings(executor=pool))
+        threads = reduce_tests(made, executor=pool)
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
-        processes = reduce_tests(made, settings=Settings(executor=pool))
+        processes = reduce_tests(made, executor=pool)
     assert pickle.dumps(threads) == pickle.dumps(reduce_tests(made))
     assert threads == processes
 

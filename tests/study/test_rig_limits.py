@@ -13,11 +13,11 @@ from fourpole.core.joint.outputs import outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
-from fourpole.study.identify import Setup, _skew, _with_drift, added_masses
+from fourpole.study.compare import _arm_check
+from fourpole.study.identify import _skew, _with_drift, added_masses
 from fourpole.study.points import StaticStiffness
 from fourpole.study.rig_estimate import NoteCode, RunOrder
 from fourpole.study.rig_solution import rig_estimate
-from fourpole.study.verdicts import _arm_check
 
 BELOW, ABOVE = 0.99, 1.01
 STD = {"moving_mass": 0.3, "preload_stiffness": 100.0}
@@ -135,12 +135,13 @@ def test_a_drift_is_in_the_uncertainty_of_k1(static):
     """K1 was measured at one place of the run: at a known one, or at any."""
     place, rig, phasors = drifting()
     every, no = np.ones(12), np.full(12, np.nan)
-    setup = Setup(
-        rig=rig, k1=180e3 * every, family=np.zeros(12, dtype=int), nominal_frequency=no, added_mass=0 * every,
-        added_mass_std=0 * every, channels=ChannelUncertainty(), specimen=np.full(12, "radial", dtype=object),
-        time=7200.0 * place, apart=0 * every, lines=every, recording=np.arange(12),
-    )  # fmt: skip
-    joint = solve_joint(phasors, **vars(setup))
+    setup = {
+        "rig": rig, "k1": 180e3 * every, "family": np.zeros(12, dtype=int), "nominal_frequency": no,
+        "added_mass": 0 * every, "added_mass_std": 0 * every, "channels": ChannelUncertainty(),
+        "specimen": np.full(12, "radial", dtype=object), "time": 7200.0 * place, "apart": 0 * every, "lines": every,
+        "recording": np.arange(12),
+    }  # fmt: skip
+    joint = solve_joint(phasors, **setup)
     assert [source.of for source in joint.misfit.drifts] == ["radial", "radial"]
     when = np.nan if static is None else 7200.0 * static
     k1 = StaticStiffness(180e3, 500.0, parts={Source(Kind.K1_FIT): 500.0}, time=when)
@@ -223,4 +224,4 @@ def test_a_test_is_rejected_where_more_than_975_of_1000_draws_are_not_passive(sh
 def test_an_added_mass_of_unstated_uncertainty_is_known_to_a_five_hundredth(stated, expected):
     """Bolts, brackets and the balance: 0.2 %."""
     weighed = {"added_mass": 10.0, "u(added_mass)": np.nan if stated is None else stated}
-    assert added_masses([SimpleNamespace(value=weighed.get, values=weighed)])[1] == pytest.approx([expected])
+    assert added_masses([SimpleNamespace(added_mass=10.0, values=weighed)])[1] == pytest.approx([expected])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.study import gather
+from fourpole.study import load
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import Bench, Zener, run, state_matrices
 from fourpole.virtual.march import respond
@@ -267,7 +267,7 @@ def test_a_line_beside_the_excitation_is_neither_followed_nor_cut(bench, frequen
 
 @pytest.mark.parametrize("window", ["", "20..80"])
 def test_a_long_recording_is_thinned_and_the_same(bench, monkeypatch, window):
-    monkeypatch.setattr(gather, "_MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(load, "_MOST_SAMPLES", 10_000)
     bench.columns = (*bench.columns, "window [s]")
     bench.time = np.arange(100_000) / 1000.0
     bench.dynamic("D1", f"1000,110000,{window}")
@@ -279,7 +279,7 @@ def test_a_long_recording_is_thinned_and_the_same(bench, monkeypatch, window):
 
 
 def test_clipping_is_seen_in_a_long_recording(bench, monkeypatch):
-    monkeypatch.setattr(gather, "_MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(load, "_MOST_SAMPLES", 10_000)
     bench.time = np.arange(40_000) / 1000.0
     f1, v1, v2 = (wave(bench.time) for wave in bench.waves(14.0))
     top = 0.9 * np.abs(f1).max()

@@ -8,7 +8,6 @@ from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from fourpole.campaign.folder import LIMITS, Campaign, condition_numbers, read_campaign
 from fourpole.campaign.place import inside
@@ -22,20 +21,19 @@ from fourpole.io.door import sha256_of
 from fourpole.io.folders import is_for_keeping, make_folder
 from fourpole.io.origin import origin
 from fourpole.io.remote import EVERY, allowing
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import remove_leftovers
 from fourpole.study.cache import Cache
-from fourpole.study.compare import compare_points
-from fourpole.study.identify import Group, identify_points, no_rig, possible_route
-from fourpole.study.load import MOST_BYTES
-from fourpole.study.points import Points, StaticStiffness
+from fourpole.study.compare import compare_points, judge_points
+from fourpole.study.identify import check_rig, identify_points, possible_route
+from fourpole.study.points import Points
 from fourpole.study.record import tests_record
 from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.selection import select_tables
-from fourpole.study.static import StaticTest, evaluate_statics, stiffness_for
+from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
-from fourpole.study.verdicts import judge_points
-from fourpole.study.workers import Settings, reduce_tests
+from fourpole.study.workers import reduce_tests
 from fourpole.version import VERSION
 
 #: Number of Monte Carlo draws of K* and K1 where value ± 1.96 u is not a 95 % interval of K2 or C.
@@ -120,43 +118,43 @@ def analyse(
             campaign = read_campaign(campaign)
         dynamic = campaign.of_kind("dynamic")
         route, note = possible_route(campaign, route)
-        _check_rig(campaign, dynamic, route)
-
-        kept = None
+        check_rig(campaign, route)
+        cached = None
         if cache is not None and is_for_keeping(Path(cache), campaign.folder):
             kept = make_folder(cache)
             remove_leftovers(kept, abandoned=0.0)
-        cached = Cache(kept, verify=verify) if kept is not None else None
+            cached = Cache(kept, verify=verify)
         statics = evaluate_statics(campaign, cached, time_limit)
         points = reduce_tests(
             jobs_of(campaign, dynamic, route),
             cache=cached,
-            settings=Settings(workers, executor, time_limit),
+            workers=workers,
+            executor=executor,
+            seconds=time_limit,
             progress=progress,
             arrived=arrived,
         )
-    dynamic_k1 = (_stiffness(test, statics, campaign) for test in points.tests)
-    points = replace(points, condition=condition_numbers(campaign, points.tests), stiffness=tuple(dynamic_k1))
-    compared = compare_points(campaign, points)
-    groups, remarks = identify_points(campaign, compared.points, compared.strange, route, monte_carlo, seed)
-    points = judge_points(compared.points, groups, route)
-    for group in groups:
-        points = points.with_columns(group.rows, group.columns)
-    assumed = (*campaign.stated.assumptions(), *_assumed(dynamic))
-    tables = select_tables(campaign, statics, points, groups, compared.conditions, route)
+    rule, per_kelvin = campaign.stated.sameness, campaign.stated.conditions.per_kelvin
+    stiffness = tuple(stiffness_for(test, statics, rule, per_kelvin) for test in points.tests)
+    points = replace(points, condition=condition_numbers(campaign, points.tests), stiffness=stiffness)
+    points, conditions, mixed = compare_points(campaign, points)
+    groups, remarks = identify_points(campaign, points, route, monte_carlo, seed)
+    points = judge_points(points, groups, route)
     likelihoods = {group.rig_name: likelihood_of(group.joint) for group in groups if group.joint is not None}
+    tables = select_tables(campaign, statics, points, groups, likelihoods, conditions, route)
+    estimates = {group.rig_name: group.estimate.record for group in groups if group.estimate is not None}
     record = {
         "title": campaign.stated.title,
         "settings": {"route": route, "monte_carlo": monte_carlo, "seed": seed},
-        "conditions": {"axes": axes_record(campaign.stated.sameness)},
+        "conditions": {"axes": axes_record(rule)},
         "stated": campaign.statement(),
         "versions": _versions(),
         "origin": origin().record,
         "verdicts": verdict_counts(tables["static"], tables["dynamic"]),
-        "assumptions": list(assumed),
-        "notes": [*([note] if note else []), *remarks, *compared.notes],
+        "assumptions": [*campaign.stated.assumptions(), *_assumed(dynamic)],
+        "notes": [*([note] if note else []), *remarks, *mixed],
         "tests": tests_record(campaign),
-        **_joint_records(groups),
+        **({"joint": estimates} if estimates else {}),
         "likelihood": {rig: likelihood_record(likelihood) for rig, likelihood in likelihoods.items()},
         "sha256": _hashes(campaign, statics, points),
     }
@@ -171,30 +169,6 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version(), "fourpole": VERSION, **{name: version(name) for name in packages}}
 
 
-def _joint_records(groups: Sequence[Group]) -> dict[str, Any]:
-    """What the joint route found of each rig; nothing after another route."""
-    found = {group.rig_name: group.estimate.record for group in groups if group.estimate is not None}
-    return {"joint": found} if found else {}
-
-
-def _check_rig(campaign: Campaign, dynamic: Sequence[Test], route: str) -> None:
-    rigs = campaign.stated.all_rigs
-    if not rigs and route != "relative" and any(test.kind in ("dynamic", "calibration") for test in dynamic):
-        raise CampaignError(no_rig(campaign, route))
-    if route == "transmissibility" and any(rig.output == "blocked" for rig in rigs.values()):
-        raise CampaignError(
-            "campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility"
-        )
-
-
-def _stiffness(test: Test, statics: Sequence[StaticTest], campaign: Campaign) -> StaticStiffness:
-    """K1 of a test; a rigid block has none."""
-    stated, rows = campaign.stated, [row for static in statics for row in static.rows]
-    if test.kind == "calibration":
-        return StaticStiffness()
-    return stiffness_for(test, rows, stated.sameness, stated.conditions.per_kelvin)
-
-
 def _assumed(tests: Sequence[Test]) -> list[str]:
     """Assumptions where tests.csv states no uncertainty."""
     stated = (("K1", "2 %"), ("added_mass", "0.2 % of it"))
@@ -205,12 +179,12 @@ def _assumed(tests: Sequence[Test]) -> list[str]:
     ]
 
 
-def _hashes(campaign: Campaign, statics: Sequence[StaticTest], points: Points) -> dict[str, str]:
+def _hashes(campaign: Campaign, statics: Sequence[StaticRow], points: Points) -> dict[str, str]:
     """Hash of each file that was read, by its name in the campaign."""
     folder, logo = campaign.folder, campaign.stated.report.logo
     hashes = {name: sha256 for name, sha256 in campaign.sha256.items() if name != LIMITS or campaign.limits.limits}
     if logo:
-        hashes[logo] = sha256_of(inside(folder, logo), max_bytes=MOST_BYTES, label=logo, within=folder)
+        hashes[logo] = sha256_of(inside(folder, logo), max_bytes=MAX_FILE_BYTES, label=logo, within=folder)
     hashes |= response_hashes(campaign)
-    hashes |= {static.test.file: static.sha256 for static in statics if static.sha256}
+    hashes |= {row.test.file: row.sha256 for row in statics if row.sha256}
     return hashes | {test.file: sha256 for test, sha256 in zip(points.tests, points.sha256, strict=True) if sha256}

@@ -203,15 +203,13 @@ class _Inspection:
 
     def statics(self) -> list[StaticRow]:
         """The rows of the static tests, evaluated as in the analysis."""
-        tests = evaluate_statics(self.campaign)
-        for item in tests:
-            about = "static test" if item.sha256 else "file"
-            for row in item.rows:
-                if row.verdict is Verdict.REJECTED and not row.test.problem:
-                    self._say(
-                        row.test, about, Verdict.REJECTED, "; ".join(map(remark_of, row.checks)), kind_of(*row.checks)
-                    )
-        return [row for item in tests for row in item.rows]
+        rows = evaluate_statics(self.campaign)
+        for row in rows:
+            rejected = any(check.verdict is Verdict.REJECTED for check in row.checks)
+            if rejected and not row.test.problem:
+                about, text = "static test" if row.sha256 else "file", "; ".join(map(remark_of, row.checks))
+                self._say(row.test, about, Verdict.REJECTED, text, kind_of(*row.checks))
+        return rows
 
     def _say(self, test: Test, about: str, verdict: Verdict, message: str, kind: str = "") -> None:
         text = message.removeprefix(f"tests.csv row {test.row}: ")

@@ -1,10 +1,15 @@
-"""Comparison of the tests with each other before they are identified: copies, noise, smooth curves of K*."""
+"""Checks of points beyond their own recording.
+
+Before the identification the tests are compared with each other: copies, noise, scales, smooth curves of K*, and K* of
+one condition by different excitations, which a linear specimen has in common. After it each point is judged: whether K2
+and C exist, agreement, the rig.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -12,15 +17,21 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import condition_of, condition_words
+from fourpole.core import stats
 from fourpole.core.alone import Alone
-from fourpole.core.arrays import BoolArray, ByValue
-from fourpole.core.checks import Check, Code, Verdict, judged, reported
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.checks import Check, Code, Excitation, Verdict, judged, reported
 from fourpole.core.condition import Condition
+from fourpole.core.confidence import SEARCH_CHANCE
+from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.curves import Curves, Samples, curves_of
+from fourpole.core.joint import Joint
+from fourpole.core.joint.outputs import relative_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.routes import no_arm
 from fourpole.core.scales import check_scale, k1_exchanged
-from fourpole.study.excitations import excitations
-from fourpole.study.points import Points
+from fourpole.study.identify import Group
+from fourpole.study.points import Points, StaticStiffness
 from fourpole.words import said
 
 #: A channel is noisier than usual above both: noise over the median noise of all tests, and noise over the amplitude.
@@ -34,45 +45,35 @@ _PRESSURE = q.PRESSURE.key
 _COPIED = 1e-3
 #: Relative difference below which the frequencies of tests of two tyres count as equal.
 _SAME_FREQUENCY = 0.01
+#: Tests whose deflections differ by less than this factor have one level.
+_LEVEL = 1.25
+#: Lines within this share of a frequency are compared with it, and the fewest frequencies of a comparison.
+_NEAR, _FEWEST_COMMON = 0.06, 3
+#: Change of the stiffness between levels up to which ISO 10846-2, 7.7, takes a specimen as linear [dB].
+LINEAR = 1.5
+#: The excitation of each kind with a band.
+_OF_KIND = {"random": Excitation.RANDOM, "sweep": Excitation.SWEEP}
+_DECIBEL = 20.0 / np.log(10.0)
+#: Relative scatter of K* from test to test beyond which more than the specimen differs; tyres repeat to 0.03-1 %.
+_MOST_SCATTER = 0.02
+#: If at least this share of the Monte Carlo trials is not passive, no passive K2 and C exist.
+_NEVER_PASSIVE = 0.975
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
 _DRIFT, _POWER = 0.2, 0.03
 
 
-@dataclass(frozen=True, eq=False)
-class Compared(ByValue):
-    """Results of the comparison of tests with each other.
+def compare_points(campaign: Campaign, points: Points) -> tuple[Points, list[tuple[str, Check]], list[str]]:
+    """Compare the tests of a campaign with each other and with K1.
 
-    Attributes
-    ----------
+    Returns
+    -------
     points : Points
-        The points with their checks.
-    strange : (N,) bool array
-        Rows whose K* is not that of their condition: they must not share it with other tests.
-    conditions : tuple of (str, Check)
+        The points with their checks, and those marked whose K* is not that of their condition.
+    conditions : list of (str, Check)
         Checks of whole conditions, by the condition in words.
-    linear : bool
-        Whether no test showed a specimen that is not linear.
+    notes : list of str
+        A sentence on the curve that mixes the largest range of amplitudes, where the specimen is not linear.
     """
-
-    points: Points
-    strange: BoolArray
-    conditions: tuple[tuple[str, Check], ...]
-    linear: bool = True
-
-    @property
-    def notes(self) -> list[str]:
-        """One sentence on the curve that mixes the largest range of amplitudes, where the specimen is not linear."""
-        mixed = [check for _, check in self.conditions if check.code is Code.AMPLITUDES and check.values]
-        if self.linear or not mixed:
-            return []
-        worst = max(mixed, key=lambda check: check.statistic)
-        more = f" ({len(mixed) - 1} more curves do so)" if len(mixed) > 1 else ""
-        cause, remedy = said(worst)
-        return [f"{cause.removesuffix(': ')}{more}: {remedy}"]
-
-
-def compare_points(campaign: Campaign, points: Points) -> Compared:
-    """Compare the tests of a campaign with each other and with K1."""
     sound = points.sound
     used = sound & (points.condition >= 0)
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
@@ -81,11 +82,11 @@ def compare_points(campaign: Campaign, points: Points) -> Compared:
     alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
     bent = [any(row.code is Code.LINEARITY and row.verdict is not Verdict.OK for row in rows) for rows in points.checks]
-    straight = used & ~np.array(bent, dtype=bool)
+    straight = np.flatnonzero(used & ~np.array(bent, dtype=bool))
     strange, on_curves = np.zeros(len(points), dtype=bool), []
-    if (curves := _curves(campaign, points, alone, np.flatnonzero(straight))) is not None:
-        strange[np.flatnonzero(straight)[curves.strange]] = True
-        on_curves = list(curve_checks(curves, points, np.flatnonzero(straight)))
+    if (curves := _curves(campaign, points, alone, straight)) is not None:
+        strange[straight[curves.strange]] = True
+        on_curves = list(curve_checks(curves, points, straight))
     checks = [
         *copies(points, sound & ~strange),
         *noises(points, sound & np.array([test.band is None for test in points.tests], dtype=bool)),
@@ -94,8 +95,20 @@ def compare_points(campaign: Campaign, points: Points) -> Compared:
         *on_curves,
     ]
     further = [axis.name for axis in campaign.stated.sameness.further]
-    ranges = [*_amplitudes(points, alone, further), *excitations(points, alone, further)]
-    return Compared(points.with_checks(checks), strange, tuple(ranges), bool((straight == used).all()))
+    conditions = [*_amplitudes(points, alone, further), *excitations(points, alone, further)]
+    notes = _mixed(conditions) if straight.size < np.count_nonzero(used) else []
+    return replace(points, strange=strange).with_checks(checks), conditions, notes
+
+
+def _mixed(conditions: Sequence[tuple[str, Check]]) -> list[str]:
+    """One sentence on the curve that mixes the largest range of amplitudes."""
+    mixed = [check for _, check in conditions if check.code is Code.AMPLITUDES and check.values]
+    if not mixed:
+        return []
+    worst = max(mixed, key=lambda check: check.statistic)
+    more = f" ({len(mixed) - 1} more curves do so)" if len(mixed) > 1 else ""
+    cause, remedy = said(worst)
+    return [f"{cause.removesuffix(': ')}{more}: {remedy}"]
 
 
 def scales(points: Points, alone: Alone) -> Iterator[tuple[int, Check]]:
@@ -116,16 +129,16 @@ def scales(points: Points, alone: Alone) -> Iterator[tuple[int, Check]]:
     of_k1 = Counter(k1[row] for row, _ in rows)
     doubted = Counter((k1[row], check.code) for row, check in rows if check.verdict is Verdict.WARNING)
     for row, check in rows:
-        line = check.code is Code.K1_RATIO and points.tests[row].band is not None
+        own_faults = (Code.K1_LARGE,) if points.tests[row].band is None else (Code.K1_LARGE, Code.K1_RATIO)
         few = 2 * doubted[k1[row], check.code] <= of_k1[k1[row]]
-        if not (check.verdict is Verdict.WARNING and few and (line or check.code is Code.K1_LARGE)):
+        if check.verdict is not Verdict.WARNING or not few or check.code not in own_faults:
             yield row, check
 
 
 def _exchanged_k1(campaign: Campaign, points: Points, alone: Alone, used: np.ndarray) -> Iterator[tuple[int, Check]]:
     """Checks of tyres, or pressures of a tyre, whose K1 looks exchanged, from tests equal in all else."""
     rule = campaign.stated.sameness.without(_PRESSURE)
-    of_static: dict[tuple[str, float], dict[Condition, list[int]]] = {}
+    of_static: dict[tuple[str, float], _Rows] = {}
     for row in used.tolist():
         if np.isfinite(alone.stiffness[row]) and np.isfinite(points.stiffness[row].value):
             static = points.tests[row].tyre, points.tests[row].value(_PRESSURE) or 0.0
@@ -133,17 +146,9 @@ def _exchanged_k1(campaign: Campaign, points: Points, alone: Alone, used: np.nda
             of_static.setdefault(static, {}).setdefault(condition, []).append(row)
     logs = np.log(np.maximum(alone.frequency, 1e-300))
     for first, second in combinations(of_static, 2):
-        if first[0] != second[0] and first[1] != second[1]:
-            continue
-        pairs = [
-            (a, b)
-            for condition, here in of_static[first].items()
-            for a in here
-            for b in of_static[second].get(condition, ())
-            if abs(logs[a] - logs[b]) < _SAME_FREQUENCY
-        ]
-        static_k1 = np.array([[points.stiffness[row].value for row in pair] for pair in pairs]).reshape(-1, 2)
         same = first[0] == second[0]
+        pairs = _pairs(of_static[first], of_static[second], logs) if same or first[1] == second[1] else []
+        static_k1 = np.array([[points.stiffness[row].value for row in pair] for pair in pairs])
         ratios = k1_exchanged(alone.stiffness[np.array(pairs)], static_k1, same=same) if pairs else None
         if ratios is not None:
             a, b, usual = ratios
@@ -151,6 +156,20 @@ def _exchanged_k1(campaign: Campaign, points: Points, alone: Alone, used: np.nda
             check = reported(Code.K1_EXCHANGED, Verdict.WARNING, unlike, statics=(first, second), **ratio)
             for static in (first, second):
                 yield from ((row, check) for rows in of_static[static].values() for row in rows)
+
+
+_Rows = dict[Condition, list[int]]
+
+
+def _pairs(here: _Rows, there: _Rows, logs: FloatArray) -> list[tuple[int, int]]:
+    """Pairs of rows, by condition, with one condition and about one frequency, of which the logarithms are given."""
+    return [
+        (a, b)
+        for condition, rows in here.items()
+        for a in rows
+        for b in there.get(condition, ())
+        if abs(logs[a] - logs[b]) < _SAME_FREQUENCY
+    ]
 
 
 def _amplitudes(points: Points, alone: Alone, further: Sequence[str]) -> Iterator[tuple[str, Check]]:
@@ -268,3 +287,158 @@ def _family_of(curves: Curves, test: int) -> int | None:
     others = [int(family) for family in np.unique(curves.samples.family) if family != own]
     best = min(others, key=lambda family: curves.distance(test, family), default=None)
     return best if best is not None and curves.distance(test, best) <= curves.limit else None
+
+
+# --- K* of one condition by different excitations --------------------------------------------------------------------
+
+_Level = tuple[Excitation, float]
+
+
+def excitations(points: Points, alone: Alone, further: Sequence[str]) -> Iterator[tuple[str, Check]]:
+    """Checks of each condition with several excitations: kinds of test, and levels of random tests and sweeps.
+
+    K* is that of each test by itself. The errors of the sensors and of the rig are the same in both and cancel, so the
+    uncertainty of a difference is that of the noise. Conditions are named with their values on `further` axes. The
+    level [mm] is the deflection; the amplitude of a sine may change with its frequency.
+    """
+    deflection = alone.deflection
+    for rows in points.by_condition(np.isfinite(alone.stiffness) & (alone.noise > 0)):
+        kinds: dict[_Level, list[int]] = {}
+        for row in rows[np.argsort(deflection[rows], kind="stable")].tolist():
+            test = points.tests[row]
+            kind = Excitation.SINES if test.band is None else _OF_KIND[test.kind]
+            levels = [level for level in kinds if level[0] is kind]
+            near = levels and (kind is Excitation.SINES or deflection[row] < _LEVEL * deflection[kinds[levels[-1]][0]])
+            kinds.setdefault(levels[-1] if near else (kind, 1e3 * float(deflection[row])), []).append(row)
+        for pair in combinations(kinds, 2):
+            name = condition_words(points.tests[rows[0]], further=further)
+            if (check := _compared(name, pair, [alone.part(kinds[key]) for key in pair])) is not None:
+                yield name, check
+
+
+def _compared(name: str, keys: tuple[_Level, ...], pair: Sequence[Alone]) -> Check | None:
+    """The check of two excitations; None if they have fewer than three frequencies in common."""
+    sparse, dense = sorted(pair, key=lambda alone: alone.noise.size)
+    off, variance = _differences(sparse, dense)
+    if off.size < _FEWEST_COMMON:
+        return None
+    statistic = float(np.mean(np.abs(off) ** 2 / (2.0 * variance)))
+    limit = float(stats.chi2.isf(SEARCH_CHANCE, 2 * off.size)) / (2 * off.size)
+    if statistic <= limit:
+        return Check(Code.EXCITATIONS, Verdict.OK, statistic, limit)
+    sign = 1.0 if sparse is pair[1] else -1.0
+    weights = 1.0 / variance
+    mean = sign * _DECIBEL * float(np.sum(weights * off.real) / np.sum(weights))
+    softer, stiffer = keys if mean > 0 else keys[::-1]
+    verdict = Verdict.WARNING if abs(mean) > LINEAR else Verdict.OK
+    return reported(
+        Code.EXCITATIONS, verdict, statistic, limit, name=name, softer=softer, stiffer=stiffer, decibel=abs(mean),
+        count=off.size, linear=LINEAR,
+    )  # fmt: skip
+
+
+def _differences(sparse: Alone, dense: Alone) -> tuple[ComplexArray, FloatArray]:
+    """Differences of ln K* at the frequencies of the first tests, and the variance of each of their parts."""
+    frequency, values, weights = np.log(dense.frequency), np.log(dense.stiffness), dense.noise**-2.0
+    off, variance = [], []
+    for place in range(sparse.noise.size):
+        apart = frequency - np.log(sparse.frequency[place])
+        near = np.abs(apart) < _NEAR
+        if not (near & (apart <= 1e-9)).any() or not (near & (apart >= -1e-9)).any():
+            continue
+        line = np.stack([np.ones(near.sum()), apart[near]], axis=1)[:, : min(2, int(near.sum()))]
+        normal = np.linalg.pinv((line.T * weights[near]) @ line)
+        off.append(np.log(sparse.stiffness[place]) - (normal @ ((line.T * weights[near]) @ values[near]))[0])
+        variance.append(sparse.noise[place] ** 2 + normal[0, 0])
+    return np.array(off), np.array(variance)
+
+
+# --- each point, once its tests are identified -----------------------------------------------------------------------
+
+
+def judge_points(points: Points, groups: Sequence[Group], route: str) -> Points:
+    """The points with the checks of their identification; that of linearity is the first, because all assume it."""
+    unused = points.known & (points.condition < 0) & (route != "joint")
+    last = [
+        (row, reported(Code.CALIBRATION_UNUSED, Verdict.WARNING, route=route))
+        for row in np.flatnonzero(unused).tolist()
+    ]
+    for group in groups:
+        for place, row in enumerate(group.rows.tolist()):
+            stiffness = points.stiffness[row]
+            if points.condition[row] < 0:
+                last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
+            else:
+                last.append((row, _arm_check(group, place, stiffness)))
+            last += ((row, check) for check in (*stiffness.checks, *_joint_checks(group, place)))
+    judged_points = points.with_checks(last, last=True)
+    first = (tuple(sorted(rows, key=lambda check: check.code is not Code.LINEARITY)) for rows in judged_points.checks)
+    return replace(judged_points, checks=tuple(first))
+
+
+def _joint_checks(group: Group, place: int) -> Iterator[Check]:
+    """Checks whether a test is an outlier, whether the rig fits, and whether the joint route converged."""
+    joint, estimate = group.joint, group.estimate
+    if joint is None or estimate is None:
+        return
+    factor = float(joint.outlier[place])
+    if factor > 1:
+        yield reported(Code.AGREEMENT, Verdict.WARNING, factor, 1.0, times=np.sqrt(factor))
+    elif factor == 1 and joint.residuals.rig_dof[place] >= 2:
+        yield _relative_check(group, joint, place)
+    if not estimate.fits:
+        causes = estimate.causes or estimate.candidates[:1]
+        yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
+    if estimate.scatter > _MOST_SCATTER:
+        yield reported(Code.SCATTER, Verdict.WARNING, estimate.scatter, _MOST_SCATTER)
+    if estimate.drift_by_mass and estimate.drifts:
+        largest = max(abs(drift.found or 0.0) for drift in estimate.drifts)
+        yield reported(Code.DRIFT_BY_MASS, Verdict.WARNING, largest, 0.0)
+    if not joint.converged:
+        yield reported(Code.CONVERGENCE, Verdict.WARNING)
+
+
+def _relative_check(group: Group, joint: Joint, place: int) -> Check:
+    """Check whether K* of the test by the relative route, with the gains as found, agrees with that by the joint route.
+
+    Their squared difference over its variance is what F1/V2 - Zr leaves of the test: chi-square with 2 degrees of
+    freedom. The limit is for all tests of the rig together.
+    """
+    left = joint.residuals
+    limit = float(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[place]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        other = relative_stiffness(joint, group.phasors, place)
+    percent = 100 * float(other.real / group.result.stiffness[place].real - 1)
+    return judged(Code.RELATIVE, float(left.rig[place]), limit, percent=percent)
+
+
+def _arm_check(group: Group, place: int, stiffness: StaticStiffness) -> Check:
+    """Check whether K2 and C exist, and whether their uncertainty is small enough for propagation."""
+    result = group.result
+    value, k1 = complex(result.stiffness[place]), float(result.k1[place])
+    reason = no_arm(value, k1, result.k2[place], result.c[place])
+    if stiffness.lack is not None and value.real > 0 and value.imag > 0:
+        return stiffness.lack
+    if reason is not None:
+        share = group.intervals[place][0].non_passive_share if place in group.intervals else np.nan
+        if share < _NEVER_PASSIVE:
+            return reported(Code.PASSIVE_ARM, Verdict.WARNING, share, _NEVER_PASSIVE, **_ends(group, place, 0))
+        return reported(
+            Code.PASSIVE_ARM, Verdict.REJECTED, because=reason, storage=value.real, loss_modulus=value.imag, k1=k1
+        )
+    with np.errstate(invalid="ignore"):
+        relative = np.sqrt(np.diag(result.arm_covariance[place])) / (result.k2[place], result.c[place])
+    worst, which = float(np.max(relative)), int(np.argmax(relative))
+    if worst <= NOT_LINEAR:
+        return Check(Code.UNCERTAINTY, Verdict.OK, worst, NOT_LINEAR)
+    ends = _ends(group, place, which)
+    return reported(Code.UNCERTAINTY, Verdict.WARNING, worst, NOT_LINEAR, name=("K2", "C")[which], **ends)
+
+
+def _ends(group: Group, place: int, which: int) -> dict[str, float]:
+    """The ends of the 95 % interval of K2 or C by Monte Carlo; empty if there is none."""
+    if place not in group.intervals:
+        return {}
+    low, _, high = group.intervals[place][which].quantiles.tolist()
+    name = ("K2", "C")[which]
+    return {f"low {name}": low, f"high {name}": high}

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from fourpole import quantities as q
 from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import Test
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.checks import Code
+from fourpole.core.checks import Check, Code
 from fourpole.core.condition import temperature_std
 from fourpole.core.curvature import largest_bend
 from fourpole.core.demodulation.corrections import Correction, response_std
@@ -27,7 +27,8 @@ from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
-from fourpole.fitting.rows import Key, pair_columns, tyre_columns
+from fourpole.errors import CampaignError
+from fourpole.fitting.rows import Key
 from fourpole.study.points import Points, StaticStiffness
 from fourpole.study.rig_estimate import RigEstimate, RunOrder, mass_gain
 from fourpole.study.rig_solution import relative_uncertainties, rig_estimate, with_recordings
@@ -44,53 +45,6 @@ _NOTED = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Setup(ByValue):
-    """What is known of N tests of one rig besides their phasors: the arguments of `fourpole.core.joint.solve_joint`.
-
-    Attributes
-    ----------
-    rig : Rig or None
-        The rig as stated.
-    k1 : (N,) float array [N/m]
-        Static stiffness.
-    family : (N,) int array
-        Number of the condition without frequency; negative for a rigid block in place of the tyre.
-    nominal_frequency : (N,) float array [Hz]
-        Frequency as stated; not-a-number where it is not stated, or where the recording gave several frequencies.
-    added_mass, added_mass_std : (N,) float arrays [kg]
-        Added mass and its standard uncertainty.
-    channels : ChannelUncertainty
-        Standard uncertainties of the channels.
-    specimen : (N,) array of str
-        Name of the specimen.
-    time : (N,) float array
-        Time of the test [s]; its place in tests.csv if not all times are known.
-    apart : (N,) float array [1]
-        Standard uncertainty of log K* for the temperature of the test apart from the mean of its condition.
-    lines, recording : (N,) float array [1], (N,) int array
-        Number of lines of the recording that are used, and the number of the recording.
-    """
-
-    rig: Rig | None
-    k1: FloatArray
-    family: np.ndarray
-    nominal_frequency: FloatArray
-    added_mass: FloatArray
-    added_mass_std: FloatArray
-    channels: ChannelUncertainty
-    specimen: np.ndarray
-    time: FloatArray
-    apart: FloatArray
-    lines: FloatArray
-    recording: np.ndarray
-
-    def part(self, rows: BoolArray) -> Setup:
-        """The same for some of the tests."""
-        return Setup(*(value if name == "rig" else value.part(rows) if name == "channels" else value[rows]
-                       for name, value in vars(self).items()))  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
 class Group(ByValue):
     """The tests of one rig that were identified together.
 
@@ -102,47 +56,31 @@ class Group(ByValue):
         Their rows among all points.
     keys : tuple of (str, int)
         Test and point of each row.
-    setup : Setup
-    k1_std : (N,) float array [N/m]
-        Standard uncertainty of K1.
     phasors : Phasors
+        Amplitudes as they were used.
     route : str
         The route that was used.
     result : Identification
     variance : dict of Source to (N, 6) float array
         Variance of each of `core.identify.OUTPUTS` by its source; K1 stands in its parts.
-    intervals : dict of int to (Interval, Interval)
-        Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
     joint : Joint or None
         The joint solution; None for another route.
     estimate : RigEstimate or None
         The rig as found; None for another route.
+    intervals : dict of int to (Interval, Interval)
+        Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
     """
 
     rig_name: str
     rows: np.ndarray
     keys: tuple[Key, ...]
-    setup: Setup
-    k1_std: FloatArray
     phasors: Phasors
     route: str
     result: Identification
     variance: dict[Source, FloatArray]
-    intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     joint: Joint | None = None
     estimate: RigEstimate | None = None
-
-    @property
-    def columns(self) -> dict[str, FloatArray]:
-        """The identified values (N,) by column of dynamic.csv."""
-        result = self.result
-        return {
-            **pair_columns(q.CORR_R_I, result.mobility.real, result.mobility.imag, result.mobility_covariance),
-            **tyre_columns(result),
-            q.TR_MEASURED.head: result.tr_measured,
-            q.TR_PREDICTED.head: result.tr_predicted,
-            q.TR.u_head: result.tr_std,
-        }
+    intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
 
 
 def no_rig(campaign: Campaign, route: str) -> str:
@@ -169,8 +107,19 @@ def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
     return route, ""
 
 
+def check_rig(campaign: Campaign, route: str) -> None:
+    """CampaignError if the dynamic tests of a campaign need a rig for a route that is not stated, or another one."""
+    rigs = campaign.stated.all_rigs
+    if not rigs and route != "relative" and any(test.kind in ("dynamic", "calibration") for test in campaign.tests):
+        raise CampaignError(no_rig(campaign, route))
+    if route == "transmissibility" and any(rig.output == "blocked" for rig in rigs.values()):
+        raise CampaignError(
+            "campaign.toml: [rig] output is blocked, so there is no transmissibility: use --route mobility"
+        )
+
+
 def identify_points(
-    campaign: Campaign, points: Points, strange: BoolArray, route: str, draws: int, seed: int
+    campaign: Campaign, points: Points, route: str, draws: int, seed: int
 ) -> tuple[list[Group], list[str]]:
     """Identify the usable tests of each rig together.
 
@@ -179,8 +128,6 @@ def identify_points(
     campaign : Campaign
     points : Points
         The points with K1 and all checks that come before.
-    strange : (N,) bool array
-        Rows that share K* with no other row, because their condition is not as stated.
     route : str
         The route that is wanted.
     draws, seed : int
@@ -197,69 +144,60 @@ def identify_points(
     # A rejected test would spoil the joint solution of the others.
     usable = points.sound if route == "joint" else points.sound & (points.condition >= 0)
     rigs = np.array([test.rig for test in points.tests])
-    for rig_name in dict.fromkeys(rigs.tolist()):
+    for rig_name in dict.fromkeys(rigs[usable].tolist()):
         rows = np.flatnonzero(usable & (rigs == rig_name))
-        if not rows.size:
-            continue
-        setup, run = setup_of(campaign, rig_name, points, rows, strange)
-        notes += temperature_note(setup.apart, campaign.stated.conditions)
-        group, remarks = _group(rig_name, points, rows, setup, run, route)
-        group.intervals.update(_intervals(group, draws, seed))
+        setup, order = setup_of(campaign, rig_name, points, rows)
+        notes += temperature_note(setup["apart"], campaign.stated.conditions)
+        group, remarks = _identified(rig_name, points, rows, setup, order, route)
+        group.intervals.update(_intervals(group, setup, draws, seed))
         where = f"[rigs.{rig_name}]" if rig_name else "[rig]"
         notes += [f"{where}: {remark}" for remark in remarks]
         groups.append(group)
     return groups, notes
 
 
-def setup_of(
-    campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray, strange: BoolArray
-) -> tuple[Setup, RunOrder]:
-    """The inputs of the identification of some rows of one rig, and where their times are from."""
-    tests, stated = [points.tests[row] for row in rows], campaign.stated.all_rigs.get(rig_name)
+def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray) -> tuple[dict[str, Any], RunOrder]:
+    """What is known of some rows of one rig besides their phasors, and where their times are from.
+
+    These are the arguments of `fourpole.core.joint.solve_joint`. A strange row is alone in its condition. The tests ran
+    as tests.csv states it, as their recordings state it, or in the order of tests.csv.
+    """
+    tests, strange, stated = [points.tests[row] for row in rows], points.strange[rows], campaign.stated
     _, recording, lines = np.unique([test.name for test in tests], return_inverse=True, return_counts=True)
-    nominal = [np.nan if test.name in points.several else test.value("frequency") or np.nan for test in tests]
-    apart = temperature_std(
-        _numbers(tests, "temperature"), points.condition[rows], campaign.stated.conditions.per_kelvin
+    count = Counter(test.name for test in points.tests)
+    nominal = [np.nan if count[test.name] > 1 else test.value("frequency") or np.nan for test in tests]
+    temperature, time = (
+        np.array([test.values.get(name, np.nan) for test in tests]) for name in ("temperature", "time")
     )
-    order, time = _run(tests, points.began[rows])
+    order = RunOrder.TIME
+    if not np.all(np.isfinite(time)):
+        time, order = points.began[rows], RunOrder.RECORDINGS
+    if not np.all(np.isfinite(time)):
+        time, order = np.arange(len(tests), dtype=float), RunOrder.ROWS
+    apart = temperature_std(temperature, points.condition[rows], stated.conditions.per_kelvin)
     added, added_std = added_masses(tests)
-    setup = Setup(
-        rig=stated.rig() if stated is not None else None,
-        k1=np.array([points.stiffness[row].value for row in rows]),
-        family=np.where(strange[rows], len(points) + np.arange(rows.size), points.condition[rows]),
-        nominal_frequency=np.array(nominal),
-        added_mass=added,
-        added_mass_std=added_std,
-        channels=channel_uncertainty(campaign, [points.corrections[row] for row in rows]),
-        specimen=np.array([test.tyre for test in tests], dtype=object),
-        time=time,
-        apart=np.where(strange[rows], 0.0, apart),
-        lines=lines[recording].astype(float),
-        recording=recording,
-    )
+    setup = {
+        "rig": stated.all_rigs[rig_name].rig() if rig_name in stated.all_rigs else None,
+        "k1": np.array([points.stiffness[row].value for row in rows]),
+        "family": np.where(strange, len(points) + np.arange(rows.size), points.condition[rows]),
+        "nominal_frequency": np.array(nominal),
+        "added_mass": added,
+        "added_mass_std": added_std,
+        "channels": channel_uncertainty(campaign, [points.corrections[row] for row in rows]),
+        "specimen": np.array([test.tyre for test in tests], dtype=object),
+        "time": time,
+        "apart": np.where(strange, 0.0, apart),
+        "lines": lines[recording].astype(float),
+        "recording": recording,
+    }
     return setup, order
 
 
 def added_masses(tests: Sequence[Test]) -> tuple[FloatArray, FloatArray]:
     """Added mass of each test and its standard uncertainty [kg]."""
     added = np.array([test.added_mass for test in tests])
-    std = _numbers(tests, "u(added_mass)")
+    std = np.array([test.values.get("u(added_mass)", np.nan) for test in tests])
     return added, np.where(np.isnan(std), defaults.MASS_STD * added, std)
-
-
-def _numbers(tests: Sequence[Test], name: str) -> FloatArray:
-    """A number of each row of tests.csv; not-a-number for a blank cell."""
-    return np.array([test.values.get(name, np.nan) for test in tests])
-
-
-def _run(tests: Sequence[Test], began: FloatArray) -> tuple[RunOrder, FloatArray]:
-    """When the tests ran: as tests.csv states it, as their recordings state it, or in the order of tests.csv."""
-    time = _numbers(tests, "time")
-    if np.all(np.isfinite(time)):
-        return RunOrder.TIME, time
-    if np.all(np.isfinite(began)):
-        return RunOrder.RECORDINGS, began
-    return RunOrder.ROWS, np.arange(len(tests), dtype=float)
 
 
 def channel_uncertainty(campaign: Campaign, corrections: Sequence[Sequence[Correction]] = ()) -> ChannelUncertainty:
@@ -268,87 +206,87 @@ def channel_uncertainty(campaign: Campaign, corrections: Sequence[Sequence[Corre
     stated = [(0.0, 0.0, 0.0) if channel is None else (channel.gain_std, channel.phase_std, channel.std_delay)
               for channel in channels]  # fmt: skip
     response = np.array([response_std(rows) for rows in corrections])
-    found = ChannelUncertainty(*np.array(stated).T)
-    return replace(found, response=response[:, :, 0] + 1j * response[:, :, 1]) if response.any() else found
+    uncertainty = ChannelUncertainty(*np.array(stated).T)
+    return replace(uncertainty, response=response[:, :, 0] + 1j * response[:, :, 1]) if response.any() else uncertainty
 
 
-def _group(
-    rig_name: str, points: Points, rows: np.ndarray, setup: Setup, run: RunOrder, route: str
+def _identified(
+    rig_name: str, points: Points, rows: np.ndarray, setup: dict[str, Any], order: RunOrder, route: str
 ) -> tuple[Group, list[str]]:
     """The tests of one rig identified by a route, or by the route that they allow instead; and notes."""
-    phasors, keys = points.phasors.part(rows), points.keys
-    if route == "joint":  # a channel that hardly moves is no part of the joint solution
-        idle = [[row.channel for row in points.checks[at] if row.code is Code.EXCITATION and row.statistic > row.limit]
-                for at in rows]  # fmt: skip
-        still = np.array([[symbol in channels for symbol in SYMBOLS.values()] for channels in idle])
-        phasors = replace(phasors, amplitudes=np.where(still, np.nan, phasors.amplitudes))
-    used, note = _route_of(setup, phasors, route)
+    phasors, keys, checks = points.phasors.part(rows), points.keys, [points.checks[row] for row in rows]
+    if route == "joint":
+        phasors = _without_idle(phasors, checks)
+    used, note = _route_of(setup["rig"], phasors, route)
     stiffness = [points.stiffness[row] for row in rows]
-    of_rig = (rig_name, rows, tuple(keys[row] for row in rows), setup)
-    try:
-        group = (
-            _joint(of_rig, phasors, stiffness, run) if used == "joint" else _by_route(used, of_rig, phasors, stiffness)
-        )
-    except np.linalg.LinAlgError as error:
-        note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
-        group = _by_route("mobility", of_rig, phasors, stiffness)
+    of_rig = (rig_name, rows, tuple(keys[row] for row in rows), phasors)
+    group = None
+    if used == "joint":
+        try:
+            group = _joint(of_rig, setup, stiffness, order)
+        except np.linalg.LinAlgError as error:
+            used = "mobility"
+            note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
     notes = [note] if note else []
-    if group.estimate is not None:
-        estimate = with_recordings(group.estimate, [points.checks[row] for row in rows])
-        group = replace(group, estimate=estimate)
-        notes += [*(estimate.note(code) for code in estimate.notes), *([estimate.rests] if estimate.rests else [])]
-    return group, notes
+    if group is None or group.estimate is None:
+        return _by_route(used, of_rig, setup, stiffness), notes
+    estimate = with_recordings(group.estimate, checks)
+    notes += [*(estimate.note(code) for code in estimate.notes), *([estimate.rests] if estimate.rests else [])]
+    return replace(group, estimate=estimate), notes
 
 
-def _route_of(setup: Setup, phasors: Phasors, route: str) -> tuple[str, str]:
+def _without_idle(phasors: Phasors, checks: Sequence[Sequence[Check]]) -> Phasors:
+    """The phasors without the channels that hardly move, which are no part of the joint solution."""
+    idle = [[row.channel for row in of_test if row.code is Code.EXCITATION and row.statistic > row.limit]
+            for of_test in checks]  # fmt: skip
+    still = np.array([[symbol in channels for symbol in SYMBOLS.values()] for channels in idle])
+    return replace(phasors, amplitudes=np.where(still, np.nan, phasors.amplitudes))
+
+
+def _route_of(rig: Rig | None, phasors: Phasors, route: str) -> tuple[str, str]:
     """The route wanted, or the route that the tests of this rig allow instead, with a note."""
     if route != "joint":
         return route, ""
-    if setup.rig is None:
+    if rig is None:
         return "relative", "the rig of these tests is not stated: K* by the relative route"
-    if setup.rig.blocked:
+    if rig.blocked:
         return "mobility", "the output is blocked, so there is no V2: K* by the mobility route"
     if not np.isfinite(phasors.motion_out).any():
         return "mobility", "no test has a usable V2, so the rig cannot be checked: K* by the mobility route"
     return route, ""
 
 
-_OfRig = tuple[str, np.ndarray, tuple[Key, ...], Setup]
+_OfRig = tuple[str, np.ndarray, tuple[Key, ...], Phasors]
 
 
-def _by_route(route: str, of_rig: _OfRig, phasors: Phasors, stiffness: Sequence[StaticStiffness]) -> Group:
+def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness]) -> Group:
     """The tests of one rig, each by itself by a route."""
-    setup, k1_std = of_rig[-1], np.array([k1.std for k1 in stiffness])
-    arguments: dict[str, Any] = {
-        "k1_std": k1_std,
-        "route": route,
-        "added_mass": setup.added_mass,
-        "added_mass_std": setup.added_mass_std,
-        "channels": setup.channels,
-    }
-    result = identify(phasors, setup.rig, setup.k1, **arguments)
+    phasors, rig, k1 = of_rig[-1], setup["rig"], setup["k1"]
+    arguments = {name: setup[name] for name in ("added_mass", "added_mass_std", "channels")}
+    arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route}
+    result = identify(phasors, rig, k1, **arguments)
     # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.
-    moved = (setup.apart * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
+    moved = (setup["apart"] * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
     result = replace(result, condition_covariance=result.condition_covariance + moved)
-    variance = k1_apart(variance_by_source(phasors, setup.rig, setup.k1, **arguments), [k1.parts for k1 in stiffness])
-    return Group(*of_rig, k1_std, phasors, route, result, variance)
+    variance = variance_by_source(phasors, rig, k1, **arguments)
+    return Group(*of_rig, route, result, k1_apart(variance, [of_test.parts for of_test in stiffness]))
 
 
-def _joint(of_rig: _OfRig, phasors: Phasors, stiffness: Sequence[StaticStiffness], run: RunOrder) -> Group:
+def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> Group:
     """The tests of one rig by the joint route."""
-    rig_name, _, keys, setup = of_rig
-    joint = solve_joint(phasors, **vars(setup))
-    k1_std, parts = _with_drift(setup, joint, stiffness, run)
-    values = outputs(joint, phasors, setup.k1)
-    result = identification(joint, phasors, setup.k1, k1_std, values)
+    rig_name, _, keys, phasors = of_rig
+    joint = solve_joint(phasors, **setup)
+    k1_std, parts = _with_drift(setup, joint, stiffness, order)
+    values = outputs(joint, phasors, setup["k1"])
+    result = identification(joint, phasors, setup["k1"], k1_std, values)
     gain = _mass_gain(joint, setup, k1_std, phasors, values, result)
-    estimate = replace(rig_estimate(rig_name, keys, joint, values), order=run, mass_gain=gain)
+    estimate = replace(rig_estimate(rig_name, keys, joint, values), order=order, mass_gain=gain)
     variance = k1_apart(joint_variance_by_source(joint, values, k1_std), parts)
-    return Group(*of_rig, k1_std, phasors, "joint", result, variance, joint=joint, estimate=estimate)
+    return Group(*of_rig, "joint", result, variance, joint, estimate)
 
 
 def _with_drift(
-    setup: Setup, joint: Joint, stiffness: Sequence[StaticStiffness], run: RunOrder
+    setup: Mapping[str, Any], joint: Joint, stiffness: Sequence[StaticStiffness], order: RunOrder
 ) -> tuple[FloatArray, list[Mapping[Source, float]]]:
     """Uncertainty of K1 and its parts, with the drift of the specimens between a test and its static test.
 
@@ -356,58 +294,65 @@ def _with_drift(
     """
     k1_std, parts = np.array([k1.std for k1 in stiffness]), [k1.parts for k1 in stiffness]
     drift = {
-        parameter.source.of: float(np.hypot(joint.found[at], joint.found_std[at]))
-        for at, parameter in enumerate(joint.stated.parameters)
+        parameter.source.of: float(np.hypot(joint.found[index], joint.found_std[index]))
+        for index, parameter in enumerate(joint.stated.parameters)
         if parameter.source.kind is Kind.DRIFT
     }
-    length = float(np.ptp(setup.time))
+    time = setup["time"]
+    length = float(np.ptp(time))
     if not drift or not length:
         return k1_std, parts
-    static_time = np.array([k1.time if run is RunOrder.TIME else np.nan for k1 in stiffness])
+    static_time = np.array([k1.time if order is RunOrder.TIME else np.nan for k1 in stiffness])
     place = joint.problem.observed.place[np.argsort(joint.order)]
-    apart = np.where(np.isfinite(static_time), (setup.time - static_time) / length, np.sqrt(place**2 + 1 / 12))
-    moved = np.array([drift.get(name, 0.0) for name in setup.specimen]) * np.abs(apart) * np.nan_to_num(setup.k1)
+    apart = np.where(np.isfinite(static_time), (time - static_time) / length, np.sqrt(place**2 + 1 / 12))
+    moved = np.array([drift.get(name, 0.0) for name in setup["specimen"]]) * np.abs(apart) * np.nan_to_num(setup["k1"])
     wider = [{**part, Source(Kind.K1_DRIFT): float(std)} if part else part
              for part, std in zip(parts, moved, strict=True)]  # fmt: skip
     return np.hypot(k1_std, moved), wider
 
 
 def _mass_gain(
-    joint: Joint, setup: Setup, k1_std: FloatArray, phasors: Phasors, values: Outputs, result: Identification
+    joint: Joint,
+    setup: Mapping[str, Any],
+    k1_std: FloatArray,
+    phasors: Phasors,
+    values: Outputs,
+    result: Identification,
 ) -> dict[str, tuple[float, float]]:
     """Median relative uncertainties of the tests without an added mass, from these tests alone and from all tests."""
-    bare = (setup.added_mass == 0) & (joint.condition >= 0)
+    bare = (setup["added_mass"] == 0) & (joint.condition >= 0)
     if bare.all() or not bare.any():
         return {}
-    fewer, of_fewer = setup.part(bare), phasors.part(bare)
-    alone = solve_joint(of_fewer, **vars(fewer))
-    of_alone = outputs(alone, of_fewer, fewer.k1)
+    channels, few = setup["channels"].part(bare), phasors.part(bare)
+    some = {name: value[bare] for name, value in setup.items() if name not in ("rig", "channels")}
+    alone = solve_joint(few, **some, rig=setup["rig"], channels=channels)
+    of_alone = outputs(alone, few, some["k1"])
     without = relative_uncertainties(
-        identification(alone, of_fewer, fewer.k1, k1_std[bare], of_alone),
-        identification(alone, of_fewer, fewer.k1, 0.0, of_alone),
-        np.ones(fewer.k1.size, dtype=bool),
+        identification(alone, few, some["k1"], k1_std[bare], of_alone),
+        identification(alone, few, some["k1"], 0.0, of_alone),
+        np.ones(some["k1"].size, dtype=bool),
     )
-    exact = identification(joint, phasors, setup.k1, 0.0, values)
+    exact = identification(joint, phasors, setup["k1"], 0.0, values)
     return mass_gain(without, relative_uncertainties(result, exact, bare))
 
 
-def _intervals(group: Group, draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:
+def _intervals(group: Group, setup: Mapping[str, Any], draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:
     """Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
 
     The random numbers of a row depend on its test and point only, not on other tests or their order.
     """
-    intervals, result, setup = {}, group.result, group.setup
-    for at in np.flatnonzero(_skew(result)).tolist() if draws else ():
-        test, point = group.keys[at]
+    intervals, result = {}, group.result
+    for row in np.flatnonzero(_skew(result)).tolist() if draws else ():
+        test, point = group.keys[row]
         rng = np.random.default_rng([seed, *test.encode(), *((point,) if point > 1 else ())])
         if group.joint is not None:
-            stiffness = draw_around(complex(result.stiffness[at]), result.stiffness_covariance[at], draws, rng)
+            stiffness = draw_around(complex(result.stiffness[row]), result.stiffness_covariance[row], draws, rng)
         else:
-            added = {"added_mass": float(setup.added_mass[at]), "added_mass_std": float(setup.added_mass_std[at])}
-            channels, phasors = setup.channels.part([at]), group.phasors.part(at)
-            stiffness = draw_route(phasors, setup.rig, group.route, channels, draws, rng, **added)
-        k1 = result.k1[at] + np.nan_to_num(result.k1_std[at]) * rng.standard_normal(draws)
-        intervals[at] = arm_intervals(stiffness, k1, float(2 * np.pi * result.frequency[at]))
+            added = {name: float(setup[name][row]) for name in ("added_mass", "added_mass_std")}
+            channels, phasors = setup["channels"].part([row]), group.phasors.part(row)
+            stiffness = draw_route(phasors, setup["rig"], group.route, channels, draws, rng, **added)
+        k1 = result.k1[row] + np.nan_to_num(result.k1_std[row]) * rng.standard_normal(draws)
+        intervals[row] = arm_intervals(stiffness, k1, float(2 * np.pi * result.frequency[row]))
     return intervals
 
 

@@ -1,36 +1,57 @@
-"""The file of one test becomes channels in SI units, as campaign.toml states its columns."""
+"""The file of a test becomes channels in SI units on their own time bases, as campaign.toml states its columns."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fourpole.campaign.channels import ChannelFile, ChannelsFile, DriveFile, ReferenceFile
+from fourpole import units
+from fourpole.campaign.channels import ChannelFile, ChannelsFile, Conversion, DriveFile, ReferenceFile
 from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test
 from fourpole.core.arrays import FloatArray
+from fourpole.core.decimate import Decimator
 from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve
-from fourpole.core.recording import Channel, Recording
+from fourpole.core.recording import Channel, Recording, uniform_time
 from fourpole.core.recordingchecks import clipped_share
-from fourpole.core.reference import Reference
+from fourpole.core.reference import PulseTrain, Reference
 from fourpole.errors import FileError, FourpoleError, Message, RecordingError, TableError
-from fourpole.io.recordings import survey
+from fourpole.io import child
+from fourpole.io.recordings import format_of, survey
+from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES, Signal
-from fourpole.io.stream import Chunk, Stream, StreamSource, stream, times_of
-from fourpole.study.gather import ChannelBuilder, ReferenceBuilder, Timing
+from fourpole.io.stream import Chunk, Stream, StreamSource, agreed, stream, times_of
 from fourpole.study.response import read_response
 
-MOST_BYTES = MAX_FILE_BYTES
 #: Number of samples per chunk where only the first part of a recording is loaded.
 _ROWS_OF_PART = 1 << 14
 #: Endings of the formats that may state when a recording began.
 _DATED = (".mf4", ".mf3", ".mdf", ".dat", ".raw", ".tdms")
 #: Relative tolerance within which the reference turns at the frequency of V1.
 _SAME_SPEED = 0.03
+#: Number of samples above which a channel is thinned: the sine fit keeps some thirty values per sample in memory.
+_MOST_SAMPLES = 1 << 19
+#: Thinning keeps at least this many samples per excitation cycle.
+_PER_CYCLE = 4.0
+#: Relative tolerance within which a nominal sample rate agrees with the times of the samples.
+_SAME_NOMINAL = 1e-3
+#: Number of angles of an encoder that are kept per chunk, about.
+_MOST_ANGLES = 1 << 17
+
+
+def is_guarded(folder: Path, file: str) -> bool:
+    """Whether a file is elsewhere, or one that is read in a worker process: of a library's format, or large."""
+    if is_elsewhere(file):
+        return True
+    try:
+        path = inside(folder, file)
+        return child.is_guarded(format_of(path, max_bytes=MAX_FILE_BYTES, label=file), path.stat().st_size)
+    except (FourpoleError, OSError):
+        return False  # whoever reads it says why
 
 
 def group_of(path: Path, test: Test) -> str:
@@ -47,7 +68,7 @@ def recorded_at(path: Path) -> float | None:
     if path.suffix.lower() not in _DATED:
         return None
     try:
-        return survey(path, max_bytes=MOST_BYTES).began
+        return survey(path, max_bytes=MAX_FILE_BYTES).began
     except FileError:  # a disk that fails now must not make other results than one that does not
         raise
     except FourpoleError:
@@ -61,13 +82,13 @@ def load_recording(
 
     With `part` [s], the recording ends this long after its own start, or after the start of the window.
     """
-    found, remarks, reference = _gathered(path, test, channels, roles, channels.reference, part=part)
-    for role, channel in found.items():
+    loaded, remarks, reference = _gathered(path, test, channels, roles, channels.reference, part=part)
+    for role, channel in loaded.items():
         stated = channels.named(role)
         if isinstance(stated, ChannelFile) and stated.response is not None:
             response = read_response(inside(folder, stated.response), stated.response)
-            found[role] = replace(channel, chain=(*channel.chain, response))
-    return Recording(found["motion_in"].rate or 1.0, found, test.file, reference), remarks
+            loaded[role] = replace(channel, chain=(*channel.chain, response))
+    return Recording(loaded["motion_in"].rate or 1.0, loaded, test.file, reference), remarks
 
 
 def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
@@ -76,33 +97,29 @@ def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
     Channels with different times are interpolated at the times of the channel with the lower sample rate. The curve has
     times where the file or campaign.toml states them.
     """
-    found = _gathered(path, test, channels, ("load", "deflection"), None, timed=test.window is not None)[0]
-    force, travel = found["load"], found["deflection"]
-    for name, channel in found.items():
+    roles = ("load", "deflection")
+    loaded = _gathered(path, test, channels, roles, None, timed=test.window is not None)[0]
+    for name, channel in loaded.items():
         if channel.limits is not None and clipped_share(channel) > 0:
             raise TableError(f"{name} reaches the end of its stated range: repeat the test with a larger range")
+    force, travel = (loaded[role] for role in roles)
     load, deflection = force.samples, travel.samples
     if (force.rate, force.start, load.size) != (travel.rate, travel.start, deflection.size):
         slow, quick = sorted((force, travel), key=lambda channel: channel.rate or 0.0)
-        at = _times(slow)
-        within = (at >= _times(quick)[0]) & (at <= _times(quick)[-1])
-        brought = np.interp(at[within], _times(quick), quick.samples)
-        own = slow.samples[within]
-        load, deflection = (own, brought) if slow is force else (brought, own)
-        return LoadCurve(deflection, load, at[within])
-    timed = force if test.window is not None else _timed(path, test, channels)
-    time = _times(timed) if timed is not None and timed.samples.size == load.size else None
-    return LoadCurve(deflection, load, time)
-
-
-def _timed(path: Path, test: Test, channels: ChannelsFile) -> Channel | None:
-    """The load with the times that the file or campaign.toml states; None if they are unknown or not uniform."""
-    try:
-        return _gathered(path, test, channels, ("load", "deflection"), None)[0]["load"]
-    except FileError:
-        raise
-    except FourpoleError:
-        return None
+        time, quick_time = _times(slow), _times(quick)
+        within = (time >= quick_time[0]) & (time <= quick_time[-1])
+        brought, kept = np.interp(time[within], quick_time, quick.samples), slow.samples[within]
+        load, deflection = (kept, brought) if slow is force else (brought, kept)
+        return LoadCurve(deflection, load, time[within])
+    timed: Channel | None = force
+    if test.window is None:
+        try:
+            timed = _gathered(path, test, channels, roles, None)[0]["load"]
+        except FileError:
+            raise
+        except FourpoleError:  # the times are unknown or not uniform
+            timed = None
+    return LoadCurve(deflection, load, _times(timed) if timed is not None and timed.samples.size == load.size else None)
 
 
 def _times(channel: Channel) -> FloatArray:
@@ -125,26 +142,21 @@ def _gathered(
     If not `timed`, channels with equal numbers of samples count as sampled at the same times.
     """
     stated = {role: channel for role in roles if (channel := channels.line(role)) is not None}
-    near = test.value("frequency") if test.band is None else test.band[1]
-    timing = Timing(test.window, near, test.file)
-    columns: list[ChannelFile | DriveFile | ReferenceFile] = [
-        *stated.values(),
-        *([turning] if turning is not None else []),
-    ]
+    timing = Timing(test.window, test.value("frequency") if test.band is None else test.band[1], test.file)
+    columns = [*stated.values(), *([turning] if turning is not None else [])]
     source = source_of(path, test, channels, columns, timed=timed)
-    run = stream(source if part is None else replace(source, rows=_ROWS_OF_PART))
     turn = ReferenceBuilder(turning, timing) if turning is not None else None
-    lines, timing = _fed(run, channels, stated, turn, timing, part)
+    run = stream(source if part is None else replace(source, rows=_ROWS_OF_PART))
+    lines = _fed(run, channels, stated, turn, timing, part)
     built = {role: line.channel() for role, line in lines.items()}
-    found = {role: channel for role, (channel, _) in built.items()}
-    remarks = [Message("time base", "", said) for _, said in built.values() if said]
+    remarks = [Message("time base", "", line.base.remark) for line in lines.values() if line.base.remark]
     reference = None
     if turn is not None:
         try:
-            reference = _checked(turn.reference(), found, timing)
+            reference = _checked(turn.reference(), built["motion_in"], timing)
         except RecordingError as error:
             remarks.append(Message("reference", error.site, f"[channels] reference is not used: {error}"))
-    return found, list(dict.fromkeys(remarks)), reference
+    return built, list(dict.fromkeys(remarks)), reference
 
 
 def _fed(
@@ -154,26 +166,26 @@ def _fed(
     turn: ReferenceBuilder | None,
     timing: Timing,
     part: float | None,
-) -> tuple[dict[str, ChannelBuilder], Timing]:
-    """The channels by role with all their chunks, and the times that are stated or found."""
+) -> dict[str, ChannelBuilder]:
+    """The channels by role with all their chunks; `timing` gets the times that are found."""
     lines: dict[str, ChannelBuilder] = {}
     for chunk in run.chunks:
         signals = dict(zip(stated, chunk, strict=False))
         if not lines:
             if part is not None:
-                timing = replace(timing, window=_part_of(chunk, timing.window, part))
+                timing.window = _part_of(chunk, timing.window, part)
             if run.count and timing.near is None and "motion_in" in stated:
-                timing = replace(timing, near=_about(signals["motion_in"], channels, timing))
+                timing.near = _about(signals["motion_in"], channels, timing)
             for role, channel in stated.items():
-                made = channels.conversion(role, signals[role].unit)
-                lines[role] = ChannelBuilder(channel.column, made, channel.plain_unit, timing, run.count)
+                conversion = channels.conversion(role, signals[role].unit)
+                lines[role] = ChannelBuilder(channel.column, conversion, channel.plain_unit, timing, run.count)
         for role, line in lines.items():
             line.feed(signals[role])
         if turn is not None:
             turn.feed(chunk[-1])
         if part is not None and timing.window is not None and _is_behind(chunk, timing.window[1]):
             break
-    return lines, timing
+    return lines
 
 
 def _part_of(chunk: Chunk, window: tuple[float, float] | None, part: float) -> tuple[float, float]:
@@ -207,9 +219,9 @@ def source_of(
     return replace(source, clock=channels.time.column, unit=channels.time.unit)
 
 
-def _checked(reference: Reference, found: dict[str, Channel], timing: Timing) -> Reference:
+def _checked(reference: Reference, motion: Channel, timing: Timing) -> Reference:
     """The reference; RecordingError where its speed differs from the frequency of V1."""
-    recording = Recording(found["motion_in"].rate or 1.0, {"motion_in": found["motion_in"]}, timing.label, reference)
+    recording = Recording(motion.rate or 1.0, {"motion_in": motion}, timing.label, reference)
     first, last = recording.span
     turned = reference.omega(first, last) / (2 * np.pi)
     moved = first_guess(recording.between(first, last), timing.near)
@@ -225,9 +237,219 @@ def _about(signal: Signal, channels: ChannelsFile, timing: Timing) -> float | No
     """Approximate frequency of the excitation [Hz], from V1 in the first chunk of a long recording."""
     role = channels.named("motion_in")
     assert role is not None
-    line = ChannelBuilder(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, timing, 0)
+    line = ChannelBuilder(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, timing)
     try:
         line.feed(signal)
-        return first_guess(Recording(1.0, {"motion_in": line.channel()[0]}))
+        return first_guess(Recording(1.0, {"motion_in": line.channel()}))
     except FourpoleError:
         return None  # the builder of the channel raises the same error
+
+
+# --- one channel, chunk by chunk --------------------------------------------------------------------------------------
+
+
+@dataclass
+class Timing:
+    """The times of a recording that all its channels share.
+
+    Attributes
+    ----------
+    window : (float, float) or None [s]
+        Start and end of the part that is used; None for the whole recording.
+    near : float or None [Hz]
+        Approximate frequency of the excitation.
+    label : str
+        Name of the file in messages.
+    """
+
+    window: tuple[float, float] | None
+    near: float | None
+    label: str
+    _stamps: FloatArray | None = None
+    _grid: tuple[float, str] = (float("nan"), "")
+
+    def grid(self, stamps: FloatArray) -> tuple[float, str]:
+        """The interval of some stamps [s], and a remark; channels with the same stamps ask for one grid in turn."""
+        last = self._stamps
+        if last is None or last.__array_interface__ != stamps.__array_interface__:
+            self._stamps, self._grid = stamps, uniform_time(stamps)
+        return self._grid
+
+
+@dataclass
+class TimeBase:
+    """The time base of one channel, found from its chunks in their order.
+
+    Attributes
+    ----------
+    timing : Timing
+        The times that are stated.
+    kept : int
+        Number of samples in the window so far.
+    start, rate : float [s], [Hz]
+        Time of the first sample in the window; samples per second.
+    remark : str
+        Remark on the times; empty where they are as stated.
+    """
+
+    timing: Timing
+    kept: int = 0
+    start: float = float("nan")
+    rate: float = float("nan")
+    remark: str = ""
+    _last: float = float("nan")
+    _span: tuple[float, float] = (float("inf"), float("-inf"))
+
+    def feed(self, signal: Signal) -> slice:
+        """Take the times of the next chunk, and return which of its samples lie in the window."""
+        stamps, window = signal.time, self.timing.window
+        if stamps is None:
+            return self._by_rate(signal)
+        if stamps.size:
+            self._span = min(self._span[0], float(stamps[0])), max(self._span[1], float(stamps[-1]))
+        low, high = (0, stamps.size) if window is None else (int(edge) for edge in np.searchsorted(stamps, window))
+        if high - low > 1 or (high > low and not self.kept):
+            self._join(stamps[low:high])
+        if signal.rate is not None and self.kept > 1 and abs(self.rate / signal.rate - 1) > _SAME_NOMINAL:
+            self.remark = self.remark or (
+                f"the file says {signal.rate:.6g} samples per second, its times {self.rate:.6g}: these were taken; "
+                "if the rate is right, state sample_rate in campaign.toml in place of time"
+            )
+        return slice(low, high)
+
+    def _by_rate(self, signal: Signal) -> slice:
+        """The samples of a chunk in the window, by its start and its rate."""
+        assert signal.rate is not None
+        count, first, rate = signal.samples.size, signal.start, signal.rate
+        if count:
+            self._span = min(self._span[0], first), max(self._span[1], first + (count - 1) / rate)
+        low, high = 0, count
+        if self.timing.window is not None:
+            low, high = (int(np.clip(np.ceil((edge - first) * rate - 1e-6), 0, count)) for edge in self.timing.window)
+        if high > low and not self.kept:
+            self.start, self.rate = first + low / rate, rate
+        self.kept += high - low
+        return slice(low, high)
+
+    def _join(self, stamps: FloatArray) -> None:
+        """Take the stamps of a chunk in the window; RecordingError where they do not continue the former ones."""
+        step, remark = self.timing.grid(stamps)
+        self.remark = self.remark or remark
+        if self.kept:
+            gap = float(stamps[0]) - self._last
+            if abs(gap * self.rate - 1) > 0.5 or abs(step * self.rate - 1) * stamps.size > 0.5:
+                raise RecordingError(
+                    f"time is not uniform: {gap:.6g} s after {self._last:.9g} s where the interval was "
+                    f"{1 / self.rate:.6g} s; samples were lost or the rate changed: cut with window [s]"
+                )
+        else:
+            self.rate = 1.0 / step
+            self.start = float(np.mean(stamps)) - 0.5 * (stamps.size - 1) * step
+        self.kept += stamps.size
+        self._last = float(stamps[-1])
+        if self._last > self.start and self.kept > stamps.size:
+            self.rate = (self.kept - 1) / (self._last - self.start)
+
+    def empty(self) -> str:
+        """Message that says why the channel has no samples."""
+        window = self.timing.window
+        if window is None or self._span[1] < self._span[0]:
+            return f"{self.timing.label} holds no samples: record the test again"
+        return (
+            f"window {window[0]:g}..{window[1]:g} s holds no samples: the recording runs "
+            f"{self._span[0]:g} to {self._span[1]:g} s"
+        )
+
+
+class ChannelBuilder:
+    """One channel, built chunk by chunk: SI values on its time base, with fewer samples where there are many."""
+
+    def __init__(self, name: str, conversion: Conversion, unit: str | None, timing: Timing, count: int = 0) -> None:
+        self._name, self._conversion, self._unit, self._count = name, conversion, unit, count
+        self.base = TimeBase(timing)
+        self._thin: Decimator | None = None
+        self._clipped: list[tuple[int, float]] = []
+
+    def feed(self, signal: Signal) -> None:
+        """Take the samples of the next chunk; the first decides by what factor their number is reduced."""
+        conversion, base = self._conversion, self.base
+        if self._unit is not None:
+            agreed(self._name, signal.unit, self._unit, conversion.kind)
+        samples = signal.samples[base.feed(signal)]
+        if not samples.size:
+            return
+        with np.errstate(invalid="ignore", over="ignore"):  # the checks report samples that are no numbers
+            values = conversion.slope * (samples - conversion.offset)
+        if self._thin is None:
+            window, near, longest = base.timing.window, base.timing.near, max(self._count, samples.size)
+            if window is not None:
+                longest = min(longest, int((window[1] - window[0]) * base.rate) + 2)
+            most = longest // 16 if near is None else int(base.rate / (_PER_CYCLE * near))
+            self._thin = Decimator(max(1, min(-(-longest // _MOST_SAMPLES), most)))
+        if self._thin.factor > 1:
+            whole = Channel(values, conversion.kind, limits=conversion.limits)
+            self._clipped.append((values.size, clipped_share(whole)))
+        self._thin.feed(values)
+
+    def channel(self) -> Channel:
+        """The channel on its own time base."""
+        if self._thin is None:
+            raise TableError(self.base.empty())
+        weight = sum(size for size, _ in self._clipped)
+        conversion = self._conversion
+        return Channel(
+            samples=self._thin.samples(),
+            quantity=conversion.kind,
+            delay=conversion.delay,
+            limits=conversion.limits,
+            rate=self.base.rate / self._thin.factor,
+            start=self.base.start + self._thin.shift / self.base.rate,
+            chain=conversion.chain,
+            crosstalk=conversion.crosstalk,
+            clipped=sum(size * share for size, share in self._clipped) / weight if weight else None,
+        )
+
+
+class ReferenceBuilder:
+    """The reference of the drive, built chunk by chunk: pulses of a tacho, or the angle of an encoder."""
+
+    def __init__(self, stated: ReferenceFile, timing: Timing) -> None:
+        self._stated, self._window = stated, timing.window
+        self._base = TimeBase(replace(timing, window=None))
+        self._train = PulseTrain()
+        self._angles: list[tuple[FloatArray, FloatArray]] = []
+        self._refused: RecordingError | None = None
+
+    def feed(self, signal: Signal) -> None:
+        """Take the samples of the next chunk; `reference` raises an error that occurs here."""
+        if self._refused is not None:
+            return
+        first = self._base.kept
+        try:
+            self._base.feed(signal)
+            if not signal.samples.size:
+                return
+            rate = self._base.rate
+            start = self._base.start + first / rate if signal.time is None else float(signal.time[0])
+            if self._stated.is_angle:
+                step = max(1, signal.samples.size // _MOST_ANGLES)
+                times = start + np.arange(0, signal.samples.size, step) / rate
+                unit = agreed(signal.name, signal.unit, self._stated.unit, "angle")
+                self._angles.append((times, signal.samples[::step] * units.unit_scale(unit, "angle")))
+            else:
+                self._train.feed(signal.samples, rate, start)
+        except RecordingError as error:
+            self._refused = error
+
+    def reference(self) -> Reference:
+        """The reference from all chunks; RecordingError where it does not turn."""
+        if self._refused is not None:
+            raise self._refused
+        low, high = self._window or (-np.inf, np.inf)
+        if self._stated.is_angle:
+            time, angle = (np.concatenate(parts) for parts in zip(*self._angles, strict=True))
+            kept = (time >= low) & (time <= high)
+            return Reference.from_angle(time[kept], angle[kept], cycles=self._stated.cycles)
+        times = self._train.times()
+        times = times[(times >= low) & (times <= high)]
+        return Reference.from_pulses(times, pulses=self._stated.pulses, cycles=self._stated.cycles)

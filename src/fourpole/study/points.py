@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,6 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.sources import Source
 from fourpole.core.spectra.excited import Excited
 from fourpole.fitting.rows import Key
-
-_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
@@ -91,8 +90,10 @@ class Points(ByValue):
         Number of the condition among all of the campaign; negative for a rigid block in place of the specimen.
     stiffness : tuple of N StaticStiffness
         K1 of the row, or the reason why there is none.
+    strange : (N,) bool array
+        Rows whose K* is not that of their condition: they must not share it with other tests.
     columns : dict of str to (N,) array
-        Columns of result tables by their head: of the lines of a spectrum, then of the identification.
+        What spectra show of each line beside its amplitudes, by column of lines.csv.
     """
 
     tests: tuple[Test, ...]
@@ -104,6 +105,7 @@ class Points(ByValue):
     sha256: tuple[str, ...]
     condition: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
     stiffness: tuple[StaticStiffness, ...] = ()
+    strange: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     columns: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -113,19 +115,18 @@ class Points(ByValue):
     def joined(cls, parts: Sequence[Points]) -> Points:
         """The points of several recordings, one after the other; a column that a recording lacks is not-a-number."""
         heads = dict.fromkeys(head for part in parts for head in part.columns)
-        blank = [np.full(len(part), np.nan) for part in parts]
+        chained: dict[str, Any] = {
+            name: tuple(chain.from_iterable(getattr(part, name) for part in parts))
+            for name in ("tests", "checks", "corrections", "previews", "sha256")
+        }
         return cls(
-            tests=_chained(part.tests for part in parts),
             phasors=Phasors.joined([part.phasors for part in parts]),
-            checks=_chained(part.checks for part in parts),
-            corrections=_chained(part.corrections for part in parts),
-            previews=_chained(part.previews for part in parts),
             began=np.concatenate([np.zeros(0), *(part.began for part in parts)]),
-            sha256=_chained(part.sha256 for part in parts),
             columns={
-                head: np.concatenate([part.columns.get(head, nan) for part, nan in zip(parts, blank, strict=True)])
+                head: np.concatenate([part.columns.get(head, np.full(len(part), np.nan)) for part in parts])
                 for head in heads
             },
+            **chained,
         )
 
     @property
@@ -137,11 +138,6 @@ class Points(ByValue):
             seen[test.name] += 1
             keys.append((test.name, seen[test.name]))
         return tuple(keys)
-
-    @property
-    def several(self) -> frozenset[str]:
-        """Names of the tests with more than one row."""
-        return frozenset(name for name, count in Counter(test.name for test in self.tests).items() if count > 1)
 
     @property
     def known(self) -> BoolArray:
@@ -160,24 +156,10 @@ class Points(ByValue):
         numbers = self.condition[used]
         return [used[numbers == number] for number in dict.fromkeys(numbers.tolist())]
 
-    def with_checks(self, first: Iterable[tuple[int, Check]], last: Iterable[tuple[int, Check]] = ()) -> Points:
-        """The table with further checks of rows, by the row's place, before and after those that it has."""
-        before: list[list[Check]] = [[] for _ in self.tests]
-        after: list[list[Check]] = [[] for _ in self.tests]
-        for sides, checks in ((before, first), (after, last)):
-            for row, check in checks:
-                sides[row].append(check)
-        every = zip(before, self.checks, after, strict=True)
-        return replace(self, checks=tuple((*a, *checks, *b) for a, checks, b in every))
-
-    def with_columns(self, rows: np.ndarray, columns: dict[str, np.ndarray]) -> Points:
-        """The table with values of some rows in columns that begin as not-a-number."""
-        made = dict(self.columns)
-        for head, values in columns.items():
-            made[head] = made[head].copy() if head in made else np.full(len(self), np.nan)
-            made[head][rows] = values
-        return replace(self, columns=made)
-
-
-def _chained(parts: Iterable[tuple[_Item, ...]]) -> tuple[_Item, ...]:
-    return tuple(item for part in parts for item in part)
+    def with_checks(self, further: Iterable[tuple[int, Check]], *, last: bool = False) -> Points:
+        """The table with further checks of rows, by the row's place, before or after those that it has."""
+        added: list[list[Check]] = [[] for _ in self.tests]
+        for row, check in further:
+            added[row].append(check)
+        pairs = zip(self.checks, added, strict=True)
+        return replace(self, checks=tuple((*checks, *more) if last else (*more, *checks) for checks, more in pairs))

@@ -1,7 +1,7 @@
 """The reduction of recordings: one job per recording gives phasors, checks and preview.
 
 The heavy part, `demodulated`, needs the recording, and runs wherever `fourpole.study.workers` sends it; its result is
-kept in the cache. The checks that depend on the rig and on other statements are made from it in `reduced_of`.
+kept in the cache. The checks that depend on the rig and on other statements are made from it in `points_of`.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import at_hand, inside
 from fourpole.campaign.row import Test, problem_of
-from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core import recordingchecks as checks
 from fourpole.core.checks import Check, Code, Verdict, fault_of, reported
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
 from fourpole.core.demodulation.preview import Preview, raw_preview
+from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
-from fourpole.core.demodulation.tracks import tracks_of
+from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
@@ -40,7 +40,8 @@ from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import ConstantError, FileError, FourpoleError, Message, RecordingError, TableError, TooShortError
 from fourpole.io.door import sha256_of
 from fourpole.io.remote import permission
-from fourpole.study.load import MOST_BYTES, load_recording, recorded_at
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.study.load import load_recording, recorded_at
 from fourpole.study.points import Demodulated, Points
 
 #: Channels that each route needs.
@@ -54,6 +55,14 @@ ROUTE_NEEDS = {
 #: The parts of [channels] that the demodulation depends on.
 _OF_DEMODULATION = ("time", "sample_rate", "reference", "drive", *CHANNELS)
 
+#: The first part of a recording passes without demodulation if three values are below these limits: the residual over
+#: the amplitude of each channel, the relative error of the stated frequency, and the force over the preload. The limits
+#: of the checks that reject a test are much higher.
+_PLAIN_NOISE, _PLAIN_OFF, _PLAIN_FORCE = 0.15, 0.03, 0.8
+#: Smallest number of cycles for which the first part passes without demodulation, or shows a frequency.
+_CYCLES_OF_PART = 4.0
+#: Length of the first part [s], or its number of cycles if that is longer.
+_PART, _MOST_CYCLES = 2.0, 20.0
 #: The amplitudes of a recording that was rejected.
 _UNKNOWN = Phasors(
     *(np.full(shape, np.nan, kind) for shape, kind in (
@@ -74,7 +83,7 @@ class Job:
         The row of tests.csv.
     channels : ChannelsFile
         The channels as campaign.toml states them.
-    rig : RigFile or None
+    rig : Rig or None
         The rig of the test; None where it is not stated.
     needed : tuple of str
         Roles of the channels that the route needs.
@@ -87,40 +96,31 @@ class Job:
     folder: Path
     test: Test
     channels: ChannelsFile
-    rig: RigFile | None
+    rig: Rig | None
     needed: tuple[str, ...]
     responses: dict[str, str] = field(default_factory=dict)
     remote: str = ""
 
     @property
-    def bench(self) -> Rig | None:
-        """The rig as stated; None where it is not."""
-        return self.rig.rig() if self.rig is not None else None
-
-    @property
     def settings(self) -> list[object]:
-        """What the demodulation depends on of tests.csv and the route; the rig is no part of it."""
+        """What the demodulation depends on beside the file: neither the rig nor an uncertainty is part of it."""
         return [
             self.needed,
             self.test.file,
             self.test.value("frequency") or [self.test.kind, self.test.band],
             self.test.window,
+            [self.channels.without_uncertainties(*_OF_DEMODULATION), self.responses],
         ]
-
-    @property
-    def processing(self) -> list[object]:
-        """What the demodulation depends on of campaign.toml; no uncertainty is part of it."""
-        return [self.channels.without_uncertainties(*_OF_DEMODULATION), self.responses]
 
 
 #: The classes of which a job is made, for the worker process.
-OF_WORK = (Job, Test, *CHANNEL_CLASSES, RigFile, Stated)
+OF_WORK = (Job, Rig, Test, *CHANNEL_CLASSES)
 
 
 def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Job]:
     """The job of each test, for a route."""
-    channels, rigs, responses = campaign.stated.channels, campaign.stated.all_rigs, response_hashes(campaign)
-    needed = ROUTE_NEEDS[route]
+    channels, responses, needed = campaign.stated.channels, response_hashes(campaign), ROUTE_NEEDS[route]
+    rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     folder = campaign.folder.absolute()  # a worker of a cluster has another working folder
     remote = permission(test.file for test in tests)
     return [Job(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
@@ -135,7 +135,7 @@ def demodulated(job: Job) -> Demodulated:
             why = problem_of(job.test)
             return Demodulated(checks=(reported(code, Verdict.REJECTED, error=why),))
         with at_hand(job.folder, job.test.file) as path:
-            sha256 = sha256_of(path, max_bytes=MOST_BYTES, label=job.test.file)
+            sha256 = sha256_of(path, max_bytes=MAX_FILE_BYTES, label=job.test.file)
             return replace(demodulated_part(job, path), sha256=sha256, began=recorded_at(path))
     except FourpoleError as error:
         codes: dict[type, Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
@@ -149,22 +149,19 @@ def demodulated(job: Job) -> Demodulated:
 
 def points_of(job: Job, done: Demodulated) -> Points:
     """The rows of one recording, with the checks that depend on the statement of the campaign."""
-    found, rig = done.found, job.bench
+    result = done.found
     phasors, columns = _UNKNOWN, dict[str, np.ndarray]()
     checks: tuple[tuple[Check, ...], ...] = (done.checks,)
     corrections: tuple[tuple[Correction, ...], ...] = ((),)
     shown: tuple[tuple[str, ...], Preview] | None = None
-    if isinstance(found, Demodulation):
-        phasors, corrections, shown = (
-            found.phasors.part(np.newaxis),
-            (found.corrections,),
-            (found.channels, found.preview),
-        )
-        checks = ((*done.checks, *_checks_of(job, found, done.mean_force, rig)),)
-    elif found is not None:
-        phasors, corrections, columns = found.phasors, found.corrections, _columns_of(found)
-        shown = (CHANNELS[: len(found.preview.signals)], found.preview) if found.preview is not None else None
-        checks = tuple(_checks_of_lines(job, done, found, rig))
+    if isinstance(result, Demodulation):
+        phasors, corrections = result.phasors.part(np.newaxis), (result.corrections,)
+        shown = (result.channels, result.preview)
+        checks = ((*done.checks, *_checks_of_sine(job, result, done.mean_force)),)
+    elif result is not None:
+        phasors, corrections, columns = result.phasors, result.corrections, _columns_of(result)
+        shown = (CHANNELS[: len(result.preview.signals)], result.preview) if result.preview is not None else None
+        checks = tuple(_checks_of_lines(job, result, done))
     count = len(checks)
     return Points(
         tests=(job.test,) * count,
@@ -178,45 +175,43 @@ def points_of(job: Job, done: Demodulated) -> Points:
     )
 
 
-def _columns_of(found: Excited) -> dict[str, np.ndarray]:
+def _columns_of(lines: Excited) -> dict[str, np.ndarray]:
     """What the averaged spectra show of each line beside its amplitudes, by column of lines.csv."""
-    columns: dict[str, np.ndarray] = {q.WIDTH.head: found.width, q.AVERAGES.head: found.averages}
-    columns |= zip((one.head for one in q.COHERENCES), found.coherence.T, strict=True)
-    columns |= zip(q.CLOSURE_PHASE.heads, found.closure.T, strict=True)
-    for quantity, values in zip(q.ESTIMATES, found.estimates.T, strict=True):
+    columns: dict[str, np.ndarray] = {q.WIDTH.head: lines.width, q.AVERAGES.head: lines.averages}
+    columns |= zip((quantity.head for quantity in q.COHERENCES), lines.coherence.T, strict=True)
+    columns |= zip(q.CLOSURE_PHASE.heads, lines.closure.T, strict=True)
+    for quantity, values in zip(q.ESTIMATES, lines.estimates.T, strict=True):
         columns |= zip(quantity.parts, (values.real, values.imag), strict=True)
     return columns
 
 
-def _checks_of_lines(job: Job, done: Demodulated, found: Excited, rig: Rig | None) -> Iterator[tuple[Check, ...]]:
-    """The checks of each line; those of all lines together stand at the first, and at each line if they are not ok."""
-    whole = [*done.checks, *_checks_of_force(job.test, found.force_peak, done.mean_force)]
-    whole += [*check_closure(found), *check_shared_noise(found)]
+def _checks_of_lines(job: Job, lines: Excited, done: Demodulated) -> Iterator[tuple[Check, ...]]:
+    """The checks of each line; those of all lines together stand at the first, and at each line if they are not ok.
+
+    On a doubtful line, noise would look like a wrong sign of F1.
+    """
+    rig, added = job.rig, job.test.added_mass
+    whole = [*done.checks, *_checks_of_force(job.test, lines.force_peak, done.mean_force)]
+    whole += [*check_closure(lines), *check_shared_noise(lines)]
     if rig is not None:
-        whole += check_pooled(found, rig, job.test.added_mass, _sensors(job.channels))
-    for line in range(found.averages.size):
-        yield (*whole, *_checks_of_line(job, found, line, rig))
+        whole += check_pooled(lines, rig, added, _sensors(job.channels))
+    for line in range(lines.averages.size):
+        check, phasors = check_line(lines, line), lines.phasors.part(line)
+        of_line = [check]
+        if check.verdict is not Verdict.REJECTED and rig is not None and not rig.blocked:
+            of_line.append(checks.check_resonance(float(phasors.frequency), rig, added))
+            if check.verdict is Verdict.OK:
+                of_line.append(checks.check_consistency(phasors, rig, added))
+        yield (*whole, *of_line)
         if not line:
             whole = [check for check in whole if check.verdict is not Verdict.OK]
 
 
-def _checks_of_line(job: Job, found: Excited, at: int, rig: Rig | None) -> Iterator[Check]:
-    """The checks of one line; on a doubtful line, noise would look like a wrong sign of F1."""
-    line, phasors = check_line(found, at), found.phasors.part(at)
-    added = job.test.added_mass
-    yield line
-    if line.verdict is not Verdict.REJECTED and rig is not None and not rig.blocked:
-        yield checks.check_resonance(float(phasors.frequency), rig, added)
-        if line.verdict is Verdict.OK:
-            yield checks.check_consistency(phasors, rig, added)
-
-
 def _sensors(channels: ChannelsFile) -> Sensors:
     """Standard uncertainties of the channels F1 and V2, as stated."""
-    both = [channels.named(role) for role in ("force_in", "motion_out")]
-    stated = [one for one in both if one is not None]
-    gains, phases, delays = ([getattr(one, name) for one in stated] for name in ("gain_std", "phase_std", "std_delay"))
-    return Sensors(*(tuple([*values, 0.0, 0.0][:2]) for values in (gains, phases, delays)))
+    stated = [channel for role in ("force_in", "motion_out") if (channel := channels.named(role)) is not None]
+    stds = ([getattr(channel, name) for channel in stated] for name in ("gain_std", "phase_std", "std_delay"))
+    return Sensors(*(tuple([*values, 0.0, 0.0][:2]) for values in stds))
 
 
 def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodulated:
@@ -225,40 +220,41 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
     With `part` [s], only the first part of this length is used.
     """
     recording, rows = loaded(job, path, part)
-    if job.test.band is not None:
-        recording, clipped = unclipped(recording, job.needed)
-        lines, left = _amplitudes(job.test, recording)
-        return Demodulated(lines, (*rows, *clipped, *left), _mean_force(recording))
-    near = job.test.value("frequency")
-    start = None
-    if job.test.window is None:
-        recording, start, cut = _trimmed(recording, near)
+    start, many = None, job.test.band is not None
+    if job.test.window is None and not many:
+        recording, start, cut = _trimmed(recording, job.test.value("frequency"))
         rows += cut
     recording, clipped = unclipped(recording, job.needed)
     rows += clipped
     try:
-        found, wandering = _followed(recording, near, start)
+        result, wandering = _amplitudes(job.test, recording, start)
     except RecordingError as error:
-        present = [role for role in recording.channels if role not in job.needed]
-        if not present:
+        spare = [role for role in recording.channels if (role == DRIVE if many else role not in job.needed)]
+        if not spare:
             raise
-        found, wandering = _followed(recording.without(present[0]), near, start)
-        rows.append(_left_out(present[0], error.message))
-    return Demodulated(found, (*rows, *wandering), _mean_force(recording))
+        result, wandering = _amplitudes(job.test, recording.without(spare[0]), start)
+        rows.append(_left_out(spare[0], error.message))
+    force = recording.channels.get("force_in")
+    mean = float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
+    return Demodulated(result, (*rows, *wandering), mean)
 
 
-def _amplitudes(test: Test, recording: Recording) -> tuple[Excited, list[Check]]:
-    """Amplitudes at many frequencies; a drive that cannot be used is left out."""
-    assert test.band is not None
-    amplitudes = sweep_amplitudes if test.kind == "sweep" else random_amplitudes
-    shown = _preview(recording)
-    try:
-        return replace(amplitudes(recording, test.band), preview=shown), []
-    except RecordingError as error:
-        if DRIVE not in recording.channels:
-            raise
-        found = amplitudes(recording.without(DRIVE), test.band)
-        return replace(found, preview=shown), [_left_out(DRIVE, error.message)]
+def _amplitudes(test: Test, recording: Recording, start: float | None) -> tuple[Demodulation | Excited, list[Check]]:
+    """Amplitudes at one frequency, from a first guess of it [Hz], or at many; and a check of the speed.
+
+    Without a reference, a frequency that wanders much is tracked along the phase of V1.
+    """
+    if test.band is not None:
+        amplitudes = sweep_amplitudes if test.kind == "sweep" else random_amplitudes
+        return replace(amplitudes(recording, test.band), preview=_preview(recording)), []
+    steady = demodulate(recording, near=test.value("frequency"), start=start)
+    if recording.reference is not None:
+        return refine_reference(recording, steady), []
+    followed = follow_wander(recording, steady)
+    if followed is None:
+        return steady, []
+    better, wander = followed
+    return better, [reported(Code.SPEED, Verdict.WARNING, wander.speed, 0.0, shift=wander.shift)]
 
 
 def _preview(recording: Recording) -> Preview | None:
@@ -267,28 +263,15 @@ def _preview(recording: Recording) -> Preview | None:
     try:
         tracks = tracks_of(recording, roles)
     except RecordingError:
-        return None  # the amplitudes raise the same error
+        return None
     return raw_preview(tracks[0], len(roles)) if len(tracks) == 1 else None
-
-
-def _mean_force(recording: Recording) -> float:
-    """Mean of F1 [N]; 0 where no force is recorded."""
-    force = recording.channels.get("force_in")
-    return float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
 
 
 def loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
     """The recording with all stated channels, or with the needed channels only, and its checks."""
     driven = (DRIVE,) if job.test.band is not None else ()
     roles = [role for role in (*driven, *CHANNELS) if job.channels.line(role) is not None]
-    lacking = [role for role in job.needed if role not in roles]
-    if lacking:
-        route = next(route for route, needed in ROUTE_NEEDS.items() if needed == job.needed)
-        fixed = '; if the far side is fixed, state [rig] with output = "blocked", and use --route mobility'
-        raise TableError(
-            f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state"
-            + (fixed if route == "relative" and lacking == ["motion_out"] else "")
-        )
+    _check_stated(job, roles)
     spare = [role for role in roles if role not in job.needed]
     tries = [roles, *([[role for role in roles if role != spare[0]], list(job.needed)] if spare else [])]
     failed: list[Message] = []
@@ -306,6 +289,18 @@ def loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, 
     return recording, left + [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
 
 
+def _check_stated(job: Job, roles: Sequence[str]) -> None:
+    """TableError if [channels] does not state a channel that the route needs."""
+    lacking = [role for role in job.needed if role not in roles]
+    if lacking:
+        route = next(route for route, needed in ROUTE_NEEDS.items() if needed == job.needed)
+        fixed = '; if the far side is fixed, state [rig] with output = "blocked", and use --route mobility'
+        raise TableError(
+            f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state"
+            + (fixed if route == "relative" and lacking == ["motion_out"] else "")
+        )
+
+
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float | None, list[Check]]:
     """The steady part of a recording, the first guess of its frequency [Hz], and a check that states what was cut."""
     try:
@@ -318,21 +313,6 @@ def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float
     low, high = recording.span
     ends = {"before": part[0] - low, "after": high - part[1], "length": high - low}
     return recording.between(*part), None, [reported(Code.STEADY, Verdict.OK, **ends)]
-
-
-def _followed(recording: Recording, near: float | None, start: float | None = None) -> tuple[Demodulation, list[Check]]:
-    """Amplitudes from a first guess of the frequency [Hz], and a check of the speed.
-
-    Without a reference, a frequency that wanders much is tracked along the phase of V1.
-    """
-    found = demodulate(recording, near=near, start=start)
-    if recording.reference is not None:
-        return refine_reference(recording, found), []
-    followed = follow_wander(recording, found)
-    if followed is None:
-        return found, []
-    better, wander = followed
-    return better, [reported(Code.SPEED, Verdict.WARNING, wander.speed, 0.0, shift=wander.shift)]
 
 
 def _left_out(role: str, because: Message | Check) -> Check:
@@ -357,26 +337,26 @@ def unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording,
     return recording, rows
 
 
-def _checks_of(job: Job, found: Demodulation, mean_force: float, rig: Rig | None) -> Iterator[Check]:
+def _checks_of_sine(job: Job, result: Demodulation, mean_force: float) -> Iterator[Check]:
     """The checks of one demodulated test; a fault of a channel that the route does not need is a warning."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
-    test, frequency = job.test, float(found.phasors.frequency)
+    test, rig, frequency = job.test, job.rig, float(result.phasors.frequency)
     added = test.added_mass
-    yield from linearity_checks(found.harmonics, frequency, rig, added)
+    yield from linearity_checks(result.harmonics, frequency, rig, added)
     yield checks.check_frequency(frequency, test.value("frequency"))
-    yield checks.check_gaps(found)
-    yield from checks.check_spoilt(found, names)
-    yield checks.check_halves(found, names)
-    yield checks.check_mains(found)
-    yield checks.check_distortion(found)
+    yield checks.check_gaps(result)
+    yield from checks.check_spoilt(result, names)
+    yield checks.check_halves(result, names)
+    yield checks.check_mains(result)
+    yield checks.check_distortion(result)
     spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in job.needed)
-    for row in (*checks.check_excitation(found, names), *checks.check_noise(found, names)):
+    for row in (*checks.check_excitation(result, names), *checks.check_noise(result, names)):
         spare = row.verdict is Verdict.REJECTED and row.channel in spared
         yield replace(row, verdict=Verdict.WARNING) if spare else row
-    yield from _checks_of_force(test, found.force_peak, mean_force)
+    yield from _checks_of_force(test, result.force_peak, mean_force)
     if rig is not None and not rig.blocked:
         yield checks.check_resonance(frequency, rig, added)
-        yield checks.check_consistency(found.phasors, rig, added)
+        yield checks.check_consistency(result.phasors, rig, added)
 
 
 def _checks_of_force(test: Test, peak: float, mean: float) -> Iterator[Check]:
@@ -392,5 +372,77 @@ def response_hashes(campaign: Campaign) -> dict[str, str]:
     hashes = {}
     for name in {channel.response for channel in channels if channel is not None and channel.response is not None}:
         with suppress(FourpoleError):
-            hashes[name] = sha256_of(inside(campaign.folder, name), max_bytes=MOST_BYTES, label=name)
+            hashes[name] = sha256_of(inside(campaign.folder, name), max_bytes=MAX_FILE_BYTES, label=name)
     return hashes
+
+
+# --- the first part of a recording, by which a campaign is checked before its analysis --------------------------------
+
+
+def check_part(job: Job) -> tuple[Check, ...]:
+    """Checks of the first part of a recording that reject the test or leave out a channel.
+
+    The part has at most 2 s or 20 cycles, whichever is longer. If no frequency is stated, the cycles are those of the
+    frequency that the recording shows. An error that would reject the test is raised.
+    """
+    near, windowed = job.test.value("frequency"), job.test.window is not None
+    with at_hand(job.folder, job.test.file) as path:
+        if job.test.band is not None:
+            return tuple(loaded(job, path, _PART)[1])
+        recording, rows = loaded(job, path, max(0.5, 10.0 / near) if near else _PART)
+        if not windowed and all(np.ptp(channel.samples) == 0.0 for channel in recording.channels.values()):
+            return (reported(Code.CONSTANT, Verdict.WARNING, at_first=True),)
+        recording, clipped = unclipped(recording, job.needed)
+        shown = (*rows, *clipped)
+        if not _is_plain(job, recording):
+            cycles = _MOST_CYCLES / (near or _shown_frequency(job, path, recording))
+            (shown,) = points_of(job, demodulated_part(job, path, max(_PART, cycles))).checks
+    return tuple(_of_interest(shown, windowed=windowed))
+
+
+def _of_interest(checks: Sequence[Check], *, windowed: bool) -> Iterator[Check]:
+    """The rejections, then the channels that are left out.
+
+    The drive may start after the first part, because the analysis cuts a lead-in: V1 does not move then.
+    """
+    moved = [check for check in checks if check.code is Code.EXCITATION and check.channel == SYMBOLS["motion_in"]]
+    runs = windowed or all(check.verdict is Verdict.OK for check in moved)
+    for check in checks:
+        if check.verdict is Verdict.REJECTED:
+            later = replace(check, verdict=Verdict.WARNING, values={**check.values, "at_first": True})
+            yield check if runs else later
+    yield from (check for check in checks if check.verdict is Verdict.WARNING and check.code is Code.LEFT_OUT)
+
+
+def _shown_frequency(job: Job, path: Path, recording: Recording) -> float:
+    """Frequency of the drive [Hz], from the first part; its length is doubled until it has enough cycles."""
+    length = _PART
+    while (frequency := first_guess(recording)) * length < _CYCLES_OF_PART and recording.duration > 0.9 * length:
+        length *= 2.0
+        recording, _ = loaded(job, path, length)
+    return frequency
+
+
+def _is_plain(job: Job, recording: Recording) -> bool:
+    """Whether a sine fit at a first guess of the frequency shows that no check rejects the recording."""
+    near, preload, rig = job.test.value("frequency"), job.test.value("preload"), job.rig
+    if any(channel.chain or channel.crosstalk for channel in recording.channels.values()):
+        return False  # the correction of amplitudes may raise an error
+    try:
+        frequency = first_guess(recording, near)
+        tracks = tracks_of(recording, list(recording.channels))
+    except RecordingError:
+        return False
+    off = abs(frequency / near - 1) if near else 0.0
+    light = preload is not None and not job.test.fixed and recording.force_peak > _PLAIN_FORCE * preload
+    if frequency * recording.duration < _CYCLES_OF_PART or off > _PLAIN_OFF or light:
+        return False
+    steady = rig is None or checks.check_resonance(frequency, rig, job.test.added_mass).verdict is Verdict.OK
+    return steady and all(_is_sine(track, frequency) for track in tracks)
+
+
+def _is_sine(track: Track, frequency: float) -> bool:
+    """Whether each channel of a track is a sine with a small residual."""
+    fit = fit_sines(track, 2 * np.pi * frequency, 1, np.empty(0))
+    left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
+    return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))

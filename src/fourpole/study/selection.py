@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,16 @@ from fourpole.campaign.row import Test
 from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.identify import OUTPUTS
+from fourpole.core.joint.around import Likelihood
 from fourpole.core.phasor import SYMBOLS
-from fourpole.fitting.likelihood import likelihood_columns, likelihood_of
-from fourpole.fitting.rows import KEY, Key
+from fourpole.fitting.likelihood import likelihood_columns
+from fourpole.fitting.rows import KEY, Key, pair_columns, tyre_columns
 from fourpole.quantities import DERIVED
 from fourpole.study import tables as of
 from fourpole.study.identify import Group
 from fourpole.study.points import Points
 from fourpole.study.rig_solution import residual_columns
-from fourpole.study.static import StaticTest
+from fourpole.study.static import StaticRow
 from fourpole.words import plain_values, remark_of, said
 
 _Columns = dict[str, Any]
@@ -31,9 +32,10 @@ _Columns = dict[str, Any]
 
 def select_tables(
     campaign: Campaign,
-    statics: Sequence[StaticTest],
+    statics: Sequence[StaticRow],
     points: Points,
     groups: Sequence[Group],
+    likelihoods: Mapping[str, Likelihood],
     conditions: Sequence[tuple[str, Check]],
     route: str,
 ) -> dict[str, pl.DataFrame]:
@@ -42,11 +44,13 @@ def select_tables(
     Parameters
     ----------
     campaign : Campaign
-    statics : sequence of StaticTest
+    statics : sequence of StaticRow
     points : Points
         The points with all columns and checks.
     groups : sequence of Group
         The tests of each rig as identified together.
+    likelihoods : mapping of str to Likelihood
+        The tests of each rig as the joint route weighed them.
     conditions : sequence of (str, Check)
         Checks of whole conditions, by the condition in words.
     route : str
@@ -55,19 +59,28 @@ def select_tables(
     columns = point_columns(campaign, points, groups, route)
     more = _further(campaign, points.tests, taken=of.DYNAMIC.columns)
     lines = np.isfinite(columns[q.WIDTH.head]) if q.WIDTH.head in columns else np.zeros(len(points), dtype=bool)
+    estimates = [group.estimate for group in groups if group.estimate is not None]
+    joint = [(group, group.joint) for group in groups if group.joint is not None]
     made = {
         of.STATIC: of.STATIC.of_rows(_static_rows(campaign, statics)),
         of.DYNAMIC: of.DYNAMIC.frame({**_some(columns, of.DYNAMIC), **_derived(columns, len(points)), **more}),
         of.CHECKS: of.CHECKS.of_rows(_check_rows(statics, points, conditions)),
-        of.RIG: of.RIG.of_rows([row for group in groups if group.estimate is not None for row in group.estimate.rows]),
-        of.RESIDUALS: _of_groups(of.RESIDUALS, groups, _residuals),
+        of.RIG: of.RIG.of_rows([row for estimate in estimates for row in estimate.rows]),
+        of.RESIDUALS: of.RESIDUALS.of_parts(
+            [{**_keys_of(group), **residual_columns(solution, group.phasors)} for group, solution in joint]
+        ),
         of.QUANTILES: of.QUANTILES.of_rows(_quantile_rows(groups)),
-        of.BUDGET: _of_groups(of.BUDGET, groups, _budget),
+        of.BUDGET: of.BUDGET.of_parts([_budget(group) for group in groups]),
         of.CORRECTIONS: of.CORRECTIONS.of_rows(_correction_rows(points)),
         of.LINES: of.LINES.frame(_some(columns, of.LINES, lines)),
         of.PHASORS: of.PHASORS.frame(_some(columns, of.PHASORS, points.known)),
-        of.COVARIANCE: _of_groups(of.COVARIANCE, groups, _covariance),
-        of.LIKELIHOOD: _of_groups(of.LIKELIHOOD, groups, _likelihood),
+        of.COVARIANCE: of.COVARIANCE.of_parts([_covariance(group) for group in groups]),
+        of.LIKELIHOOD: of.LIKELIHOOD.of_parts(
+            [
+                {**_keys_of(group, solution.order), **likelihood_columns(likelihoods[group.rig_name])}
+                for group, solution in joint
+            ]
+        ),
         of.PREVIEWS: _previews(statics, points),
     }
     return {spec.name: made[spec] for spec in of.TABLES.values()}
@@ -75,21 +88,12 @@ def select_tables(
 
 def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], route: str) -> _Columns:
     """All columns of the points by head: of the statement, the amplitudes, the spectra, the identification."""
-    tests, phasors = points.tests, points.phasors
-    routes, input_mass = np.full(len(points), route, dtype=object), np.zeros(len(points))
-    stiffness = np.full(len(points), complex(np.nan))
-    for group in groups:
-        routes[group.rows], stiffness[group.rows] = group.route, group.result.stiffness
-        input_mass[group.rows] = group.setup.rig.input_mass if group.setup.rig is not None else 0.0
+    tests, phasors, specimens = points.tests, points.phasors, campaign.stated.all_specimens
     stated = {
         quantity.head: np.array([test.values.get(quantity.key, np.nan) for test in tests])
         for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)
     }
     f1, v1, v2 = phasors.amplitudes.T
-    blocked = {name for name, rig in campaign.stated.all_rigs.items() if rig.output == "blocked"}
-    force = f1 - 1j * phasors.omega * input_mass * v1
-    sides = zip(force, v1, v2, phasors.omega, stiffness, [test.rig in blocked for test in tests], strict=True)
-    deflection = [deflection_amplitude(*of_row, stiffness=k, blocked=fixed) for *of_row, k, fixed in sides]
     with np.errstate(divide="ignore", invalid="ignore"):
         phases = {q.PHASE_F1.head: np.angle(f1 / v1), q.PHASE_V2.head: np.angle(v2 / v1)}
     parts: _Columns = {}
@@ -100,21 +104,46 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], r
         **_key_columns(points.keys),
         q.RIG.head: _texts(test.rig for test in tests),
         q.TYRE.head: _texts(test.tyre for test in tests),
-        q.CONSTRUCTION.head: _texts(_construction(campaign, test) for test in tests),
+        q.CONSTRUCTION.head: _texts(getattr(specimens.get(test.tyre), "construction", "") for test in tests),
         **stated,
         q.ADDED_MASS.head: np.array([test.added_mass for test in tests]),
         q.FREQUENCY.head: phasors.frequency,
         q.FREQUENCY.u_head: phasors.frequency_std,
         **parts,
         **phases,
-        q.DEFLECTION_AMPLITUDE.head: np.array(deflection, dtype=float),
         q.PHASOR_COVARIANCE.head: phasors.covariance.reshape(-1, 36),
         q.DOF.head: phasors.dof,
         **points.columns,
-        q.ROUTE.head: routes,
+        **_identified_columns(campaign, points, groups, route),
         q.VERDICT.head: _texts(worst_verdict(check.verdict for check in rows) for rows in points.checks),
         q.REMARKS.head: _texts(_remarks(rows) for rows in points.checks),
     }
+
+
+def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Group], route: str) -> _Columns:
+    """The columns of the identification, and the amplitude of the deflection; `route` is that of other rows."""
+    phasors, rigs = points.phasors, {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
+    routes, input_mass = np.full(len(points), route, dtype=object), np.zeros(len(points))
+    stiffness = np.full(len(points), complex(np.nan))
+    columns: _Columns = {}
+    for group in groups:
+        rows, result, rig = group.rows, group.result, rigs.get(group.rig_name)
+        routes[rows], stiffness[rows], input_mass[rows] = group.route, result.stiffness, rig.input_mass if rig else 0.0
+        of_group = {
+            **pair_columns(q.CORR_R_I, result.mobility.real, result.mobility.imag, result.mobility_covariance),
+            **tyre_columns(result),
+            q.TR_MEASURED.head: result.tr_measured,
+            q.TR_PREDICTED.head: result.tr_predicted,
+            q.TR.u_head: result.tr_std,
+        }
+        for head, values in of_group.items():
+            columns.setdefault(head, np.full(len(points), np.nan))[rows] = values
+    f1, v1, v2 = phasors.amplitudes.T
+    force = f1 - 1j * phasors.omega * input_mass * v1
+    blocked = [test.rig in rigs and rigs[test.rig].blocked for test in points.tests]
+    sides = zip(force, v1, v2, phasors.omega, stiffness, blocked, strict=True)
+    deflection = [deflection_amplitude(*of_row, stiffness=k, blocked=fixed) for *of_row, k, fixed in sides]
+    return {**columns, q.ROUTE.head: routes, q.DEFLECTION_AMPLITUDE.head: np.array(deflection, dtype=float)}
 
 
 def _texts(texts: Iterable[str]) -> np.ndarray:
@@ -127,15 +156,15 @@ def _remarks(checks: Iterable[Check]) -> str:
     return "; ".join(remark for check in checks if (remark := remark_of(check)))
 
 
-def _construction(campaign: Campaign, test: Test) -> str:
-    """Construction of the specimen as the campaign states it."""
-    specimen = campaign.stated.all_specimens.get(test.tyre)
-    return specimen.construction if specimen is not None else ""
-
-
 def _key_columns(keys: Sequence[Key]) -> _Columns:
     """The columns test and point."""
     return dict(zip(KEY, (_texts(test for test, _ in keys), np.array([point for _, point in keys], int)), strict=True))
+
+
+def _keys_of(group: Group, places: np.ndarray | None = None) -> _Columns:
+    """The columns test, point and rig of some tests of a group, by default of all."""
+    keys = group.keys if places is None else [group.keys[place] for place in places]
+    return {**_key_columns(keys), q.RIG.head: _texts([group.rig_name] * len(keys))}
 
 
 def _some(columns: _Columns, spec: of.TableSpec, rows: Any = slice(None)) -> _Columns:
@@ -164,39 +193,33 @@ def _further(campaign: Campaign, tests: Sequence[Test], taken: Collection[str]) 
     return {**more, q.WINDOW.head: windows} if any(windows) else more
 
 
-def _static_rows(campaign: Campaign, statics: Sequence[StaticTest]) -> list[_Columns]:
+def _static_rows(campaign: Campaign, statics: Sequence[StaticRow]) -> list[_Columns]:
     """Rows of static.csv, with the temperature and the campaign's own axes where a static test states them."""
-    tests = [static.test for static in statics]
-    axes = [axis.name for axis in campaign.stated.conditions.axes]
-    axes = [name for name in axes if any(test.extra.get(name) for test in tests)]
-    warm = any(test.value("temperature") is not None for test in tests)
+    specimens, axes = campaign.stated.all_specimens, [axis.name for axis in campaign.stated.conditions.axes]
+    axes = [name for name in axes if any(row.test.extra.get(name) for row in statics)]
+    warm = any(row.test.value("temperature") is not None for row in statics)
     return [
         {
             q.TEST.head: row.test.name,
             q.TYRE.head: row.test.tyre,
-            q.CONSTRUCTION.head: _construction(campaign, row.test),
+            q.CONSTRUCTION.head: getattr(specimens.get(row.test.tyre), "construction", ""),
             q.PRESSURE.head: row.test.value("pressure"),
             q.PRELOAD.head: row.preload,
             **row.columns,
-            q.VERDICT.head: row.verdict,
+            q.VERDICT.head: worst_verdict(check.verdict for check in row.checks),
             q.REMARKS.head: _remarks(row.checks),
             **({q.TEMPERATURE.head: row.test.value("temperature")} if warm else {}),
             **{name: row.test.extra.get(name) for name in axes},
         }
-        for static in statics
-        for row in static.rows
+        for row in statics
     ]
 
 
 def _check_rows(
-    statics: Sequence[StaticTest], points: Points, conditions: Sequence[tuple[str, Check]]
+    statics: Sequence[StaticRow], points: Points, conditions: Sequence[tuple[str, Check]]
 ) -> list[_Columns]:
     """Rows of checks.csv; a check of a static test has one row, and one of a condition stands under its words."""
-    of_statics = [
-        ((static.test.name, 1), check)
-        for static in statics
-        for check in dict.fromkeys(check for row in static.rows for check in row.checks)
-    ]
+    of_statics = dict.fromkeys(((row.test.name, 1), check) for row in statics for check in row.checks)
     of_points = [(key, check) for key, rows in zip(points.keys, points.checks, strict=True) for check in rows]
     of_conditions = [((name, 1), check) for name, check in conditions]
     return [
@@ -237,57 +260,19 @@ def _quantile_rows(groups: Sequence[Group]) -> list[_Columns]:
     """Rows of quantiles.csv: intervals of K2 and C by Monte Carlo, where value ± 1.96 u is none."""
     return [
         {
-            **dict(zip(KEY, group.keys[at], strict=True)),
+            **dict(zip(KEY, group.keys[place], strict=True)),
             q.QUANTITY.head: quantity.column,
             q.UNIT.head: quantity.unit,
             **dict(zip((q.LOWER.head, q.MEDIAN.head, q.UPPER.head), drawn.quantiles.tolist(), strict=True)),
             q.NON_PASSIVE.head: drawn.non_passive_share,
         }
         for group in groups
-        for at, pair in group.intervals.items()
+        for place, pair in group.intervals.items()
         for quantity, drawn in zip((q.K2, q.C), pair, strict=True)
     ]
 
 
-def _of_groups(
-    spec: of.TableSpec, groups: Sequence[Group], make: Callable[[Group], tuple[np.ndarray, _Columns]]
-) -> pl.DataFrame:
-    """A table with rows of each group, from a function that gives places in the group and columns."""
-    parts = []
-    for group in groups:
-        places, columns = make(group)
-        keys = _key_columns(group.keys)
-        of_group = {**{head: keys[head][places] for head in KEY}, q.RIG.head: _texts([group.rig_name] * len(places))}
-        parts.append(
-            {head: values for head, values in {**of_group, **columns}.items() if head in (*KEY, *spec.columns)}
-        )
-    return spec.frame({head: _joined([part[head] for part in parts]) for head in (parts[0] if parts else ())})
-
-
-def _joined(columns: Sequence[Any]) -> Any:
-    """Parts of a column, one after the other; arrays of unequal rows become a list."""
-    if len(columns) == 1:
-        return columns[0]
-    if len({np.shape(column)[1:] for column in columns}) == 1:
-        return np.concatenate(columns)
-    return [value for column in columns for value in column]
-
-
-def _residuals(group: Group) -> tuple[np.ndarray, _Columns]:
-    """The tests that the joint route used."""
-    if group.joint is None:
-        return np.arange(0), dict.fromkeys(of.RESIDUALS.columns, np.zeros(0))
-    return np.arange(len(group.keys)), residual_columns(group.joint, group.phasors)
-
-
-def _likelihood(group: Group) -> tuple[np.ndarray, _Columns]:
-    """The tests of the joint route with their weights, in its order."""
-    if group.joint is None:
-        return np.arange(0), dict.fromkeys(of.LIKELIHOOD.columns, np.zeros(0))
-    return group.joint.order, likelihood_columns(likelihood_of(group.joint))
-
-
-def _budget(group: Group) -> tuple[np.ndarray, _Columns]:
+def _budget(group: Group) -> _Columns:
     """The sources of uncertainty of each quantity that is known, but for those that are zero."""
     result, variance = group.result, np.stack(list(group.variance.values()))
     stiffness, arm = np.isfinite(result.stiffness), np.isfinite(result.k2)
@@ -295,7 +280,8 @@ def _budget(group: Group) -> tuple[np.ndarray, _Columns]:
     total = variance.sum(axis=0)
     source, place, quantity = np.nonzero(known & (variance > 0) & (total > 0))
     of_source = variance[source, place, quantity]
-    return place, {
+    return {
+        **_keys_of(group, place),
         q.QUANTITY.head: _texts(OUTPUTS)[quantity],
         q.UNIT.head: _texts(OUTPUTS.values())[quantity],
         q.SOURCE.head: _texts(of_name.text for of_name in group.variance)[source],
@@ -304,7 +290,7 @@ def _budget(group: Group) -> tuple[np.ndarray, _Columns]:
     }
 
 
-def _covariance(group: Group) -> tuple[np.ndarray, _Columns]:
+def _covariance(group: Group) -> _Columns:
     """The covariance of K*, as the condition's own part and the part of shared errors.
 
     Two tests of a rig have the covariance shared_i · shared_j, summed over the shared errors. Two tests of one
@@ -313,7 +299,8 @@ def _covariance(group: Group) -> tuple[np.ndarray, _Columns]:
     result = group.result
     own = (result.condition_covariance + np.swapaxes(result.condition_covariance, 1, 2)) / 2  # round-off
     places = np.flatnonzero(np.isfinite(result.stiffness))
-    return places, {
+    return {
+        **_keys_of(group, places),
         q.CONDITION.head: result.condition[places],
         q.OWN_COVARIANCE.head: own[places].reshape(-1, 4),
         q.SHARED_STORAGE.head: result.stiffness_shared[places, 0],
@@ -321,13 +308,13 @@ def _covariance(group: Group) -> tuple[np.ndarray, _Columns]:
     }
 
 
-def _previews(statics: Sequence[StaticTest], points: Points) -> pl.DataFrame:
+def _previews(statics: Sequence[StaticRow], points: Points) -> pl.DataFrame:
     """The table previews.parquet: the static tests with a curve, then the points of the dynamic tests.
 
     Signals are less their mean, in the SI unit of the quantity that each channel recorded. No number becomes a Python
     object on the way, so that the memory is that of the table.
     """
-    curves = [(static.test.name, static.curve) for static in statics if static.curve is not None]
+    curves = {row.test.name: row.curve for row in statics if row.curve is not None}
     shown = [(key, preview) for key, preview in zip(points.keys, points.previews, strict=True) if preview is not None]
     count = len(curves) + len(shown)
     arrays = {name: np.full((count, room), np.nan, dtype=np.float32) for name, room in of.ROOM.items()}
@@ -338,8 +325,8 @@ def _previews(statics: Sequence[StaticTest], points: Points) -> pl.DataFrame:
         for name, signal in values.items():
             room = min(of.ROOM[name], signal.size)
             arrays[name][at, :room] = signal[:room]
-    loops = [(*curve.loop(), *curve.mean_curve()) for _, curve in curves]
-    keys = [*((name, 1) for name, _ in curves), *(key for key, _ in shown)]
+    loops = [(*curve.loop(), *curve.mean_curve()) for curve in curves.values()]
+    keys = [*((name, 1) for name in curves), *(key for key, _ in shown)]
     lists = {name: [pl.Series(loop[place].astype(np.float32)) for loop in loops] for place, name in enumerate(of.LOOP)}
     blank = [None] * len(shown)
     return of.PREVIEWS.frame(

@@ -83,6 +83,15 @@ class TableSpec:
         heads = dict.fromkeys(head for row in rows for head in row)
         return self.frame({head: [row.get(head) for row in rows] for head in heads})
 
+    def of_parts(self, parts: Sequence[Mapping[str, Any]]) -> pl.DataFrame:
+        """The table of parts by head, one after the other; a head that the table does not have is left out."""
+        columns: dict[str, Any] = {}
+        for head in [head for head in (*KEY, *self.columns) if parts and head in parts[0]]:
+            arrays = [part[head] for part in parts]
+            even = len({np.shape(array)[1:] for array in arrays}) == 1  # arrays of unequal rows become a list
+            columns[head] = np.concatenate(arrays) if even else [row for array in arrays for row in array]
+        return self.frame(columns)
+
 
 def _series(head: str, values: Any, kind: Any) -> pl.Series:
     """A column; numbers that are not finite are blank."""

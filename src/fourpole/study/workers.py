@@ -20,7 +20,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from fourpole.campaign.place import at_hand, identity_or_none
@@ -33,11 +33,10 @@ from fourpole.io.packed import unpack
 from fourpole.io.remote import allow, is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
-from fourpole.study.firstpart import check_part
-from fourpole.study.guard import is_guarded
+from fourpole.study.load import is_guarded
 from fourpole.study.points import Demodulated, Points
 from fourpole.study.reduce import OF_WORK as OF_JOB
-from fourpole.study.reduce import Job, demodulated, points_of
+from fourpole.study.reduce import Job, check_part, demodulated, points_of
 
 #: Largest number of worker processes that is chosen by itself.
 _MOST = 8
@@ -54,30 +53,49 @@ _ASKED = 16
 #: Interval at which Ctrl-C is looked for where a wait cannot be interrupted [s].
 _LOOK = 0.5
 
-#: The packed result of a job, or the reason why its worker died.
-Answer: TypeAlias = "bytes | str"
+#: What a recording gave, or the reason why its worker died.
+Answer: TypeAlias = "Demodulated | str"
 #: The classes of which a job is made, for the worker process.
 OF_WORK = OF_JOB
 
 
 def run_batch(jobs: Sequence[Job], seconds: float, guarded: bool) -> list[Answer]:
-    """Demodulate recordings one after the other: the task of any executor.
+    """Demodulate recordings one after the other: the task of any executor; see `run_job`."""
+    return [run_job(job, seconds, guarded=guarded) for job in jobs]
+
+
+def run_job(job: Job, seconds: float, *, guarded: bool = False) -> Answer:
+    """Demodulate a recording.
 
     Parameters
     ----------
-    jobs : sequence of Job
-        The jobs.
+    job : Job
+        The job.
     seconds : float [s]
-        Limit of the processor time of a recording; a large file has more.
+        Limit of the processor time; a large file has more.
     guarded : bool
-        Whether all are run in the worker process of this thread; otherwise only those for which there is a reason.
+        Whether it is run in the worker process of this thread; otherwise only if there is a reason.
     """
-    if any(is_elsewhere(job.test.file) for job in jobs):
-        allow(jobs[0].remote)  # a worker of a cluster has the permission of the user who sends the jobs
-    return [
-        _ran(job, seconds) if guarded or is_guarded(job.folder, job.test.file) else demodulate_packed(job)
-        for job in jobs
-    ]
+    if is_elsewhere(job.test.file):
+        allow(job.remote)  # a worker of a cluster has the permission of the user who sends the jobs
+    if not guarded and not is_guarded(job.folder, job.test.file):
+        return demodulated(job)
+    try:
+        return unpacked(child().call(demodulate_packed, job, size=_size(job), seconds=seconds))
+    except Late as death:
+        check = reported(Code.SLOW, Verdict.REJECTED, file=job.test.file, error=death.message)
+    except Died as death:
+        return str(death)
+    except MemoryError as error:
+        check = fault_of(error, job.test.file)
+    except RuntimeError as error:
+        check = reported(Code.FAULT, Verdict.REJECTED, error=Message("fault", "", str(error)))
+    return Demodulated(checks=(check,), lasting=False)
+
+
+def demodulate_packed(job: Job) -> bytes:
+    """The packed result of a job: the work of a worker process."""
+    return packed(demodulated(job))
 
 
 def check_part_of(job: Job, *, guarded: bool = False) -> tuple[Check, ...]:
@@ -88,11 +106,17 @@ def check_part_of(job: Job, *, guarded: bool = False) -> tuple[Check, ...]:
     if not guarded and not is_guarded(job.folder, job.test.file):
         return check_part(job)
     try:
-        found: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), CHECK_CLASSES)
+        checks: tuple[Check, ...] = unpack(answer_of(check_part, job, size=_size(job)), CHECK_CLASSES)
     except Died as death:
         code = Code.SLOW if isinstance(death, Late) else Code.READER
         return (reported(code, Verdict.REJECTED, file=job.test.file, error=death.message),)
-    return found
+    return checks
+
+
+def _size(job: Job) -> int:
+    """Size of the file of a job [byte]; 0 if it cannot be looked up."""
+    identity = identity_or_none(job.folder, job.test.file)
+    return 0 if identity is None else identity.size
 
 
 @contextmanager
@@ -111,45 +135,6 @@ def threads(workers: int | None, count: int, seconds: float) -> Iterator[ThreadP
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-
-
-def demodulate_packed(job: Job) -> bytes:
-    """The packed result of a job, for `fourpole.study.cache.unpacked`."""
-    return packed(demodulated(job))
-
-
-def _ran(job: Job, seconds: float) -> Answer:
-    """The answer of this thread's worker process."""
-    try:
-        return child().call(demodulate_packed, job, size=_size(job), seconds=seconds)
-    except Late as death:
-        check = reported(Code.SLOW, Verdict.REJECTED, file=job.test.file, error=death.message)
-    except Died as death:
-        return str(death)
-    except MemoryError as error:
-        check = fault_of(error, job.test.file)
-    except RuntimeError as error:
-        check = reported(Code.FAULT, Verdict.REJECTED, error=Message("fault", "", str(error)))
-    return packed(Demodulated(checks=(check,), lasting=False))
-
-
-def _size(job: Job) -> int:
-    """Size of the file of a job [byte]; 0 if it cannot be looked up."""
-    identity = _identity(job)
-    return 0 if identity is None else identity.size
-
-
-def _identity(job: Job) -> Identity | None:
-    """Identity of the file of a job; None if it cannot be looked up."""
-    return identity_or_none(job.folder, job.test.file) if job.test.file else None
-
-
-def _identities(jobs: Sequence[Job]) -> list[Identity | None]:
-    """Identities of the files of some jobs; servers are asked about several files at a time."""
-    if not any(is_elsewhere(job.test.file) for job in jobs):
-        return [_identity(job) for job in jobs]
-    with ThreadPoolExecutor(_ASKED) as asking:
-        return list(asking.map(_identity, jobs))
 
 
 def processors() -> int:
@@ -176,50 +161,52 @@ class Workers(ThreadPoolExecutor):
     def stop(self) -> None:
         """End all workers at once, in the middle of their work."""
         self.shutdown(wait=False, cancel_futures=True)
-        for one in self._children:
-            one.close()
+        for process in self._children:
+            process.close()
 
     def __exit__(self, *error: object) -> None:
         if error[0] is not None:
             self.stop()
         self.shutdown(wait=True)
-        for one in self._children:
-            one.close()
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the recordings of a campaign are run.
-
-    Attributes
-    ----------
-    workers : int or None
-        Number of worker processes; 1 for this thread; None for as many as pay.
-    executor : Executor or None
-        An executor to use in place of worker processes.
-    seconds : float [s]
-        Limit of the processor time of a recording; a large file has more.
-    """
-
-    workers: int | None = None
-    executor: Executor | None = None
-    seconds: float = SECONDS
+        for process in self._children:
+            process.close()
 
 
 def reduce_tests(
     jobs: Sequence[Job],
     *,
     cache: Cache | None = None,
-    settings: Settings | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    seconds: float = SECONDS,
     progress: Callable[[int, int], None] | None = None,
     arrived: Callable[[str, Points], None] | None = None,
 ) -> Points:
-    """The points of the jobs in the order of the jobs, from the cache where it has them."""
-    run = _Run(jobs, cache, settings or Settings(), progress, arrived)
-    left = run.recalled()
+    """The points of the jobs in the order of the jobs, from the cache where it has them.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+    cache : Cache, optional
+    workers : int, optional
+        Number of worker processes; 1 for this thread; by default as many as pay.
+    executor : Executor, optional
+        An executor to use in place of worker processes.
+    seconds : float [s]
+        Limit of the processor time of a recording; a large file has more.
+    progress, arrived : callable, optional
+        As for `analyse`.
+    """
+    run = _Run(jobs, cache, seconds, progress, arrived, _identities(jobs))
+    left = [index for index in range(len(jobs)) if not run.recall(index)]
+    if workers is None:
+        workers = min(processors(), _MOST, len(left)) if sum(map(run.cost, left)) > _PAYS else 1
     try:
-        with run.executor(left) as executor:
-            dead = run.here(left) if executor is None else run.by(executor, left)
+        with Workers(workers) if executor is None and workers > 1 and left else nullcontext(executor) as used:
+            if used is None:
+                dead = [index for index in left if not run.take(index, run_job(jobs[index], seconds))]
+            else:
+                dead = run.by(used, left)
             for index in dead:
                 run.once_more(index)
     finally:
@@ -228,70 +215,67 @@ def reduce_tests(
     return Points.joined([run.results[index] for index in range(len(jobs))])
 
 
+def _identities(jobs: Sequence[Job]) -> list[Identity | None]:
+    """Identities of the files of some jobs, None if unknown; servers are asked about several files at a time."""
+    files = [(job.folder, job.test.file) for job in jobs]
+    if not any(is_elsewhere(file) for _, file in files):
+        return [identity_or_none(*file) for file in files]
+    with ThreadPoolExecutor(_ASKED) as asking:
+        return list(asking.map(lambda file: identity_or_none(*file), files))
+
+
+@dataclass
 class _Run:
-    """The jobs of one analysis, with their results so far."""
+    """The jobs of one analysis, with the identities of their files and the results so far."""
 
-    def __init__(
-        self,
-        jobs: Sequence[Job],
-        cache: Cache | None,
-        settings: Settings,
-        progress: Callable[[int, int], None] | None,
-        arrived: Callable[[str, Points], None] | None,
-    ) -> None:
-        self.results: dict[int, Points] = {}
-        self._jobs, self._cache, self._settings = jobs, cache, settings
-        self._progress, self._arrived = progress, arrived
-        self._identities: list[Identity | None] = _identities(jobs)
-        shared: dict[int, list[object]] = {}
-        for job in jobs:
-            if id(job.channels) not in shared:
-                shared[id(job.channels)] = job.processing
-        self._stated = [[*job.settings, shared[id(job.channels)]] for job in jobs]
+    jobs: Sequence[Job]
+    cache: Cache | None
+    seconds: float
+    progress: Callable[[int, int], None] | None
+    arrived: Callable[[str, Points], None] | None
+    identities: Sequence[Identity | None]
+    results: dict[int, Points] = field(default_factory=dict)
 
-    def recalled(self) -> list[int]:
-        """Take all results that the cache has; returns the indices of the other jobs."""
-        return [index for index in range(len(self._jobs)) if not self._recalled(index)]
-
-    def _recalled(self, index: int) -> bool:
-        job = self._jobs[index]
+    def recall(self, index: int) -> bool:
+        """Take the result of a job that the cache has, or whose test cannot be used; False for another one."""
+        job, cache, identity = self.jobs[index], self.cache, self.identities[index]
         if job.test.problem:
-            self._have(index, demodulated(job))
-            return True
-        identity = self._identities[index]
-        if self._cache is None or identity is None:
+            return self.take(index, demodulated(job))
+        if cache is None or identity is None:
             return False
-        sha256 = self._cache.hash_noted(job.test.file, identity)
-        if not sha256 and self._cache.may_have(job.test.file):
-            sha256 = _hash(job)
-            self._cache.note(job.test.file, identity, sha256)
-        done = self._cache.recall(self._cache.name(self._stated[index], sha256)) if sha256 else None
+        sha256 = cache.hash_noted(job.test.file, identity)
+        if not sha256 and cache.may_have(job.test.file):
+            with suppress(FourpoleError, OSError), at_hand(job.folder, job.test.file) as path:
+                sha256 = sha256_of(path, max_bytes=MAX_FILE_BYTES)
+            cache.note(job.test.file, identity, sha256)
+        done = cache.recall(cache.name(job.settings, sha256)) if sha256 else None
         if done is not None:
             self._have(index, done)
         return done is not None
 
-    @contextmanager
-    def executor(self, left: Sequence[int]) -> Iterator[Executor | None]:
-        """The executor for some jobs; None for this thread."""
-        given = self._settings.executor
-        count = self._settings.workers
-        if count is None:
-            count = min(processors(), _MOST, len(left)) if sum(map(self._cost, left)) > _PAYS else 1
-        if given is None and count > 1 and left:
-            with Workers(count) as workers:
-                yield workers
-        else:
-            with nullcontext(given) as executor:
-                yield executor
+    def take(self, index: int, answer: Answer) -> bool:
+        """Take the answer to a job and keep it in the cache; False if its worker died."""
+        if isinstance(answer, str):
+            return False
+        if self.cache is not None and answer.sha256:
+            job = self.jobs[index]
+            self.cache.note(job.test.file, self.identities[index], answer.sha256)
+            if answer.lasting:
+                self.cache.keep(self.cache.name(job.settings, answer.sha256), packed(answer))
+        self._have(index, answer)
+        return True
 
-    def _cost(self, index: int) -> float:
+    def _have(self, index: int, done: Demodulated) -> None:
+        self.results[index] = points_of(self.jobs[index], done)
+        if self.arrived is not None:
+            self.arrived(self.jobs[index].test.name, self.results[index])
+        if self.progress is not None:
+            self.progress(len(self.results), len(self.jobs))
+
+    def cost(self, index: int) -> float:
         """Estimate of the time of a job [s]."""
-        identity = self._identities[index]
+        identity = self.identities[index]
         return _SECONDS + _PER_BYTE * (identity.size if identity is not None else 0)
-
-    def here(self, left: Sequence[int]) -> list[int]:
-        """Run jobs in this thread; returns the indices of those whose worker died."""
-        return [i for i in left if not self._take(i, run_batch([self._jobs[i]], self._settings.seconds, False)[0])]
 
     def by(self, executor: Executor, left: Sequence[int]) -> list[int]:
         """Run jobs by an executor, a few tasks in flight; returns the indices of those whose worker died."""
@@ -304,13 +288,13 @@ class _Run:
         try:
             while running or waiting:
                 while waiting and len(running) < _AHEAD * count:
-                    task = [self._jobs[index] for index in waiting]
-                    running[executor.submit(run_batch, task, self._settings.seconds, own or elsewhere)] = waiting
+                    task = [self.jobs[index] for index in waiting]
+                    running[executor.submit(run_batch, task, self.seconds, own or elsewhere)] = waiting
                     waiting = next(batches, None)
                 for future in wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
                     indices = running.pop(future)
                     answers = _answers(future, len(indices))
-                    dead += [i for i, answer in zip(indices, answers, strict=True) if not self._take(i, answer)]
+                    dead += [i for i, answer in zip(indices, answers, strict=True) if not self.take(i, answer)]
         finally:
             for future in running:
                 future.cancel()
@@ -321,7 +305,7 @@ class _Run:
         batch: list[int] = []
         for index in left:
             batch.append(index)
-            if sum(map(self._cost, batch)) >= seconds:
+            if sum(map(self.cost, batch)) >= seconds:
                 yield batch
                 batch = []
         if batch:
@@ -329,33 +313,13 @@ class _Run:
 
     def once_more(self, index: int) -> None:
         """Run a job again by itself, in a worker of its own; if it dies again, its test is rejected."""
-        job = self._jobs[index]
-        (answer,) = run_batch([job], self._settings.seconds, True)
-        if not self._take(index, answer):
-            assert isinstance(answer, str)
+        job = self.jobs[index]
+        answer = run_job(job, self.seconds, guarded=True)
+        if isinstance(answer, str):
             why = Message("reader", "", answer)
             check = reported(Code.READER, Verdict.REJECTED, file=job.test.file, error=why)
-            self._have(index, Demodulated(checks=(check,), lasting=False))
-
-    def _take(self, index: int, answer: Answer) -> bool:
-        """Take the answer to a job and keep it in the cache; False if its worker died."""
-        if isinstance(answer, str):
-            return False
-        done = unpacked(answer)
-        if self._cache is not None and done.sha256:
-            job = self._jobs[index]
-            self._cache.note(job.test.file, self._identities[index], done.sha256)
-            if done.lasting:
-                self._cache.keep(self._cache.name(self._stated[index], done.sha256), answer)
-        self._have(index, done)
-        return True
-
-    def _have(self, index: int, done: Demodulated) -> None:
-        self.results[index] = points_of(self._jobs[index], done)
-        if self._arrived is not None:
-            self._arrived(self._jobs[index].test.name, self.results[index])
-        if self._progress is not None:
-            self._progress(len(self.results), len(self._jobs))
+            answer = Demodulated(checks=(check,), lasting=False)
+        self.take(index, answer)
 
 
 def _answers(future: Future[list[Answer]], count: int) -> list[Answer]:
@@ -377,10 +341,3 @@ def _answers(future: Future[list[Answer]], count: int) -> list[Answer]:
             f"the executor cannot run the reduction ({type(error).__name__}: {error}): check that the same version of "
             "fourpole is installed where it runs, and that the campaign folder can be read there"
         ) from error
-
-
-def _hash(job: Job) -> str:
-    """Hash of the file of a job; empty if it cannot be read."""
-    with suppress(FourpoleError, OSError), at_hand(job.folder, job.test.file) as path:
-        return sha256_of(path, max_bytes=MAX_FILE_BYTES)
-    return ""
