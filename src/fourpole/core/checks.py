@@ -2,7 +2,7 @@
 
 `fourpole.words` makes their sentences. `recordingchecks` and `linearity` have the functions for one recording, called
 in `fourpole.study.reduce`. `fourpole.study.compare` makes the
-checks between tests, with `scales` and `curves`, and `fourpole.study.verdicts` those of an identified point.
+checks between tests, with `scales` and `curves`, and those of an identified point.
 """
 
 from __future__ import annotations
