@@ -29,8 +29,8 @@ from fourpole.units import (
     to_si,
     unit_scale,
 )
+from fourpole.units.grammar import USUAL
 from fourpole.units.grammar import _looked_up as from_pint
-from fourpole.units.usual import USUAL
 
 PI = 3.141592653589793
 LBF = 4.4482216152605

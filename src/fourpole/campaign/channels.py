@@ -291,7 +291,7 @@ class TimeFile(File):
 
     @model_validator(mode="after")
     def _readable(self) -> TimeFile:
-        units.unit_scale(self.unit, "time")
+        units.channel_scale(self.unit, ("time",))
         if (self.column is None) == (self.sample_rate is None):
             raise ValueError("state a column or a sample_rate, one of the two")
         return self

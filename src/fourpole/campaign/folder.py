@@ -134,8 +134,7 @@ def read_campaign(folder: str | Path) -> Campaign:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
     columns = columns_of(rows[0][1])
     with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts below
-        tests = _fixed([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
-    _check_names(tests)
+        tests = _tests([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
     _check_channels(stated, tests)
     _check_files(folder, stated, tests)
     extra = _further_columns(columns, tests, stated)
@@ -182,11 +181,21 @@ def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
         raise CampaignError(str(error)) from None
 
 
-def _fixed(tests: list[Test], stated: CampaignFile) -> list[Test]:
+def _tests(tests: list[Test], stated: CampaignFile) -> list[Test]:
     """The tests, with `fixed` set for specimens that are held on both sides.
 
     So is a specimen that campaign.toml states as fixed, and one under [specimens] with a preload of zero or less.
+    CampaignError if there is no test, or two have the same name.
     """
+    if not tests:
+        raise CampaignError("tests.csv: lists no test below its row of names")
+    seen: dict[str, int] = {}
+    for test in tests:
+        if seen.setdefault(test.name, test.row) != test.row:
+            raise CampaignError(
+                f"tests.csv row {test.row}: test {units.shown(test.name)} stands in row {seen[test.name]} already: "
+                "give each test a name of its own"
+            )
     pulled = {test.tyre for test in tests if not test.faults and test.values.get("preload", 1.0) <= 0}
     fixed = {
         name
@@ -194,20 +203,6 @@ def _fixed(tests: list[Test], stated: CampaignFile) -> list[Test]:
         if specimen.fixed or (specimen.fixed is None and name in pulled)
     }
     return [replace(test, fixed=True) if test.tyre in fixed else test for test in tests]
-
-
-def _check_names(tests: list[Test]) -> None:
-    """CampaignError if there is no test, or two have the same name."""
-    if not tests:
-        raise CampaignError("tests.csv: lists no test below its row of names")
-    seen: dict[str, int] = {}
-    for test in tests:
-        if test.name in seen:
-            raise CampaignError(
-                f"tests.csv row {test.row}: test {units.shown(test.name)} stands in row {seen[test.name]} already: "
-                "give each test a name of its own"
-            )
-        seen[test.name] = test.row
 
 
 def _further_columns(columns: Sequence[Column], tests: Sequence[Test], stated: CampaignFile) -> tuple[str, ...]:

@@ -25,9 +25,9 @@ QUANTITIES: dict[str, tuple[str, str]] = {
     "u(added_mass)": ("mass", "zero or positive"),
     "temperature": ("temperature", "any"),
 }
-#: Columns of texts, and all columns with a defined meaning.
+#: Columns of texts; all columns with a defined meaning, by their names in small letters.
 _TEXTS = ("test", "file", "kind", "tyre", "rig", "excluded")
-_NAMES = (*_TEXTS, *QUANTITIES, "window", "time")
+_NAMES = {name.casefold(): name for name in (*_TEXTS, *QUANTITIES, "window", "time")}
 #: Roles of the columns that pass through to the results unchanged.
 PASSED = ("extra", "time")
 #: Columns that tests.csv must have.
@@ -78,21 +78,14 @@ def columns_of(header: list[str]) -> list[Column]:
     return columns
 
 
-def _plain(name: str) -> str:
-    """A column's name in small letters, with underscores instead of spaces."""
-    return name.strip().casefold().replace(" ", "_")
-
-
-_MEANT = {_plain(name): name for name in _NAMES}
-
-
 def _column(label: str) -> Column:
     """The column with this head; CampaignError if it lacks its unit, or is probably misspelt."""
     written, unit = units.column_unit(label)
-    name = _MEANT.get(_plain(written), written)
-    if name == written and (near := units.nearest(_plain(written), _MEANT, 0.9)) and name not in _NAMES:
+    plain = written.strip().casefold().replace(" ", "_")
+    name = _NAMES.get(plain, written)
+    if plain not in _NAMES and (near := units.nearest(plain, _NAMES, 0.9)):
         raise CampaignError(
-            f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_MEANT[near]}'? "
+            f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_NAMES[near]}'? "
             "(a column of your own needs a name less like it)"
         )
     if name in _TEXTS:

@@ -106,7 +106,7 @@ def quantity(text: str | float, kind: str, *, default_unit: str | None = None) -
             raise UnitError(f"{shown(text)} has no unit; write it as in '{kind_named(kind).example}'")
         unit = default_unit
     scale, offset = affine(unit, kind)
-    return _finite(number * scale + offset, text)
+    return bounded(number * scale + offset, text)
 
 
 def unit_in(text: str) -> str:
@@ -158,7 +158,7 @@ def unit_scale(unit: str, kind: str) -> float:
     scale, offset = affine(unit, kind)
     if offset:
         raise UnitError(f"{shown(unit)} has another zero than °C; state the temperature in °C")
-    return _finite(scale, unit)
+    return bounded(scale, unit)
 
 
 def to_si(values: ArrayLike, unit: str, kind: str) -> NDArray[np.float64]:
@@ -210,7 +210,7 @@ def channel_scale(unit: str, kinds: Sequence[str] = MOTIONS) -> tuple[str, float
     if tuple(kinds) == ("temperature",):
         return "temperature", unit_scale(unit, "temperature")
     kind, scale = scale_of(unit, tuple(kinds))
-    return kind, _finite(scale, unit)
+    return kind, bounded(scale, unit)
 
 
 def is_unit(text: str, kind: str | None = None) -> bool:
@@ -274,9 +274,9 @@ def sensitivity(text: str) -> tuple[float, str]:
     for kind in ("force", *MOTIONS):
         one, measured = parse(kind_named(kind).si, False)
         if dimensions == add_up((volts, 1), (measured, -1)):
-            return _finite(number * scale * one / volt, text), kind
+            return bounded(number * scale * one / volt, text), kind
         if dimensions == add_up((measured, 1), (volts, -1)):
-            return _finite(one / (number * scale * volt), text), kind
+            return bounded(one / (number * scale * volt), text), kind
     raise UnitError(f"sensitivity {shown(text)} is not volts per force or motion; {example} or '20 V/(m/s)'")
 
 
@@ -313,7 +313,7 @@ def crosstalk(text: str, kind: str) -> tuple[float, str]:
     for of in (kind, "force", *MOTIONS):
         other, measured = parse(kind_named(of).si, False)
         if dimensions == add_up((shown_in, 1), (measured, -1)):
-            return _finite(number * scale * other / one, text), of
+            return bounded(number * scale * other / one, text), of
     example = f"({kind_named(kind).si})/(m/s2)"
     raise UnitError(f"crosstalk {shown(text)} is not {kind} per force or motion; write it as in '0.02 {example}'")
 
@@ -352,7 +352,7 @@ def frequency_grid(text: str) -> list[float]:
     grid: list[float] = []
     for part in re.split(r"[,;]", match[1]):
         for value in _range(part.strip(), text, example):
-            grid.append(_finite(value * scale, text))
+            grid.append(bounded(value * scale, text))
             if len(grid) > _MOST_POINTS:
                 raise UnitError(f"frequencies {shown(text)} are more than {_MOST_POINTS}; take a larger step")
     if min(grid) <= 0:
@@ -433,15 +433,6 @@ def column_unit(name: str) -> tuple[str, str | None]:
         if unit.translate(SPELLINGS) in COMMON and unit != "t":
             return match["stem"].strip(), unit
     return whole, None
-
-
-def _finite(value: Fraction, text: object) -> float:
-    """The nearest float; UnitError if the value is beyond the bounds."""
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    return bounded(number if number or not value else math.inf, text)
 
 
 def _number_and_unit(text: object, kind: str | None) -> tuple[Fraction, str]:

@@ -15,14 +15,15 @@ from contextvars import ContextVar
 from fractions import Fraction
 from functools import lru_cache
 from itertools import islice
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from fourpole.errors import UnitError
-from fourpole.units.usual import USUAL, Dimensions
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
+Dimensions = tuple[tuple[str, int], ...]
 _Scaled = tuple[Fraction, Dimensions]
 _PURE: Dimensions = ()
 _LONGEST = 100
@@ -160,24 +161,19 @@ def parse(spelled: str, gravity: bool) -> _Scaled:
         spelled = "1"
     if spelled.startswith("/"):
         spelled = "1" + spelled
-    tokens = _tokens(spelled)
+    tokens, place = list[re.Match[str]](), 0
+    while place < len(spelled):
+        match = _TOKEN.match(spelled, place)
+        if match is None:
+            raise UnitError(f"{shown(spelled)} is no unit: it cannot be read from {shown(spelled[place:])} on")
+        tokens.append(match)
+        place = match.end()
+    if sum(token["name"] is not None for token in tokens) > _MOST_NAMES:
+        raise UnitError(f"{shown(spelled)} has too many parts for a unit")
     scale, dimensions, rest = _product(tokens, 0, gravity, spelled, 0)
     if rest != len(tokens):
         raise UnitError(f"{shown(spelled)} has a bracket too many")
     return scale, dimensions
-
-
-def _tokens(spelled: str) -> list[re.Match[str]]:
-    tokens, at = [], 0
-    while at < len(spelled):
-        match = _TOKEN.match(spelled, at)
-        if match is None:
-            raise UnitError(f"{shown(spelled)} is no unit: it cannot be read from {shown(spelled[at:])} on")
-        tokens.append(match)
-        at = match.end()
-    if sum(token["name"] is not None for token in tokens) > _MOST_NAMES:
-        raise UnitError(f"{shown(spelled)} has too many parts for a unit")
-    return tokens
 
 
 def _product(
@@ -230,6 +226,72 @@ def _factor(token: re.Match[str], gravity: bool, spelled: str) -> _Scaled:
     return scale, dimensions
 
 
+# ---- the units that most campaigns use, by pint's root units, so that pint is loaded for other units only: loading
+# pint with its registry takes half a second, in every command and worker process. The tests compare them with pint.
+
+_PI = Fraction("3.1415926535897932384626433832795028841971693993751")
+_POUND, _GRAVITY, _INCH = Fraction("453.59237"), Fraction("9.80665"), Fraction("0.0254")
+_PREFIXES = {
+    prefix: Fraction(10) ** power
+    for prefix, power in {"": 0, "M": 6, "k": 3, "h": 2, "da": 1, "c": -2, "m": -3, "µ": -6, "u": -6, "G": 9}.items()
+}
+
+
+def _powers(**powers: int) -> Dimensions:
+    return tuple(sorted(powers.items()))
+
+
+_LENGTH, _MASS, _TIME, _ANGLE = _powers(meter=1), _powers(gram=1), _powers(second=1), _powers(radian=1)
+_FORCE = _powers(gram=1, meter=1, second=-2)
+_PRESSURE = _powers(gram=1, meter=-1, second=-2)
+#: Symbol -> its prefixes with blanks between them ("." is none), SI value in root units, dimensions.
+_PREFIXED: dict[str, tuple[str, int | Fraction, Dimensions]] = {
+    "m": (". k c m µ u", 1, _LENGTH),
+    "g": (". k m", 1, _MASS),
+    "s": (". m µ u", 1, _TIME),
+    "N": (". M k da m", 1000, _FORCE),
+    "Pa": (". G M k h", 1000, _PRESSURE),
+    "bar": (". m", 10**8, _PRESSURE),
+    "Hz": (". k m", 1, _powers(second=-1)),
+    "rad": (". m", 1, _ANGLE),
+    "J": (". k m", 1000, _powers(gram=1, meter=2, second=-2)),
+    "V": (". k m µ u", 1000, _powers(gram=1, meter=2, second=-3, ampere=-1)),
+}
+_ALONE: dict[str, tuple[int | Fraction, Dimensions]] = {
+    "micrometer": (Fraction(1, 10**6), _LENGTH),
+    "in": (_INCH, _LENGTH),
+    "ft": (12 * _INCH, _LENGTH),
+    "mph": (5280 * 12 * _INCH / 3600, _powers(meter=1, second=-1)),
+    "standard_gravity": (_GRAVITY, _powers(meter=1, second=-2)),
+    "t": (10**6, _MASS),
+    "lb": (_POUND, _MASS),
+    "pound": (_POUND, _MASS),
+    "kgf": (1000 * _GRAVITY, _FORCE),
+    "kilogram_force": (1000 * _GRAVITY, _FORCE),
+    "lbf": (_POUND * _GRAVITY, _FORCE),
+    "psi": (_POUND * _GRAVITY / _INCH**2, _PRESSURE),
+    "sec": (1, _TIME),
+    "min": (60, _TIME),
+    "h": (3600, _TIME),
+    "rpm": (2 * _PI / 60, _powers(radian=1, second=-1)),
+    "deg": (_PI / 180, _ANGLE),
+    "degree": (_PI / 180, _ANGLE),
+    "revolution": (2 * _PI, _ANGLE),
+    "K": (1, _powers(kelvin=1)),
+    "percent": (Fraction(1, 100), ()),
+    "ppm": (Fraction(1, 10**6), ()),
+}
+#: Scale to root units and dimensions, by name.
+USUAL: dict[str, tuple[Fraction, Dimensions]] = {
+    **{
+        prefix.strip(".") + symbol: (_PREFIXES[prefix.strip(".")] * scale, dimensions)
+        for symbol, (prefixes, scale, dimensions) in _PREFIXED.items()
+        for prefix in prefixes.split()
+    },
+    **{name: (Fraction(scale), dimensions) for name, (scale, dimensions) in _ALONE.items()},
+}
+
+
 @lru_cache(maxsize=1)
 def _registry() -> UnitRegistry[Any]:
     import pint  # imported on first use, since the import takes a quarter of a second
@@ -260,7 +322,7 @@ def _looked_up(name: str) -> _Scaled:
     return scale, tuple(sorted((root, int(power)) for root, power in powers.items()))
 
 
-def bounded(value: float, text: object) -> float:
+def bounded(value: float | Fraction, text: object) -> float:
     """The value of a quantity [SI]; UnitError, with the text as written, unless it is 0 or of magnitude 1e-30 to 1e30.
 
     Examples
@@ -268,7 +330,11 @@ def bounded(value: float, text: object) -> float:
     >>> bounded(1e30, "1e30 N")
     1e+30
     """
-    if value != 0.0 and not _SMALLEST <= abs(value) <= _LARGEST:
+    try:
+        number = float(value)
+    except OverflowError:
+        number = inf
+    if value != 0 and not _SMALLEST <= abs(number) <= _LARGEST:
         what = "is beyond the range of numbers"
         raise UnitError(f"{shown(text)} {what}: in SI units, magnitudes of {_SMALLEST:g} to {_LARGEST:g} are taken")
-    return value
+    return number

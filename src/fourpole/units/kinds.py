@@ -8,8 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from fourpole.errors import UnitError
-from fourpole.units.grammar import SPELLINGS, add_up, lookup, nearest, parse, shown, spelled_out
-from fourpole.units.usual import Dimensions
+from fourpole.units.grammar import SPELLINGS, Dimensions, add_up, lookup, nearest, parse, shown, spelled_out
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,10 @@ def kind_named(kind: str) -> UnitKind:
 def affine(unit: str, kind: str) -> tuple[Fraction, Fraction]:
     """Scale and offset: SI value = scale * value + offset."""
     if kind == "temperature":
-        found = TEMPERATURES.get(spelled_out(unit))
-        if found is None:
+        scale = TEMPERATURES.get(spelled_out(unit))
+        if scale is None:
             raise UnitError(_wrong(unit, None, (kind,)))
-        return found
+        return scale
     return scale_of(unit, (kind,))[1], Fraction(0)
 
 
@@ -102,9 +101,9 @@ def _kind_scale(kind: str, dimensions: Dimensions) -> Fraction | None:
     """Factor from pint's root units to the SI unit of the kind; None if the kind has other dimensions."""
     if kind == "temperature":
         return None
-    one, wanted = parse(kind_named(kind).si, False)
+    si, wanted = parse(kind_named(kind).si, False)
     if dimensions == wanted:
-        return 1 / one
+        return 1 / si
     if kind == "frequency" and dimensions == add_up((wanted, 1), ((("radian", 1),), 1)):
         return 1 / lookup("revolution")[0]  # a radian per second is 1/(2 pi) Hz
     return None
@@ -117,8 +116,8 @@ def kind_of(dimensions: Dimensions) -> str | None:
 
 def _wrong(unit: str, dimensions: Dimensions | None, kinds: tuple[str, ...]) -> str:
     """The message for a unit that is known but not of these kinds."""
-    found = kind_of(dimensions) if dimensions is not None else None
-    what = f"{shown(unit)} is {_article(found)}" if found else f"{shown(unit)} is of another kind"
+    other = kind_of(dimensions) if dimensions is not None else None
+    what = f"{shown(unit)} is {_article(other)}" if other else f"{shown(unit)} is of another kind"
     wanted = ", ".join(map(_article, kinds[:-1])) + " or " * (len(kinds) > 1) + _article(kinds[-1])
     alike = _likely(spelled_out(unit), kinds)
     hint = f"; did you mean '{alike}'?" if alike else ""
