@@ -9,7 +9,7 @@ import pytest
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError
 from fourpole.guess import guess_campaign
-from fourpole.guess.excitation import excitation_of
+from fourpole.guess.signals import excitation_of
 
 RATE = 500.0
 T = np.arange(int(60 * RATE)) / RATE

@@ -7,8 +7,7 @@ import re
 import pytest
 
 from fourpole.guess.conditions import read_conditions
-from fourpole.guess.entries import Entry
-from fourpole.guess.names import kind_word, read_name
+from fourpole.guess.names import Entry, kind_word, read_name
 
 #: The words by which a name says what kind of test it is of.
 STATIC = re.compile("stat|LD|静|Kennlinie|curve")

@@ -260,19 +260,32 @@ def _rows(sides: _Sides, common: Common | None, quantities: Sequence[q.Quantity]
     conditions = [side.conditions(table, rule) for side, table in zip(sides, tables, strict=True)]
     groups = _groups(conditions, rule)
     points = [_points(side.results, table, group) for side, table, group in zip(sides, tables, groups, strict=True)]
-    rows = list(_static_rows(sides, rule, points, common)) if q.K1 in quantities else []
+    static = list(_static_rows(sides, rule, points, common)) if q.K1 in quantities else []
+    dynamic, unlike = _dynamic_rows(points, conditions, rule, common, quantities)
+    return [*static, *dynamic], unlike
+
+
+def _dynamic_rows(
+    points: Sequence[Points],
+    conditions: Sequence[list[Condition]],
+    rule: Sameness,
+    common: Common | None,
+    quantities: Sequence[q.Quantity],
+) -> tuple[list[dict[str, Any]], int]:
+    """Rows of all quantities but K1, and the number of pairs whose K* is too different for a common error."""
     members = [_repeats(each, states) for each, states in zip(points, conditions, strict=True)]
     if not all(members):
-        return rows, 0
+        return [], 0
     means = [each.means(alike) for each, alike in zip(points, members, strict=True)]
     states = [[own[alike[0]] for alike in each] for own, each in zip(conditions, members, strict=True)]
     pairs = _pairs(means, states)
     if not len(pairs[0]):
-        return rows, 0
+        return [], 0
+    rows: list[dict[str, Any]] = []
     apart = differences(means[0], means[1], pairs, common)
     stds = [mean.stds[places] for mean, places in zip(means, pairs, strict=True)]
     for pair, places in enumerate(zip(*(side.tolist() for side in pairs), strict=True)):
-        tests = ["; ".join(dict.fromkeys(test for test, _ in m.keys[i])) for m, i in zip(means, places, strict=True)]
+        tests = [_tests(mean.keys[place]) for mean, place in zip(means, places, strict=True)]
         where = {**_state_of(states[0][places[0]], rule), q.FREQUENCY.head: float(means[0].frequency[places[0]])}
         for column, quantity in enumerate(QUANTITIES):
             if quantity in quantities and quantity is not q.K1:
@@ -280,6 +293,10 @@ def _rows(sides: _Sides, common: Common | None, quantities: Sequence[q.Quantity]
                 values = apart.first[place], stds[0][place], apart.second[place], stds[1][place]
                 rows += _row(where, quantity, values, apart.u[place], tests)
     return rows, int(apart.unlike.sum()) if common not in (None, none) else 0
+
+
+def _tests(keys: Sequence[tuple[str, int]]) -> str:
+    return "; ".join(dict.fromkeys(test for test, _ in keys))
 
 
 def _points(results: Study, table: pl.DataFrame, group: np.ndarray) -> Points:
@@ -358,14 +375,19 @@ def _static_rows(
         rows = [[row for row, other in enumerate(group) if other == number] for group in groups]
         if not rows[1] or not _temperature_near(conditions[0][rows[0][0]], conditions[1][rows[1][0]]):
             continue
-        parts = [table[alike] for table, alike in zip(tables, rows, strict=True)]
-        value = [float(part[q.K1.head].mean()) for part in parts]  # type: ignore[arg-type]
-        u = [float(part[q.K1.u_head].fill_null(0.0).mean()) for part in parts]  # type: ignore[arg-type]
-        cancels = 2.0 * gains[0] * value[0] * gains[1] * value[1] if shared else 0.0
-        std = max(u[0] ** 2 + u[1] ** 2 - cancels, 0.0) ** 0.5
-        tests = ["; ".join(dict.fromkeys(part[q.TEST.head])) for part in parts]
+        (first, u_first, tests), (second, u_second, others) = (
+            _mean_k1(table[alike]) for table, alike in zip(tables, rows, strict=True)
+        )
+        cancels = 2.0 * gains[0] * first * gains[1] * second if shared else 0.0
+        std = max(u_first**2 + u_second**2 - cancels, 0.0) ** 0.5
         where = _state_of(conditions[0][rows[0][0]], rule)
-        yield from _row(where, q.K1, (value[0], u[0], value[1], u[1]), std, tests)
+        yield from _row(where, q.K1, (first, u_first, second, u_second), std, (tests, others))
+
+
+def _mean_k1(table: pl.DataFrame) -> tuple[float, float, str]:
+    """Mean of K1 and of its standard uncertainty over some rows, and their tests."""
+    value, std = (float(table[head].fill_null(0.0).mean()) for head in q.K1.heads)  # type: ignore[arg-type]
+    return value, std, "; ".join(dict.fromkeys(table[q.TEST.head]))
 
 
 def _gain(points: Points) -> float:

@@ -321,14 +321,20 @@ def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:
         if measured:
             values[key] = (min(measured, key=_size), max(measured, key=_size))
             largest[key] = max(value.std for value in measured)
-        if any(key in row.intervals for row in rows):
-            ends = [row.intervals.get(key) or ends_of(row.values[key][0]) for row in rows if key in row.values]
-            intervals[key] = (min(low for low, _ in ends), max(high for _, high in ends))
+        if (interval := _interval(rows, key)) is not None:
+            intervals[key] = interval
     pressure, preload, temperature, amplitude, frequency = (_whole(map(attrgetter(name), rows)) for name in _RANGES)
     where = pressure, preload, temperature, amplitude, frequency
     tests = tuple(test for row in rows for test in row.tests)
     worst = max(rows, key=lambda row: row.scatter)
     return SummaryRow(rows[0].specimen, *where, tests, values, largest, intervals, worst.scatter, worst.single)
+
+
+def _interval(rows: Sequence[SummaryRow], key: str) -> Range:
+    """The ends of the intervals of a quantity over some rows; None unless one of them is skewed."""
+    if not any(key in row.intervals for row in rows):
+        return None
+    return _whole(row.intervals.get(key) or ends_of(row.values[key][0]) for row in rows if key in row.values)
 
 
 def _whole(ranges: Iterable[Range]) -> Range:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS, Code, Verdict, worst_verdict
-from fourpole.findings.facts import Facts, in_order
+from fourpole.findings.facts import Facts, Row, in_order
 from fourpole.findings.finding import Finding, Holds, Topic
 from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.documents import json_of
@@ -82,28 +82,31 @@ def kind_of(checks: Sequence[CheckRow], remarks: str) -> tuple[object, ...]:
 
 def verdicts(facts: Facts) -> list[Finding]:
     """The number of tests by verdict; then the rejected and the warned ones by reason, the commonest reason first."""
-    rows = [(row["test"], row["verdict"], row["remarks"]) for table in facts.rows for row in table]
+    rows = [row for table in facts.rows for row in table]
     by_test: dict[str, list[str]] = {}
-    for test, verdict, _ in rows:
-        by_test.setdefault(test, []).append(verdict)
+    for row in rows:
+        by_test.setdefault(row["test"], []).append(row["verdict"])
     worst = {test: worst_verdict(each) for test, each in by_test.items()}
     tally = Tally(*(list(worst.values()).count(verdict) for verdict in VERDICTS))
     used = in_order(test for test, verdict in worst.items() if verdict != Verdict.REJECTED)
     checks = checks_by_test(facts.results.checks)
-    doubts: list[Finding] = []
-    for holds in (Holds.REJECTED, Holds.WARNING):
-        reasons: dict[Doubt, set[str]] = {}
-        alike: dict[object, Doubt] = {}
-        for test, verdict, remarks in rows:
-            for doubt, kind in _doubts(checks.get(test, ()), verdict, remarks or "") if verdict == holds else ():
-                reasons.setdefault(doubt if doubt.code else alike.setdefault(kind, doubt), set()).add(test)
-        order = sorted(
-            reasons, key=lambda doubt: (-len(reasons[doubt]), doubt.code.text if doubt.code else "", doubt.remark)
-        )
-        doubts += [Finding(Topic.TRUST, None, (), holds, doubt, tests=in_order(reasons[doubt])) for doubt in order]
+    doubts = [*_of_verdict(Holds.REJECTED, rows, checks), *_of_verdict(Holds.WARNING, rows, checks)]
     # A specimen that is not linear comes first, because all other checks assume a linear one.
     doubts.sort(key=lambda finding: not (isinstance(finding.detail, Doubt) and finding.detail.code is Code.LINEARITY))
     return [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used), *doubts]
+
+
+def _of_verdict(holds: Holds, rows: Sequence[Row], checks: Mapping[str, Sequence[CheckRow]]) -> list[Finding]:
+    """The tests of a verdict by reason, the commonest reason first."""
+    reasons: dict[Doubt, set[str]] = {}
+    alike: dict[object, Doubt] = {}
+    for row in (row for row in rows if row["verdict"] == holds):
+        for doubt, kind in _doubts(checks.get(row["test"], ()), row["verdict"], row["remarks"] or ""):
+            reasons.setdefault(doubt if doubt.code else alike.setdefault(kind, doubt), set()).add(row["test"])
+    order = sorted(
+        reasons, key=lambda doubt: (-len(reasons[doubt]), doubt.code.text if doubt.code else "", doubt.remark)
+    )
+    return [Finding(Topic.TRUST, None, (), holds, doubt, tests=in_order(reasons[doubt])) for doubt in order]
 
 
 def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> Sequence[tuple[Doubt, object]]:

@@ -291,10 +291,10 @@ _Pair = tuple[tuple[Column | None, Column | None], tuple[str, ...]]
 
 def _pair(motions: list[Column], force: Role | None, shapes: Sequence[SignalShape]) -> _Pair:
     """The motions at the contact and at the moving mass, by their names or by the power that enters."""
-    physical = [one for one in motions if not _in_volts(one)]
+    physical = [motion for motion in motions if not _in_volts(motion)]
     motions = physical if len(physical) > 1 else motions
     ins, outs, rest = _by_side(motions, shapes)
-    listed = ", ".join(shown(one.name, 30) for one in motions)
+    listed = ", ".join(shown(motion.name, 30) for motion in motions)
     several = (f"taken of several motions: {listed}",) if len(motions) > 2 else ()
     if ins and outs:
         return _best_pair(ins, outs), several
@@ -302,8 +302,7 @@ def _pair(motions: list[Column], force: Role | None, shapes: Sequence[SignalShap
         how = f"the other one of {listed}, for its name does not say where it was"
         return (ins[0], rest[0]) if ins else (rest[0], outs[0]), (*several, how)
     if len(rest) > 1:
-        alike = next((one for one in rest[1:] if one.quantity == rest[0].quantity), rest[1])
-        pair, how = _by_power(rest[0], alike, force, shapes)
+        pair, how = _by_power(rest, force, shapes)
         return pair, (*several, how)
     far = ("by its name it is at the far side, but no other motion is there",) if outs else several
     return (motions[0] if motions else None, None), far
@@ -330,13 +329,18 @@ def _best_pair(ins: list[Column], outs: list[Column]) -> tuple[Column, Column]:
 
 
 def _by_power(
-    a: Column, b: Column, force: Role | None, shapes: Sequence[SignalShape]
+    motions: Sequence[Column], force: Role | None, shapes: Sequence[SignalShape]
 ) -> tuple[tuple[Column, Column], str]:
-    """V1, V2 and the doubt on them: power enters through V1, because only a mass and a spring follow the tyre."""
+    """V1, V2 and the doubt on them: power enters through V1, because only a mass and a spring follow the tyre.
+
+    They are the likeliest motion, and the next one of the same quantity if there is one.
+    """
+    a, *others = motions
+    b = next((other for other in others if other.quantity == a.quantity), others[0])
     unsaid = f"{shown(a.name, 30)} and {shown(b.name, 30)} do not say which is at the contact"
     if force is None or not shapes:
         return (a, b), f"{unsaid}: the first is taken as V1"
-    of_a, of_b = (float(np.median([abs(_cosine(shape, force, one)) for shape in shapes])) for one in (a, b))
+    of_a, of_b = (float(np.median([abs(_cosine(shape, force, motion)) for shape in shapes])) for motion in (a, b))
     pair = (a, b) if of_a >= of_b else (b, a)
     how = f"{unsaid}: V1 is {shown(pair[0].name, 30)}, through which power enters"
     sure = max(of_a, of_b) > 2 * min(of_a, of_b)

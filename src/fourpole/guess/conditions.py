@@ -13,8 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from fourpole.core.condition import FREQUENCY
-from fourpole.guess.entries import Entry, RecordingConditions, axis_named
-from fourpole.guess.names import CONDITIONS, KINDS_OF, Token, plain
+from fourpole.guess.names import CONDITIONS, KINDS_OF, Entry, RecordingConditions, Token, axis_named, plain
 from fourpole.guess.specimens import doubt_equal, name_specimens
 from fourpole.guess.words import PASSED_OVER
 
@@ -177,17 +176,27 @@ def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> _Meaning | N
         return _Meaning("frequency", hertz)
     if keys == ("frequency",) or ((not keys or len(token.key) == 1) and _counts(values)):
         return None
-    possible = [what for what in keys or ("pressure", "preload") if keys or _wanted(what, tokens, entries)]
-    if not keys or (keys == ("temperature",) and _nameless(tokens, entries)):
-        possible = [what for what in possible if _apart(what, values)]
-    fitting = (one for what in possible for one in _MEANINGS if one.what == what and one.fits(values, keyed=bool(keys)))
+    possible = _possible(keys, tokens, entries, values)
+    fitting = (m for what in possible for m in _MEANINGS if m.what == what and m.fits(values, keyed=bool(keys)))
     return next(fitting, None)
+
+
+def _possible(
+    keys: tuple[str, ...],
+    tokens: Mapping[int, Token],
+    entries: Sequence[Entry],
+    values: np.ndarray,  # type: ignore[type-arg]
+) -> Sequence[str]:
+    """The conditions that the numbers of one slot may be: those of its key, else those that tests need."""
+    wanted = keys or [what for what in ("pressure", "preload") if _wanted(what, tokens, entries)]
+    if not keys or (keys == ("temperature",) and _nameless(tokens, entries)):
+        return [what for what in wanted if _apart(what, values)]
+    return wanted
 
 
 def _apart(what: str, values: np.ndarray) -> bool:  # type: ignore[type-arg]
     """Whether the different numbers would be different values of a condition; numbers such as 4711, 4712 are not."""
-    each = np.unique(values).tolist()
-    return not any(axis_named(what).same(one, other) for one, other in pairwise(each))
+    return not any(axis_named(what).same(a, b) for a, b in pairwise(np.unique(values).tolist()))
 
 
 def _nameless(tokens: Mapping[int, Token], entries: Sequence[Entry]) -> bool:

@@ -1,17 +1,18 @@
-"""Tokens of the name of a recording and of its header: values with units, numbers without a unit, and words."""
+"""Tokens of the name of a recording and of its header: values with units, bare numbers, and words; entries of them."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 
 from fourpole import quantities as q
 from fourpole import units
+from fourpole.core.condition import AXES, FREQUENCY, Axis, axis_of
 from fourpole.errors import UnitError
-from fourpole.guess.words import CALIBRATION, DYNAMIC, ENDINGS, IN_HEADERS, KEYS, MARKS, RANDOM, STATIC, SWEEP, UNITS
+from fourpole.guess.words import ENDINGS, IN_HEADERS, KEYS, KIND_WORDS, MARKS, UNITS
 
 AMPLITUDE = q.Quantity("amplitude", "amplitude", "amplitude", "m", "amplitude of the deflection", "mm", 1e-3)
 #: Conditions of a test that names, headers and notes may state, in the order of their columns in tests.csv.
@@ -28,6 +29,11 @@ KINDS_OF = {
     "preload_stiffness": "stiffness",
     "preload_damping": "damping",
 }
+#: The tolerances of the rule of one condition, and that of a frequency, by the name of the condition.
+_AXES = {axis.name: axis for axis in (*AXES, FREQUENCY)}
+#: Kinds of tests in which a specimen moves, and those on the moving rig.
+DYNAMIC_KINDS = ("dynamic", "random", "sweep")
+MOVING_KINDS = (*DYNAMIC_KINDS, "calibration")
 #: Largest number of characters of a name that are read.
 _LONGEST = 400
 #: Character that replaces a token in the text that is left.
@@ -69,6 +75,66 @@ class Token:
     doubt: str = ""
     joined: str = ""
     high: float = float("nan")
+
+
+def axis_named(condition: str) -> Axis:
+    """The tolerances within which two values of a condition are the same, by its name."""
+    return _AXES.get(condition) or axis_of(condition)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Kind, frequency and tokens of one recording; tokens of nearer folders come before those of farther ones.
+
+    Attributes
+    ----------
+    kind : str
+        "static", "dynamic", "random", "sweep" or "calibration".
+    frequency : float [Hz]
+        Frequency of the recording; not-a-number where it shows none.
+    name, header, folder : tuple of Token
+        Tokens of its name, of its header, and of the notes of its folder.
+    signals : tuple of Token
+        Conditions that its signals suggest; they count where nothing states one.
+    """
+
+    kind: str
+    frequency: float
+    name: tuple[Token, ...]
+    header: tuple[Token, ...] = ()
+    folder: tuple[Token, ...] = ()
+    signals: tuple[Token, ...] = ()
+
+    @property
+    def parts(self) -> tuple[tuple[str, tuple[Token, ...]], ...]:
+        """The tokens by place: name, header, folder. A token of an earlier place has priority."""
+        return ("name", self.name), ("header", self.header), ("folder", self.folder)
+
+    def stated(self, what: str) -> str:
+        """Text of the first token of a kind; empty if there is none."""
+        tokens = (*self.name, *self.header, *self.folder)
+        return next((token.text.strip() for token in tokens if token.what == what), "")
+
+
+@dataclass
+class RecordingConditions:
+    """Conditions of one recording in SI, the band of its excitation [Hz], its tyre, its doubts as (subject, text)."""
+
+    values: dict[str, float] = field(default_factory=dict)
+    tyre: str = ""
+    construction: str = ""
+    repeat: str = ""
+    band: tuple[float, float] | None = None
+    doubts: list[tuple[str, str]] = field(default_factory=list)
+
+    def doubt(self, about: str, text: str) -> None:
+        """Add a doubt on a subject."""
+        self.doubts.append((about, text))
+
+    def assume_tyre(self, name: str, text: str) -> None:
+        """Set the name of the tyre, and add the doubt on it."""
+        self.tyre = name
+        self.doubt("tyre", text)
 
 
 def plain(word: str) -> str:
@@ -187,8 +253,8 @@ def _taken(token: Token | None, text: str, found: list[Token]) -> str:
 
 def _valued(match: re.Match[str]) -> Token | None:
     """The token of a number with its unit; None for "n" without letters before the number, which is no newton."""
-    at = next(at for at in range(len(UNITS)) if match[f"u{at}"])
-    _, unit, what = UNITS[at]
+    place = next(place for place in range(len(UNITS)) if match[f"u{place}"])
+    _, unit, what = UNITS[place]
     key = match["key"] or ""
     keys = KEYS.get(key.casefold(), ())
     own = not key or what in keys or (what == "added_mass" and keys == ("preload",))
@@ -196,36 +262,32 @@ def _valued(match: re.Match[str]) -> Token | None:
     text = match[0][first - match.start() :].strip(" _")
     if what == "nothing":
         return Token("nothing", text)
-    if match[f"u{at}"] == "n" and not keys:
+    if match[f"u{place}"] == "n" and not keys:
         return None
-    number, doubt = _signed_number(match, what)
+    what, value, doubt = _condition(match, text, what, unit)
+    return Token(what, text, value, keys, key if own else "", doubt, match["glued"] or "")
+
+
+def _condition(match: re.Match[str], text: str, what: str, unit: str) -> tuple[str, float, str]:
+    """Condition, SI value and doubt of a number with its unit; only a temperature may be negative."""
+    number, doubt = _number(match["number"].replace("_", "."))
+    if what == "temperature" and match["sign"] in ("-", "minus"):
+        number = -number
     if match["under"]:
         doubt = f"{text} taken as {number:g} {unit}"
     if what == "added_mass":
-        what, unit, why = _mass_or_load(key, keys, number, signed=match["sign"] is not None)
-        doubt = f"{text} taken as {why}" if why else doubt
-    value = float(units.to_si([number], unit, KINDS_OF[what])[0])
-    return Token(what, text, value, keys, key if own else "", doubt, match["glued"] or "")
+        key = match["key"] or ""
+        if KEYS.get(key.casefold()) == ("preload",) or (not key and number >= _HEAVY):
+            what, unit, doubt = "preload", "kgf", f"{text} taken as a load of {number:g} kgf"
+        elif not key and match["sign"] is None:
+            doubt = f"{text} taken as a mass that was added"
+    return what, float(units.to_si([number], unit, KINDS_OF[what])[0]), doubt
 
 
 def _band(match: re.Match[str]) -> Token | None:
     """The token of a band of frequencies; None if its first number is not the lower one."""
     low, high = _number(match["low"])[0], _number(match["high"])[0]
     return Token("band", match[0], low, high=high) if 0 < low < high else None
-
-
-def _signed_number(match: re.Match[str], what: str) -> tuple[float, str]:
-    """A number before a unit, and the doubt on it; only a temperature may be negative."""
-    number, doubt = _number(match["number"].replace("_", "."))
-    below_zero = what == "temperature" and match["sign"] in ("-", "minus")
-    return (-number if below_zero else number), doubt
-
-
-def _mass_or_load(key: str, keys: tuple[str, ...], number: float, *, signed: bool) -> tuple[str, str, str]:
-    """Condition and unit of a number in kg, and the assumption in words; the last is empty if there is no doubt."""
-    if keys == ("preload",) or (not key and number >= _HEAVY):
-        return "preload", "kgf", f"a load of {number:g} kgf"
-    return "added_mass", "kg", "" if key or signed else "a mass that was added"
 
 
 def _keyed(match: re.Match[str]) -> Token | None:
@@ -272,19 +334,10 @@ def _left_words(left: str) -> Iterator[str]:
             yield from _PARTS.findall(piece)
 
 
-_KIND_WORDS = (
-    ("static", STATIC),
-    ("random", RANDOM),
-    ("sweep", SWEEP),
-    ("dynamic", DYNAMIC),
-    ("calibration", CALIBRATION),
-)
-
-
 def kind_word(word: str) -> str:
     """Kind of test that a word names, "static", "random" ...; empty for another word."""
     bare = plain(word)
-    return next((kind for kind, words in _KIND_WORDS if bare in words), "")
+    return next((kind for kind, words in KIND_WORDS.items() if bare in words), "")
 
 
 #: A line "key: value", with another separator or in quotation marks if need be.
@@ -319,8 +372,11 @@ def _of_pair(line: str) -> list[Token]:
     key, unit = units.column_unit(match["key"])
     value = match["value"].strip()
     what = _meant(key)
-    if what in KINDS_OF:
-        return _stated(what, line, value, unit, key)
+    return _stated(what, line, value, unit, key) if what in KINDS_OF else _text_of(what, line, value)
+
+
+def _text_of(what: str, line: str, value: str) -> list[Token]:
+    """The token of a key whose value is a text."""
     if what in ("tyre", "construction"):
         return [Token(what, value[:80])]
     if what == "serial":

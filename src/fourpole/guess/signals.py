@@ -10,7 +10,11 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.spectrum import hann, peak_place
-from fourpole.guess.excitation import excitation_of
+from fourpole.core.demodulation.tracks import Track
+from fourpole.core.spectra import average, random, sweep
+from fourpole.core.spectra.excited import RESOLVED
+from fourpole.core.spectra.motion import fine_spectrum, motion_of, segment_of
+from fourpole.errors import FourpoleError
 from fourpole.io.look import filled, rate_of
 from fourpole.io.signals import Signal
 from fourpole.io.stream import StreamSource, stream
@@ -29,6 +33,18 @@ _FEWEST_TURNS = 6.0
 _STEADY = 0.4
 #: Smallest ratio of the least to the largest amplitude of the quarters of a dynamic test [1].
 _SUSTAINED = 0.3
+#: Segments of the spectrum that shows the band.
+_FINE = 32
+#: Least power in the band over the largest [1], and the least over the floor of the spectrum.
+_POWER, _FLOOR = 1e-4, 10.0
+#: Bins without power that a band may have.
+_GAP = 3
+#: Fewest cycles of the lowest frequency in a recording of many frequencies.
+_CYCLES = 30.0
+#: Least ratio of the ends of a band, and margin for the round-off of the sampling rate.
+_WIDE, _MARGIN = 1.5, 1.01
+#: Least share of the recording in which the power of a sweep lies [1]: an impact has far less.
+_LASTING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +110,19 @@ def signal_shape(
     differentiations that make it a velocity.
     """
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
-    ranges = {name: (float(one.samples.min()), float(one.samples.max())) for name, one in lines.items()}
-    thin = {name: one.samples[:: max(1, one.samples.size // 2000)] for name, one in lines.items()}
-    means = {name: float(one.samples.mean()) for name, one in lines.items()}
-    shape = SignalShape("", float("nan"), rate, ranges=ranges, samples=thin, means=means)
-    excited = {name: one for name, one in lines.items() if name not in aside and one.moves}
-    if not excited or min(one.samples.size for one in excited.values()) < 16:
+    shape = SignalShape("", float("nan"), rate)
+    for name, samples in ((name, line.samples) for name, line in lines.items()):
+        shape.ranges[name] = float(samples.min()), float(samples.max())
+        shape.samples[name] = samples[:: max(1, samples.size // 2000)]
+        shape.means[name] = float(samples.mean())
+    excited = {name: line for name, line in lines.items() if name not in aside and line.moves}
+    if min((line.samples.size for line in excited.values()), default=0) < 16:
         return shape
-    found = _with_excitation(shape, excited, {name: one for name, one in lines.items() if name in aside})
-    chosen = next((name for name in motions or {} if name in excited), None)
-    return found if chosen is None else _with_band(found, excited[chosen], (motions or {})[chosen])
+    shape = _with_excitation(shape, excited, {name: line for name, line in lines.items() if name in aside})
+    for name, derivative in (motions or {}).items():
+        if name in excited:
+            return _with_band(shape, excited[name], derivative)
+    return shape
 
 
 def _with_band(shape: SignalShape, motion: _Line, derivative: int) -> SignalShape:
@@ -125,17 +144,18 @@ def _is_slow(motion: _Line) -> bool:
 
 def _with_excitation(shape: SignalShape, excited: dict[str, _Line], aside: dict[str, _Line]) -> SignalShape:
     """The shape with kind, frequency and amplitudes of the excited channels, and the pulses of those `aside`."""
-    best = max(excited.values(), key=lambda one: one.line[1])
+    best = max(excited.values(), key=lambda channel: channel.line[1])
     turns, _ = best.line
     frequency = turns * best.rate if best.rate else float("nan")
-    per_sample = {name: frequency / one.rate if one.rate else turns for name, one in {**excited, **aside}.items()}
+    channels = {**excited, **aside}
+    per_sample = {name: frequency / line.rate if line.rate else turns for name, line in channels.items()}
     return replace(
         shape,
         kind=_kind(best),
         frequency=frequency,
         rate=best.rate,
-        amplitudes={name: one.amplitude(per_sample[name]) for name, one in excited.items()},
-        pulses={name: _edges(one.samples) / (per_sample[name] * one.samples.size) for name, one in aside.items()},
+        amplitudes={name: line.amplitude(per_sample[name]) for name, line in excited.items()},
+        pulses={name: _edges(line.samples) / (per_sample[name] * line.samples.size) for name, line in aside.items()},
     )
 
 
@@ -213,3 +233,68 @@ def _lasts(column: FloatArray, turns_per_sample: float) -> bool:
     quarters = [part for part in np.array_split(column[:_SPECTRUM], 4) if part.size >= 8]
     sizes = [abs(turn(part, turns_per_sample)) for part in quarters]
     return min(sizes) > _SUSTAINED * max(sizes)
+
+
+# ---- random excitation and sweeps
+
+
+def excitation_of(samples: FloatArray, rate: float, derivative: int = 0) -> tuple[str, tuple[float, float]] | None:
+    """Kind of a recording, "random" or "sweep", and its band [Hz]; None if it is neither.
+
+    Parameters
+    ----------
+    samples : (N,) float array
+        A motion or, without one, the force.
+    rate : float [Hz]
+    derivative : int
+        Number of differentiations that turn the samples into a velocity.
+    """
+    signal = samples - samples.mean()
+    track = Track(("motion_in",), signal[None], np.ones(signal.size, bool), np.arange(signal.size) / rate, rate)
+    length = signal.size / rate
+    try:
+        band = _band(track, derivative)
+        if band is None or length * band[0] < _CYCLES or band[1] < _WIDE * band[0]:
+            return None
+        motion = motion_of(track, segment_of(length, band[0]), band, fine_spectrum(track))
+    except FourpoleError:
+        return None
+    if not motion.is_swept:
+        band = _resolved(band, random.SHORTEST, length)
+        return None if motion.has_sines or band is None else ("random", band)
+    parts = np.array([np.mean(part**2) for part in np.array_split(signal, _FINE)])
+    lasting = parts.sum() ** 2 / (parts.size * max(float(np.sum(parts**2)), 1e-300))
+    band = _resolved(band, sweep.SHORTEST, length)
+    return ("sweep", band) if lasting > _LASTING and band is not None else None
+
+
+def _resolved(band: tuple[float, float], cycles: float, length: float) -> tuple[float, float] | None:
+    """The part of a band [Hz] of whose lowest frequency a recording [s] has enough cycles; None if it is too narrow."""
+    lowest = _MARGIN * cycles / length
+    digits = 1 - int(np.floor(np.log10(lowest)))
+    low = max(band[0], float(np.ceil(lowest * 10.0**digits) / 10.0**digits))
+    return (low, band[1]) if band[1] > _WIDE * low else None
+
+
+def _band(track: Track, derivative: int) -> tuple[float, float] | None:
+    """The band [Hz] in which the velocity has power; None if it has none."""
+    size = int(2 * track.time.size / (_FINE + 1))
+    starts = average.starts_of(track.present, size)
+    if size < 16 or starts.size < 2:
+        return None
+    frequency, inside = average.bins_of(size, track.rate, (0.0, track.rate))
+    lines = average.lines_of(track.signals, starts, average.hann(size), inside)[0]
+    power = np.mean(np.abs(lines) ** 2, axis=0) * frequency ** (2.0 * derivative)
+    floor = float(np.quantile(power, 0.1))
+    most = float(power.max())
+    least = max(_POWER * most, _FLOOR * floor if floor * _FLOOR < 0.1 * most else 0.0)
+    held = np.flatnonzero(power > least)
+    if held.size == 0:
+        return None
+    parts = np.split(held, np.flatnonzero(np.diff(held) > _GAP) + 1)
+    part = max(parts, key=lambda one: float(power[one].sum() / frequency[one[0]]) if one.size > 2 else 0.0)
+    if part.size < 6:
+        return None
+    # the main lobe of the window widens the band by two bins on either side
+    low, high = frequency[part[0] + 2], frequency[part[-1] - 2]
+    return float(f"{low:.2g}"), min(float(f"{high:.2g}"), RESOLVED * track.rate)

@@ -13,8 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fourpole.core.arrays import IntArray
-from fourpole.guess.entries import Entry, RecordingConditions, axis_named
-from fourpole.guess.names import KINDS_OF, Token, plain
+from fourpole.guess.names import KINDS_OF, Entry, RecordingConditions, Token, axis_named, plain
 from fourpole.guess.words import CONSTRUCTIONS, KEYS, PASSED_OVER, STATES
 from fourpole.units import shown
 
@@ -84,13 +83,21 @@ def _frequency(entry: Entry, stated: float | None) -> float | None:
     return entry.frequency if np.isfinite(entry.frequency) else stated
 
 
-def _splits(keys: Sequence[tuple[object, ...]], tests: Sequence[_Test], values: Sequence[str]) -> bool:
+def _sets(keys: Iterable[object], values: Iterable[str]) -> list[set[str]]:
+    """The different values of each key."""
+    sets: dict[object, set[str]] = {}
+    for key, value in zip(keys, values, strict=True):
+        sets.setdefault(key, set()).add(value)
+    return list(sets.values())
+
+
+def _splits(tests: Sequence[_Test], values: Sequence[str]) -> bool:
     """Whether values differ between tests of one specimen, as named so far, at one condition."""
-    found: dict[tuple[object, ...], set[str]] = {}
-    for key, (_, conditions), value in zip(keys, tests, values, strict=True):
-        if value:
-            found.setdefault((*key, plain(conditions.tyre), conditions.repeat), set()).add(value)
-    return any(len(several) > 1 for several in found.values())
+    keys = [
+        (*key, plain(conditions.tyre), conditions.repeat)
+        for key, (_, conditions) in zip(_conditions(tests), tests, strict=True)
+    ]
+    return any(len(several - {""}) > 1 for several in _sets(keys, values))
 
 
 # --- numbers -----------------------------------------------------------------------------------------------------
@@ -131,40 +138,38 @@ def _consider(key: str, values: list[str], tests: Sequence[_Test]) -> None:
     each = sorted(set(used), key=lambda text: (len(text), text))
     if len(each) < 2 or len(used) < _PRESENT * len(tests) or len(each) > _COUNTS * len(used) or _known(values, tests):
         return
-    splits, named = _splits(_conditions(tests), tests, values), any(conditions.tyre for _, conditions in tests)
-    listed = _listed(each)
+    splits, named = _splits(tests, values), any(conditions.tyre for _, conditions in tests)
+    if key == "number" and splits and named and _consecutive(each):
+        _number_repeats(tests, values, _listed(each))
+    elif (doubt := _doubt_on(key, each, splits=splits, named=named)) is not None:
+        _add(tests, values, doubt)
+
+
+def _doubt_on(key: str, each: Sequence[str], *, splits: bool, named: bool) -> str | None:
+    """The doubt with which numbers are taken as those of specimens, empty for none; None if they are not taken.
+
+    `splits` says that they differ between tests of one specimen at one condition, `named` that specimens have names.
+    """
+    listed, alone = _listed(each), "are never at the same condition: are they those of the tyres?"
+    taken = f"the numbers {listed} of their names are taken as those of the tyres"
     if key in ("date", "count"):
-        if splits and not named:
-            what = "dates" if key == "date" else "numbers"
-            _add(
-                tests, values, f"the {what} {listed} hold the same conditions and are taken as tyres: are they repeats?"
-            )
-        return
+        what = "dates" if key == "date" else "numbers"
+        same = f"the {what} {listed} hold the same conditions and are taken as tyres: are they repeats?"
+        return same if splits and not named else None
     if key == "serial":
-        alone = f"the serial numbers {listed} are never at the same condition: are they those of the tyres?"
-        _add(tests, values, "" if splits else alone)
-    elif _consecutive(each):
-        if splits and named:
-            _number_repeats(tests, values, listed)
-        elif splits or not named:
-            _add(
-                tests,
-                values,
-                f"the numbers {listed} of their names are taken as those of the tyres: or are they repeats?",
-            )
-    elif splits:
-        short = min(len(plain(text)) for text in each) < 3
-        _add(tests, values, f"the numbers {listed} of their names are taken as those of the tyres" if short else "")
-    elif not named and min(len(plain(text)) for text in each) > 2:
-        _add(tests, values, f"the numbers {listed} are never at the same condition: are they those of the tyres?")
+        return "" if splits else f"the serial numbers {listed} {alone}"
+    if _consecutive(each):
+        return None if named else f"{taken}: or are they repeats?"
+    short = min(len(plain(text)) for text in each) < 3
+    if splits:
+        return taken if short else ""
+    return None if named or short else f"the numbers {listed} {alone}"
 
 
 def _known(values: Sequence[str], tests: Sequence[_Test]) -> bool:
     """Whether each specimen, as named so far, has one number of its own."""
-    found: dict[str, set[str]] = {}
-    for value, (_, conditions) in zip(values, tests, strict=True):
-        found.setdefault(plain(conditions.tyre), set()).add(value)
-    return all(len(several) == 1 for several in found.values()) and len(found) > 1
+    numbers = _sets((plain(conditions.tyre) for _, conditions in tests), values)
+    return all(len(several) == 1 for several in numbers) and len(numbers) > 1
 
 
 def _consecutive(texts: Sequence[str]) -> bool:
@@ -202,10 +207,8 @@ def _listed(texts: Sequence[str]) -> str:
 def _name_by_words(tests: Sequence[_Test]) -> None:
     """Name the tyres as stated, or by words if more names made of words are repeated than tyres are stated."""
     stated = [entry.stated("tyre") or entry.stated("construction") for entry, _ in tests]
-    names = _of_values([entry for entry, _ in tests])
-    sides = {plain(token.text) for entry, _ in tests for token in entry.name if token.what == "word"} & {"l", "r"}
-    names |= PASSED_OVER - (sides if len(sides) == 2 else set())
-    words = _distinguishing([_words(entry, names) for entry, _ in tests], [entry.kind for entry, _ in tests])
+    others = _other_words([entry for entry, _ in tests])
+    words = _distinguishing([_words(entry, others) for entry, _ in tests], [entry.kind for entry, _ in tests])
     often = Counter(tuple(map(plain, own)) for own in words if own)
     by_words = sum(count > 1 for count in often.values()) > len(set(map(plain, stated)))
     spelling: dict[str, str] = {}
@@ -216,14 +219,17 @@ def _name_by_words(tests: Sequence[_Test]) -> None:
         conditions.construction = entry.stated("construction")
 
 
-def _of_values(entries: Sequence[Entry]) -> set[str]:
-    """Chinese and Japanese words that stand directly before the values of one condition, the same in all names."""
-    found: dict[str, set[str]] = {}
-    for entry in entries:
-        for token in entry.name:
-            if token.what in KINDS_OF and token.joined:
-                found.setdefault(token.what, set()).add(plain(token.joined))
-    return {next(iter(words)) for words in found.values() if len(words) == 1}
+def _other_words(entries: Sequence[Entry]) -> set[str]:
+    """Words that are not of a tyre: those that are passed over, but for the letters of both sides, l and r.
+
+    So are Chinese and Japanese words that stand directly before the values of one condition, the same in all names.
+    """
+    tokens = [token for entry in entries for token in entry.name]
+    before = [token for token in tokens if token.what in KINDS_OF and token.joined]
+    words = _sets((token.what for token in before), (plain(token.joined) for token in before))
+    sides = {plain(token.text) for token in tokens if token.what == "word"} & {"l", "r"}
+    alike = {next(iter(several)) for several in words if len(several) == 1}
+    return alike | (PASSED_OVER - (sides if len(sides) == 2 else set()))
 
 
 def _doubt_words(tests: Sequence[_Test]) -> None:
@@ -232,24 +238,25 @@ def _doubt_words(tests: Sequence[_Test]) -> None:
     doubted = any(about == "tyre" for _, conditions in tests for about, _ in conditions.doubts)
     if len(names) < 2 or doubted or any(entry.stated("tyre") for entry, _ in tests):
         return
-    often = Counter(plain(word) for name in names.values() for word in name.split())
-    vary = {word for word, count in often.items() if count < len(names)}
-    listed = _listed(list(names.values()))
-    why = ""
-    states = [word for name in names.values() for word in name.split() if plain(word) in vary and _of_state(word)]
-    initials = [name for name in names.values() if re.fullmatch(r"[A-Z]{2,3}", name)]
-    if len(names) >= 4 and any(len(name.split()) > 1 for name in names.values()) and max(often.values()) > 1:
-        why = f"{len(names)} tyres by the words that vary ({listed}): if some of them are not of a tyre, take them out"
-    elif states:
-        some = _listed(list(dict.fromkeys(states)))
-        why = f"taken as tyres: {listed}; {some} may be a place, a direction, a state or a condition of one tyre"
-    elif len(initials) == len(names):
-        why = f"taken as tyres: {listed}; or are they initials of persons?"
-    elif not any(map(_telling, names.values())) and not _overlap(tests):
-        why = f"taken as tyres: {listed}, the words by which names differ; no two are at the same condition"
-    if why:
+    if why := _doubt_on_words(list(names.values()), tests):
         for _, conditions in tests:
             conditions.doubt("tyre", why)
+
+
+def _doubt_on_words(names: Sequence[str], tests: Sequence[_Test]) -> str:
+    """Why the words that name the specimens may be of something else; empty if there is no doubt."""
+    words = [word for name in names for word in name.split()]
+    often, listed = Counter(map(plain, words)), _listed(names)
+    if len(names) >= 4 and len(words) > len(names) and max(often.values()) > 1:
+        return f"{len(names)} tyres by the words that vary ({listed}): if some of them are not of a tyre, take them out"
+    if states := [word for word in words if often[plain(word)] < len(names) and _of_state(word)]:
+        some = _listed(list(dict.fromkeys(states)))
+        return f"taken as tyres: {listed}; {some} may be a place, a direction, a state or a condition of one tyre"
+    if all(re.fullmatch(r"[A-Z]{2,3}", name) for name in names):
+        return f"taken as tyres: {listed}; or are they initials of persons?"
+    if not any(map(_telling, names)) and not _overlap(tests):
+        return f"taken as tyres: {listed}, the words by which names differ; no two are at the same condition"
+    return ""
 
 
 def _of_state(word: str) -> bool:
@@ -268,10 +275,8 @@ def _telling(name: str) -> bool:
 
 def _overlap(tests: Sequence[_Test]) -> bool:
     """Whether two specimens were tested at one condition."""
-    found: dict[tuple[object, ...], set[str]] = {}
-    for key, (_, conditions) in zip(_conditions(tests), tests, strict=True):
-        found.setdefault(key, set()).add(plain(conditions.tyre))
-    return any(len(several) > 1 for several in found.values())
+    tyres = _sets(_conditions(tests), (plain(conditions.tyre) for _, conditions in tests))
+    return any(len(several) > 1 for several in tyres)
 
 
 def _words(entry: Entry, others: set[str]) -> list[str]:

@@ -25,11 +25,9 @@ from fourpole.guess.channels import (
     static_roles,
 )
 from fourpole.guess.conditions import read_conditions
-from fourpole.guess.entries import DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions
 from fourpole.guess.gather import FolderContents, gather
-from fourpole.guess.names import CONDITIONS, Token, kind_word
-from fourpole.guess.naming import named_by, test_names
-from fourpole.guess.pattern import read_pattern
+from fourpole.guess.names import CONDITIONS, DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions, Token, kind_word
+from fourpole.guess.pattern import named_by, read_pattern, test_names
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import CONSTRUCTIONS
 from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row

@@ -64,24 +64,26 @@ UNITS: tuple[tuple[str, str, str], ...] = (
     ("(?:ms|min|s|sec|h|cyc(?:les)?)(?![a-zA-Z])", "", "nothing"),
 )
 
-#: Words that identify the kind of a test.
-STATIC = _words(
-    "static stat statics statisch statik statique estatico statico quasistatic quasistatisch quasistatique qs ld "
-    "kennlinie federkennlinie loaddeflection ramp slow k1 estática loadcurve springrate "
-    "静的 静特性 静荷重試験 静态 静刚度 静剛性 靜態"
-)
-DYNAMIC = _words(
-    "dynamic dyn dynamics dynamisch dynamik dynamique dinamico sine sinus harmonic vib vibration schwing "
-    "動的 動特性 动态 動態 动刚度 正弦"
-)
-CALIBRATION = _words(
-    "cal calib calibration kal kalib kalibrierung rigid rigidmass starr starrkörper starrmasse dummymass etalonnage"
-)
-RANDOM = _words(
-    "random rnd noise whitenoise pink rauschen zufall stochastisch aléatoire aleatoire bruit aleatorio ruido multisine "
-    "psd ランダム 随机 隨機"
-)
-SWEEP = _words("sweep swept sinesweep chirp gleitsinus gleitend durchlauf balayage barrido スイープ 扫频 掃頻")
+#: Words that identify the kind of a test; the first kind that has a word counts.
+KIND_WORDS: dict[str, frozenset[str]] = {
+    "static": _words(
+        "static stat statics statisch statik statique estatico statico quasistatic quasistatisch quasistatique qs ld "
+        "kennlinie federkennlinie loaddeflection ramp slow k1 estática loadcurve springrate "
+        "静的 静特性 静荷重試験 静态 静刚度 静剛性 靜態"
+    ),
+    "random": _words(
+        "random rnd noise whitenoise pink rauschen zufall stochastisch aléatoire aleatoire bruit aleatorio ruido "
+        "multisine psd ランダム 随机 隨機"
+    ),
+    "sweep": _words("sweep swept sinesweep chirp gleitsinus gleitend durchlauf balayage barrido スイープ 扫频 掃頻"),
+    "dynamic": _words(
+        "dynamic dyn dynamics dynamisch dynamik dynamique dinamico sine sinus harmonic vib vibration schwing "
+        "動的 動特性 动态 動態 动刚度 正弦"
+    ),
+    "calibration": _words(
+        "cal calib calibration kal kalib kalibrierung rigid rigidmass starr starrkörper starrmasse dummymass etalonnage"
+    ),
+}
 
 #: Words in names of recordings that are no part of a specimen's name.
 PASSED_OVER = _words(

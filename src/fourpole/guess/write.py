@@ -14,8 +14,7 @@ from fourpole import quantities as q
 from fourpole.campaign.row import DOUBTS, doubts_cell
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
-from fourpole.guess.entries import MOVING_KINDS
-from fourpole.guess.names import CONDITIONS
+from fourpole.guess.names import CONDITIONS, MOVING_KINDS
 from fourpole.io.lock import campaign_lock
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text

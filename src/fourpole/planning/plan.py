@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -204,24 +204,28 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     planned = _to_plan(campaign)
     rule = campaign.stated.sameness
     earlier = _Earlier.of(campaign.folder / "results", rule)
-    notes = list(campaign.stated.assumptions())
-    if earlier is not None and not _whole(guess):
-        notes.append(f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv")
-    if bands := [test.name for test in campaign.tests if test.band is not None]:
-        named = first_of(bands, _NAMED)
-        notes.append(f"{named}: random tests and sweeps are not planned, their uncertainty follows from the coherence")
-    if left_out := [test.name for test in planned if test.excluded]:
-        notes.append(
-            f"tests with a reason in the column excluded are planned as the others: {first_of(left_out, _NAMED)}"
-        )
     rigs = []
     for name in dict.fromkeys(test.rig for test in planned):
         tests = tuple(test for test in planned if test.rig == name)
         tyres = [_RIGID if test.kind == "calibration" else _tyre(test, guess, earlier) for test in tests]
         rigs.append(_rig_plan(campaign, name, tests, tyres, run))
-    if _k1_assumed(planned, guess, earlier):
-        notes.append("K1: no uncertainty stated, taken as 2 % (--std-k1)")
-    return CampaignPlan(tuple(rigs), campaign.tests, campaign.extra_columns, (*notes, *_lift_off(rigs)), rule)
+    notes = (*_notes(campaign, planned, guess, earlier), *_lift_off(rigs))
+    return CampaignPlan(tuple(rigs), campaign.tests, campaign.extra_columns, notes, rule)
+
+
+def _notes(campaign: Campaign, planned: Sequence[Test], guess: Guess, earlier: _Earlier | None) -> Iterator[str]:
+    """What was assumed, and which tests are not planned or planned although they are excluded."""
+    yield from campaign.stated.assumptions()
+    if earlier is not None and not _whole(guess):
+        yield f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv"
+    if bands := [test.name for test in campaign.tests if test.band is not None]:
+        named = first_of(bands, _NAMED)
+        yield f"{named}: random tests and sweeps are not planned, their uncertainty follows from the coherence"
+    if left_out := [test.name for test in planned if test.excluded]:
+        yield f"tests with a reason in the column excluded are planned as the others: {first_of(left_out, _NAMED)}"
+    stated = all("u(K1)" in test.values for test in planned if test.kind == "dynamic")
+    if guess.k1_std is None and not stated and (guess.k1 is not None or earlier is None):
+        yield "K1: no uncertainty stated, taken as 2 % (--std-k1)"
 
 
 def _to_plan(campaign: Campaign) -> list[Test]:
@@ -335,14 +339,6 @@ def bare_plan(
 
 def _whole(guess: Guess) -> bool:
     return None not in (guess.k1, guess.k2, guess.c)
-
-
-def _k1_assumed(tests: Sequence[Test], guess: Guess, earlier: _Earlier | None) -> bool:
-    """Whether the uncertainty of any K1 is the default one."""
-    if guess.k1_std is not None:
-        return False
-    stated = all("u(K1)" in test.values for test in tests if test.kind == "dynamic")
-    return not stated and (guess.k1 is not None or earlier is None)
 
 
 def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> _Tyre:
