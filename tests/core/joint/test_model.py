@@ -262,5 +262,5 @@ def test_two_columns_that_are_nearly_one_are_still_made_orthonormal(nearly):
     basis, upper = model._orthonormal(columns)
     assert np.abs(np.swapaxes(basis, 1, 2) @ basis - np.eye(2)).max() < 64 * EPS
     assert np.abs(basis @ upper - columns).max() < 64 * EPS * np.abs(columns).max()
-    left = projected(basis)(columns)
+    left = projected(basis, columns)
     assert np.abs(left).max() < 64 * EPS * np.abs(columns).max()

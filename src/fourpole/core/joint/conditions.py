@@ -49,8 +49,9 @@ def group_conditions(
     [0, 1, 0]
     """
     own = np.arange(family.size) if recording is None else recording
-    named = _named(family, nominal)
-    places = frequency if nominal is None else np.where(named, nominal, frequency)
+    nominal = np.full(family.size, np.nan) if nominal is None else nominal
+    named = ~np.isin(family, np.unique(family[~np.isfinite(nominal)]))
+    places = np.where(named, nominal, frequency)
     order = np.lexsort((frequency, places, family))
     labels = np.full(family.size, -1)
     current, first, last, label = -1, 0.0, 0.0, -1
@@ -67,14 +68,6 @@ def group_conditions(
         present.add(int(own[index]))
         labels[index] = label
     return labels
-
-
-def _named(family: np.ndarray, nominal: FloatArray | None) -> np.ndarray:
-    """Flags (N,) of the tests of families whose nominal frequencies are all stated."""
-    if nominal is None:
-        return np.zeros(family.size, dtype=bool)
-    lacking = np.unique(family[~np.isfinite(nominal)])
-    return ~np.isin(family, lacking)
 
 
 class JointConditions:

@@ -72,12 +72,6 @@ class Joint(ByValue):
         """Complex gains (N, 3) of F1, V1, V2 as found."""
         return self.problem.observed.gains(self.problem.shared, self.solution.z)[np.argsort(self.order)]
 
-    @cached_property
-    def input_mass(self) -> float:
-        """Mass between force cell and contact as found [kg], with the unstated part of it."""
-        shared, z = self.problem.shared, self.solution.z
-        return shared.rig_at(z).input_mass + shared.extra_at(z).get("input", 0.0)
-
     @property
     def found(self) -> FloatArray:
         """Shared values as found, each in its unit."""
@@ -127,8 +121,12 @@ def solve_joint(
     sorted_phasors = phasors.part(order)
     observed = Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run)
     conditions = JointConditions(label[order], family[order], sorted_phasors.frequency, k1[order])
+    deflection = conditions.off_curve(observed.deflection)
+    if np.sum(np.abs(deflection) > _UNLIKE) < _FEWEST_UNLIKE:
+        # A deflection that changes with frequency alone cannot be distinguished from the slope of K* over frequency.
+        deflection = np.zeros(count)
     problem = Problem(
-        replace(observed, deflection=_unlike(conditions.off_curve(observed.deflection))),
+        replace(observed, deflection=deflection),
         conditions,
         stated,
         tuple(error.source for error in errors),
@@ -155,20 +153,16 @@ def _reconciled(problem: Problem, channels: ChannelUncertainty) -> tuple[Problem
     as_stated = np.zeros(len(problem.shared))
     gross = gross_errors(problem.observed, problem.shared)
     start = closed_form_start(problem.observed, problem.conditions, problem.shared, channels)
-    problem = _with_frequency_noise(problem, start)
+    observed = problem.observed
+    if np.any(observed.frequency_std > 0):  # its effect on the amplitudes counts as noise
+        relative = 2 * np.pi * observed.frequency_std / observed.omega
+        by_frequency = problem.by_log_frequency(as_stated, start) * relative[:, None]
+        problem = problem.widened(by_frequency[:, :, None])
     problem = replace(problem, scatter=robust_scatter(problem, deviations(problem, as_stated, start)))
     if gross:
         problem = without_rig(problem, as_stated, start, 1.0)
     problem, solution = solve_either(problem, start)
     return reconcile(problem, solution, start, gross)
-
-
-def _unlike(deflection: FloatArray) -> FloatArray:
-    """The logarithm of the deflection off the curve of its condition, or 0 if repeats hardly differ in it.
-
-    A deflection that changes with frequency alone cannot be distinguished from the slope of K* over frequency.
-    """
-    return np.where(np.sum(np.abs(deflection) > _UNLIKE) >= _FEWEST_UNLIKE, deflection, 0.0)
 
 
 def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarray, FloatArray]:
@@ -207,16 +201,6 @@ def _places(specimen: np.ndarray, time: FloatArray) -> FloatArray:
         return np.zeros(time.size)
     mean = np.bincount(specimen, time) / np.bincount(specimen)
     return np.asarray((time - mean[specimen]) / length)
-
-
-def _with_frequency_noise(problem: Problem, stiffness: ComplexArray) -> Problem:
-    """The problem with the effect of the frequency's uncertainty on the amplitudes added to the noise."""
-    observed = problem.observed
-    if not np.any(observed.frequency_std > 0):
-        return problem
-    by_log = problem.by_log_frequency(np.zeros(len(problem.shared)), stiffness)
-    relative = 2 * np.pi * observed.frequency_std / observed.omega
-    return problem.widened((by_log * relative[:, None])[:, :, None])
 
 
 #: Least relative uncertainty of a channel or of the rig in the comparison of routes.

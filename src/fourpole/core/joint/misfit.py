@@ -91,21 +91,20 @@ class Residuals(ByRows):
 def residuals(problem: Problem, solution: Solution) -> Residuals:
     """Residuals of a solution, in the order of the problem."""
     parts = [
-        _of_chunk(problem.observed.part(rows), linear)
+        _residuals(problem.observed.part(rows), linear)
         for rows, _, linear in problem.linearised(solution.z, solution.stiffness)
     ]
     return Residuals(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _of_chunk(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
+def _residuals(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
     """The fields of `Residuals` for some tests."""
-    by_k, tyre_weight = linear.by_stiffness, _gram(linear.by_stiffness)
+    by_k = linear.by_stiffness
     basis, _ = cholesky_qr(by_k)
-    tyre = _across(basis, linear.residual)
-    fit_out = projected(basis)
-    rest = fit_out(linear.residual[..., None])[..., 0]
-    by_zr = fit_out(linear.by_impedance)
-    rig_weight, rig_part = _gram(by_zr), _across(by_zr, rest)
+    tyre = np.einsum("nij,ni->nj", basis, linear.residual)
+    rest = projected(basis, linear.residual[..., None])[..., 0]
+    by_zr = projected(basis, linear.by_impedance)
+    rig_weight, rig_part = np.swapaxes(by_zr, 1, 2) @ by_zr, np.einsum("nij,ni->nj", by_zr, rest)
     inverse = inverse_upper(upper_factor(rig_weight))
     covariance = inverse @ np.swapaxes(inverse, 1, 2)
     off = (covariance @ rig_part[..., None])[..., 0]
@@ -118,21 +117,11 @@ def _of_chunk(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
         np.sum(rest**2, axis=1),
         np.maximum(dof, 0),
         np.sum(tyre**2, axis=1),
-        _across(by_k, linear.residual),
-        tyre_weight,
+        np.einsum("nij,ni->nj", by_k, linear.residual),
+        np.swapaxes(by_k, 1, 2) @ by_k,
         rig_part,
         rig_weight,
     )
-
-
-def _gram(columns: FloatArray) -> FloatArray:
-    """A^T A (N, k, k) of columns A (N, 6, k)."""
-    return np.swapaxes(columns, 1, 2) @ columns
-
-
-def _across(columns: FloatArray, vector: FloatArray) -> FloatArray:
-    """A^T v (N, k) of columns A (N, 6, k) and vectors v (N, 6)."""
-    return np.einsum("nij,ni->nj", columns, vector)
 
 
 def pulls(solution: Solution) -> FloatArray:
@@ -150,13 +139,11 @@ def is_unlikely(chi2: float, dof: float) -> bool:
     return bool(dof > 0 and stats.chi2.sf(chi2, dof) < CHANCE)
 
 
-def largest_part(problem: Problem, solution: Solution) -> FloatArray:
-    """Modulus of the larger part of Zr, mass or spring (N,) [N s/m]; unlike Zr it does not vanish at resonance."""
-    return largest_at(problem, solution.z, solution.stiffness)
+def largest_part(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
+    """Modulus of the larger part of Zr, mass or spring (N,) [N s/m]; unlike Zr it does not vanish at resonance.
 
-
-def largest_at(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
-    """`largest_part` at shared values z and K* of each condition."""
+    It is that at shared values z and K* of each condition.
+    """
     rig, omega = problem.shared.rig_at(z), problem.observed.omega
     return larger_part(problem.columns("impedance", z, stiffness), omega, rig)
 
@@ -289,7 +276,7 @@ def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
     input_mass = np.zeros((omega.size, 3, 1), dtype=complex)
     input_mass[:, 0, 0] = 1j * omega * linear.drive
     sensor = np.concatenate([input_mass, observed.turns * linear.predicted[:, :, None]], axis=2)
-    errors = projected(linear.frame)(whitened(observed.whiten, sensor))
+    errors = projected(linear.frame, whitened(observed.whiten, sensor))
     errors = errors if linear.weigh is None else linear.weigh @ errors
     amplitude = linear.by_stiffness[:, :, :1] * observed.deflection[:, None, None]
     return np.concatenate([amplitude, columns, errors], axis=2)

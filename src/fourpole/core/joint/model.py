@@ -10,7 +10,7 @@ derivatives first. If K* scatters from test to test, its scatter is noise along 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,7 +99,7 @@ class Observed(ByRows):
 
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
-        return np.asarray(np.exp(self.turns @ shared.channels_at(z, self.turns.shape[-1])))
+        return np.asarray(np.exp(self.turns @ shared.offsets(z, Role.CHANNEL, self.turns.shape[-1])))
 
     def drifted(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """K* of each test over that in the middle of the run, at the mean amplitude (N,) [1]."""
@@ -212,13 +212,12 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     zr = _three(np.where(observed.rigid, 1.0, ratio**2), 0.0, by_zr) * scaled
     zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added), extra)
     by_shared = _by_shared(observed, shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
-    fit_out = projected(frame)
-    by_stiffness = fit_out(_both(observed.whiten, log_k))
+    by_stiffness = projected(frame, _both(observed.whiten, log_k))
     return Linear(
-        residual=fit_out(measured[..., None])[..., 0],
+        residual=projected(frame, measured[..., None])[..., 0],
         by_stiffness=by_stiffness,
-        by_impedance=fit_out(_both(observed.whiten, zr)),
-        by_shared=fit_out(whitened(observed.whiten, by_shared)) + by_stiffness @ observed.by_drift(shared),
+        by_impedance=projected(frame, _both(observed.whiten, zr)),
+        by_shared=projected(frame, whitened(observed.whiten, by_shared)) + by_stiffness @ observed.by_drift(shared),
         drive=drive,
         impedance=impedance,
         ratio=ratio,
@@ -357,12 +356,8 @@ def _upper(first: FloatArray, across: FloatArray, second: FloatArray) -> FloatAr
     return matrix
 
 
-def projected(frame: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """A function that projects the directions of `frame` out of columns (N, 6, k), twice for full accuracy."""
-
-    def fit_out(columns: FloatArray) -> FloatArray:
-        for _ in range(2):
-            columns = columns - frame @ (np.swapaxes(frame, 1, 2) @ columns)
-        return columns
-
-    return fit_out
+def projected(frame: FloatArray, columns: FloatArray) -> FloatArray:
+    """Columns (N, 6, k) without the directions of `frame`, which are projected out twice for full accuracy."""
+    for _ in range(2):
+        columns = columns - frame @ (np.swapaxes(frame, 1, 2) @ columns)
+    return columns

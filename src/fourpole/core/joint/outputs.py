@@ -15,6 +15,7 @@ from fourpole.core.identify import Identification
 from fourpole.core.joint.joint import Joint, solve_joint
 from fourpole.core.joint.misfit import largest_part
 from fourpole.core.joint.scatter import OwnTests, own_tests
+from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import arm_slopes, maxwell_arm, relative_route, why_no_arm
@@ -75,12 +76,6 @@ class Outputs(ByValue):
                 + by_k1[:, :, None] * by_k1[:, None, :]
             )
 
-    def arm_covariance(self, k1_std: FloatArray) -> FloatArray:
-        """Covariance (N, 2, 2) of K2 and C to second order, with the standard uncertainty of K1 (N,) [N/m]."""
-        bending = self.covariance_of(slice(6, 7), k1_std)[:, 0, 0]
-        with np.errstate(invalid="ignore"):
-            return self.covariance_of(slice(3, 5), k1_std) + self.curvature.covariance(bending)
-
 
 def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     """Outputs of a joint solution for each test at its own frequency, in its own place in the run.
@@ -124,6 +119,11 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
     by_k1 = np.zeros((omega.size, 7))
     by_k1[:, 3:5], by_k1[:, 6] = by_arm[:, :, 2], bending[:, 2]
     condition = _per_test(joint, solution.own, np.nan)
+    observed = problem.observed
+    relative = np.hypot(2 * np.pi * observed.frequency_std / observed.omega, joint.misfit.unsteady)
+    shifted = own.by_frequency * relative[back][:, None]  # log K* of each test, by its own part alone
+    of_condition = _per_test(joint, _by_frequency(problem, solution, relative), np.nan)
+    largest = largest_part(problem, solution.z, solution.stiffness)
     return Outputs(
         value=np.stack([stiffness.real, stiffness.imag, loss, k2, c, tr], axis=1),
         by_own=by_own,
@@ -132,9 +132,9 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         curvature=curvature,
         own=own.covariance + _both_sides(own.keep, condition),
         condition=condition,
-        frequency=_own_frequency(joint, own) + _both_sides(own.keep, _per_test(joint, _frequency_part(joint), np.nan)),
+        frequency=shifted[:, :, None] * shifted[:, None, :] + _both_sides(own.keep, of_condition),
         covariance=solution.covariance,
-        tr_of_rig=tr * np.abs(tr_by_zr) * (joint.misfit.rig_error * largest_part(problem, solution))[back],
+        tr_of_rig=tr * np.abs(tr_by_zr) * (joint.misfit.rig_error * largest)[back],
     )
 
 
@@ -157,19 +157,6 @@ def _both_sides(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(matrix @ covariance @ np.swapaxes(matrix, 1, 2))
 
 
-def _own_frequency(joint: Joint, own: OwnTests) -> FloatArray:
-    """Covariance (N, 2, 2) of log K* of each test from the uncertainty of its frequency, by its own part alone."""
-    relative = _relative_frequency(joint)[np.argsort(joint.order)]
-    moved = own.by_frequency * relative[:, None]
-    return np.asarray(moved[:, :, None] * moved[:, None, :])
-
-
-def _relative_frequency(joint: Joint) -> FloatArray:
-    """Relative standard uncertainty (N,) of the frequency of each test, in the order of the problem."""
-    observed = joint.problem.observed
-    return np.hypot(2 * np.pi * observed.frequency_std / observed.omega, joint.misfit.unsteady)
-
-
 def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
     """Values of the conditions for each test; `missing` for rigid blocks."""
     if not values.shape[0]:
@@ -179,10 +166,9 @@ def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
     return of_tests
 
 
-def _frequency_part(joint: Joint) -> FloatArray:
-    """Covariance (c, 2, 2) of log K* of each condition from the uncertainty of its tests' frequencies."""
-    problem, solution = joint.problem, joint.solution
-    conditions, relative = problem.conditions, _relative_frequency(joint)
+def _by_frequency(problem: Problem, solution: Solution, relative: FloatArray) -> FloatArray:
+    """Covariance (c, 2, 2) of log K* of each condition from the relative uncertainty (N,) of its tests' frequencies."""
+    conditions = problem.conditions
     if not np.any(relative > 0):
         return np.zeros((conditions.count, 2, 2))
     change = problem.by_log_frequency(solution.z, solution.stiffness) * relative[:, None]
@@ -239,6 +225,9 @@ def identification(
         mobility, mobility_covariance = _corrected_mobility(joint, phasors)
         gains = joint.gains
         std = np.sqrt(np.diagonal(known.covariance_of(slice(2, 6), k1_std), 0, 1, 2))
+        bending = known.covariance_of(slice(6, 7), k1_std)[:, 0, 0]
+        arm_covariance = known.covariance_of(slice(3, 5), k1_std) + known.curvature.covariance(bending)
+    squares, vectors = np.linalg.eigh(known.covariance)  # L = vectors sqrt(squares) has L L^T equal to the covariance
     return Identification(
         frequency=phasors.frequency,
         mobility=mobility,
@@ -251,30 +240,25 @@ def identification(
         k1_std=k1_std,
         k2=np.where(passive, known.value[:, 3], np.nan),
         c=np.where(passive, known.value[:, 4], np.nan),
-        arm_covariance=np.where(passive[:, None, None], known.arm_covariance(k1_std), np.nan),
+        arm_covariance=np.where(passive[:, None, None], arm_covariance, np.nan),
         tr_measured=np.abs(phasors.transmissibility * gains[:, 1] / gains[:, 2]),
         tr_predicted=known.value[:, 5],
         tr_std=np.hypot(std[:, 3], known.tr_of_rig),
         reasons=reasons,
         route="joint",
-        stiffness_shared=known.by_shared[:, :2] @ _root(known.covariance),
+        stiffness_shared=known.by_shared[:, :2] @ (vectors * np.sqrt(np.maximum(squares, 0.0))),
         condition=joint.condition,
         condition_covariance=_both_sides(known.by_own[:, :2], known.condition),
         joint=joint,
     )
 
 
-def _root(covariance: FloatArray) -> FloatArray:
-    """L with L L^T equal to a covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
 def relative_stiffness(joint: Joint, phasors: Phasors, test: int) -> complex:
     """K* of one test by the relative route, from the amplitudes corrected for the gains found [N/m]."""
     force, contact, wheel = phasors.amplitudes[test] / joint.gains[test]
-    omega = float(np.asarray(phasors.omega)[test])
-    return complex(relative_route(force - 1j * omega * joint.input_mass * contact, contact, wheel, omega))
+    omega, shared, z = float(np.asarray(phasors.omega)[test]), joint.problem.shared, joint.solution.z
+    input_mass = shared.rig_at(z).input_mass + shared.extra_at(z).get("input", 0.0)
+    return complex(relative_route(force - 1j * omega * input_mass * contact, contact, wheel, omega))
 
 
 def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:

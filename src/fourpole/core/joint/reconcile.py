@@ -16,7 +16,6 @@ from fourpole.core.joint.misfit import (
     Residuals,
     candidates,
     is_unlikely,
-    largest_at,
     largest_part,
     residuals,
 )
@@ -171,7 +170,7 @@ def _diagnosed(state: State, left: Residuals) -> _Diagnosis:
         and (candidate.source.kind not in _RARE or (bad and candidate.explains > least))
     ]
     named = _common_first(named, rig_chi2 + tyre_chi2)
-    size = largest_part(problem, solution)
+    size = largest_part(problem, solution.z, solution.stiffness)
     effect = np.inf
     if named and named[0].of_rig:
         speed = np.abs(problem.observed.amplitudes[:, 2])
@@ -288,7 +287,7 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
     variance counts as many times as there are tests. K* then depends on the channels, and hardly on the rig.
     """
     columns = problem.without_spread.columns("by_impedance", z, stiffness)
-    size = level * np.sqrt(len(columns)) * largest_at(problem, z, stiffness)
+    size = level * np.sqrt(len(columns)) * largest_part(problem, z, stiffness)
     return problem.widened(columns * size[:, None, None])
 
 
@@ -309,7 +308,7 @@ def _unsteady_drive(state: State, left: Residuals, diagnosis: _Diagnosis) -> tup
     by_k, residual = (problem.columns(name, solution.z, solution.stiffness) for name in ("by_stiffness", "residual"))
     basis, _ = cholesky_qr(by_k)
     by_frequency = problem.by_log_frequency(solution.z, solution.stiffness)
-    rest, along = (projected(basis)(columns[..., None])[..., 0] for columns in (residual, by_frequency))
+    rest, along = (projected(basis, columns[..., None])[..., 0] for columns in (residual, by_frequency))
     weight = np.sum(along**2, axis=1)
     used = (left.rig_dof > 0) & (weight > 0)
     part = np.sum(along * rest, axis=1)

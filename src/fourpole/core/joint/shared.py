@@ -88,7 +88,7 @@ class Shared(ByValue):
         """Stated standard uncertainties (p,), each in its unit."""
         return np.array([parameter.std for parameter in self.parameters])
 
-    def _offsets(self, z: FloatArray, role: Role, count: int) -> FloatArray:
+    def offsets(self, z: FloatArray, role: Role, count: int) -> FloatArray:
         """Departures (count,) of the values of a role from their statement, each in its unit."""
         offsets = np.zeros(count)
         for value, parameter in zip(z * self.std, self.parameters, strict=True):
@@ -99,16 +99,12 @@ class Shared(ByValue):
     def rig_at(self, z: FloatArray) -> Rig:
         """The rig with the values at z."""
         names = list(PARAMETERS)
-        moved = self._offsets(z, Role.RIG, len(names))
+        moved = self.offsets(z, Role.RIG, len(names))
         return self.rig.shifted(**{name: getattr(self.rig, name) + moved[index] for index, name in enumerate(names)})
-
-    def channels_at(self, z: FloatArray, count: int) -> FloatArray:
-        """The errors of the channels at z, each in its unit."""
-        return self._offsets(z, Role.CHANNEL, count)
 
     def masses_at(self, z: FloatArray) -> FloatArray:
         """The distinct masses at z [kg]."""
-        return self.masses + self._offsets(z, Role.MASS, self.masses.size)
+        return self.masses + self.offsets(z, Role.MASS, self.masses.size)
 
     def by_amplitude_at(self, z: FloatArray) -> float:
         """Change of the logarithm of the modulus of K* per unit of the logarithm of the deflection's amplitude at z."""

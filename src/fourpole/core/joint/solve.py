@@ -105,19 +105,18 @@ class Problem(ByValue):
 
         That of no more tests than a chunk has is kept for the next call: a solution is examined several times.
         """
-        if self.conditions.label.size > _CHUNK:
-            yield from self._linearised(z, stiffness)
+        if self._kept and np.array_equal(self._kept[0], z) and np.array_equal(self._kept[1], stiffness):
+            yield from self._kept[2]
             return
-        if not (self._kept and np.array_equal(self._kept[0], z) and np.array_equal(self._kept[1], stiffness)):
-            self._kept[:] = [z.copy(), stiffness.copy(), list(self._linearised(z, stiffness))]
-        yield from self._kept[2]
-
-    def _linearised(self, z: FloatArray, stiffness: ComplexArray) -> Iterator[tuple[slice, slice, Linear]]:
-        carried = self.conditions.carried(stiffness)
-        label = self.conditions.label
+        carried, label, spread, parts = self.conditions.carried(stiffness), self.conditions.label, self.spread, []
         for rows, group in self.chunks():
             own = stiffness[label[rows]] * carried[rows] if group.stop else np.ones(rows.stop - rows.start, complex)
-            yield rows, group, linearise(self.observed.part(rows), self.shared, z, own).scattered(self.spread[rows])
+            linear = linearise(self.observed.part(rows), self.shared, z, own).scattered(spread[rows])
+            if label.size <= _CHUNK:
+                parts.append((rows, group, linear))
+            yield rows, group, linear
+        if label.size <= _CHUNK:
+            self._kept[:] = [z.copy(), stiffness.copy(), parts]
 
     def columns(self, name: str, z: FloatArray, stiffness: ComplexArray) -> np.ndarray:
         """One field of the linearised model for all tests, by its name in `Linear`."""
@@ -326,19 +325,15 @@ def without_stiffness(
     by_stiffness: FloatArray, columns: FloatArray, starts: np.ndarray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Project K* of each condition out of columns: R^-1 (c, 2, 2), Q^T columns (c, 2, k), and the rest (N, 6, k)."""
-
-    def sums(values: FloatArray) -> FloatArray:
-        return np.add.reduceat(values, starts, axis=0)
-
     sizes = np.diff(np.append(starts, by_stiffness.shape[0]))
     basis, root = by_stiffness, np.eye(2)
     for _ in range(2):  # twice, because one pass amplifies round-off by the squared condition number
-        inverse = inverse_upper(upper_factor(sums(np.swapaxes(basis, 1, 2) @ basis)))
+        inverse = inverse_upper(upper_factor(np.add.reduceat(np.swapaxes(basis, 1, 2) @ basis, starts, axis=0)))
         basis = basis @ np.repeat(inverse, sizes, axis=0)
         root = root @ inverse
     share = np.zeros((starts.size, 2, columns.shape[2]))
     for _ in range(2):
-        part = sums(np.swapaxes(basis, 1, 2) @ columns)
+        part = np.add.reduceat(np.swapaxes(basis, 1, 2) @ columns, starts, axis=0)
         columns = columns - basis @ np.repeat(part, sizes, axis=0)
         share = share + part
     return root, share, columns
