@@ -99,18 +99,21 @@ class Rig:
         for name in PARAMETERS:
             object.__setattr__(self, name, _number(name, getattr(self, name)))
         object.__setattr__(self, "std", {name: _number(name, value) for name, value in self.std.items()})
-        for name, unit in PARAMETERS.items():
-            value = getattr(self, name)
-            rigid = name == "frame_stiffness" and value == float("inf")
-            must_exceed = name == "frame_stiffness" or (name == "moving_mass" and not self.blocked)
-            if not (rigid or (np.isfinite(value) and (value > 0 if must_exceed else value >= 0))):
-                wanted = "positive" if must_exceed else "zero or positive"
-                raise RigError(f"{name} is {value:g} {unit}: it must be a finite, {wanted} number")
+        for name in PARAMETERS:
+            self._check(name, getattr(self, name))
         for name, value in self.std.items():
             if name not in PARAMETERS:
                 raise RigError(f"the rig has no value {name!r}: it has {', '.join(PARAMETERS)}")
             if not (np.isfinite(value) and value >= 0):
                 raise RigError(f"the uncertainty of {name} is {value:g}: it must be zero or positive")
+
+    def _check(self, name: str, value: float) -> None:
+        """Raise an error if a value is not possible: only a frame may be rigid, and only a blocked rig has no mass."""
+        rigid = name == "frame_stiffness" and value == float("inf")
+        must_exceed = name == "frame_stiffness" or (name == "moving_mass" and not self.blocked)
+        if not (rigid or (np.isfinite(value) and (value > 0 if must_exceed else value >= 0))):
+            wanted = "positive" if must_exceed else "zero or positive"
+            raise RigError(f"{name} is {value:g} {PARAMETERS[name]}: it must be a finite, {wanted} number")
 
     @property
     def uncertainties(self) -> FloatArray:

@@ -17,7 +17,9 @@ RATIOS = (("F1", "V1"), ("V2", "V1"))
 
 
 #: One channel in another.
-_CROSSED = tuple(f"{one} in {other}" for one in SYMBOLS.values() for other in SYMBOLS.values() if one != other)
+_CROSSED = tuple(
+    f"{source} in {channel}" for source in SYMBOLS.values() for channel in SYMBOLS.values() if source != channel
+)
 
 
 class Role(Enum):
@@ -140,7 +142,7 @@ def _known() -> dict[str, tuple[Kind, str, str]]:
     """Kind, `of` and `under` by the text, for all sources except single added masses."""
     single = [(kind, of, "") for kind in Kind if kind is not Kind.OTHER for of in kind.of or ("",)]
     paired = [(kind, over, under) for kind in _BETWEEN for over, under in RATIOS]
-    return {Source(*one).text: one for one in (*single, *paired)}
+    return {Source(*parts).text: parts for parts in (*single, *paired)}
 
 
 _KNOWN: Final = _known()

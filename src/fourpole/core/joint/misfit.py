@@ -393,8 +393,12 @@ def gross_errors(observed: Observed, shared: Shared) -> list[Candidate]:
     size, angle = _middle(ratio[used])
     if swapped and not (_is_one(size, angle) and _agree(ratio[used])):
         return [_gross("V1", 1.0, "exchanged")]
-    if not _agree(ratio[used]) or (abs(np.log(size)) < _GROSS and abs(angle) < _TURNED):
-        return []
+    small = abs(np.log(size)) < _GROSS and abs(angle) < _TURNED
+    return _gross_causes(size, angle) if _agree(ratio[used]) and not small else []
+
+
+def _gross_causes(size: float, angle: float) -> list[Candidate]:
+    """The errors of F1 or V2 that give a ratio of this size and angle [rad]."""
     turned = abs(abs(angle) - np.pi) < _NEAR
     for factor, form in _FACTORS.items():
         if abs(np.log(size * factor)) < _NEAR and (turned or abs(angle) < _NEAR):
