@@ -1,15 +1,18 @@
 """Help: there for every command and every option, and there at once."""
 
+import inspect
 import json
 import os
 import subprocess
 import sys
+from pkgutil import resolve_name
 
 import pytest
 import typer
 from tests.app.conftest import ENVIRONMENT
 
 from fourpole.app.cli import app
+from fourpole.app.group import _RUNS
 
 GROUP = typer.main.get_command(app)
 COMMANDS = {name: GROUP.get_command(None, name) for name in GROUP.list_commands(None)}
@@ -111,6 +114,15 @@ def test_every_command_and_every_parameter_has_a_help_text(command):
     assert len(said.help.splitlines()[0]) > 20
     for parameter in said.params:
         assert getattr(parameter, "help", None), f"{command} {parameter.name}"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_function_that_does_the_work_takes_what_the_command_states(command):
+    stated = inspect.signature(_RUNS[command])
+    place = inspect.getclosurevars(_RUNS[command]).nonlocals.get("place")
+    if place is not None:
+        working = inspect.signature(resolve_name(f"fourpole.app.{place}"))
+        assert set(working.parameters) == set(stated.parameters) - {"remote"}
 
 
 def test_the_main_command_has_a_help_text_for_all_its_options():

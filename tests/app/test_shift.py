@@ -5,7 +5,6 @@ import json
 import pytest
 from tests.fitting.test_shifting import table
 
-from fourpole.app.model_commands import COMMANDS
 from fourpole.app.options import ShiftOptions
 from fourpole.app.shift import run_shift
 from fourpole.errors import CampaignError, ModelError, UnitError
@@ -34,7 +33,6 @@ def test_the_folder_has_every_file_and_the_text_has_shifts_overlaps_and_laws(iso
     ):
         assert text in said.out
     assert "the misfit of the overlaps is taken for it" in said.err
-    assert "shift" in COMMANDS
 
 
 def test_the_document_for_programs_is_json_alone(isotherms, capsys):

@@ -42,12 +42,12 @@ def of(results):
 
 def test_values_have_the_digits_and_units_of_people(plain):
     by = {value.source.text: value for value in of(plain).values}
-    assert by["moving_mass"].stated_words == ("15.00", "0.10")
-    assert by["moving_mass"].found_words == ("15.020", "0.010")
-    assert (by["preload_stiffness"].unit, *by["preload_stiffness"].found_words) == ("kN/m", "12.4510", "0.0060")
-    assert (by["gain F1"].unit, *by["gain F1"].found_words) == ("%", "+0.40", "0.71")
-    assert by["gain V2"].found_words[0] == "−0.40"
-    assert (by["phase V1"].unit, *by["phase V1"].stated_words) == ("°", "0.00", "0.57")
+    assert by["moving_mass"].words("stated") == ("15.00", "0.10")
+    assert by["moving_mass"].words("found") == ("15.020", "0.010")
+    assert (by["preload_stiffness"].unit, *by["preload_stiffness"].words("found")) == ("kN/m", "12.4510", "0.0060")
+    assert (by["gain F1"].unit, *by["gain F1"].words("found")) == ("%", "+0.40", "0.71")
+    assert by["gain V2"].words("found")[0] == "−0.40"
+    assert (by["phase V1"].unit, *by["phase V1"].words("stated")) == ("°", "0.00", "0.57")
     assert by["gain F1/V1"].name == "gain of F1 over V1"
     assert by["moving_mass"].ratio_words == "0.10"
     assert by["gain F1"].pull_words == "+0.60"
@@ -58,8 +58,8 @@ def test_values_have_the_digits_and_units_of_people(plain):
 def test_what_is_no_number_is_a_dash(plain):
     nothing = ("kg", 15.0, float("nan"), float("nan"), float("nan"), float("nan"), float("nan"), "found")
     (value,) = of(with_values(plain, {"moving_mass": nothing})).values
-    assert value.found_words == (DASH, "")
-    assert value.stated_words == ("15.000", "")
+    assert value.words("found") == (DASH, "")
+    assert value.words("stated") == ("15.000", "")
     assert value.ratio_words == value.pull_words == DASH
 
 
@@ -183,17 +183,17 @@ def test_scatter(plain):
 def test_what_nobody_stated_has_a_name_and_a_unit_of_people(plain):
     by = {value.source.text: value for value in of(with_values(plain, {**VALUES, **UNSTATED})).values}
     frame, crossed, drift, angle = (by[name] for name in UNSTATED)
-    assert (frame.name, frame.unit, *frame.found_words) == (
+    assert (frame.name, frame.unit, *frame.words("found")) == (
         "compliance of the frame, not stated",
         "mm/kN",
         "11.00",
         "0.30",
     )
-    assert (crossed.name, crossed.unit, crossed.found_words[0]) == ("cross-talk of V2 in F1", "%", "+1.200")
-    assert (drift.name, drift.unit, drift.found_words[0]) == ("drift of K* of radial over the run", "%", "−2.10")
+    assert (crossed.name, crossed.unit, crossed.words("found")[0]) == ("cross-talk of V2 in F1", "%", "+1.200")
+    assert (drift.name, drift.unit, drift.words("found")[0]) == ("drift of K* of radial over the run", "%", "−2.10")
     assert (angle.name, angle.unit) == ("drift of the loss angle of radial over the run", "°")
     for value in (frame, crossed, drift, angle):
-        assert value.stated_words[0] == value.pull_words == value.ratio_words == value.detection_words == DASH
+        assert value.words("stated")[0] == value.pull_words == value.ratio_words == value.detection_words == DASH
         assert not value.hidden
 
 

@@ -213,19 +213,16 @@ def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
         study.write_into(new, results, {"findings": findings_table(findings(study))})
         if not wanted.tables_only:
             obsolete += _files_of_report()
-            page = _drawn(study, new, results, obsolete, wanted)
-            return results / page.name
+            from fourpole.app.report import (
+                make_report,  # this loads the rooms of figures and words, which takes a second
+            )
+
+            modelled = _modelled(study, new, results, obsolete, wanted.models)
+            return results / make_report(modelled, new, png=wanted.png).name
         drawn = any(results.glob("report*.html")) or (results / "figures").exists()
         if drawn and not _same(new, results):
             obsolete += _files_of_report()
     return None
-
-
-def _drawn(study: Study, new: Path, results: Path, obsolete: list[str], wanted: Wanted) -> Path:
-    """Fit models, draw figures and write the report. Their rooms are imported here because that takes a second."""
-    from fourpole.app.report import make_report
-
-    return make_report(_modelled(study, new, results, obsolete, wanted.models), new, png=wanted.png)
 
 
 def _modelled(tables: Study, new: Path, results: Path, obsolete: list[str], wanted: bool | None) -> Study:

@@ -21,6 +21,7 @@ import typer
 
 from fourpole.app.console import out, say
 from fourpole.errors import CampaignError
+from fourpole.io.folders import results_in
 from fourpole.io.processes import DEVNULL, OF_SCREEN, open_by_system, program_path, start
 
 #: Time that a program has to say that it cannot show a page [s].
@@ -37,6 +38,7 @@ _PAGE = (
 
 def run_open(folder: Path) -> None:
     """Show report.html of a results folder in the browser, and print its path."""
+    folder = results_in(folder)
     page = folder / "report.html"
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder; name a campaign or its results")

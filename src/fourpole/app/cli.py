@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fourpole.app import model_commands
+import fourpole.app.model_commands  # noqa: F401 - which registers its commands
 from fourpole.app.console import end_in_order, out, progress, rising, say, show_warnings, warn
 from fourpole.app.events import end_with_caller
-from fourpole.app.group import group_of
+from fourpole.app.group import Group, registered
 from fourpole.app.options import (
     BareRig,
     CampaignFolder,
@@ -47,12 +46,9 @@ Processes = Annotated[
     typer.Option("--workers", metavar="N", min=1, help="Processes that read recordings; by default as many as pay."),
 ]
 
-#: Functions of the commands by name, in the order of the help.
-RUNS: dict[str, Callable[..., int | None]] = {}
-
 app = typer.Typer(
     name="fourpole",
-    cls=group_of(RUNS),
+    cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -63,11 +59,6 @@ app = typer.Typer(
     'written with their unit, as in "12.44 kN/m". Exit codes: 0 all used, 2 the input could not be read, 3 done but '
     "some tests were rejected.",
 )
-
-
-def _command(run: Callable[..., int | None]) -> Callable[..., int | None]:
-    RUNS[run.__name__] = run
-    return run
 
 
 def _version(shown: bool) -> None:
@@ -85,20 +76,17 @@ def _root(
     pass
 
 
-@_command
+@registered("analysis.run_demo")
 def demo(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the campaign.")] = Path("fourpole-demo"),
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's noise.")] = 1982,
     workers: Processes = None,
     as_json: JsonFlag = False,
-) -> int:
+) -> None:
     """Make a campaign of the 1982 paper's kind on the virtual rig, analyse it, and print the findings."""
-    from fourpole.app.analysis import run_demo
-
-    return run_demo(folder, seed, workers, as_json=as_json)
 
 
-@_command
+@registered()
 def simulate(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder for the campaign.")],
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1982,
@@ -112,7 +100,7 @@ def simulate(
     say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
 
 
-@_command
+@registered("init.run_init")
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of recordings in any format.")],
     force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
@@ -124,12 +112,9 @@ def init(
     The names of files and folders, headers, notes beside them and the signals are read. Then campaign.toml and
     tests.csv are written for you to correct.
     """
-    from fourpole.app.init import run_init
-
-    run_init(folder, pattern or (), force=force, as_json=as_json)
 
 
-@_command
+@registered()
 def analyse(
     campaigns: Annotated[
         list[Path], typer.Argument(metavar="CAMPAIGN", help="Folders with campaign.toml and tests.csv.")
@@ -166,17 +151,12 @@ def analyse(
     return run_each(campaigns, folder, run, as_json=as_json)
 
 
+@registered("browse.run_open")
 def open_(folder: ResultsFolder) -> None:
     """Show the report of a campaign in the browser, and print its path."""
-    from fourpole.app.browse import run_open
-    from fourpole.io.folders import results_in
-
-    run_open(results_in(folder))
 
 
-RUNS["open"] = open_
-
-
+@registered("browse.run_app")
 def app_(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with campaigns in it or below it.")] = Path(),
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port; by default a free one.")] = 0,
@@ -194,59 +174,41 @@ def app_(
     It works without a network. What it saves is campaign.toml, tests.csv and the results of the commands. Open the
     whole address that it prints: without its token, other accounts of the machine cannot use it.
     """
-    from fourpole.app.browse import run_app
-
-    allow_remote(remote)
-    run_app(folder, host, port, no_browser=no_browser, no_token=no_token)
 
 
-RUNS["app"] = app_
-
-
-@_command
+@registered("watching.run_watch")
 def watch(campaign: CampaignFolder, remote: RemoteFlag = False, as_json: JsonFlag = False) -> None:
     """Judge each recording as a logger writes it into a campaign's folder, while the specimen is on the rig.
 
     A recording is judged by itself, and with the rig as the last analysis found it. One that tests.csv does not name
     gets a row of it, as init would guess it. Recordings that are there but not in tests.csv are judged, too.
     """
-    from fourpole.app.watching import run_watch
-
-    allow_remote(remote)
-    run_watch(campaign, as_json=as_json)
 
 
-@_command
+@registered("check.run_check")
 def check(
     campaign: CampaignFolder,
     route: Annotated[str, typer.Option(help="Route of the analysis to come; see analyse.")] = "joint",
     workers: Processes = None,
     remote: RemoteFlag = False,
     as_json: JsonFlag = False,
-) -> int:
+) -> None:
     """Check a campaign without analysing it: files, channels, units, times, K1, duplicates.
 
     The command lists what analyse would reject, where it stands and what to do. It writes nothing.
     """
-    from fourpole.app.check import run_check
-
-    allow_remote(remote)
-    return run_check(campaign, route, workers, as_json=as_json)
 
 
-@_command
+@registered("info.run_info")
 def info(file: Recording, *, options: InfoOptions, as_json: JsonFlag = False) -> None:
     """Show what a file holds: its format, its channels with units, rates, ranges and gaps, and an outline of each.
 
     Column `line`: the frequency with the largest share of the channel's variance. Only the first 64 channels of a file
     are read; name a group or a channel for others.
     """
-    from fourpole.app.info import run_info
-
-    run_info(file, options, as_json=as_json)
 
 
-@_command
+@registered()
 def convert(
     file: Recording,
     target: Annotated[
@@ -278,7 +240,7 @@ def convert(
     out("\n  ".join([f"{target}: {made.format}", *made.groups]))
 
 
-@_command
+@registered("plan.run_plan")
 def plan(
     campaign: Annotated[
         Path | None,
@@ -298,12 +260,9 @@ def plan(
     says how to reach a wanted uncertainty with the least effort. With --run-sheet, it writes the tests in the order to
     run them, with instructions.
     """
-    from fourpole.app.plan import run_plan
-
-    run_plan(campaign, options, bare, folder, as_json=as_json)
 
 
-@_command
+@registered()
 def report(
     folder: ResultsFolder,
     theme: Theme = "light",
@@ -335,7 +294,7 @@ def report(
     run_report(results, folder, theme, png=png, paper=paper, pdf=pdf)
 
 
-@_command
+@registered()
 def export(
     folder: Annotated[Path, typer.Argument(metavar="SOURCE", help="Results folder, or model file that fit wrote.")],
     kind: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{ABOUT}.")],
@@ -367,22 +326,16 @@ def export(
     out(f"{kind}: {exported.path}")
 
 
-RUNS.update(model_commands.COMMANDS)
-
-
-@_command
+@registered("rig.run_rig")
 def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
     """The rig as found by the joint route: values of rig and sensors, as stated and as found, and what limits you.
 
     The command also says whether the rig as stated fits, what would explain a misfit, and which errors these data
     cannot show.
     """
-    from fourpole.app.rig import run_rig
-
-    run_rig(folder, as_json=as_json)
 
 
-@_command
+@registered("compare.run_compare")
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="Results folder, or the folder of a campaign.")],
     second: Annotated[
@@ -403,28 +356,22 @@ def compare(
     K1, |K*|, loss angle, K', K'', K2 and C at each condition that both have, the largest ratio first. --page writes a
     page with a figure.
     """
-    from fourpole.app.compare import run_compare
-
-    run_compare(first, second, specimens, file, page, independent=independent, as_json=as_json)
 
 
-@_command
+@registered("lab.run_lab")
 def lab(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],
     place: Annotated[Path | None, typer.Option("--out", help="Folder of the data set; by default FOLDER/lab.")] = None,
     as_json: JsonFlag = False,
-) -> int:
+) -> None:
     """Gather all results below a folder into one Parquet data set, which DuckDB and polars read.
 
     Only results that have changed since are read again. docs/lab.md has the columns and queries: one specimen over the
     years, and two campaigns compared.
     """
-    from fourpole.app.lab import run_lab
-
-    return run_lab(folder, place, as_json=as_json)
 
 
-@_command
+@registered("selftest.run_selftest")
 def selftest(
     file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE.html", help="Write a page to sign and file, and FILE.csv.")
@@ -432,18 +379,15 @@ def selftest(
     laboratory: Annotated[str, typer.Option(help="Name of the laboratory on the page; without it, a line.")] = "",
     operator: Annotated[str, typer.Option(help="Who runs the test, on the page; without it, a line.")] = "",
     as_json: JsonFlag = False,
-) -> int:
+) -> None:
     """Check this installation against reference data: formulas, recordings and whole campaigns, in about a minute.
 
     The values that the package carries were computed with 50 digits from physics that shares no code with it. Exit code
     0: all values pass; 3: some fail. Needs no network and writes nothing but the files of --out.
     """
-    from fourpole.app.selftest import run_selftest
-
-    return run_selftest(file, laboratory, operator, as_json=as_json)
 
 
-@_command
+@registered("plot.run_plot")
 def plot(
     folder: ResultsFolder,
     figure: Annotated[
@@ -459,14 +403,6 @@ def plot(
 
     Example: fourpole plot results tr --pressure "2.1 bar" --size journal --out tr.png
     """
-    from fourpole.io.folders import results_in
-    from fourpole.study.results import read_results
-
-    folder = results_in(folder)
-    results = read_results(folder)
-    from fourpole.app.plot import run_plot
-
-    run_plot(results, folder, figure, file, options)
 
 
 def main() -> None:

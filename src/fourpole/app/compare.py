@@ -9,7 +9,7 @@ from fourpole.app.console import out, print_json, print_table, say
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared, compare
 from fourpole.io.write import write_table, write_text
-from fourpole.report.words.compared import ShownRow, outcome, shown_rows
+from fourpole.report.words.compared import outcome, shown_rows
 
 #: Rows that the terminal shows of each verdict.
 _MOST = 20
@@ -52,19 +52,15 @@ def _show(compared: Compared) -> None:
         if part:
             out()
             out(f"{heading} ({len(part)} of {len(rows)}):")
-            _print(part[:_MOST], compared.names)
+            cells = [(row.where, row.quantity, row.first, row.second, row.difference, row.z) for row in part[:_MOST]]
+            heads = ("condition", "of", *map(_short, compared.names), "difference", "z")
+            print_table(heads, cells, right=heads[2:])
             if len(part) > _MOST:
                 out(f"... and {len(part) - _MOST} more with smaller ratios: --out FILE.csv, --page FILE.html")
     out()
     out(outcome(compared))
     for sentence in compared.common:
         out(sentence)
-
-
-def _print(rows: list[ShownRow], names: tuple[str, str]) -> None:
-    cells = [(row.where, row.quantity, row.first, row.second, row.difference, row.z) for row in rows]
-    heads = ("condition", "of", _short(names[0]), _short(names[1]), "difference", "z")
-    print_table(heads, cells, right=heads[2:])
 
 
 def _short(name: str) -> str:

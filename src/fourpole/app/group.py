@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from pkgutil import resolve_name
+from typing import Any, TypeVar
 
 import typer
 from typer.core import TyperGroup
 
-from fourpole.app.options import command
+from fourpole.app.options import allow_remote, command
 
+Run = TypeVar("Run", bound=Callable[..., int | None])
+#: Functions of the commands by name.
+_RUNS: dict[str, Callable[..., int | None]] = {}
 #: Commands by the heading of their group.
 GROUPS = {
     "Start here": ("demo", "init", "analyse", "open", "app"),
@@ -63,34 +68,52 @@ def groups_of(names: list[str]) -> dict[str, list[str]]:
     return {**found, "Further commands": [name for name in names if name not in listed]}
 
 
-def group_of(runs: Mapping[str, Callable[..., int | None]]) -> type[TyperGroup]:
-    """Class of a group with these commands, by name, in the order of the help.
+def registered(place: str = "") -> Callable[[Run], Run]:
+    """Make a function a command of its name.
 
-    To build all commands takes longer than to load the command line, and the list of commands needs none of them.
+    With `place`, the function is the signature and the help alone: the function at this place in the room takes the
+    same arguments by their names, but for `remote`, and does the work. Its module is loaded when the command runs.
     """
 
-    class Group(TyperGroup):
-        def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - the interface of click
-            return list(runs)
+    def register(stated: Run) -> Run:
+        @functools.wraps(stated)
+        def run(**given: Any) -> int | None:
+            allow_remote(given.pop("remote", False))
+            code: int | None = resolve_name(f"fourpole.app.{place}")(**given)
+            return code
 
-        def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
-            if cmd_name in runs and cmd_name not in self.commands:
-                self.commands[cmd_name] = _built(cmd_name, runs[cmd_name])
-            return self.commands.get(cmd_name)
+        _RUNS[stated.__name__.rstrip("_")] = run if place else stated
+        return stated
 
-        def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-            if args[0] not in runs:  # the message names the nearest of the commands that are built
-                for name in runs:
-                    self.get_command(ctx, name)
-            return super().resolve_command(ctx, args)
+    return register
 
-        def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
-            for head, names in groups_of(list(runs)).items():
-                if names:
-                    with formatter.section(head):
-                        formatter.write_dl([(name, _about(runs[name])) for name in names])
 
-    return Group
+class Group(TyperGroup):
+    """The group; a command is built when it is called, because to build all takes longer than to load their list."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - the interface of click
+        """Names of the commands."""
+        return list(_RUNS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        """The command of a name; None if there is none."""
+        if cmd_name in _RUNS and cmd_name not in self.commands:
+            self.commands[cmd_name] = _built(cmd_name, _RUNS[cmd_name])
+        return self.commands.get(cmd_name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is called, and its arguments."""
+        if args[0] not in _RUNS:  # the message names the nearest of the commands that are built
+            for name in _RUNS:
+                self.get_command(ctx, name)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        """Write the list of commands of the help."""
+        for head, names in groups_of(list(_RUNS)).items():
+            if names:
+                with formatter.section(head):
+                    formatter.write_dl([(name, _about(_RUNS[name])) for name in names])
 
 
 def _built(name: str, run: Callable[..., int | None]) -> Any:

@@ -26,12 +26,12 @@ _ROLES = {
 }
 
 
-def run_init(folder: Path, patterns: Sequence[str], *, force: bool, as_json: bool) -> None:
+def run_init(folder: Path, pattern: Sequence[str] | None, *, force: bool, as_json: bool) -> None:
     """Guess a campaign, write it, and print the guess with its doubts."""
     if not force:
         keep_existing(folder)
     with progress("reading") as advance:
-        guess = guess_campaign(folder, patterns=patterns, progress=advance)
+        guess = guess_campaign(folder, patterns=pattern or (), progress=advance)
     guess.write(force=force)
     following = _following(folder)
     if as_json:

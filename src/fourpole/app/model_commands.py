@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from fourpole.app.console import frequencies
+from fourpole.app.group import registered
 from fourpole.app.options import (
     DataOptions,
     FitOptions,
@@ -29,6 +28,7 @@ from fourpole.models.families import NAMES
 StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
 
+@registered("reduced.run_identify")
 def identify(
     table: Annotated[Path, typer.Argument(metavar="TABLE", help="Table of any format, with a row per frequency.")],
     k1: Annotated[
@@ -39,18 +39,16 @@ def identify(
     choice: TableChoice,
     file: OutFile = None,
     as_json: JsonFlag = False,
-) -> int:
+) -> None:
     """K*, K2, C and TR from a table of amplitudes or of K*, or from a frequency response in UFF.
 
     The table has a frequency and one of (R, I), (F1, V1 or x1, phase), (K', K''), (K', tan delta), (K', C), (|K*|, loss
     angle or tan delta), or the same of a modulus. Amplitudes are both 0 to peak, or both peak to peak; the phase is
     that of the force ahead.
     """
-    from fourpole.app.reduced import run_identify
-
-    return run_identify(table, k1, above.rig, choice, file, as_json=as_json)
 
 
+@registered()
 def static(
     table: Annotated[Path, typer.Argument(metavar="FILE", help="Table of load and deflection, of any format.")],
     load: Annotated[float, amount("--load", "force", 'Load at which K1 is wanted, as "1000 N".')],
@@ -75,6 +73,7 @@ def static(
     run_static(table, load, columns, group, as_json=as_json)
 
 
+@registered()
 def predict(
     k1: StaticStiffness,
     k2: Annotated[float, amount("--k2", "stiffness", 'Spring of the arm, as "120 kN/m".', "positive")],
@@ -103,6 +102,7 @@ Study = Annotated[
 ]
 
 
+@registered("models.run_fit")
 def fit(
     results: Study,
     model: Annotated[str, typer.Option(help=f"{NAMES}, or auto; without :N the number of arms is chosen.")] = "auto",
@@ -116,24 +116,18 @@ def fit(
     static test. Models are compared by BIC; AICc, the cross-validation error and parameters on a bound are shown too.
     If the data cannot separate two models, the text under the table says so.
     """
-    from fourpole.app.models import run_fit
-    from fourpole.io.folders import results_in
-
-    run_fit(results_in(results), model, options, as_json=as_json)
 
 
+@registered("models.run_causality")
 def causality(results: Study, *, data: DataOptions, as_json: JsonFlag = False) -> None:
     """Test whether a passive linear specimen can have the measured K*, and name the frequencies where it cannot.
 
     The best non-negative relaxation spectrum is compared with the data by their covariance, so the test also holds on
     a narrow band.
     """
-    from fourpole.app.models import run_causality
-    from fourpole.io.folders import results_in
-
-    run_causality(results_in(results), data, as_json=as_json)
 
 
+@registered("models.run_map")
 def map_(
     results: Study,
     model: Annotated[
@@ -150,12 +144,9 @@ def map_(
 
     The degree of each surface is chosen by the leave-one-out error over conditions. Evaluate it with fourpole query.
     """
-    from fourpole.app.models import run_map
-    from fourpole.io.folders import results_in
-
-    run_map(results_in(results), model, DataOptions(**asdict(data)), file, as_json=as_json)
 
 
+@registered()
 def query(
     model: Annotated[
         Path, typer.Argument(metavar="MODEL", help="Model file that map or fit wrote, or the campaign's folder.")
@@ -192,6 +183,7 @@ def query(
     run_query(model_in(model), Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
 
 
+@registered("shift.run_shift")
 def shift(
     tables: Annotated[
         list[Path],
@@ -206,11 +198,9 @@ def shift(
     Each pair of neighbouring isotherms gets a verdict on its overlap. Fit a model to the master curve with fourpole
     fit; fourpole query --temperature then answers at any temperature of the isotherms.
     """
-    from fourpole.app.shift import run_shift
-
-    run_shift(tables, options, as_json=as_json)
 
 
+@registered()
 def verify(
     path: Annotated[Path, typer.Argument(metavar="PATH", help="Results folder, campaign's folder, or a model file.")],
     quick: Annotated[bool, typer.Option("--quick", help="Compare hashes only; do not run the analysis again.")] = False,
@@ -247,6 +237,7 @@ def verify(
     return run_verify(model_in(path), copy, as_json=as_json)
 
 
+@registered("ride.run_ride")
 def ride(
     models: Annotated[
         list[Path], typer.Argument(metavar="MODEL...", help="Model files that fit or map wrote, or campaigns' folders.")
@@ -264,21 +255,3 @@ def ride(
     Tyres are compared with the first one; errors that they have in common cancel. The weighted acceleration is that of
     ISO 2631-1. Shown beside: what a spring and a constant damper instead of the model get wrong.
     """
-    from fourpole.app.ride import run_ride
-
-    run_ride(models, road, 80 / 3.6 if speed is None else speed, options, as_json=as_json)
-
-
-#: Command functions by the name of the command, in the order of the help.
-COMMANDS: dict[str, Callable[..., int | None]] = {
-    "identify": identify,
-    "static": static,
-    "predict": predict,
-    "fit": fit,
-    "causality": causality,
-    "map": map_,
-    "query": query,
-    "ride": ride,
-    "verify": verify,
-    "shift": shift,
-}

@@ -16,7 +16,7 @@ from fourpole import units
 from fourpole.app.console import option, out, print_json, progress, say, warn
 from fourpole.app.deliver import deliver
 from fourpole.app.model_words import show_fit, show_map, show_row
-from fourpole.app.options import DataOptions, FitOptions, answered_in
+from fourpole.app.options import DataOptions, FitOptions, Selection, answered_in
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
@@ -26,6 +26,7 @@ from fourpole.fitting.query import Query, ask
 from fourpole.fitting.shifting import laws_beside
 from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
+from fourpole.io.folders import results_in
 from fourpole.io.published import publishing
 from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
@@ -100,8 +101,9 @@ def _band(text: str) -> tuple[float, float]:
         raise UnitError(f"--band: {error}") from None
 
 
-def run_fit(path: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
+def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
     """Fit or choose a model for each tyre; write the model file and its figures."""
+    path = results_in(results)
     measured = _with_static(_read(path, options, model=model), path, options)
     _notes(measured)
     with progress("fitting") as advance:
@@ -150,8 +152,9 @@ def fitted(results: Study, folder: Path) -> Study:
     return replace(results, models=made)
 
 
-def run_causality(path: Path, data: DataOptions, *, as_json: bool) -> None:
+def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
     """Test of each condition whether a passive linear specimen can have its K*, and print the verdicts."""
+    path = results_in(results)
     measured = _read(path, data)
     if measured.known:
         _notes(measured)
@@ -187,13 +190,14 @@ def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:
         out(f"  K* would be possible with an uncertainty of {error:.2g} % at each frequency")
 
 
-def run_map(path: Path, model: str, data: DataOptions, file: Path | None, *, as_json: bool) -> None:
+def run_map(results: Path, model: str, data: Selection, file: Path | None, *, as_json: bool) -> None:
     """Make the operating map of each tyre, and write the map and its figures."""
-    measured = _read(path, data, model=model)
+    path, chosen = results_in(results), DataOptions(**asdict(data))
+    measured = _read(path, chosen, model=model)
     _notes(measured)
     with progress("mapping") as advance:
         maps = map_tyres(measured, model, data.over or (), progress=advance)
-    made = model_file(measured, maps=maps, settings=_settings(model, data), **_stated(path))
+    made = model_file(measured, maps=maps, settings=_settings(model, chosen), **_stated(path))
     files = _written(path, measured, made, file if file is not None or path.is_dir() else Path("map.json"), None)
     if not as_json:
         for one in maps:

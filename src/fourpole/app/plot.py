@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING
 
 from fourpole.app.console import option, out, print_table, rising
 from fourpole.errors import CampaignError
+from fourpole.io.folders import results_in
 from fourpole.io.published import publishing
+from fourpole.study.results import read_results
 from fourpole.units import quantity, shown
 
 if TYPE_CHECKING:
     from fourpole.app.options import PlotOptions
     from fourpole.plot import Size, Style
     from fourpole.plot.part import Selection
-    from fourpole.study.study import Study
 
 _INCH = 0.0254
 #: Dots per inch of a PNG, for screens and for printing.
@@ -25,15 +26,17 @@ _SCREEN, _PRINT = 150, 300
 _SIZE = re.compile(r"\s*([0-9.,]+)\s*+([a-z]*?)\s*+[x×]\s*([0-9.,]+)\s*([a-z]+)\s*", re.IGNORECASE)
 
 
-def run_plot(results: Study, folder: Path, key: str | None, file: Path | None, options: PlotOptions) -> None:
+def run_plot(folder: Path, figure: str | None, file: Path | None, options: PlotOptions) -> None:
     """Draw one figure, or those of the paper, or list the figures there are."""
+    folder = results_in(folder)
+    results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     from fourpole.plot import FIGURES, PAPER, draw, figures_of, save_figures, write_figure
     from fourpole.plot.catalogue import ON_REQUEST, spec_of
     from fourpole.plot.notebook import OF_QUANTITY
     from fourpole.plot.over import key_over
     from fourpole.plot.part import Selection, select
 
-    selection, style = _selection(options), _style(options)
+    key, selection, style = figure, _selection(options), _style(options)
     if selection != Selection():
         results = select(results, selection)
     if options.over is not None:
@@ -52,17 +55,17 @@ def run_plot(results: Study, folder: Path, key: str | None, file: Path | None, o
         out("\ndraw one with fourpole plot RESULTS FIGURE; --paper has the figures of the 1982 paper")
     else:
         key = OF_QUANTITY.get(key, key)
-        figure = draw(results, key, style)
-        if figure is None:
+        drawing = draw(results, key, style)
+        if drawing is None:
             raise CampaignError(f"the results in {folder} hold no data for {key}: {spec_of(key).title}")
         path = file if file is not None else folder / "figures" / f"{key}.svg"
         if file is None:
             with publishing(folder, basis=results.dynamic_sha256) as new:
                 (new / "figures").mkdir()
-                write_figure(figure, key, new / "figures" / path.name, style)
+                write_figure(drawing, key, new / "figures" / path.name, style)
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path = write_figure(figure, key, path, style)
+            path = write_figure(drawing, key, path, style)
         out(f"figure: {path}")
 
 

@@ -13,7 +13,7 @@ import polars.selectors as cs
 from fourpole import quantities as q
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
 from fourpole.app.deliver import deliver
-from fourpole.app.options import TableChoice, answered_in
+from fourpole.app.options import RigOptions, TableChoice, answered_in
 from fourpole.core.checks import Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
@@ -30,19 +30,22 @@ from fourpole.words import remark_of
 
 
 def run_identify(
-    path: Path, k1: float | None, rig: Rig | None, choice: TableChoice, file: Path | None, *, as_json: bool
+    table: Path, k1: float | None, above: RigOptions, choice: TableChoice, file: Path | None, *, as_json: bool
 ) -> int:
     """Identify a reduced table; the exit code is `SOME_REJECTED` if rows were rejected."""
+    rig = above.rig
     if choice.no_rig and rig is not None:
         raise RigError("--no-rig and the rig's values contradict each other: keep one of them")
-    table = read_k_star(path, choice.table(rig=rig is not None))
-    _read_as(table.understood, table.warnings)
-    if table.mobility is not None:
-        found = identify_mobility(table.frequency, table.mobility, np.nan if k1 is None else k1, rig)
+    measured = read_k_star(table, choice.table(rig=rig is not None))
+    _read_as(measured.understood, measured.warnings)
+    if measured.mobility is not None:
+        found = identify_mobility(measured.frequency, measured.mobility, np.nan if k1 is None else k1, rig)
     else:
-        found = identify_stiffness(table.frequency, np.asarray(table.stiffness), np.nan if k1 is None else k1, rig)
-    faults = [_fault(table, found, row, rig, armed=k1 is not None) for row in range(found.frequency.size)]
-    frame = _frame(found, faults).hstack(_beside(table, found, rig))
+        found = identify_stiffness(
+            measured.frequency, np.asarray(measured.stiffness), np.nan if k1 is None else k1, rig
+        )
+    faults = [_fault(measured, found, row, rig, armed=k1 is not None) for row in range(found.frequency.size)]
+    frame = _frame(found, faults).hstack(_beside(measured, found, rig))
     deliver(frame, file, answered_in(ShownUnits(), k1), as_json=as_json)
     rejected = sum(bool(fault) for fault in faults)
     what = "K2 and C" if k1 is not None else "K*"

@@ -34,6 +34,8 @@ from fourpole.ride.time import axles
 from fourpole.ride.vehicle import Body
 from fourpole.study.record import units_beside
 
+#: Speed where none is stated [m/s].
+_SPEED = 80 / 3.6
 #: Step of a ride in time [s], of one that is not linear, and of such a one on a road with edges.
 _STEP, _FINE, _EDGES = 5e-4, 2.5e-4, 1.25e-4
 #: Where no step is stated: samples per cycle of a sweep at its highest frequency; most samples of a measured road, and
@@ -78,8 +80,9 @@ class _Road:
     after: float = 0.0
 
 
-def run_ride(models: Sequence[Path], road: str, speed: float, options: RideOptions, *, as_json: bool) -> None:
+def run_ride(models: Sequence[Path], road: str, speed: float | None, options: RideOptions, *, as_json: bool) -> None:
     """Drive one vehicle over one road on the tyres of all models; print the table and write the files."""
+    speed = _SPEED if speed is None else speed
     check_speed(speed)
     stated, way = vehicle_named(options.vehicle), _road(road, _columns(options, of_road=True))
     step = _step(options, way, speed)

@@ -15,7 +15,7 @@ from fourpole.io.folders import results_in
 from fourpole.report.digits import PLUS_MINUS
 from fourpole.report.words.limits import limit_rows, limits
 from fourpole.report.words.rig import RigInWords, rigs_in_words
-from fourpole.report.words.shared_values import DASH, GROUPS, ShownValue
+from fourpole.report.words.shared_values import GROUPS, ShownValue
 from fourpole.study.record import section
 from fourpole.study.results import read_results
 from fourpole.study.rig_estimate import RigFinding
@@ -79,7 +79,10 @@ def _print_values(values: Sequence[ShownValue]) -> None:
     rows = [_cells(value) for value in values]
     widths = [max(map(len, column)) for column in zip(_HEADS, *rows, strict=True)]
     if sum(widths) + _GAP * (len(widths) - 1) > table_width():
-        print_table((*_HEADS, "finding"), [(*row, _finding(value)) for row, value in zip(rows, values, strict=True)])
+        findings = [
+            Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, "")) for value in values
+        ]
+        print_table((*_HEADS, "finding"), [(*row, said) for row, said in zip(rows, findings, strict=True)])
     else:
         out(_line(_HEADS, widths))
         group = None
@@ -95,14 +98,13 @@ def _print_values(values: Sequence[ShownValue]) -> None:
 
 def _cells(value: ShownValue) -> tuple[str, ...]:
     """The numbers of a value, the unit after its name."""
-    seen = "at no size" if value.hidden else value.detection_words.partition(" ")[0].rstrip("°")
     unit = f" [{value.unit}]" if value.unit else ""
     return (
         f"{value.name}{unit}",
-        value.stated_with_u(COVERAGE_FACTOR),
-        value.found_with_u(COVERAGE_FACTOR),
+        " ± ".join(filter(None, value.words("stated", COVERAGE_FACTOR))),
+        " ± ".join(filter(None, value.words("found", COVERAGE_FACTOR))),
         value.pull_words,
-        seen if value.detection_words != DASH else DASH,
+        value.detection_number,
     )
 
 
@@ -112,10 +114,6 @@ def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
         for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
     )
     return (" " * _GAP).join([first, *others]).rstrip()
-
-
-def _finding(value: ShownValue) -> Text:
-    return Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, ""))
 
 
 def _document(results: Study, found: list[RigInWords]) -> dict[str, Any]:

@@ -25,14 +25,14 @@ _QUIET = 5.0
 _MARKS: dict[str, str] = {Verdict.OK: "ok", Verdict.WARNING: "WARNING", Verdict.REJECTED: "REJECTED"}
 
 
-def run_watch(folder: Path, *, as_json: bool) -> None:
+def run_watch(campaign: Path, *, as_json: bool) -> None:
     """Print the judgement on each new recording until Ctrl-C."""
-    watch = Watch(folder)
+    watch = Watch(campaign)
     watch.warm()
     if events.wanted():
-        events.tell(watching=str(folder))
-    say(f"watching {folder}; Ctrl-C ends it")
-    joint = _Joint(folder)
+        events.tell(watching=str(campaign))
+    say(f"watching {campaign}; Ctrl-C ends it")
+    joint = _Joint(campaign)
     try:
         while True:
             new = False

@@ -45,6 +45,11 @@ class Card:
     verdict: str
     body: dict[str, Any]
 
+    @classmethod
+    def of(cls, key: str, row: Mapping[str, Any], condition: str, verdict: str, body: dict[str, Any]) -> Card:
+        """The card of a test by one of its rows."""
+        return cls(key, str(row["test"]), str(row["tyre"] or ""), condition, verdict, body)
+
 
 def make_cards(results: Study) -> tuple[list[Card], list[str], list[str]]:
     """All cards, static tests first; then the key of the card of each row of the static and of the dynamic table."""
@@ -83,13 +88,12 @@ def _static_cards(frame: pl.DataFrame, previews: _Previews) -> tuple[list[Card],
         groups.setdefault(row["test"], []).append(row)
     keys = {test: f"static-{at}" for at, test in enumerate(groups, 1)}
     cards = [
-        Card(
-            key=keys[test],
-            test=str(test),
-            tyre=str(rows[0]["tyre"] or ""),
-            condition=", ".join(part for part in ("static", condition(rows[0], dynamic=False)) if part),
-            verdict=worst_verdict([row["verdict"] for row in rows]),
-            body=_static_body(rows, previews.of((str(test), 1))),
+        Card.of(
+            keys[test],
+            rows[0],
+            ", ".join(part for part in ("static", condition(rows[0], dynamic=False)) if part),
+            worst_verdict([row["verdict"] for row in rows]),
+            _static_body(rows, previews.of((str(test), 1))),
         )
         for test, rows in groups.items()
     ]
@@ -144,26 +148,13 @@ def _dynamic_cards(results: Study, previews: _Previews) -> tuple[list[Card], lis
     made = []
     for card, rows in parts.items():
         row = whole.row(rows[0], named=True)
+        preview = previews.of(key_of(row))
         if len(rows) > 1:
-            signals = _signals(previews.of(key_of(row)), quantities)
-            made.append(_line_card(card, keyed(whole[rows]), lines, signals, checks))
+            made.append(_line_card(card, keyed(whole[rows]), lines, _signals(preview, quantities), checks))
             continue
-        made.append(
-            Card(
-                key=card,
-                test=str(row["test"]),
-                tyre=str(row["tyre"] or ""),
-                condition=condition(row, dynamic=True),
-                verdict=worst_verdict([row["verdict"]]),
-                body=_dynamic_body(
-                    row,
-                    previews.of(key_of(row)),
-                    quantities,
-                    more,
-                    blocked=stated_blocked(results.record, str(row["rig"] or "")),
-                ),
-            )
-        )
+        blocked = stated_blocked(results.record, str(row["rig"] or ""))
+        body = _dynamic_body(row, preview, quantities, more, blocked=blocked)
+        made.append(Card.of(card, row, condition(row, dynamic=True), worst_verdict([row["verdict"]]), body))
     return made, cards
 
 
@@ -177,14 +168,9 @@ def _line_card(
     """The card of a test with lines."""
     row = {**rows.row(0, named=True), q.FREQUENCY.head: None}
     about = (condition(row, dynamic=True), band_words(rows))
-    return Card(
-        key=key,
-        test=str(row["test"]),
-        tyre=str(row["tyre"] or ""),
-        condition=", ".join(part for part in about if part),
-        verdict=verdict_of_lines(rows[q.VERDICT.head].to_list()),
-        body={**line_body(rows, lines.get(str(row["test"]), pl.DataFrame()), checks), **signals},
-    )
+    body = {**line_body(rows, lines.get(str(row["test"]), pl.DataFrame()), checks), **signals}
+    verdict = verdict_of_lines(rows[q.VERDICT.head].to_list())
+    return Card.of(key, row, ", ".join(part for part in about if part), verdict, body)
 
 
 def _dynamic_body(

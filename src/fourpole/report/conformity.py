@@ -62,16 +62,14 @@ def conformity_table(results: Study, held: Sequence[Judged]) -> SimpleNamespace 
         "A skewed interval stands in place of ± U. “Within” is the probability that the true value is within the "
         "limits (JCGM 106)."
     )
+    left_out = f" The first {_MOST_JUDGED} of {len(held)} rows are shown, the worst first."
+    left_out = left_out if len(held) > _MOST_JUDGED else ""
     order = sorted(held, key=lambda one: -list(Conformity).index(one.outcome))
     return SimpleNamespace(
         specification=str(section(results.record, "stated").get("specification") or ""),
         rows=[_judged_row(one, results.shown) for one in order[:_MOST_JUDGED]],
-        rule=rule + _left_out(len(order)),
+        rule=rule + left_out,
     )
-
-
-def _left_out(count: int) -> str:
-    return f" The first {_MOST_JUDGED} of {count} rows are shown, the worst first." if count > _MOST_JUDGED else ""
 
 
 def _judged_row(one: Judged, shown: ShownUnits) -> SimpleNamespace:

@@ -88,7 +88,7 @@ def line_body(rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequ
         "remarks": _remarks(rows, checks),
         "lines": {"f": packed(np.log10(frequency[kept])), "panels": panels},
         "table": {
-            "heads": [_head(shown_as(one)) for one in columns] + ["verdict"],
+            "heads": [f"{one.symbol} [{one.shown}]" for one in map(shown_as, columns)] + ["verdict"],
             "rows": [[_cell(row, one) for one in columns] + [str(row[q.VERDICT.head])] for row in few],
             "of": rows.height,
         },
@@ -175,10 +175,6 @@ def _counted(remarks: Sequence[str], height: int) -> str:
         return remarks[0]
     where = f"{len(remarks)} of {height} lines"
     return f"{where}: {remarks[0]}" if len(set(remarks)) == 1 else f"{where}, as: {remarks[0]}"
-
-
-def _head(quantity: Quantity) -> str:
-    return f"{quantity.symbol} [{quantity.shown}]"
 
 
 def _cell(row: Mapping[str, Any], quantity: Quantity) -> str:

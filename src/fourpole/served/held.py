@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.folder import LIMITS
@@ -21,6 +21,7 @@ from fourpole.served.workspace import Place
 from fourpole.study.results import read_results
 from fourpole.study.study import Study
 
+Made = TypeVar("Made")
 #: Number of campaigns whose results are held.
 _MOST = 6
 #: Largest figure that is shown [byte].
@@ -55,13 +56,35 @@ class Shown:
         return {card.test: card for card in self.parts["cards"]}
 
 
+class Latest(Generic[Made]):
+    """What was asked for last, by keys, while the mark of its inputs stays the same."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._lock = most, threading.Lock()
+        self._made: OrderedDict[Any, tuple[Any, Made]] = OrderedDict()
+
+    def get(self, key: Any, mark: Any, make: Callable[[], Made]) -> Made:
+        """What is held of a key with this mark, or else is made now."""
+        with self._lock:
+            held = self._made.get(key)
+            if held is not None and held[0] == mark:
+                self._made.move_to_end(key)
+                return held[1]
+        made = make()
+        with self._lock:
+            self._made[key] = (mark, made)
+            self._made.move_to_end(key)
+            while len(self._made) > self._most:
+                self._made.popitem(last=False)
+        return made
+
+
 class Held:
-    """The results that were asked for last."""
+    """The results and statements that were asked for last."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._campaigns: OrderedDict[str, tuple[Any, Campaign]] = OrderedDict()
-        self._shown: OrderedDict[str, tuple[Any, Shown]] = OrderedDict()
+        self._campaigns: Latest[Campaign] = Latest(_MOST)
+        self._shown: Latest[Shown] = Latest(_MOST)
 
     def of(self, place: Place) -> Shown | None:
         """The results of a campaign; None if it has none yet."""
@@ -71,40 +94,18 @@ class Held:
         except OSError:
             return None
         mark = (stat.st_mtime_ns, stat.st_size, stat.st_ino, _mark(place))
-        with self._lock:
-            found = self._shown.get(place.key)
-            if found is not None and found[0] == mark:
-                self._shown.move_to_end(place.key)
-                return found[1]
-        shown = Shown(place, read_results(place.results))
-        with self._lock:
-            self._shown[place.key] = (mark, shown)
-            while len(self._shown) > _MOST:
-                self._shown.popitem(last=False)
-        return shown
+        return self._shown.get(place.key, mark, lambda: Shown(place, read_results(place.results)))
 
     def campaign(self, place: Place) -> Campaign:
         """The statement of a campaign, read again when its files change; CampaignError if it cannot be used."""
-        mark = tuple((path.stat().st_mtime_ns, path.stat().st_size) for path in _statement(place))
-        with self._lock:
-            found = self._campaigns.get(place.key)
-            if found is not None and found[0] == mark:
-                return found[1]
-        campaign = read_campaign(place.folder)
-        with self._lock:
-            self._campaigns[place.key] = (mark, campaign)
-            while len(self._campaigns) > _MOST:
-                self._campaigns.popitem(last=False)
-        return campaign
+        files = [path for name in ("campaign.toml", "tests.csv", LIMITS) if (path := place.folder / name).is_file()]
+        mark = tuple((path.stat().st_mtime_ns, path.stat().st_size) for path in files)
+        return self._campaigns.get(place.key, mark, lambda: read_campaign(place.folder))
 
 
 def _drawing(files: Published, name: str) -> str:
     """The text of a figure; what is no text in it is replaced."""
     return files.read(name, max_bytes=_MOST_BYTES).decode(errors="replace")
-
-
-def _statement(place: Place) -> list[Path]:
-    return [path for name in ("campaign.toml", "tests.csv", LIMITS) if (path := place.folder / name).is_file()]
 
 
 def _mark(place: Place) -> tuple[int, ...]:

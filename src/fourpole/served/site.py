@@ -18,39 +18,31 @@ from jinja2.runtime import Context
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
 
-from fourpole.errors import FourpoleError
+from fourpole.errors import CampaignError, FourpoleError
 from fourpole.report.html import environment, fit
 from fourpole.report.page import PARTS
 from fourpole.served.collecting import Collector
 from fourpole.served.editing import ConflictError
 from fourpole.served.guard import ASKED_BY
-from fourpole.served.held import Held
+from fourpole.served.held import Held, Shown
 from fourpole.served.jobs import Jobs
 from fourpole.served.uploads import Uploads
-from fourpole.served.workspace import NoCampaignError, Place, Workspace
+from fourpole.served.workspace import NoCampaignError, Place, Workspace, state_of
 from fourpole.units import shown
 from fourpole.version import VERSION
 
-_SCRIPTS = (
-    "app.js",
-    "home.js",
-    "run.js",
-    "recording.js",
-    "statement.js",
-    "watch.js",
-    "explore.js",
-    "model.js",
-    "plan.js",
-)
+#: Scripts of the app: what its pages share, and that of each page that has one.
+_SCRIPTS = ("app", "home", "run", "recording", "statement", "watch", "explore", "model", "plan")
 #: Files that pages load, with the package that has them and their kind.
 STATIC = {
     "page.css": ("fourpole.report", "text/css"),
     "tables.js": ("fourpole.report", "text/javascript"),
     "draw.js": ("fourpole.report", "text/javascript"),
     "app.css": ("fourpole.served.static", "text/css"),
-    **dict.fromkeys(_SCRIPTS, ("fourpole.served.static", "text/javascript")),
+    **dict.fromkeys((f"{name}.js" for name in _SCRIPTS), ("fourpole.served.static", "text/javascript")),
 }
 #: Largest number of folders that are watched at a time.
 MOST_WATCHES = 8
@@ -83,13 +75,44 @@ class Site:
         """The campaign that the address names."""
         return self.workspace.find(str(request.path_params["key"]))
 
-    async def page(self, template: str, make: Callable[[], dict[str, Any]], status: int = 200) -> Response:
-        """A page, whose content is made in a thread, so that other pages answer meanwhile."""
+    def results(self, place: Place) -> Shown:
+        """The results of a campaign that has been analysed; CampaignError if they are gone."""
+        shown = self.held.of(place)
+        if shown is None:
+            raise CampaignError("the results were deleted a moment ago: run the analysis again")
+        return shown
+
+    async def page(
+        self, template: str, make: Callable[[], dict[str, Any]], of: Place | None = None, status: int = 200
+    ) -> Response:
+        """A page of a campaign, or of none; its content is made in a thread, so that other pages answer meanwhile."""
 
         def filled() -> str:
-            return fit(self._templates.get_template(template).render(**make()))
+            campaign = {"campaign": of} if of is None else {"campaign": of, "state": state_of(of)}
+            return fit(self._templates.get_template(template).render(**{**campaign, **make()}))
 
         return HTMLResponse(await run_in_threadpool(filled), status)
+
+    def page_route(
+        self, path: str, template: str, make: Callable[[Place, Request], dict[str, Any]], *, of_results: bool = False
+    ) -> Route:
+        """The route of a page of a campaign; one of results leads to the page Run while there are none."""
+
+        async def page(request: Request) -> Response:
+            place = self.place(request)
+            if of_results and not place.analysed:
+                return RedirectResponse(address(place, "run"), 303)
+            return await self.page(template, lambda: make(place, request), place)
+
+        return Route(path, page)
+
+    def document_route(self, path: str, make: Callable[[Place, Request], Any]) -> Route:
+        """The route of a JSON document on a campaign, for the script of a page."""
+
+        async def document(request: Request) -> Response:
+            return JSONResponse(await run_in_threadpool(make, self.place(request), request))
+
+        return Route(path, document)
 
     async def fault(self, request: Request, error: Exception) -> Response:
         """The answer to what goes wrong: a page, or a document for a script."""
@@ -99,7 +122,7 @@ class Site:
             return JSONResponse({"error": text}, status if status == 500 else 200)
         if "text/html" not in request.headers.get("accept", ""):
             return JSONResponse({"error": text}, status)
-        return await self.page("fault.html", lambda: {"text": text, "campaign": self._known(request)}, status)
+        return await self.page("fault.html", lambda: {"text": text, "campaign": self._known(request)}, status=status)
 
     def _known(self, request: Request) -> Place | None:
         """The campaign that an address names, if there is one."""
@@ -133,6 +156,11 @@ def _place(context: Context, card: str, test: str) -> str:  # noqa: ARG001 - the
 def address(place: Place, *parts: str) -> str:
     """The address of a page of a campaign."""
     return "/".join(["/c", quote(place.key, safe=""), *(quote(part, safe="") for part in parts)])
+
+
+def attachment(content: bytes, kind: str, name: str) -> Response:
+    """A file to be kept, by its content, kind and name."""
+    return Response(content, media_type=kind, headers={"Content-Disposition": f'attachment; filename="{name}"'})
 
 
 async def body_of(request: Request) -> Any:

@@ -64,7 +64,9 @@ def selftest_csv(test: SelfTest) -> str:
 def _cells(one: Compared, *, short: bool = False) -> tuple[str, ...]:
     """A value as texts, in the order of `HEADS`."""
     numbers = ("" if number is None else f"{number:.2g}" for number in (one.difference, one.tolerance))
-    expected = _shortened(one.expected) if short and one.tolerance is not None else one.expected
+    expected = one.expected
+    if short and one.tolerance is not None and len(expected) > _SHOWN + 2:
+        expected = f"{float(expected):.{_SHOWN}g}"
     return (one.check, one.function, one.value, one.unit, expected, one.found, *numbers, verdict_of(one.good))
 
 
@@ -75,8 +77,3 @@ def _grouped(values: Iterable[Compared]) -> dict[str, list[tuple[str, ...]]]:
         check, *cells = _cells(one, short=True)
         groups.setdefault(check, []).append(tuple(cells))
     return groups
-
-
-def _shortened(number: str) -> str:
-    """A number with as many digits as a double has."""
-    return f"{float(number):.{_SHOWN}g}" if len(number) > _SHOWN + 2 else number

@@ -15,7 +15,6 @@ from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Holds
 from fourpole.findings.trends import Trend, trend_of
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
-from fourpole.fitting.modelparts import NamedValue
 from fourpole.models.families import by_amplitude
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, spread
@@ -161,7 +160,9 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
         column = axis.column
         unit, scale, _ = _axis(column)
         facts.append((axis.name, spread(axis.values, axis_of(column), unit, scale=scale)))
-    facts += [(f"{each.name}, not varied", _bare(each)) for each in entry.constant]
+    for constant in entry.constant:
+        unit, scale, _ = _axis(constant.column)
+        facts.append((f"{constant.name}, not varied", f"{constant.value / scale:.4g} {unit}".rstrip()))
     facts.append(("frequency", ranged(list(entry.band), "Hz")))
     said = (
         "leave-one-out error of K*",
@@ -170,11 +171,6 @@ def map_facts(entry: MapEntry) -> list[tuple[str, str]]:
     )
     errors = zip(said, entry.leave_one_out, strict=True)
     return [*facts, *((words, percent(value)) for words, value in errors if value is not None)]
-
-
-def _bare(each: NamedValue) -> str:
-    unit, scale, _ = _axis(each.column)
-    return f"{each.value / scale:.4g} {unit}".rstrip()
 
 
 def remarks_on_map(entry: MapEntry) -> list[str]:

@@ -47,11 +47,8 @@ def ranged(values: Sequence[float], unit: str = "", digits: int = 3) -> str:
 def percent(share: float) -> str:
     """A fraction as per cent, with no decimal from 10 %, one from 0.1 %, two below."""
     size = abs(100.0 * share)
-    return f"{100.0 * share:.0f} %" if size >= 9.95 else f"{100.0 * share:.1f} %" if size >= 0.095 else _small(share)
-
-
-def _small(share: float) -> str:
-    return f"{100.0 * share:.2f} %" if abs(share) >= 0.5e-4 else "less than 0.01 %" if share else "0 %"
+    decimals = 0 if size >= 9.95 else 1 if size >= 0.095 else 2
+    return f"{100.0 * share:.{decimals}f} %" if abs(share) >= 0.5e-4 else "less than 0.01 %" if share else "0 %"
 
 
 def percents(shares: Sequence[float]) -> str:

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
 from fourpole.quantities import ShownUnits
@@ -132,18 +131,16 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
             f"The data contradict what you state of the {joined(against)}: {which} now, and its departure is in the "
             "uncertainties of all results."
         )
-    added = [value.name for value in values if value.finding is RigFinding.UNSTATED and _is_error(value)]
+    # A specimen may drift in a rig that fits.
+    added = [
+        value.name for value in values if value.finding is RigFinding.UNSTATED and value.group is not Role.SPECIMEN
+    ]
     if added:
         yield f"The tests show what you did not state: {joined(added)}. The uncertainties of all results include it."
     done = list(_enlarged(found))
     if done:
         yield f"The uncertainties of all results were enlarged to cover the misfit: {joined(done)}."
     yield "No row counts as ok, and no value of this rig is called calibrated."
-
-
-def _is_error(value: ShownValue) -> bool:
-    """Whether an unstated value is an error of rig or channels; a specimen may drift in a rig that fits."""
-    return value.group is not Role.SPECIMEN
 
 
 def _enlarged(found: RigEstimate) -> Iterable[str]:
@@ -160,18 +157,14 @@ def _enlarged(found: RigEstimate) -> Iterable[str]:
 def _candidates(found: RigEstimate) -> Iterable[str]:
     """Candidates that would explain the misfit, the best first, and those not distinguishable from it."""
     for at, candidate in enumerate(found.candidates[: max(_MOST_CANDIDATES, found.tied)]):
-        text = f"{cause_words(candidate)}{_relative_std(candidate)}"
+        value, std = known(candidate.value), known(candidate.std)
+        text = cause_words(candidate) + (f" (known to {percent(std / abs(value))})" if value and std else "")
         explains = known(candidate.explains)
         if explains is not None:
             text += f": chi-square would fall by {number(explains)}"
             if 0 < at < found.tied:
                 text += ", nearly as much, so that the data do not distinguish it from the first"
         yield text
-
-
-def _relative_std(candidate: Candidate) -> str:
-    value, std = known(candidate.value), known(candidate.std)
-    return f" (known to {percent(std / abs(value))})" if value and std else ""
 
 
 def _remarks(found: RigEstimate) -> Iterable[str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf
+from typing import Literal
 
-from fourpole.core.sources import Kind, Role, Source
-from fourpole.quantities import RIG_VALUES, ShownUnits
+from fourpole.core.sources import Role, Source
+from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, with_std
+from fourpole.report.words.sources import in_words
 from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
 
 DASH = "–"
@@ -19,17 +21,6 @@ GROUPS = {
     Role.MASS: "Added masses",
     Role.SPECIMEN: "Specimens",
 }
-#: Name, unit shown, SI value of that unit, and zero of each unstated part of a rig.
-_UNSTATED = {
-    "mass": ("moving mass that is not stated", "kg", 1.0, 0.0),
-    "spring": ("spring that is not stated", "kN/m", 1e3, 0.0),
-    "frame": ("compliance of the frame, not stated", "mm/kN", 1e-6, 0.0),
-    "loss": ("loss factor of the spring, not stated", "", 1.0, 0.0),
-    "friction": ("dry friction that is not stated", "N", 1.0, 0.0),
-    "input": ("input mass that is not stated", "kg", 1.0, 0.0),
-}
-#: SI unit of those parts that can be shown in another unit.
-_UNSTATED_SI = {"mass": "kg", "spring": "N/m", "friction": "N", "input": "kg"}
 #: An error of up to this many stated standard uncertainties counts as declared.
 DECLARED = 6.0
 #: Largest error that is plausible, by the unit shown; for a value of the rig it is the value itself.
@@ -94,31 +85,15 @@ class ShownValue:
         """Detection limit: the smallest undeclared error that the tests would show; None if they show none."""
         return self._shown(self.value.detection_limit)
 
-    def _pair(self, value: float | None, std: float | None) -> tuple[str, str]:
-        text, about = with_std(value, std, 5)
+    def words(self, which: Literal["stated", "found"], coverage: float = 1.0) -> tuple[str, str]:
+        """Value as stated or as found, and its standard uncertainty times a coverage factor."""
+        known, known_std = getattr(self.value, which), getattr(self.value, f"{which}_std")
+        value, std = self._shown(known, self.zero), self._shown(known_std)
+        text, about = with_std(value, None if std is None else coverage * std, 5)
         departure = self.group in (Role.CHANNEL, Role.RATIO, Role.SPECIMEN)
         if departure and value is not None and value > 0 and text.strip("0."):
             text = f"+{text}"
         return text or DASH, about
-
-    @property
-    def stated_words(self) -> tuple[str, str]:
-        """Value as stated, and its standard uncertainty."""
-        return self._pair(self.stated, self.stated_std)
-
-    @property
-    def found_words(self) -> tuple[str, str]:
-        """Value as found, and its standard uncertainty."""
-        return self._pair(self._shown(self.value.found, self.zero), self._shown(self.value.found_std))
-
-    def stated_with_u(self, coverage: float) -> str:
-        """Value as stated with its uncertainty, expanded by a coverage factor."""
-        return _joined(*self._pair(self.stated, _times(self.stated_std, coverage)))
-
-    def found_with_u(self, coverage: float) -> str:
-        """Value as found with its uncertainty, expanded by a coverage factor."""
-        std = _times(self._shown(self.value.found_std), coverage)
-        return _joined(*self._pair(self._shown(self.value.found, self.zero), std))
 
     @property
     def ratio_words(self) -> str:
@@ -136,15 +111,17 @@ class ShownValue:
         return text.replace("-", "−") if text.strip("+-0.") else "0.00"
 
     @property
-    def detection_words(self) -> str:
-        """The detection limit with its unit, "at no size", or a dash."""
+    def detection_number(self) -> str:
+        """The detection limit without its unit, "at no size", or a dash."""
         if self.finding in (RigFinding.CONTRADICTED, RigFinding.UNSTATED):
             return DASH
-        return (
-            "at no size"
-            if self.hidden
-            else f"{number(self.detection_limit, 2)} {self.unit}".rstrip().replace(" °", "°")
-        )
+        return "at no size" if self.hidden else number(self.detection_limit, 2)
+
+    @property
+    def detection_words(self) -> str:
+        """The detection limit with its unit, "at no size", or a dash."""
+        unit = "" if self.hidden or self.detection_number == DASH else self.unit
+        return f"{self.detection_number} {unit}".rstrip().replace(" °", "°")
 
     @property
     def mark(self) -> str:
@@ -162,56 +139,6 @@ class ShownValue:
         return self.detection_limit > max(most, DECLARED * (self.stated_std or 0.0))
 
 
-def _times(std: float | None, coverage: float) -> float | None:
-    return None if std is None else coverage * std
-
-
-def _joined(value: str, about: str) -> str:
-    return f"{value} ± {about}" if about else value
-
-
 def shown_values(found: RigEstimate, units: ShownUnits | None = None) -> tuple[ShownValue, ...]:
     """The shared values of one rig in the units that are wanted, in the order of rig.csv."""
     return tuple(ShownValue.of(value, units) for value in found.values)
-
-
-#: Name, unit shown and its SI value of errors that are 0 where there is none.
-_SIMPLE = {
-    Kind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
-    Kind.GAIN_DRIFT: ("drift of {}'s gain over the run", "%", 0.01),
-    Kind.DRIFT: ("drift of K* of {} over the run", "%", 0.01),
-    Kind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
-    Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
-    Kind.DELAY: ("delay of {}", "ms", 1e-3),
-}
-
-
-def in_words(source: Source, unit: str = "", units: ShownUnits | None = None) -> tuple[str, str, float, float]:
-    """Name, unit shown, SI value of that unit, and the SI value shown as zero, in the units that are wanted.
-
-    Examples
-    --------
-    >>> in_words(Source(Kind.RIG_VALUE, "preload_stiffness"), "N/m")
-    ('preload spring K3', 'kN/m', 1000.0, 0.0)
-    >>> in_words(Source(Kind.GAIN, "V1"), "1"), in_words(Source(Kind.GAIN, "F1", "V1"), "1")[0]
-    (('gain of V1', '%', 0.01, 1.0), 'gain of F1 over V1')
-    """
-    of, under = source.of, source.under
-    if source.kind in _SIMPLE:
-        name, shown, scale = _SIMPLE[source.kind]
-        return name.format(of or "the specimen"), shown, scale, 0.0
-    match source.kind:
-        case Kind.UNSTATED:
-            wanted = units.wanted.get(_UNSTATED_SI.get(of, "")) if units else None
-            return (_UNSTATED[of][0], *wanted, 0.0) if wanted else _UNSTATED[of]
-        case Kind.RIG_VALUE:
-            value = (units or ShownUnits()).of(RIG_VALUES[of])
-            return value.name, value.suffix, value.scale, 0.0
-        case Kind.GAIN:
-            return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
-        case Kind.PHASE:
-            return f"phase of {of} less {under}" if under else f"phase of {of}", "°", pi / 180, 0.0
-        case Kind.RESPONSE_GAIN | Kind.RESPONSE_PHASE:
-            what = "gain" if source.kind is Kind.RESPONSE_GAIN else "phase"
-            return f"calibrated response of {of}, {what}, in its u", "", 1.0, 0.0
-    return source.text.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0

@@ -1,20 +1,24 @@
-"""Sources of error in words: the name of each inside a sentence, and its cheapest remedy."""
+"""Sources of error in words: the name of each in a table with its unit and inside a sentence; its cheapest remedy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 
 from fourpole.core.sources import Kind, Role, Source
-from fourpole.quantities import RIG_VALUES
+from fourpole.quantities import RIG_VALUES, ShownUnits
 
-_UNSTATED = {
-    "mass": "a moving mass that is not stated",
-    "spring": "a spring that is not stated",
-    "frame": "a compliant frame that is not stated",
-    "loss": "a loss factor of the preload spring that is not stated",
-    "friction": "dry friction that is not stated",
-    "input": "an input mass that is not stated",
-}
+#: Parts of a rig that are not stated: name inside a sentence, name in a table, SI unit, unit shown and its SI value.
+_UNSTATED: dict[str, tuple[str, str, str, str, float]] = {
+    "mass": ("a moving mass that is not stated", "moving mass that is not stated", "kg", "kg", 1.0),
+    "spring": ("a spring that is not stated", "spring that is not stated", "N/m", "kN/m", 1e3),
+    "frame": ("a compliant frame that is not stated", "compliance of the frame, not stated", "", "mm/kN", 1e-6),
+    "loss": (
+        "a loss factor of the preload spring that is not stated", "loss factor of the spring, not stated", "", "", 1.0,
+    ),
+    "friction": ("dry friction that is not stated", "dry friction that is not stated", "N", "N", 1.0),
+    "input": ("an input mass that is not stated", "input mass that is not stated", "kg", "kg", 1.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,15 @@ _REMEDIES = {
     "the run",
     Kind.OTHER: "state {name} with a smaller uncertainty",
 }
+#: Name, unit shown and its SI value of errors that are 0 where there is none.
+_SIMPLE = {
+    Kind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
+    Kind.GAIN_DRIFT: ("drift of {}'s gain over the run", "%", 0.01),
+    Kind.DRIFT: ("drift of K* of {} over the run", "%", 0.01),
+    Kind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
+    Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
+    Kind.DELAY: ("delay of {}", "ms", 1e-3),
+}
 
 
 def source_in_words(source: Source) -> str:
@@ -127,7 +140,7 @@ def source_in_words(source: Source) -> str:
 
 def _filled(template: str, source: Source) -> str:
     value = RIG_VALUES[source.of] if source.kind is Kind.RIG_VALUE else None
-    name = _UNSTATED[source.of] if source.kind is Kind.UNSTATED else value.name if value else source.text
+    name = _UNSTATED[source.of][0] if source.kind is Kind.UNSTATED else value.name if value else source.text
     return template.format(
         channel=f"{source.of} against {source.under}" if source.under else source.of,
         name=(source.of or "the specimen") if source.role is Role.SPECIMEN else name,
@@ -160,3 +173,35 @@ def _rig_remedy(text: str, about: About) -> str:
     if about.with_v2:
         return f"use the joint route, which finds it from V2, or {text}"
     return f"{text}, or measure V2 too and use the joint route"
+
+
+def in_words(source: Source, unit: str = "", units: ShownUnits | None = None) -> tuple[str, str, float, float]:
+    """Name, unit shown, SI value of that unit, and the SI value shown as zero, in the units that are wanted.
+
+    Examples
+    --------
+    >>> in_words(Source(Kind.RIG_VALUE, "preload_stiffness"), "N/m")
+    ('preload spring K3', 'kN/m', 1000.0, 0.0)
+    >>> in_words(Source(Kind.GAIN, "V1"), "1"), in_words(Source(Kind.GAIN, "F1", "V1"), "1")[0]
+    (('gain of V1', '%', 0.01, 1.0), 'gain of F1 over V1')
+    """
+    of, under = source.of, source.under
+    if source.kind in _SIMPLE:
+        name, shown, scale = _SIMPLE[source.kind]
+        return name.format(of or "the specimen"), shown, scale, 0.0
+    match source.kind:
+        case Kind.UNSTATED:
+            _, name, unit, shown, scale = _UNSTATED[of]
+            shown, scale = (units or ShownUnits()).wanted.get(unit, (shown, scale))
+            return name, shown, scale, 0.0
+        case Kind.RIG_VALUE:
+            value = (units or ShownUnits()).of(RIG_VALUES[of])
+            return value.name, value.suffix, value.scale, 0.0
+        case Kind.GAIN:
+            return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
+        case Kind.PHASE:
+            return f"phase of {of} less {under}" if under else f"phase of {of}", "°", pi / 180, 0.0
+        case Kind.RESPONSE_GAIN | Kind.RESPONSE_PHASE:
+            what = "gain" if source.kind is Kind.RESPONSE_GAIN else "phase"
+            return f"calibrated response of {of}, {what}, in its u", "", 1.0, 0.0
+    return source.text.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0

@@ -31,7 +31,6 @@ def routes(site: Site) -> list[Route]:
 def _shown(site: Site, asked: Mapping[str, str]) -> dict[str, Any]:
     analysed = [one for one in site.workspace.campaigns() if one.analysed]
     made: dict[str, Any] = {
-        "campaign": None,
         "analysed": analysed,
         "asked": {name: asked.get(name, "") for name in ("a", "b", "first", "second", "independent")},
         "specimens": ([], []),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import QueryParams
 from starlette.requests import Request
-from starlette.responses import RedirectResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
 
 from fourpole import quantities as q
@@ -23,9 +24,8 @@ from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import floats
 from fourpole.plot.states import place_text
 from fourpole.served.figures import drawn, figure_of, values_of
-from fourpole.served.held import Shown
-from fourpole.served.site import Site, address
-from fourpole.served.workspace import Place, state_of
+from fourpole.served.site import Site, attachment
+from fourpole.served.workspace import Place
 from fourpole.study.study import Study
 from fourpole.units import quantity
 
@@ -38,34 +38,21 @@ _NAMES = {"amplitude": "deflection amplitude", ORDER: "order of the tests"}
 def routes(site: Site) -> list[Route]:
     """The page, and the figure as a file."""
 
-    async def page(request: Request) -> Response:
-        place = site.place(request)
-        if not place.analysed:
-            return RedirectResponse(address(place, "run"), 303)
-        return await site.page("explore.html", lambda: _shown(site, place, request.query_params))
-
     async def file(request: Request) -> Response:
         place, form = site.place(request), request.path_params["form"]
         if form not in FORMATS:
             raise CampaignError(f"a figure is {', '.join(FORMATS)}")
         key, content = await run_in_threadpool(_file, site, place, request.query_params, form)
-        name = f"{place.key}-{key}.{form}"
-        return Response(
-            content, media_type=_KINDS[form], headers={"Content-Disposition": f'attachment; filename="{name}"'}
-        )
+        return attachment(content, _KINDS[form], f"{place.key}-{key}.{form}")
 
-    return [Route("/c/{key}/explore", page), Route("/c/{key}/figure.{form}", file)]
-
-
-def _results(site: Site, place: Place) -> Shown:
-    shown = site.held.of(place)
-    if shown is None:
-        raise CampaignError("the results were deleted a moment ago: run the analysis again")
-    return shown
+    return [
+        site.page_route("/c/{key}/explore", "explore.html", partial(_shown, site), of_results=True),
+        Route("/c/{key}/figure.{form}", file),
+    ]
 
 
 def _file(site: Site, place: Place, asked: QueryParams, form: str) -> tuple[str, bytes]:
-    results = _results(site, place).results
+    results = site.results(place).results
     key = _key(asked)
     content = drawn(site, _part(results, asked), key, form)
     if content is None:
@@ -73,12 +60,11 @@ def _file(site: Site, place: Place, asked: QueryParams, form: str) -> tuple[str,
     return key, content
 
 
-def _shown(site: Site, place: Place, asked: QueryParams) -> dict[str, Any]:
-    shown = _results(site, place)
+def _shown(site: Site, place: Place, request: Request) -> dict[str, Any]:
+    asked = request.query_params
+    shown = site.results(place)
     results = shown.results
     made: dict[str, Any] = {
-        "campaign": place,
-        "state": state_of(place),
         "figure": None,
         "values": [],
         "fault": "",

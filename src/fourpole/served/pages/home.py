@@ -71,10 +71,4 @@ def _shown(site: Site) -> dict[str, Any]:
             rows.append(LeftOut(place.name, f"a fault in Fourpole itself ({type(error).__name__}): please report it"))
             continue
         rows.append({"place": place, "state": state, "job": None if job is None or job.over else job})
-    return {
-        "campaign": None,
-        "rows": rows,
-        "root": str(site.workspace.root),
-        "most_files": MOST_FILES,
-        "most_bytes": MOST_BYTES,
-    }
+    return {"rows": rows, "root": str(site.workspace.root), "most_files": MOST_FILES, "most_bytes": MOST_BYTES}

@@ -6,6 +6,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -14,7 +15,7 @@ from markupsafe import Markup
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
 from fourpole.errors import CampaignError, FourpoleError, UnitError
@@ -27,8 +28,8 @@ from fourpole.report.pdf import print_page
 from fourpole.served.answers import Source, answer, sources
 from fourpole.served.figures import LinkedFigure, figure_of
 from fourpole.served.held import Shown
-from fourpole.served.site import Site, address
-from fourpole.served.workspace import Place, state_of
+from fourpole.served.site import Site
+from fourpole.served.workspace import Place
 from fourpole.units import quantity
 from fourpole.units import shown as shown_text
 
@@ -42,16 +43,6 @@ _PDF = "pdf"
 def routes(site: Site) -> list[Route]:
     """The page, the answer at a point, and files for other programs."""
 
-    async def page(request: Request) -> Response:
-        place = site.place(request)
-        if not place.analysed:
-            return RedirectResponse(address(place, "run"), 303)
-        return await site.page("model.html", lambda: _shown(site, place, dict(request.query_params)))
-
-    async def ask(request: Request) -> Response:
-        place = site.place(request)
-        return JSONResponse(await run_in_threadpool(_answer, site, place, dict(request.query_params)))
-
     async def export(request: Request) -> Response:
         place, kind = site.place(request), request.path_params["kind"]
         folder = Path(tempfile.mkdtemp(prefix="fourpole-export-"))
@@ -64,26 +55,22 @@ def routes(site: Site) -> list[Route]:
         headers = {"X-Notes": quote(json.dumps(notes))}
         return FileResponse(path, filename=f"{place.key}-{path.name}", headers=headers, background=cleaning)
 
-    return [Route("/c/{key}/model", page), Route("/c/{key}/model/answer", ask), Route("/c/{key}/export/{kind}", export)]
+    return [
+        site.page_route("/c/{key}/model", "model.html", partial(_shown, site), of_results=True),
+        site.document_route("/c/{key}/model/answer", partial(_answer, site)),
+        Route("/c/{key}/export/{kind}", export),
+    ]
 
 
-def _results(site: Site, place: Place) -> Shown:
-    shown = site.held.of(place)
-    if shown is None:
-        raise CampaignError("the results were deleted a moment ago: run the analysis again")
-    return shown
-
-
-def _shown(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
-    shown = _results(site, place)
+def _shown(site: Site, place: Place, request: Request) -> dict[str, Any]:
+    asked = request.query_params
+    shown = site.results(place)
     results = shown.results
     known = sources(results)
     source = known.get(asked.get("tyre", "")) or next(iter(known.values()), None)
     found = None if source is None else _answered(shown, source, asked)
     return {
         **shown.parts,
-        "campaign": place,
-        "state": state_of(place),
         "opened": "models",
         "specimens": list(known),
         "source": source,
@@ -153,8 +140,9 @@ def _is_bare(text: str) -> bool:
     return True
 
 
-def _answer(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
-    shown = _results(site, place)
+def _answer(site: Site, place: Place, request: Request) -> dict[str, Any]:
+    asked = request.query_params
+    shown = site.results(place)
     known = sources(shown.results)
     if asked.get("tyre", "") not in known:
         raise CampaignError("there is no model of this specimen: it was fitted again a moment ago; load the page again")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,7 +19,8 @@ from fourpole.planning.runsheet import run_sheet
 from fourpole.plot.plan import PLAN_TITLE, draw_plan, plan_figure_svg
 from fourpole.report.page import ReportFigure
 from fourpole.report.words.plan import advice_in_words, expected_tables
-from fourpole.served.site import Site
+from fourpole.served.held import Latest
+from fourpole.served.site import Site, attachment
 from fourpole.served.workspace import Place, state_of, version_of
 from fourpole.units import quantity
 
@@ -43,62 +43,42 @@ _MOST_HELD = 8
 
 def routes(site: Site) -> list[Route]:
     """The page, what it computes, and the run sheet."""
-    held = _Held()
-
-    async def page(request: Request) -> Response:
-        place, asked = site.place(request), dict(request.query_params)
-        return await site.page(
-            "plan.html",
-            lambda: {
-                "campaign": place,
-                "state": state_of(place),
-                "fields": FIELDS,
-                "asked": {name: asked.get(name, "") for name in (*FIELDS, "added_mass")},
-                "query": str(request.query_params),
-                "masses": "; ".join(f"{one:g} kg" for one in MASSES),
-            },
-        )
+    held: Latest[dict[str, Any]] = Latest(_MOST_HELD)
+    making = threading.Lock()  # one plan is made at a time
 
     async def expected(request: Request) -> Response:
         place, asked = site.place(request), dict(request.query_params)
-        return await site.page("expected.html", lambda: held.of(site, place, asked))
+
+        def made() -> dict[str, Any]:
+            mark = version_of(place.folder), state_of(place).analysed
+            try:
+                with making:
+                    return held.get((place.key, *sorted(asked.items())), mark, lambda: _expected(site, place, asked))
+            except FourpoleError as error:
+                return {"campaign": place, "fault": str(error)}
+
+        return await site.page("expected.html", made)
 
     async def sheet(request: Request) -> Response:
         place, asked = site.place(request), dict(request.query_params)
         content = await run_in_threadpool(_sheet, place, asked)
-        name = f"{place.key}-tests.csv"
-        return Response(
-            content, media_type="text/csv", headers={"Content-Disposition": f'attachment; filename="{name}"'}
-        )
+        return attachment(content, "text/csv", f"{place.key}-tests.csv")
 
     return [
-        Route("/c/{key}/plan", page),
+        site.page_route("/c/{key}/plan", "plan.html", _shown),
         Route("/c/{key}/plan/expected", expected),
         Route("/c/{key}/plan/run-sheet.csv", sheet),
     ]
 
 
-class _Held:
-    """The plans that were made last; one is made at a time."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._found: OrderedDict[Any, dict[str, Any]] = OrderedDict()
-
-    def of(self, site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:
-        """What the page shows of a plan."""
-        state = state_of(place)
-        key = (place.key, version_of(place.folder), state.analysed, tuple(sorted(asked.items())))
-        with self._lock:
-            if key not in self._found:
-                try:
-                    self._found[key] = _expected(site, place, asked)
-                except FourpoleError as error:
-                    return {"campaign": place, "fault": str(error)}
-                while len(self._found) > _MOST_HELD:
-                    self._found.popitem(last=False)
-            self._found.move_to_end(key)
-            return self._found[key]
+def _shown(_: Place, request: Request) -> dict[str, Any]:
+    asked = request.query_params
+    return {
+        "fields": FIELDS,
+        "asked": {name: asked.get(name, "") for name in (*FIELDS, "added_mass")},
+        "query": str(asked),
+        "masses": "; ".join(f"{mass:g} kg" for mass in MASSES),
+    }
 
 
 def _expected(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import polars as pl
@@ -45,30 +46,6 @@ _LONGEST = 300
 def routes(site: Site) -> list[Route]:
     """The list of tests, a test, and parts of its signals."""
 
-    async def every(request: Request) -> Response:
-        place = site.place(request)
-        return await site.page("tests.html", lambda: _every(site, place))
-
-    async def page(request: Request) -> Response:
-        place, name = site.place(request), request.path_params["test"]
-        return await site.page("recording.html", lambda: _shown(site, place, name))
-
-    async def signals(request: Request) -> Response:
-        place, name = site.place(request), request.path_params["test"]
-        asked = request.query_params
-        try:
-            first, last = (float(asked[one]) if one in asked else None for one in ("from", "to"))
-            width = min(max(int(asked.get("width", 800)), _WIDTHS[0]), _WIDTHS[1])
-            if not all(one is None or math.isfinite(one) for one in (first, last)):
-                raise ValueError
-        except ValueError:
-            raise CampaignError("the part of the recording is not stated in numbers") from None
-        return JSONResponse(await run_in_threadpool(_part, site, place, name, first, last, width))
-
-    async def residual(request: Request) -> Response:
-        place, name = site.place(request), request.path_params["test"]
-        return JSONResponse(await run_in_threadpool(_residual, site, place, name))
-
     async def leave_out(request: Request) -> Response:
         place, form = site.place(request), await body_of(request)
         reason = form.get("reason") if isinstance(form, dict) else None
@@ -78,16 +55,16 @@ def routes(site: Site) -> list[Route]:
         return JSONResponse({})
 
     return [
-        Route("/c/{key}/tests", every),
+        site.page_route("/c/{key}/tests", "tests.html", partial(_every, site)),
         # The name of a test may have a slash.
-        Route("/c/{key}/tests/{test:path}/residual", residual),
+        site.document_route("/c/{key}/tests/{test:path}/residual", partial(_residual, site)),
         Route("/c/{key}/tests/{test:path}/excluded", leave_out, methods=["PUT"]),
-        Route("/c/{key}/tests/{test:path}/signals", signals),
-        Route("/c/{key}/tests/{test:path}", page),
+        site.document_route("/c/{key}/tests/{test:path}/signals", partial(_part, site)),
+        site.page_route("/c/{key}/tests/{test:path}", "recording.html", partial(_shown, site)),
     ]
 
 
-def _every(site: Site, place: Place) -> dict[str, Any]:
+def _every(site: Site, place: Place, _: Request) -> dict[str, Any]:
     """The tests in the order of tests.csv, each with its cards; those of the results where the statement is broken."""
     state, shown = state_of(place), site.held.of(place)
     cards: dict[str, list[Any]] = {}
@@ -101,10 +78,11 @@ def _every(site: Site, place: Place) -> dict[str, Any]:
     except FourpoleError as error:
         fault = "" if state.fault else str(error)  # that of campaign.toml stands on every page
     tests = [(name, tyre, cards.get(name, [])) for name, tyre in names.items()]
-    return {"campaign": place, "state": state, "fault": fault, "tests": tests, "analysed": shown is not None}
+    return {"fault": fault, "tests": tests, "analysed": shown is not None}
 
 
-def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
+def _shown(site: Site, place: Place, request: Request) -> dict[str, Any]:
+    name = request.path_params["test"]
     campaign = site.held.campaign(place)
     names = [test.name for test in campaign.tests]
     if name not in names:
@@ -113,8 +91,6 @@ def _shown(site: Site, place: Place, name: str) -> dict[str, Any]:
     site.collector.expect([campaign.tests[at].file])
     card = None if shown is None else shown.cards.get(name)
     return {
-        "campaign": place,
-        "state": state_of(place),
         "test": campaign.tests[at],
         "at": at + 1,
         "count": len(names),
@@ -161,9 +137,17 @@ def _check(row: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _part(site: Site, place: Place, name: str, first: float | None, last: float | None, width: int) -> dict[str, Any]:
+def _part(site: Site, place: Place, request: Request) -> dict[str, Any]:
     """A part of all channels of a test; the whole without ends [s]; or how much of a long recording is read."""
-    kept = _kept(site, place, name)
+    asked = request.query_params
+    try:
+        first, last = (float(asked[end]) if end in asked else None for end in ("from", "to"))
+        width = min(max(int(asked.get("width", 800)), _WIDTHS[0]), _WIDTHS[1])
+        if not all(end is None or math.isfinite(end) for end in (first, last)):
+            raise ValueError
+    except ValueError:
+        raise CampaignError("the part of the recording is not stated in numbers") from None
+    kept = _kept(site, place, request.path_params["test"])
     if isinstance(kept, float):
         return {"read": kept}
     starts = [one["start"] for one in kept.channels]
@@ -211,10 +195,10 @@ def _fundamental(shown: Shown | None, test: Test) -> float | None:
     return None if rows.is_empty() else rows[q.FREQUENCY.head][0]
 
 
-def _residual(site: Site, place: Place, name: str) -> dict[str, Any]:
+def _residual(site: Site, place: Place, request: Request) -> dict[str, Any]:
     """The spectra of what a dynamic test holds beside its fundamental."""
     campaign = site.held.campaign(place)
-    test = next((one for one in campaign.tests if one.name == name), None)
+    test = next((test for test in campaign.tests if test.name == request.path_params["test"]), None)
     fundamental = None if test is None else _fundamental(site.held.of(place), test)
     if test is None or fundamental is None:
         raise CampaignError("this test has no fundamental")

@@ -17,7 +17,7 @@ from fourpole.errors import CampaignError
 from fourpole.report.cards import embedded
 from fourpole.served.jobs import Job, Jobs, Phase
 from fourpole.served.site import Site, address, body_of
-from fourpole.served.workspace import Place, state_of
+from fourpole.served.workspace import Place
 from fourpole.units import shown
 
 #: What a page shows of a job, whenever it changes.
@@ -69,19 +69,13 @@ _CALLED = {"init": "Check the guess", "analyse": "Show the results"}
 def routes(site: Site) -> list[Route]:
     """The page, its events, and the buttons."""
 
-    async def page(request: Request) -> Response:
-        place = site.place(request)
+    def shown_of(place: Place, _: Request) -> dict[str, Any]:
         job = site.jobs.of(place)
-        return await site.page(
-            "run.html",
-            lambda: {
-                "campaign": place,
-                "state": state_of(place),
-                "job": job,
-                "doing": _DOING.get(job.name, job.name) if job else "",
-                "document": Markup(embedded(_document(site, place, job))) if job else "",
-            },
-        )
+        return {
+            "job": job,
+            "doing": _DOING.get(job.name, job.name) if job else "",
+            "document": Markup(embedded(_document(site, place, job))) if job else "",
+        }
 
     async def start(request: Request) -> Response:
         place, form = site.place(request), await body_of(request)
@@ -94,7 +88,7 @@ def routes(site: Site) -> list[Route]:
         return Response(status_code=204)
 
     return [
-        Route("/c/{key}/run", page),
+        site.page_route("/c/{key}/run", "run.html", shown_of),
         Route("/c/{key}/run", start, methods=["POST"]),
         *job_routes(site, site.jobs, "run", partial(_documents, site)),
     ]

@@ -33,7 +33,7 @@ def routes(site: Site) -> list[Route]:
         place = site.place(request)
         if not state_of(place).stated and not (place.folder / "tests.csv").is_file():
             return RedirectResponse(address(place, "run"), 303)  # recordings that are yet to be looked at
-        return await site.page("statement.html", lambda: _shown(place))
+        return await site.page("statement.html", lambda: _shown(place), place)
 
     async def keep(request: Request) -> Response:
         place, form = site.place(request), await body_of(request)
@@ -46,21 +46,16 @@ def routes(site: Site) -> list[Route]:
 
         return JSONResponse(await run_in_threadpool(kept))
 
-    async def columns(request: Request) -> Response:
-        return JSONResponse(await run_in_threadpool(_columns, site.place(request)))
-
     return [
         Route("/c/{key}/statement", page),
         Route("/c/{key}/statement", keep, methods=["PUT"]),
-        Route("/c/{key}/columns", columns),
+        site.document_route("/c/{key}/columns", _columns),
     ]
 
 
 def _shown(place: Place) -> dict[str, Any]:
     stated = read_statement(place.folder)
     return {
-        "campaign": place,
-        "state": state_of(place),
         "stated": stated,
         "roles": ROLES,
         "keys": KEYS,
@@ -78,7 +73,7 @@ def _shown(place: Place) -> dict[str, Any]:
     }
 
 
-def _columns(place: Place) -> dict[str, Any]:
+def _columns(place: Place, _: Request) -> dict[str, Any]:
     """The columns of recordings, each with an outline: of the first static test, and of the first other one."""
     stated = read_statement(place.folder)
     if not {"file", "kind"} <= {*stated.heads}:

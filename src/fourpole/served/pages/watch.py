@@ -18,30 +18,21 @@ from fourpole.report.cards import embedded
 from fourpole.served.jobs import Job
 from fourpole.served.pages.run import job_routes
 from fourpole.served.site import Site, address
-from fourpole.served.workspace import Place, state_of
+from fourpole.served.workspace import Place
 
 
 def routes(site: Site) -> list[Route]:
     """The page, its events, and the buttons."""
 
-    async def page(request: Request) -> Response:
-        place = site.place(request)
-        job = site.watches.of(place)
-        return await site.page(
-            "watch.html",
-            lambda: {
-                "campaign": place,
-                "state": state_of(place),
-                "data": Markup(embedded(_document(site, place, job))),
-            },
-        )
+    def shown(place: Place, _: Request) -> dict[str, Any]:
+        return {"data": Markup(embedded(_document(site, place, site.watches.of(place))))}
 
     async def start(request: Request) -> Response:
         site.watches.start(site.place(request), "watch")
         return Response(status_code=204)
 
     return [
-        Route("/c/{key}/watch", page),
+        site.page_route("/c/{key}/watch", "watch.html", shown),
         Route("/c/{key}/watch", start, methods=["POST"]),
         *job_routes(site, site.watches, "watch", partial(_documents, site)),
     ]
