@@ -48,6 +48,8 @@ MAY = {
     "virtual/folder.py": "truth.csv of the folder that it made",
     # package data
     "report/html.py": "templates and styles",
+    "app/group.py": "groups of commands",
+    "report/words/phrases.py": "sentences",
     "report/selftest/run.py": "the reference data",
     "report/selftest/cases.py": "the reference data",
     "report/selftest/calculated.py": "the calls of the reference cases",

@@ -14,13 +14,12 @@ from fourpole.app.console import (
     STOPPED,
     TERMINATED,
     UNREADABLE,
-    gathered,
+    one_of_several,
     out,
     print_json,
     print_table,
     run_to_exit,
     say,
-    within,
 )
 from fourpole.core.checks import VERDICTS
 from fourpole.errors import CampaignError, FourpoleError
@@ -76,7 +75,7 @@ def _one(campaign: Path, head: str, run: Callable[[Path], int | None], *, as_jso
     say(head)
     code = OK
     try:
-        with within(head), gathered(documents):
+        with one_of_several(head, documents):
             run_to_exit(told)
     except typer.Exit as end:
         code = end.exit_code

@@ -227,7 +227,9 @@ def warn(text: str) -> None:
 
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
-    """Print an error on standard error and end with this exit code."""
+    """Print an error on standard error and end with this exit code; a program that asked for events gets it, too."""
+    if events.wanted():
+        events.tell(error=text)
     _print_marked("[red]error:[/red] ", text)
     raise typer.Exit(code)
 
@@ -248,23 +250,17 @@ def print_json(document: Any) -> None:
 
 
 @contextmanager
-def gathered(documents: list[Any]) -> Iterator[None]:
-    """Let `print_json` append to a list in place of printing: a command prints one document only."""
-    token = _DOCUMENTS.set(documents)
+def one_of_several(part: str, documents: list[Any]) -> Iterator[None]:
+    """Let progress bars say what they are part of, as "2 of 3: campaign", and `print_json` append to a list.
+
+    A command for several campaigns prints one document only.
+    """
+    tokens = _PART.set(part), _DOCUMENTS.set(documents)
     try:
         yield
     finally:
-        _DOCUMENTS.reset(token)
-
-
-@contextmanager
-def within(part: str) -> Iterator[None]:
-    """Let progress bars say what they are part of, as "2 of 3: campaign"."""
-    token = _PART.set(part)
-    try:
-        yield
-    finally:
-        _PART.reset(token)
+        _PART.reset(tokens[0])
+        _DOCUMENTS.reset(tokens[1])
 
 
 def _plain(value: Any) -> Any:

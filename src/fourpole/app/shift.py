@@ -11,7 +11,7 @@ import numpy as np
 from fourpole.app.console import out, print_json, print_table, progress, say, warn
 from fourpole.app.options import ShiftOptions
 from fourpole.errors import UnitError
-from fourpole.fitting.measured import MASTER
+from fourpole.fitting.measured import MASTER, NO_STD
 from fourpole.fitting.shifting import (
     APART,
     COVARIANCE,
@@ -44,7 +44,7 @@ def run_shift(tables: Sequence[Path], options: ShiftOptions, *, as_json: bool) -
     measured = read_isotherms(tables, apart=_kelvin(options.apart), std=options.std, options=options.table())
     measured = measured.only(options.tyre)
     for note in measured.notes:
-        if "uncertainty" not in note:
+        if note != NO_STD:
             say(f"note: {note}")
     if not measured.known:
         say("note: the table states no uncertainty of K*: the misfit of the overlaps is taken for it")

@@ -8,8 +8,7 @@ from typing import Any
 from fourpole.app.console import out, print_json, print_table
 from fourpole.io.published import write_result
 from fourpole.report.standards import PAGES, standard_named
-from fourpole.report.standards.page import NOTE, render_standard
-from fourpole.report.standards.requirement import Found, Requirement, Standard, answered, counts
+from fourpole.report.standards.requirement import NOTE, Found, Requirement, Standard, answered, counts, render_standard
 from fourpole.study.study import Study
 
 _HEADS = ("requirement", "clause", "measured", "limit", "answer")

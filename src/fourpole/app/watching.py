@@ -45,7 +45,10 @@ def run_watch(campaign: Path, *, as_json: bool) -> None:
                 else:
                     _print(one)
             for text in joint.follow(new):
-                say(text)
+                if events.wanted():
+                    events.tell(together=text)
+                else:
+                    say(text)
             time.sleep(_EVERY)
     finally:
         joint.stop()

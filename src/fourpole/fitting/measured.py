@@ -49,6 +49,8 @@ from fourpole.units import shown
 
 _K1 = (q.K1.head, q.K1.u_head)
 _TEMPERATURE = q.TEMPERATURE.head
+#: The note on a table without uncertainties of K*.
+NO_STD = "the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"
 _MOVED = (
     f"rows of one condition differ in temperature: K* counts as uncertain by {100 * TEMPERATURE_SENSITIVITY:g} % per "
     "kelvin from their mean"
@@ -409,7 +411,7 @@ class _Rows:
     def notes(self, had_covariance: bool) -> list[str]:
         said = []
         if not self.known:
-            said = ["the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"]
+            said = [NO_STD]
         elif self.alone and not self.forced:
             why = "covariance.parquet is of other tests" if had_covariance else "only the table was given"
             said = [f"{why}: errors that tests share are taken as independent"]

@@ -45,8 +45,9 @@ def compared_parts(compared: Compared) -> dict[str, Any]:
         "more": compared.rows.height - len(rows),
         "differs": DIFFERS,
         "not_seen": NOT_SEEN,
-        "figure": _address(shown, compared) if shown.height else "",
-        "where": _state(shown, compared) if shown.height else "",
+        "figure": "",
+        "where": "",
+        **(_figure(shown, compared) if shown.height else {}),
     }
 
 
@@ -60,13 +61,12 @@ def _most_different(compared: Compared) -> pl.DataFrame:
     return rows.filter(pl.col(head).eq_missing(first[head]) for head in _STATE).sort(q.FREQUENCY.head)
 
 
-def _address(shown: pl.DataFrame, compared: Compared) -> str:
-    """The figure as a data: URL."""
+def _figure(shown: pl.DataFrame, compared: Compared) -> dict[str, str]:
+    """The figure as a data: URL, and its condition without a frequency."""
     figure = draw_compared(shown, [compared.shown.of(one) for one in _FIGURE], compared.names)
-    return svg_address(figure_bytes(figure, "compared", "Two results compared", "svg"))
-
-
-def _state(shown: pl.DataFrame, compared: Compared) -> str:
-    """The condition of the figure, without a frequency."""
     row = {**shown.row(0, named=True), q.FREQUENCY.head: None}
-    return where(row, compared.shown, specimen=compared.rows["specimen"].n_unique() > 1)
+    several = compared.rows["specimen"].n_unique() > 1
+    return {
+        "figure": svg_address(figure_bytes(figure, "compared", "Two results compared", "svg")),
+        "where": where(row, compared.shown, specimen=several),
+    }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -21,19 +21,14 @@ def packaged(name: str, package: str = "fourpole.report") -> str:
     return resources.files(package).joinpath(name).read_text(encoding="utf-8")
 
 
-def on_page(card: str, test: str) -> str:  # noqa: ARG001 - pages that lead elsewhere need the name
-    """Address of the card of a test on the page itself."""
-    return f"#{card}"
-
-
-def rendered(templates: Mapping[str, str], *, place: Callable[[str, str], str] = on_page, **shown: Any) -> str:
+def rendered(templates: Mapping[str, str], **shown: Any) -> str:
     """The template named "page", filled in; texts are escaped, and characters that a page must not contain replaced.
 
     Each template may import "head", the head of a page with the policy that lets it load nothing from elsewhere.
-    `place` gives the address to which the name of a test leads, from the key of its card and its name.
+    The name of a test leads to its card on the page.
     """
     made = environment(DictLoader({"head": packaged("head.html"), **templates}))
-    made.globals["place"] = place
+    made.globals["place"] = lambda card, _: f"#{card}"
     return fit(made.get_template("page").render(**shown))
 
 

@@ -22,8 +22,7 @@ from fourpole.report.digits import in_units, number
 from fourpole.report.front import front_page
 from fourpole.report.html import inline, packaged, rendered, svg_address
 from fourpole.report.models import models_section
-from fourpole.report.rows import DYNAMIC, STATIC, result_rows
-from fourpole.report.stated import channel_rows, rig_rows, tested
+from fourpole.report.rows import DYNAMIC, STATIC, channel_rows, result_rows, rig_rows, tested
 from fourpole.report.words.limits import limits
 from fourpole.report.words.phrases import counted, joined
 from fourpole.report.words.rig import RigInWords, rigs_in_words

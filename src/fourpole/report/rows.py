@@ -1,9 +1,10 @@
-"""The tables of results as the page shows them: columns in the units people use, rows with their cells."""
+"""The tables of the page as rows: results, the tests, and the statement; any content of study.json is accepted."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import degrees
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +12,12 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
-from fourpole.quantities import DERIVED, Quantity
-from fourpole.report.digits import known, number, shown_as, with_std
+from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
+from fourpole.quantities import DERIVED, RIG_VALUES, Quantity
+from fourpole.report.digits import known, number, shown_as, spread, with_std
+from fourpole.study.record import section
+from fourpole.study.study import Study
+from fourpole.study.tables import verdict_counts
 
 STATIC = (q.PRESSURE, q.PRELOAD, q.K1, q.SECANT, q.CYCLE_LOSS, q.NONLINEARITY)
 DYNAMIC = (
@@ -95,3 +100,138 @@ def condition(row: Mapping[str, Any], *, dynamic: bool) -> str:
             added = " added" if one.key == q.ADDED_MASS.key else ""
             said.append(f"{number(value / one.scale, one.digits)} {one.shown}{added}")
     return ", ".join(said)
+
+
+_ROLES = {
+    "force_in": "force F1",
+    "motion_in": "motion at the contact V1",
+    "motion_out": "motion of the mass V2",
+    "load": "static load",
+    "deflection": "static deflection",
+}
+_STATIC_ROLES = {"load", "deflection"}
+
+
+def tested(results: Study) -> list[SimpleNamespace]:
+    """One row per tyre, in the order of the tables."""
+    both = [results.static.select("tyre", "construction"), results.dynamic.select("tyre", "construction")]
+    constructions: dict[str, str] = {}
+    for frame in both:
+        for tyre, construction in frame.iter_rows():
+            constructions.setdefault(str(tyre or ""), str(construction or ""))
+    stated = section(results.record, "stated", "specimens")
+    return [_tested(results, tyre, text, section(stated, tyre)) for tyre, text in constructions.items()]
+
+
+def _tested(results: Study, tyre: str, construction: str, stated: Mapping[str, Any]) -> SimpleNamespace:
+    """One tyre with the conditions of its tests, and their number."""
+    static, dynamic = (frame.filter(pl.col("tyre") == tyre) for frame in (results.static, results.dynamic))
+
+    def values(name: str) -> list[Any]:
+        return [value for frame in (static, dynamic) if name in frame.columns for value in frame[name].to_list()]
+
+    pressure, preload = shown_as(q.PRESSURE), shown_as(q.PRELOAD)
+    return SimpleNamespace(
+        name=tyre,
+        construction=construction,
+        more=[(str(key), _plain(value)) for key, value in stated.items() if key != "construction"],
+        pressures=spread(values(q.PRESSURE.head), PRESSURE, pressure.shown, scale=pressure.scale),
+        preloads=spread(values(q.PRELOAD.head), PRELOAD, preload.shown, scale=preload.scale),
+        temperatures=spread(values(q.TEMPERATURE.head), axis_of(q.TEMPERATURE.head), q.TEMPERATURE.shown),
+        frequencies=spread(values(q.FREQUENCY.head), FREQUENCY, "Hz"),
+        static=static["test"].n_unique(),
+        dynamic=dynamic["test"].n_unique(),
+        verdicts=verdict_counts(static, dynamic),
+    )
+
+
+def _plain(value: object) -> str:
+    found = known(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{found:.6g}" if found is not None else str(value)
+
+
+def rig_rows(record: Mapping[str, Any]) -> list[SimpleNamespace]:
+    """Each value of each rig with its uncertainty."""
+    rows = []
+    for name, stated in section(record, "stated", "rigs").items():
+        if section(stated) and stated.get("output") == "blocked":
+            rows.append(_shown_value(str(name), "far side", "blocked"))
+        rows += [_rig_row(str(name), key, value) for key, value in section(stated).items() if isinstance(value, dict)]
+    return rows
+
+
+def _shown_value(
+    rig: str, name: str, value: str = "", std: str = "", unit: str = "", *, assumed: bool = False
+) -> SimpleNamespace:
+    return SimpleNamespace(rig=rig, name=name, value=value, std=std, unit=unit, assumed=assumed)
+
+
+def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> SimpleNamespace:
+    """One stated value of a rig."""
+    unit = str(stated.get("unit", ""))
+    known_value = RIG_VALUES.get(key) or Quantity(key, "", key.replace("_", " "), unit)
+    words, shown, scale = known_value.name, known_value.suffix, known_value.scale
+    value, std = known(stated.get("value")), known(stated.get("std"))
+    if value is None:
+        return _shown_value(rig, words, unit=shown)
+    text, about = with_std(value / scale, None if std is None else std / scale, 6)
+    if not about:
+        text = f"{value / scale:.6g}".replace("-", "−")
+    return _shown_value(rig, words, text, about or "exact", shown, assumed=stated.get("assumed") is True)
+
+
+def channel_rows(record: Mapping[str, Any]) -> list[SimpleNamespace]:
+    """A row per channel: column, quantity, conversion to SI values, and uncertainty."""
+    channels = section(record, "stated", "channels")
+    return [_channel_row(str(role), stated) for role, stated in channels.items() if isinstance(stated, dict)]
+
+
+def _channel_row(role: str, stated: dict[str, Any]) -> SimpleNamespace:
+    """One channel; `gain_std` and `phase_std` are each a text and a flag for an assumed value."""
+    more = [f"{name} {_plain(stated[name])}" for name in ("gain", "offset", "sensitivity", "range") if name in stated]
+    if delay := known(stated.get("delay")):
+        more.append(f"delay {number(1e3 * delay, 3)} ms")
+    if stated.get("invert") is True:
+        more.append("inverted")
+    more += _chain(stated)
+    gain, phase = known(stated.get("std_gain [1]")), known(stated.get("std_phase [rad]", stated.get("std_phase")))
+    return SimpleNamespace(
+        role=_ROLES.get(role, role),
+        column=str(stated.get("column", "")),
+        unit=str(stated.get("unit") or "V"),
+        quantity=str(stated.get("quantity", "")),
+        more=more,
+        gain_std=_unknown(stated, "std_gain", None if gain is None else 100.0 * gain, "%"),
+        phase_std=("", False)
+        if role in _STATIC_ROLES
+        else _unknown(stated, "std_phase", None if phase is None else degrees(phase), "°"),
+    )
+
+
+def _chain(stated: dict[str, Any]) -> list[str]:
+    """The corrections of the channel's amplitudes, in words."""
+    more = []
+    for name, words in (("high_pass", "high-pass"), ("low_pass", "low-pass")):
+        link = section(stated, name)
+        if (corner := known(link.get("corner"))) is not None:
+            more.append(f"{words} {corner:.6g} Hz, order {link.get('order', 1)}")
+    geophone = section(stated, "geophone")
+    if (natural := known(geophone.get("natural_frequency"))) is not None:
+        more.append(f"geophone {natural:.6g} Hz, damping {_plain(geophone.get('damping'))}")
+    if "response" in stated:
+        more.append(f"calibrated response {stated['response']}")
+    more += [f"cross-talk of {source} {text}" for source, text in section(stated, "crosstalk").items()]
+    if std := known(stated.get("std_delay")):
+        more.append(f"u(delay) {number(1e3 * std, 3)} ms")
+    return more
+
+
+def _unknown(stated: dict[str, Any], name: str, value: float | None, unit: str) -> tuple[str, bool]:
+    if value is None:
+        return "", False
+    if value == 0:
+        return "exact", False
+    gap = "" if unit == "°" else " "
+    return f"{value:.3g}{gap}{unit}", name not in stated and stated.get("exact") is not True

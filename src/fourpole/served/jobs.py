@@ -48,6 +48,10 @@ class Job:
         Each test as it was reduced: verdict and remarks.
     judged : deque of dict
         Judgements of a watch, the last ones.
+    together : deque of str
+        What a watch says of all tests together.
+    error : str
+        The error with which the command ended; empty without one.
     messages : deque of str
         What the command said on standard error.
     document : dict
@@ -62,6 +66,8 @@ class Job:
     task: dict[str, Any] = field(default_factory=dict)
     tests: dict[str, dict[str, Any]] = field(default_factory=dict)
     judged: deque[dict[str, Any]] = field(default_factory=lambda: deque(maxlen=_MOST_JUDGED))
+    together: deque[str] = field(default_factory=lambda: deque(maxlen=_MOST_MESSAGES))
+    error: str = ""
     messages: deque[str] = field(default_factory=lambda: deque(maxlen=_MOST_MESSAGES))
     document: Any = None
     code: int | None = None
@@ -162,7 +168,8 @@ async def _run(job: Job) -> None:
             printed, _ = await asyncio.gather(_printed(process), _said(process, job))
             job.code = await process.wait()
     except (OSError, ValueError) as error:
-        job.messages.append(f"error: the command could not be run: {error}")
+        job.error = f"the command could not be run: {error}"
+        job.messages.append(f"error: {job.error}")
         job.phase = Phase.FAILED
         return
     with suppress(ValueError):
@@ -203,5 +210,9 @@ def _take(job: Job, event: dict[str, Any]) -> None:
         job.judged.append(event["judged"])
     elif "watching" in event:
         job.task = event
+    elif "together" in event:
+        job.together.append(str(event["together"]))
+    elif "error" in event:
+        job.error = str(event["error"])
     elif "test" in event and len(job.tests) < _MOST_TESTS:
         job.tests[str(event["test"])] = {"verdict": event["verdict"], "remarks": event["remarks"]}

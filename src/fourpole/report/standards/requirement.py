@@ -1,4 +1,4 @@
-"""A requirement of a standard as data: its clause, its source, its limit, and how results answer it."""
+"""A requirement of a standard as data: clause, source, limit and how results answer it; and the page of a standard."""
 
 from __future__ import annotations
 
@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+from markupsafe import Markup
+
+from fourpole.core.checks import Verdict
+from fourpole.report.html import packaged, rendered
 from fourpole.study.study import Study
+from fourpole.version import VERSION
 
 
 class Answer(StrEnum):
@@ -111,3 +116,33 @@ def answered(standard: Standard, results: Study) -> list[tuple[Requirement, Foun
 def counts(found: Sequence[tuple[Requirement, Found]]) -> dict[Answer, int]:
     """Number of requirements by answer."""
     return {answer: sum(one.answer is answer for _, one in found) for answer in Answer}
+
+
+#: What the answers are worth, in the page and in the terminal.
+NOTE = (
+    '"Not stated" is an answer: neither a test nor the campaign tells. The wording is ours. A clause marked "not read" '
+    "was not read in the standard itself; hold it against your copy before you rely on it."
+)
+#: Class of the badge of an answer.
+_BADGES = {
+    Answer.MET.value: Verdict.OK,
+    Answer.NOT_MET.value: Verdict.REJECTED,
+    Answer.NOT_STATED.value: Verdict.WARNING,
+}
+
+
+def render_standard(standard: Standard, results: Study) -> str:
+    """The page as text; whatever the results state is escaped, and the page loads and runs nothing."""
+    found = answered(standard, results)
+    return rendered(
+        {"page": packaged("standard.html", "fourpole.report.standards")},
+        standard=standard,
+        title=str(results.record.get("title") or "") or "Campaign without a title",
+        counts=counts(found),
+        requirements=found,
+        badges=_BADGES,
+        values=standard.values(results),
+        note=NOTE,
+        style=Markup(packaged("page.css")),
+        version=VERSION,
+    )

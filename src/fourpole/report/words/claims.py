@@ -28,6 +28,7 @@ from fourpole.findings.finding import Finding, Holds
 from fourpole.findings.trends import Trend
 from fourpole.report.words.levels import over, span
 from fourpole.report.words.phrases import (
+    SENTENCES,
     bar,
     combinations,
     condition,
@@ -39,18 +40,9 @@ from fourpole.report.words.phrases import (
     ranged,
 )
 
-_NEEDS = {
-    Need.BOTH: "{of} of both tyres at a condition in common",
-    Need.CURVES: "load-deflection curves of both tyres at a pressure in common",
-    Need.THREE_PRESSURES: "{of} at three pressures or more",
-    Need.THREE_FREQUENCIES: "{of} at three frequencies or more",
-    Need.OPTIMUM: "{of} at three pressures or more, from below 1.56 bar to above 1.80 bar",
-    Need.LOADS: "{of} of both tyres at two loads and at two pressures or more",
-    Need.CORNERS: "{of} of both tyres under the lowest and the highest load at the lowest and highest pressure",
-    Need.BANDS: "{of} at frequencies up to 16 Hz, between 16.5 and 18.5 Hz, and above 19 Hz",
-    Need.SIDES: "TR of both tyres at frequencies below 16.8 Hz and above 19.2 Hz in common",
-    Need.PEAKS: "TR of both tyres at three frequencies or more at a condition in common",
-}
+#: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.
+STATEMENTS: dict[int, str] = {int(number): text for number, text in SENTENCES["statements"].items()}
+_NEEDS: dict[Need, str] = {Need[name]: text for name, text in SENTENCES["needs"].items()}
 Labels = Mapping[str, str]
 
 
@@ -207,20 +199,3 @@ def _figures(found: Evidence, labels: Labels) -> str:
         first = "averaged over frequency, " if isinstance(found[0], OptimumAt) else ""
         return first + "; ".join(_WORDS[type(one)](one, labels) for one in found)
     return _WORDS[type(found)](found, labels)
-
-
-#: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.
-STATEMENTS = {
-    1: "K1 of {a} is above that of {b}",
-    2: "{a} is markedly non-linear under static load, {b} nearly linear",
-    3: "C of {a} has its maximum near 1.68 bar",
-    4: "C of {b} rises with pressure",
-    5: "at high pressure C is higher under the low load, at low pressure the loads hardly differ",
-    6: "C of {b} rises with frequency from 10 to 24 Hz",
-    7: "C of {a} is above that of {b}",
-    8: "K2 of {b} falls with pressure up to 16 Hz, hardly varies round 17.5 Hz and rises above 19 Hz",
-    9: "K2 of {b} rises with frequency",
-    10: "K2 of {a} behaves like that of {b}, at a higher level",
-    11: "TR of {a} is the lower below 18 Hz, that of {b} above",
-    12: "the resonance of {b} lies below that of {a}",
-}

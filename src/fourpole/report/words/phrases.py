@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable, Sequence
+from importlib import resources
+from typing import Any
 
 from fourpole.findings.finding import UNSTATED, Finding, Key
 from fourpole.quantities import PRELOAD, PRESSURE, Quantity
@@ -10,6 +13,10 @@ from fourpole.report.digits import number as digits_of
 from fourpole.report.digits import shown_as
 from fourpole.words import first_of
 
+#: Sentences of the report as data, by their table; words.toml says what each is.
+SENTENCES: dict[str, Any] = tomllib.loads(
+    resources.files("fourpole.report.words").joinpath("words.toml").read_text(encoding="utf-8")
+)
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
 

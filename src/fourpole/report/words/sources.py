@@ -7,18 +7,12 @@ from math import pi
 
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.quantities import RIG_VALUES, ShownUnits
+from fourpole.report.words.phrases import SENTENCES
 
 #: Parts of a rig that are not stated: name inside a sentence, name in a table, SI unit, unit shown and its SI value.
-_UNSTATED: dict[str, tuple[str, str, str, str, float]] = {
-    "mass": ("a moving mass that is not stated", "moving mass that is not stated", "kg", "kg", 1.0),
-    "spring": ("a spring that is not stated", "spring that is not stated", "N/m", "kN/m", 1e3),
-    "frame": ("a compliant frame that is not stated", "compliance of the frame, not stated", "", "mm/kN", 1e-6),
-    "loss": (
-        "a loss factor of the preload spring that is not stated", "loss factor of the spring, not stated", "", "", 1.0,
-    ),
-    "friction": ("dry friction that is not stated", "dry friction that is not stated", "N", "N", 1.0),
-    "input": ("an input mass that is not stated", "input mass that is not stated", "kg", "kg", 1.0),
-}  # fmt: skip
+_UNSTATED: dict[str, tuple[str, str, str, str, float]] = SENTENCES["unstated"]
+#: Name of each kind of source inside a sentence, and its remedy before rig and tests are considered.
+_WORDS: dict[Kind, tuple[str, str]] = {Kind[name]: texts for name, texts in SENTENCES["sources"].items()}
 
 
 @dataclass(frozen=True)
@@ -44,78 +38,14 @@ class About:
     blocked: bool = False
 
 
-#: {channel} is the channel, or one against another, {name} the rig's value, unstated part, specimen or text.
-_WORDS = {
-    Kind.NOISE: "the noise of the sensors",
-    Kind.FREQUENCY: "the uncertainty of the frequency",
-    Kind.RIG_MISFIT: "the misfit of the rig",
-    Kind.GAIN: "{channel}'s gain",
-    Kind.PHASE: "{channel}'s phase",
-    Kind.DELAY: "{channel}'s delay",
-    Kind.RESPONSE_GAIN: "the gain of {channel}'s calibrated response",
-    Kind.RESPONSE_PHASE: "the phase of {channel}'s calibrated response",
-    Kind.CROSSTALK: "the cross-talk of {channel}",
-    Kind.GAIN_DRIFT: "the drift of {channel}'s gain",
-    Kind.RIG_VALUE: "the {name}",
-    Kind.UNSTATED: "{name}",
-    Kind.ADDED_MASS: "the weight of the {name}",
-    Kind.DRIFT: "the drift of {name} over the run",
-    Kind.ANGLE_DRIFT: "the drift of the loss angle of {name} over the run",
-    Kind.AMPLITUDE: "the amplitude of the deflection",
-    Kind.K1: "K1",
-    Kind.K1_FIT: "the fit of K1",
-    Kind.K1_GAP: "the gap between the branches of K1",
-    Kind.K1_CYCLES: "the change of K1 from cycle to cycle",
-    Kind.K1_ZERO: "the zero of the load in K1",
-    Kind.K1_GAINS: "the calibration of load and deflection in K1",
-    Kind.K1_REPEATS: "the scatter of K1 between repeated static tests",
-    Kind.K1_STATED: "K1 as stated",
-    Kind.K1_DRIFT: "the drift of the specimen between its static and its dynamic test",
-    Kind.K1_TEMPERATURE: "the temperature of the static test, which is not that of the dynamic test",
-    Kind.OTHER: "{name}",
-}
 _BY_MASS = (
     "repeat one condition with a weighed mass added and use the joint route, which makes calibrated sensors "
     "unnecessary, or "
 )
-_STEADY = "condition the specimen longer and keep its temperature, until a repeat at the end of the run agrees"
-_STATE_K1 = "state K1 with a smaller uncertainty, or add a static test"
 #: Errors of channels that no mass calibrates.
 _NOBODY_STATES = (Kind.CROSSTALK, Kind.GAIN_DRIFT)
-#: The remedy of each kind of source, before the properties of rig and tests are considered.
-_REMEDIES = {
-    Kind.NOISE: "record longer or over more cycles: four times as many halve it",
-    Kind.FREQUENCY: "record longer at a steady speed",
-    Kind.RIG_MISFIT: "resolve the misfit first: look for a part of the rig that is not stated",
-    Kind.GAIN: f"{_BY_MASS}calibrate the gain of {{channel}}",
-    Kind.PHASE: f"{_BY_MASS}calibrate the phase of {{channel}}",
-    Kind.DELAY: f"{_BY_MASS}measure the delay of {{channel}} and state it with a smaller uncertainty",
-    Kind.RESPONSE_GAIN: f"{_BY_MASS}calibrate the response of {{channel}} with a smaller uncertainty",
-    Kind.RESPONSE_PHASE: f"{_BY_MASS}calibrate the response of {{channel}} with a smaller uncertainty",
-    Kind.CROSSTALK: "look for a cable, a ground or an amplifier that the two channels share",
-    Kind.GAIN_DRIFT: "warm the amplifier of {channel} up, and calibrate it before and after the run",
-    Kind.RIG_VALUE: "{measure} and state it with a smaller uncertainty",
-    Kind.UNSTATED: "look for this part of the rig; remove it, or measure it and state it in campaign.toml",
-    Kind.ADDED_MASS: "weigh the added mass on a better balance",
-    Kind.DRIFT: _STEADY,
-    Kind.ANGLE_DRIFT: _STEADY,
-    Kind.AMPLITUDE: "test all frequencies at one amplitude of the deflection",
-    Kind.K1: _STATE_K1,
-    Kind.K1_FIT: "repeat the static test with finer steps of load round the preload",
-    Kind.K1_GAP: "use K' and K'', which need no K1; or state the K1 that you mean, with its uncertainty, in tests.csv "
-    "(the gap is the rubber's own hysteresis, which no test closes)",
-    Kind.K1_CYCLES: "repeat the static test with more cycles, until two follow each other closely",
-    Kind.K1_ZERO: "warm up the load cell of the static rig, and zero it without load before the test",
-    Kind.K1_GAINS: "calibrate the load and deflection channels of the static rig",
-    Kind.K1_REPEATS: "look for what differs between the static tests (temperature, conditioning, seating, speed of "
-    "loading), or repeat them more often: four times as many halve the uncertainty of their mean",
-    Kind.K1_STATED: _STATE_K1,
-    Kind.K1_TEMPERATURE: "make the static test at the temperature of the dynamic tests, or state in "
-    "campaign.toml how much K* changes per kelvin",
-    Kind.K1_DRIFT: "say in column time of tests.csv when each test was made, and make the static test in the middle of "
-    "the run",
-    Kind.OTHER: "state {name} with a smaller uncertainty",
-}
+#: Kinds of source that a mass makes needless to calibrate.
+_CALIBRATED = (Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.RESPONSE_GAIN, Kind.RESPONSE_PHASE)
 #: Name, unit shown and its SI value of errors that are 0 where there is none.
 _SIMPLE = {
     Kind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
@@ -135,7 +65,7 @@ def source_in_words(source: Source) -> str:
     >>> source_in_words(Source(Kind.GAIN, "F1")), source_in_words(Source(Kind.RIG_VALUE, "moving_mass"))
     ("F1's gain", 'the moving mass m')
     """
-    return _filled(_WORDS[source.kind], source)
+    return _filled(_WORDS[source.kind][0], source)
 
 
 def _filled(template: str, source: Source) -> str:
@@ -150,10 +80,10 @@ def _filled(template: str, source: Source) -> str:
 
 def remedy(source: Source, about: About) -> str:
     """The cheapest remedy of a source."""
-    text = _filled(_REMEDIES[source.kind], source)
+    text = _filled(_WORDS[source.kind][1], source)
     if source.kind is Kind.RIG_MISFIT or (source.kind is Kind.NOISE and not about.fits):
         best = f"resolve the misfit first; the best candidate is {about.candidate}"
-        return best if about.candidate else _REMEDIES[Kind.RIG_MISFIT]
+        return best if about.candidate else _WORDS[Kind.RIG_MISFIT][1]
     if source.kind is Kind.NOISE and about.scatter:
         return "steady temperature, conditioning and amplitude, then repeat: the scatter of repeats counts as noise"
     if source.role is Role.RIG:
@@ -162,9 +92,9 @@ def remedy(source: Source, about: About) -> str:
         if about.joint:
             return "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
         return "use the joint route: with the weighed mass it needs no calibrated sensor"
-    if about.blocked:
-        return text.removeprefix(_BY_MASS)
-    return text if about.with_v2 or not text.startswith(_BY_MASS) else f"measure V2 too, {text}"
+    if about.blocked or source.kind not in _CALIBRATED:
+        return text
+    return f"{'' if about.with_v2 else 'measure V2 too, '}{_BY_MASS}{text}"
 
 
 def _rig_remedy(text: str, about: About) -> str:

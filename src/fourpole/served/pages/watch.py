@@ -68,5 +68,5 @@ def _document(site: Site, place: Place, job: Job | None) -> dict[str, Any]:
         "phase": job.phase,
         "ready": "watching" in job.task,
         "judged": judged,
-        "messages": [text for text in job.messages if text.startswith("error") or "together" in text],
+        "messages": [*job.together, *([f"error: {job.error}"] if job.error else [])],
     }
