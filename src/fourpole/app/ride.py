@@ -18,6 +18,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import UnitError
+from fourpole.findings.rides import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
 from fourpole.fitting.placed import operating_point
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
 from fourpole.io.folders import model_in
@@ -43,13 +44,8 @@ _STEP, _FINE, _EDGES = 5e-4, 2.5e-4, 1.25e-4
 _PER_CYCLE, _MOST_BY_ITSELF, _LEAST = 50.0, 1_000_000, 1e-6
 #: Time that a ride goes on after a cleat or a pothole [s].
 _AFTER = 3.0
-#: Share of the weighted mean square outside the tested frequencies, and relative difference of the preload from the
-#: static load of the wheel, above which a note says so.
-_OUTSIDE, _PRELOAD = 0.05, 0.1
-#: Relative difference of the curve's tangent from the model at rest above which a note says so; most sentences.
-_TANGENT, _MOST_SENTENCES = 0.1, 12
-#: Time of one cycle of the lowest frequency of Wk [s].
-_SHORTEST = 2.5
+#: Most sentences on differences.
+_MOST_SENTENCES = 12
 #: Most parts of a path in a label.
 _MOST_PARTS = 6
 #: Percentage that is shown as zero.
@@ -245,26 +241,16 @@ def _files(tyres: Sequence[RideTyre]) -> list[str]:
 def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
     """What a reader of the numbers must know, each once."""
     yield from dict.fromkeys(remark for one in asked.tyres for remark in one.remarks)
-    if found.spectra:
-        shares = [
-            float(one.share_outside(*tyre.band)) for (one, _), tyre in zip(found.spectra, asked.tyres, strict=True)
-        ]
-        if max(shares) > _OUTSIDE:
-            at = int(np.argmax(shares))
-            low, high = asked.tyres[at].band
-            yield (
-                f"{100 * shares[at]:.0f} % of the mean square of a_w ({asked.labels[at]}) is from frequencies "
-                f"outside the tested ones, {low:.4g} to {high:.4g} Hz: there K* is what the model predicts"
-            )
+    if (outside := most_outside(found, [tyre.band for tyre in asked.tyres])) is not None:
+        worst, share = outside
+        low, high = asked.tyres[worst].band
+        yield (
+            f"{100 * share:.0f} % of the mean square of a_w ({asked.labels[worst]}) is from frequencies "
+            f"outside the tested ones, {low:.4g} to {high:.4g} Hz: there K* is what the model predicts"
+        )
     loads = asked.vehicle.vehicle.body.loads
-    off = [
-        (one.preload, load)
-        for one in asked.tyres
-        for load in loads.tolist()
-        if one.preload and abs(one.preload / load - 1) > _PRELOAD
-    ]
-    if off:
-        preloads = dict.fromkeys(asked.units.text(PRELOAD, preload) for preload, _ in sorted(off))
+    if others := other_preloads([tyre.preload for tyre in asked.tyres], loads):
+        preloads = dict.fromkeys(asked.units.text(PRELOAD, preload) for preload in others)
         own = " and ".join(asked.units.text(PRELOAD, load) for load in loads.tolist())
         yield (
             f"the static load of a wheel is {own}, the preload of the tyres {', '.join(preloads)}: choose an operating "
@@ -278,36 +264,25 @@ def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
             yield f"a wheel is in the air for up to {100 * air:.2g} % of the time"
         if beyond > 0:
             yield f"a tyre is beyond the curve, which goes on straight, for up to {100 * beyond:.2g} % of the time"
-    elif _pulls(found, loads):
+    elif is_pulled(found, loads):
         yield (
             "a wheel would leave the road, which pulls it down in this ride: state --lift-off, on a road class with "
             "--duration, and check the unit of the road's height"
         )
-    if found.series and (duration := found.series[0].step * found.series[0].weighted.size) < _SHORTEST:
+    if (duration := too_short(found)) is not None:
         yield f"the ride lasts {duration:.2g} s, less than one cycle at 0.4 Hz, the lowest frequency of Wk"
-
-
-def _pulls(found: Compared, loads: FloatArray) -> bool:
-    """Whether the road pulls a wheel down in a linear ride: at some sample, or at three standard deviations."""
-    if found.series:
-        return any(bool(np.any(one.load < -loads[:, None])) for one in found.series)
-    wheels = [at for at, name in enumerate(found.names) if name.startswith("wheel load")]
-    return bool(np.any(3.0 * found.values[:, wheels] > loads))
 
 
 def _curve_notes(asked: _Asked, curve: LoadDeflection) -> Iterator[str]:
     """Where the tangent of the curve at the static load is not the stiffness of a model at rest."""
     for label, one in zip(asked.labels, asked.tyres, strict=True):
         rest = float(one.tyre.model.static_stiffness(one.tyre.values))
-        for load in asked.vehicle.vehicle.body.loads.tolist():
-            tangent = curve.tangent_at(load)
-            if abs(tangent - rest) > _TANGENT * tangent:
-                curved, straight = (asked.units.text(K1, k) for k in (tangent, rest))
-                yield (
-                    f"{label}: the tangent of the curve at {asked.units.text(PRELOAD, load)} is {curved}, "
-                    f"the model at rest has {straight}: they "
-                    "may be of different tyres or pressures"
-                )
+        for load, tangent in other_tangents(curve, rest, asked.vehicle.vehicle.body.loads):
+            curved, straight = (asked.units.text(K1, k) for k in (tangent, rest))
+            yield (
+                f"{label}: the tangent of the curve at {asked.units.text(PRELOAD, load)} is {curved}, "
+                f"the model at rest has {straight}: they may be of different tyres or pressures"
+            )
 
 
 def _sentences(asked: _Asked, found: Compared) -> Iterator[str]:
@@ -315,7 +290,7 @@ def _sentences(asked: _Asked, found: Compared) -> Iterator[str]:
     at, first = found.names.index("comfort"), asked.labels[0]
     pairs = zip(asked.labels, found.difference[:, at].tolist(), found.difference_std[:, at].tolist(), strict=True)
     for label, apart, std in list(pairs)[1 : _MOST_SENTENCES + 1]:
-        if abs(apart) <= COVERAGE_FACTOR * std:
+        if not is_told(apart, std):
             yield f"{label}: no difference in a_w from {first} can be told"
         else:
             less = "less" if apart > 0 else "more"
