@@ -28,7 +28,7 @@ def is_told(difference: float, std: float) -> bool:
 
 
 def most_outside(rides: Compared, bands: Sequence[tuple[float, float]]) -> tuple[int, float] | None:
-    """The tyre with the largest share of a_w² outside its tested frequencies [Hz], and the share; None if it is small."""
+    """The tyre with the largest share of a_w² outside its tested frequencies [Hz], with this share; None if small."""
     shares = [float(ride.share_outside(*band)) for (ride, _), band in zip(rides.spectra, bands, strict=False)]
     if not shares or max(shares) <= _OUTSIDE:
         return None
