@@ -39,14 +39,14 @@ def did_you_mean(key: str, known: tuple[str, ...]) -> str:
     return f"; did you mean '{near}'?" if near else f"; known are {first_of(known, _SHOWN)}"
 
 
-def _quantity(raw: Any, kind: str) -> float:
+def stated_quantity(raw: Any, kind: str) -> float:
     """SI value of a quantity; only a ratio may stand without a unit."""
     return units.quantity(raw, kind, default_unit="1" if kind == "ratio" else None)
 
 
 def _si(kind: str) -> BeforeValidator:
     """Validator that turns a quantity of a kind into its SI value."""
-    return BeforeValidator(lambda raw: _quantity(raw, kind))
+    return BeforeValidator(lambda raw: stated_quantity(raw, kind))
 
 
 def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
@@ -59,7 +59,7 @@ def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
     for name in kinds:
         if name not in raw and name != "order":
             raise ValueError(f"{name} is missing: write it as {example}")
-    values = {name: _quantity(raw[name], kind) for name, kind in kinds.items() if name in raw}
+    values = {name: stated_quantity(raw[name], kind) for name, kind in kinds.items() if name in raw}
     for name, value in values.items():
         if value <= 0:
             raise ValueError(f"{name} must be positive")

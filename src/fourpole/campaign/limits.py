@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fourpole import units
-from fourpole.campaign.channels import did_you_mean, known_keys
+from fourpole.campaign.channels import did_you_mean, known_keys, stated_quantity
 from fourpole.errors import CampaignError, TableError, UnitError
 from fourpole.io.documents import toml_of
 
@@ -148,9 +148,7 @@ def _condition(raw: dict[str, Any]) -> dict[str, float | None]:
 
 def _quantity(raw: dict[str, Any], name: str, kind: str) -> float | None:
     """SI value of a text with its unit; None where it is not stated; ValueError that names it if it is none."""
-    if name not in raw:
-        return None
     try:
-        return units.quantity(raw[name], kind, default_unit="1" if kind == "ratio" else None)
+        return stated_quantity(raw[name], kind) if name in raw else None
     except UnitError as error:
         raise ValueError(f"{name}: {error}") from None

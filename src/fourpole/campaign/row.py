@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 
@@ -286,20 +287,15 @@ def _plain_number(cell: str) -> float:
 
 def _moment(cell: str, unit: str) -> float | None:
     """Seconds of a date and time, of a time of day, or of a number with a unit; None for another text."""
-    try:
+    with suppress(UnitError):  # numbers come first, because "10" would be ten o'clock and "20240503" a date
         return units.quantity(cell, "time", default_unit=unit)
-    except UnitError:  # numbers come first, because "10" would be ten o'clock and "20240503" a date
-        pass
-    try:
+    with suppress(ValueError):
         moment = datetime.fromisoformat(cell)
         return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    except ValueError:
-        pass
-    try:
+    with suppress(ValueError):
         clock = time.fromisoformat(cell)
         return 3600.0 * clock.hour + 60.0 * clock.minute + clock.second + 1e-6 * clock.microsecond
-    except ValueError:
-        return None
+    return None
 
 
 def _window(cell: str, unit: str) -> tuple[float, float]:

@@ -314,11 +314,8 @@ _TABLES: dict[str, Any] = {
 }
 #: What TOML calls the value that pydantic asks for.
 _WANTED = {
-    "tuple_type": "a list, in square brackets",
-    "list_type": "a list, in square brackets",
-    "dict_type": "a table, as in { key = value }",
-    "model_type": "a table, as in { key = value }",
-    "model_attributes_type": "a table, as in { key = value }",
+    **dict.fromkeys(("tuple_type", "list_type"), "a list, in square brackets"),
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "a table, as in { key = value }"),
 }
 
 

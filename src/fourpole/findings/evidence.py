@@ -25,12 +25,10 @@ from functools import lru_cache
 from math import hypot, inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fourpole.core import stats
+from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import CLAIM_CHANCE, SEARCH_CHANCE
-
-FloatArray = NDArray[np.float64]
 
 #: No relative effect below this is claimed, because it may be round-off.
 _ROUND_OFF = 1e-9

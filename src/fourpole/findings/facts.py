@@ -52,11 +52,6 @@ class Curve:
     std: tuple[float, ...]
     tests: tuple[str, ...] = ()
 
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Lowest and highest frequency [Hz]."""
-        return self.frequency[0], self.frequency[-1]
-
 
 Values = Mapping[Key, Measured]
 

@@ -68,14 +68,12 @@ def linearity(facts: Facts) -> list[Finding]:
 
 def cycle_losses(facts: Facts) -> list[Finding]:
     """Energy that a static cycle of each specimen loses; the effect is the mean [J]."""
-    details = {tyre: CycleLoss(values) for tyre, values in facts.by_tyre(CYCLE_LOSS).items()}
-    return [
-        finding_on(
-            CYCLE_LOSS, {tyre: loss.values}, loss.values, Holds.MEASURED, loss, float(np.mean(loss.numbers)),
-            unit=CYCLE_LOSS.unit,
-        )
-        for tyre, loss in details.items()
-    ]  # fmt: skip
+    findings = []
+    for tyre, values in facts.by_tyre(CYCLE_LOSS).items():
+        loss, unit = CycleLoss(values), CYCLE_LOSS.unit
+        mean = float(np.mean(loss.numbers))
+        findings.append(finding_on(CYCLE_LOSS, {tyre: values}, values, Holds.MEASURED, loss, mean, unit=unit))
+    return findings
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ import numpy as np
 import scipy
 
 from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import FREQUENCY
-from fourpole.findings.evidence import FloatArray, factor
+from fourpole.findings.evidence import factor
 from fourpole.findings.facts import Curve, Facts, common, finding_on, in_order, known, natural, pairs
 from fourpole.findings.finding import Detail, Finding, Holds, Key, Setup, Topic
 from fourpole.quantities import TR
@@ -301,13 +302,14 @@ def crossings(first: Curve, second: Curve) -> list[Crossing]:
 
 def _gap(first: Curve, second: Curve, f: FloatArray) -> tuple[FloatArray, FloatArray]:
     """TR of the second less that of the first, and its standard uncertainty."""
-    (y_1, u_1), (y_2, u_2) = (_between(curve, np.clip(f, *curve.ends)) for curve in (first, second))
+    (y_1, u_1), (y_2, u_2) = (_between(curve, f) for curve in (first, second))
     return y_2 - y_1, np.hypot(u_1, u_2)
 
 
 def _between(curve: Curve, f: FloatArray) -> tuple[FloatArray, FloatArray]:
     """TR and its uncertainty between the tested frequencies; 1/TR² is interpolated because it is smoother than TR."""
     tested = np.array(curve.frequency)
+    f = np.clip(f, tested[0], tested[-1])
     tr = 1.0 / np.sqrt(scipy.interpolate.PchipInterpolator(tested, 1.0 / np.array(curve.tr) ** 2)(f))
     return tr, np.interp(f, tested, np.array(curve.std))
 

@@ -9,7 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from fourpole.findings.evidence import Effect, FloatArray, along, between, mean_effect, residual_squares
+from fourpole.core.arrays import FloatArray
+from fourpole.findings.evidence import Effect, along, between, mean_effect, residual_squares
 from fourpole.findings.facts import Values, finding_on
 from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.quantities import Quantity

@@ -394,17 +394,13 @@ def _velocity(shape: SignalShape, role: Role) -> complex:
     """Amplitude of a force [N], or of the velocity of a motion [m/s], with the sign of the role."""
     amplitude = shape.amplitudes.get(role.column, complex(float("nan")))
     turn = (2j * np.pi * shape.frequency) ** DERIVATIVES[role.quantity]
-    return complex(amplitude * _scale(role) * turn * (-1 if role.invert else 1))
-
-
-def _scale(role: Role) -> float:
-    """SI value of one recorded unit; 1 where the unit is not known."""
-    return 1.0 if role.unit is None else units.channel_scale(role.unit, (role.quantity,))[1]
+    return complex(amplitude * channel_scale(role) * turn)
 
 
 def channel_scale(role: Role) -> float:
     """SI value of one recorded unit, with the sign of the role; 1 where the unit is not known."""
-    return _scale(role) * (-1 if role.invert else 1)
+    scale = 1.0 if role.unit is None else units.channel_scale(role.unit, (role.quantity,))[1]
+    return scale * (-1 if role.invert else 1)
 
 
 def motion_share(near: Role, far: Role, shapes: Sequence[SignalShape]) -> float:
@@ -425,7 +421,7 @@ def force_scale(
     if not _SYMBOLS.keys() <= roles.keys() or len(static) < 2 or not shapes or not curves:
         return float("nan")
     load, deflection = static["load"], static["deflection"]
-    scale = _scale(load) / _scale(deflection)
+    scale = abs(channel_scale(load) / channel_scale(deflection))
     with np.errstate(all="ignore"):
         spans = np.array([[curve.span(load.column), curve.span(deflection.column)] for curve in curves])
         slope = scale * np.median(spans[:, 0] / spans[:, 1])

@@ -25,21 +25,19 @@ def read_conditions(entries: Sequence[Entry], names: Sequence[str]) -> list[Reco
     """The conditions of each recording, in the order of the entries; `names` are those of the tests, for doubts."""
     entries = _interpreted(entries)
     conditions = [_values(entry) for entry in entries]
-    repeats = [_repeat(entry) for entry in entries]
+    repeats = [
+        " ".join(f"{token.value:g}" for token in (*entry.name, *entry.header) if token.what == "repeat")
+        for entry in entries
+    ]
     counted = [repeat for repeat in repeats if repeat]
     if len(set(repeats)) > 1 and len(set(counted)) < len(counted):
-        for one, repeat in zip(conditions, repeats, strict=True):
-            one.repeat = repeat
-    tests = [at for at, entry in enumerate(entries) if entry.kind != "calibration"]
-    pairs = [(entries[at], conditions[at]) for at in tests]
+        for condition, repeat in zip(conditions, repeats, strict=True):
+            condition.repeat = repeat
+    tests = [index for index, entry in enumerate(entries) if entry.kind != "calibration"]
+    pairs = [(entries[index], conditions[index]) for index in tests]
     name_specimens(pairs)
-    doubt_equal(pairs, [names[at] for at in tests])
+    doubt_equal(pairs, [names[index] for index in tests])
     return conditions
-
-
-def _repeat(entry: Entry) -> str:
-    """The number of the repeat as text; empty if none is stated."""
-    return " ".join(f"{token.value:g}" for token in (*entry.name, *entry.header) if token.what == "repeat")
 
 
 def _values(entry: Entry) -> RecordingConditions:
@@ -128,8 +126,7 @@ def _interpreted(entries: Sequence[Entry]) -> list[Entry]:
     for index, own in enumerate(placed):
         for slot, token in own.items():
             slots.setdefault(slot, {})[index] = token
-    found = {slot: _meaning(tokens, entries) for slot, tokens in slots.items()}
-    meanings = {slot: meaning for slot, meaning in found.items() if meaning is not None}
+    meanings = {slot: meaning for slot in slots if (meaning := _meaning(slots[slot], entries)) is not None}
     meanings |= _further_pressures(slots, meanings)
     return [_with(entry, tokens, meanings) for entry, tokens in zip(entries, placed, strict=True)]
 
@@ -143,13 +140,12 @@ def _further_pressures(
     """
     values = {slot: {token.value for token in tokens.values()} for slot, tokens in slots.items()}
     pressures = [slot for slot, meaning in meanings.items() if meaning.what == "pressure"]
-    found: dict[_Slot, _Meaning] = {}
+    further: dict[_Slot, _Meaning] = {}
     for slot, tokens in slots.items():
         if slot not in meanings and not next(iter(tokens.values())).keys:
-            alike = [one for one in pressures if values[slot] <= values[one]]
-            if alike:
-                found[slot] = meanings[alike[0]]
-    return found
+            alike = [meanings[pressure] for pressure in pressures if values[slot] <= values[pressure]]
+            further.update({slot: alike[0]} if alike else {})
+    return further
 
 
 def _slots(entry: Entry) -> dict[_Slot, Token]:
@@ -174,7 +170,8 @@ def _meaning(tokens: dict[int, Token], entries: Sequence[Entry]) -> _Meaning | N
     hertz = _hertz(tokens, entries)
     if hertz and (not keys or "frequency" in keys):
         return _Meaning("frequency", hertz)
-    if keys == ("frequency",) or ((not keys or len(token.key) == 1) and _counts(values)):
+    counts = _whole(values) and values.size >= 4 and np.unique(values).size == values.size  # the recordings alone
+    if keys == ("frequency",) or ((not keys or len(token.key) == 1) and counts):
         return None
     possible = _possible(keys, tokens, entries, values)
     fitting = (m for what in possible for m in _MEANINGS if m.what == what and m.fits(values, keyed=bool(keys)))
@@ -231,11 +228,6 @@ def _hertz(tokens: dict[int, Token], entries: Sequence[Entry]) -> float:
 def _whole(values: np.ndarray) -> bool:  # type: ignore[type-arg]
     """Whether all numbers are whole."""
     return bool(np.all(values == np.round(values)))
-
-
-def _counts(values: np.ndarray) -> bool:  # type: ignore[type-arg]
-    """Whether numbers only count the recordings: all are whole, and none stands twice."""
-    return _whole(values) and values.size >= 4 and np.unique(values).size == values.size
 
 
 def _with(entry: Entry, numbers: dict[_Slot, Token], meanings: Mapping[_Slot, _Meaning]) -> Entry:

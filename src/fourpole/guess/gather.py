@@ -105,42 +105,32 @@ class FolderContents:
 
 def gather(folder: Path, progress: Callable[[int, int], None] | None = None) -> FolderContents:
     """The contents of a folder and of the folders in it; `progress` is called with the files read and their number."""
-    found = FolderContents()
-    paths = _paths(folder, found)
+    contents = FolderContents()
+    paths = _paths(folder, contents)
     notes: dict[str, tuple[Token, ...]] = {}
     for done, path in enumerate(paths, 1):
-        _try_one(folder, path, found, notes)
+        _read(folder, path, contents, notes)
         if progress is not None:
             progress(done, len(paths))
-    found.notes = [token for tokens in notes.values() for token in tokens]
-    found.recordings = [_noted(one, notes) for one in found.recordings]
-    return found
+    contents.notes = [token for tokens in notes.values() for token in tokens]
+    contents.recordings = [_noted(recording, notes) for recording in contents.recordings]
+    return contents
 
 
 def gather_more(folder: Path, paths: Sequence[Path]) -> FolderContents:
     """The contents of some files of a folder, such as those that were written since it was looked at."""
-    found = FolderContents()
+    contents = FolderContents()
     for path in paths:
-        trouble = _trouble(folder, path)
-        if trouble:
-            found.left_out.append((path.relative_to(folder).as_posix(), trouble))
+        if trouble := _trouble(folder, path):
+            contents.left_out.append((path.relative_to(folder).as_posix(), trouble))
         else:
-            _try_one(folder, path, found, {})
-    return found
+            _read(folder, path, contents, {})
+    return contents
 
 
 def recording_files(folder: Path) -> list[Path]:
     """The files of a folder that may be recordings, sorted by name with D2 before D10."""
     return [path for path in _paths(folder, FolderContents()) if not _NOTES.search(path.name)]
-
-
-def _try_one(folder: Path, path: Path, found: FolderContents, notes: dict[str, tuple[Token, ...]]) -> None:
-    """Add the recordings or notes of a file to `found`; one that cannot be read is left out, with the reason."""
-    name = path.relative_to(folder).as_posix()
-    try:
-        _read_one(path, name, found, notes)
-    except FourpoleError as error:
-        found.left_out.append((name, _without_name(str(error), name)))
 
 
 def _paths(folder: Path, found: FolderContents) -> list[Path]:
@@ -182,35 +172,38 @@ def _trouble(folder: Path, path: Path) -> str:
     return "" if within else "is a link to a place outside the folder: copy it into the folder"
 
 
-def _read_one(path: Path, name: str, found: FolderContents, notes: dict[str, tuple[Token, ...]]) -> None:
-    """Add the recordings of a file to `found`, or its tokens to `notes`."""
-    is_note = _NOTES.search(path.name) is not None
+def _read(folder: Path, path: Path, contents: FolderContents, notes: dict[str, tuple[Token, ...]]) -> None:
+    """Add the recordings of a file to `contents`, or its tokens to `notes`; one that cannot be read is left out."""
+    name, recordings = path.relative_to(folder).as_posix(), list[FolderRecording]()
+    is_note, trouble = _NOTES.search(path.name) is not None, "has no two channels of numbers"
     try:
-        made: list[FolderRecording] = read_apart(recordings_of, path, name, classes=_OF_RECORDING)
-    except FourpoleError:
-        if not is_note:
-            raise
-        made = []
-    strange = [one for one in made if one.problem and not any(column.quantity for column in one.columns)]
-    found.left_out += [(one.file, one.problem) for one in strange]
-    found.recordings += [one for one in made if one not in strange]
-    if made:
+        recordings = read_apart(recordings_of, path, name, classes=_OF_RECORDING)
+    except FourpoleError as error:
+        trouble = _without_name(str(error), name)
+    for recording in recordings:
+        if recording.problem and not any(column.quantity for column in recording.columns):
+            contents.left_out.append((recording.file, recording.problem))
+        else:
+            contents.recordings.append(recording)
+    if recordings:
         return
-    if is_note:
-        notes[name] = tuple(read_header(_lines(path, name)))
-        return
-    found.left_out.append((name, "has no two channels of numbers"))
+    try:
+        if is_note:
+            notes[name] = tuple(read_header(_lines(path, name)))
+            return
+    except FourpoleError as error:
+        trouble = _without_name(str(error), name)
+    contents.left_out.append((name, trouble))
 
 
 def recordings_of(path: Path, name: str) -> list[FolderRecording]:
-    """The recordings of a file, as a worker process runs it; none if it is no table."""
+    """The recordings of a file, as a worker process runs it; none if it is no table.
+
+    A file of notes does not have two channels of eight samples.
+    """
     info = survey(path, max_bytes=_MOST_BYTES, label=name)
-    return list(_recordings(path, name, info)) if _is_table(info) else []
-
-
-def _is_table(info: FileInfo) -> bool:
-    """Whether a file has at least two channels of eight samples, which a file of notes does not have."""
-    return sum(signal.count >= 8 for signal in info.signals) >= 2
+    table = sum(signal.count >= 8 for signal in info.signals) >= 2
+    return list(_recordings(path, name, info)) if table else []
 
 
 def _lines(path: Path, name: str) -> list[str]:

@@ -153,9 +153,9 @@ class _Together:
             for index, (kind, one) in enumerate(zip(self.kinds, self.recordings, strict=True))
         ]
         conditions = read_conditions(entries, self.names)
-        for index, one in enumerate(conditions):
-            self._frequency(index, one)
-            self._only_dynamic(index, one)
+        for index, condition in enumerate(conditions):
+            self._frequency(index, condition)
+            self._only_dynamic(index, condition)
         rig = self._rig(conditions, roles)
         clock = self._clock()
         self._condition_doubts(conditions)
@@ -163,7 +163,7 @@ class _Together:
         return GuessedCampaign(
             folder=self.folder,
             title=self.folder.resolve().name,
-            rows=tuple(map(self._test, range(len(conditions)), conditions)),
+            rows=tuple(self._test(index, condition) for index, condition in enumerate(conditions)),
             roles=roles,
             clock=clock,
             reference=self._reference(),
@@ -176,8 +176,7 @@ class _Together:
     def _test(self, index: int, one: RecordingConditions) -> Row:
         """The row of tests.csv of one recording."""
         kind, doubts = self.kinds[index], tuple(dict.fromkeys(self.of_row[index]))
-        tyre = "" if kind == "calibration" else one.tyre
-        file = self.recordings[index].file
+        tyre, file = "" if kind == "calibration" else one.tyre, self.recordings[index].file
         return Row(self.names[index], file, kind, tyre, one.values, one.repeat, doubts, one.band)
 
     def _doubt(self, about: str, text: str, remedy: str = "", tests: Sequence[int] = ()) -> None:

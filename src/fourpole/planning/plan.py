@@ -364,7 +364,7 @@ def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> _Tyre:
 class _Earlier:
     """Tyres that an earlier analysis found: the condition and the frequency [Hz] of each test, and its tyre."""
 
-    found: list[tuple[Condition, float, _Tyre]]
+    tests: list[tuple[Condition, float, _Tyre]]
     rule: Sameness
 
     @classmethod
@@ -383,30 +383,31 @@ class _Earlier:
         mine = condition_of(test, self.rule)
         frequency = test.value("frequency")
         near = [
-            (round(self._distance(condition, mine), 3), _log_ratio(at, frequency), tyre)
-            for condition, at, tyre in self.found
+            (
+                round(sum(map(_distance, self.rule.axes, condition.values, mine.values)), 3),
+                _log_ratio(measured, frequency),
+                tyre,
+            )
+            for condition, measured, tyre in self.tests
             if condition.specimen == test.tyre
         ]
-        return min(near, key=lambda one: one[:2])[2] if near else None
-
-    def _distance(self, one: Condition, other: Condition) -> float:
-        return sum(_distance(*each) for each in zip(self.rule.axes, one.values, other.values, strict=True))
+        return min(near, key=lambda distances: distances[:2])[2] if near else None
 
 
-def _distance(axis: Axis, one: Value, other: Value) -> float:
+def _distance(axis: Axis, value: Value, other: Value) -> float:
     """Distance of two values on one axis: 0 if they are the same, 1 for a factor of e or where one is not stated."""
-    if axis.same(one, other):
+    if axis.same(value, other):
         return 0.0
-    if not isinstance(one, float) or not isinstance(other, float):
+    if not isinstance(value, float) or not isinstance(other, float):
         return 1.0
     if axis.absolute:
-        return abs(one - other) / (_TOLERANCES_PER_E * axis.absolute)
-    return _log_ratio(one, other)
+        return abs(value - other) / (_TOLERANCES_PER_E * axis.absolute)
+    return _log_ratio(value, other)
 
 
-def _log_ratio(one: float, other: float | None) -> float:
-    """Absolute value of ln(one/other); 1 where one of them is zero or not stated."""
-    return abs(float(np.log(one / other))) if one and other and one / other > 0 else 1.0
+def _log_ratio(value: float, other: float | None) -> float:
+    """Absolute value of ln(value/other); 1 where one of them is zero or not stated."""
+    return abs(float(np.log(value / other))) if value and other and value / other > 0 else 1.0
 
 
 def _lift_off(rigs: Sequence[RigPlan]) -> list[str]:
