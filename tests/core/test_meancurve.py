@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 
-from fourpole.core.meancurve import fit_mean_curve
+from fourpole.core.meancurve import Points, deflection_at, fit_mean_curve, in_part, surest
 
 pytestmark = pytest.mark.thorough
 
@@ -98,3 +98,40 @@ def test_slope_uncertainty_is_honest(correlation, samples):
     # 40 errors: 1 ± 0.11; a wrong order now and then, and the uncertainty for it, make it 0.35 to 1.4
     assert 0.35 < np.sqrt(np.mean(np.square(errors))) < 1.4
     assert abs(np.mean(errors)) < 4 * np.std(errors) / np.sqrt(40)
+
+
+WAY = np.linspace(0.0, 1.0, 401)
+
+
+def best(load_of, at=0.5):
+    points = Points(WAY, load_of, None)
+    whole = fit_mean_curve(*points)
+    load = float(np.interp(at, WAY, load_of))
+    return whole, surest(points, whole, deflection_at(whole, load), load)
+
+
+def test_a_polynomial_is_taken_whole():
+    whole, found = best(1e3 * WAY + 200.0 * WAY**2)
+    assert found.reach == 0.0
+    assert found.curve is whole
+
+
+def test_a_bend_at_the_end_is_left_out():
+    """A kink that no polynomial has, far from the load: the part has the tangent to 1e-6, the whole has not."""
+    whole, found = best(1e3 * WAY + 3e3 * np.maximum(WAY - 0.9, 0.0))
+    assert found.reach > 0.0
+    assert abs(found.slope - 1e3) < 1e-3
+    assert abs(whole.tangent(0.5)[0] - 1e3) > 1.0
+
+
+def test_noise_is_best_averaged_over_the_whole():
+    taken = []
+    for seed in range(10):
+        noise = 20.0 * np.random.default_rng(seed).standard_normal(WAY.size)
+        taken.append(best(1e3 * WAY + noise)[1].reach)
+    assert np.mean(np.array(taken) > 0) <= 0.2
+
+
+def test_a_part_of_few_points_is_none():
+    points = Points(WAY[::40], 1e3 * WAY[::40], None)
+    assert in_part(points, 0.5, 0.3, 500.0) is None
