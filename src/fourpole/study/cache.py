@@ -60,10 +60,9 @@ _CLASSES = (*CHECK_CLASSES, Correction, Demodulated, Demodulation, Excited, Harm
 
 def packed(done: Demodulated) -> bytes:
     """The bytes of what a recording gave; a preview is kept in single precision."""
-    found = done.found
-    if isinstance(found, Demodulation):
-        shown = {name: np.asarray(value, dtype=np.float32) for name, value in vars(found.preview).items()}
-        done = replace(done, found=replace(found, preview=Preview(**shown)))
+    if isinstance(done.found, Demodulation):
+        shown = {name: np.asarray(value, dtype=np.float32) for name, value in vars(done.found.preview).items()}
+        done = replace(done, found=replace(done.found, preview=Preview(**shown)))
     return pack(done)
 
 
@@ -165,7 +164,7 @@ class Cache:
 
     def _read(self) -> None:
         with suppress(OSError, FourpoleError):
-            self._here = {one.name for one in os.scandir(self._folder) if _ENTRY.fullmatch(one.name)}
+            self._here = {file.name for file in os.scandir(self._folder) if _ENTRY.fullmatch(file.name)}
             content = read_bytes(self._folder / _INDEX, max_bytes=_LARGEST, within=self._folder)
             for line in map(bytes.rstrip, io.BytesIO(content)):
                 signed, body = line[2 : _BODY - 2], line[_BODY:-1]
@@ -194,7 +193,7 @@ class Cache:
     def _write_index(self, run: int) -> None:
         """Write the index anew, in one step: what stands in its place may be a link or a pipe."""
         lines = [self._line({"run": run, "used": self._used})]
-        lines += [self._line([file, list(one.parts), sha256]) for file, (one, sha256) in self._index.items()]
+        lines += [self._line([file, list(noted.parts), sha]) for file, (noted, sha) in self._index.items()]
         with suppress(FileError):
             write_bytes(self._folder / _INDEX, "".join(lines).encode())
 
@@ -210,11 +209,11 @@ class Cache:
     def _prune(self) -> None:
         with suppress(OSError):
             sizes = {}
-            for one in os.scandir(self._folder):
-                if _FORMER.fullmatch(one.name):
-                    Path(one.path).unlink()
-                elif _ENTRY.fullmatch(one.name):
-                    sizes[one.name] = one.stat().st_size
+            for file in os.scandir(self._folder):
+                if _FORMER.fullmatch(file.name):
+                    Path(file.path).unlink()
+                elif _ENTRY.fullmatch(file.name):
+                    sizes[file.name] = file.stat().st_size
             self._used = {name: self._used.get(name, self._run) for name in sizes}
             total = sum(sizes.values())
             for name in sorted(sizes, key=lambda name: self._used[name]):

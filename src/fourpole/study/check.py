@@ -142,7 +142,7 @@ def check_campaign(
                 progress(done, len(jobs))
     look.duplicates()
     look.stiffness(look.statics())
-    order = {test.name: at for at, test in enumerate(campaign.tests)}
+    order = {test.name: place for place, test in enumerate(campaign.tests)}
     problems = sorted(look.problems, key=lambda problem: (order[problem.test], problem.verdict is not Verdict.REJECTED))
     return Checked(campaign, used, tuple(problems), tuple(notes))
 
@@ -165,7 +165,7 @@ def end_of(path: Path, source: StreamSource) -> tuple[float, float] | None:
     """Last time and time step of a recording [s], from its first samples and its number of samples; None if unknown."""
     (first,) = next(stream(source).chunks)
     info = survey(path, max_bytes=MAX_FILE_BYTES, label=source.label)
-    count = max(one.count for one in info.signals if source.group in ("", one.group))
+    count = max(signal.count for signal in info.signals if source.group in ("", signal.group))
     time, rate = times_of(first), rate_of(first)
     return None if time is None or rate is None else (float(time[0]) + (count - 1) / rate, 1 / rate)
 
@@ -224,10 +224,10 @@ class _Inspection:
         assert channels.motion_in is not None
         assert test.window is not None
         source = source_of(path, test, channels, [channels.motion_in])
-        found = read_apart(end_of, path, replace(source, rows=_ROWS), label=test.file)
-        if found is None:
+        end = read_apart(end_of, path, replace(source, rows=_ROWS), label=test.file)
+        if end is None:
             return
-        (low, high), (stop, step) = test.window, found
+        (low, high), (stop, step) = test.window, end
         if high > stop + step:
             message = f"window {low:g}..{high:g} s goes beyond the recording, which ends at {stop:g} s; shorten it"
             self._say(test, "window", Verdict.WARNING, message)
@@ -267,10 +267,10 @@ class _Inspection:
         for test in self.campaign.tests:
             if test.kind != "dynamic" or test.name in bad:
                 continue
-            found = stiffness_for(test, statics, self.campaign.stated.sameness)
-            if found.lack is not None:
-                text = "K2 and C would be left blank: {why}: {remedy}".format(**why_no_k1(found.lack.values))
-                self._say(test, "K1", Verdict.WARNING, text, kind_of(found.lack))
-            for check in found.checks:
+            k1 = stiffness_for(test, statics, self.campaign.stated.sameness)
+            if k1.lack is not None:
+                text = "K2 and C would be left blank: {why}: {remedy}".format(**why_no_k1(k1.lack.values))
+                self._say(test, "K1", Verdict.WARNING, text, kind_of(k1.lack))
+            for check in k1.checks:
                 if check.verdict is Verdict.WARNING:
                     self._say(test, "K1", Verdict.WARNING, remark_of(check), kind_of(check))

@@ -77,10 +77,10 @@ def _threads(client: Any, name: str) -> int:
         raise CampaignError(
             f"{name}: a worker cannot load Fourpole ({type(error).__name__}: {error}): install the same version there"
         ) from None
-    for worker, found in others.items():
-        if found != VERSION:
+    for worker, version in others.items():
+        if version != VERSION:
             raise CampaignError(
-                f"{name}: the worker {worker} has Fourpole {found}, and this is {VERSION}: install {VERSION} there"
+                f"{name}: the worker {worker} has Fourpole {version}, and this is {VERSION}: install {VERSION} there"
             )
     return int(threads)
 

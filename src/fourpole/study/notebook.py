@@ -34,12 +34,12 @@ def tables_html(title: str, tables: Mapping[str, pl.DataFrame], route: str, unit
     counts = verdict_counts(tables.get("static", pl.DataFrame()), dynamic)
     said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [f"{sum(counts.values())} tests: {said}; {route or 'unknown'} route", "lowest to highest of each condition"]
-    shown = [units.of(one) for one in _SHOWN if one.head in dynamic.columns]
+    shown = [units.of(quantity) for quantity in _SHOWN if quantity.head in dynamic.columns]
     heads = [
         "condition",
         "tests",
         q.FREQUENCY.head,
-        *(f"{one.symbol} [{one.suffix}]".replace(" []", "") for one in shown),
+        *(f"{quantity.symbol} [{quantity.suffix}]".replace(" []", "") for quantity in shown),
     ]
     return notebook_html(title, lines, heads, list(_rows(dynamic, shown, units)))
 
@@ -51,7 +51,7 @@ def _rows(dynamic: pl.DataFrame, shown: list[Quantity], units: ShownUnits) -> It
     conditions = conditions_in(used, _RULE)
     groups = _RULE.groups(conditions).tolist()
     for group in dict.fromkeys(groups):
-        members = [at for at, one in enumerate(groups) if one == group]
+        members = [row for row, other in enumerate(groups) if other == group]
         first, part = conditions[members[0]], used[members]
         stated = [
             units.setting(axis.column, value)
@@ -59,12 +59,16 @@ def _rows(dynamic: pl.DataFrame, shown: list[Quantity], units: ShownUnits) -> It
             if isinstance(value, float)
         ]
         tests = str(part[q.TEST.head].n_unique())
-        yield [", ".join([first.specimen, *stated]), tests, *(_range(part, one) for one in (q.FREQUENCY, *shown))]
+        yield [
+            ", ".join([first.specimen, *stated]),
+            tests,
+            *(_range(part, quantity) for quantity in (q.FREQUENCY, *shown)),
+        ]
 
 
 def _range(table: pl.DataFrame, quantity: Quantity) -> str:
     values = table[quantity.head].drop_nulls().drop_nans()
     if values.is_empty():
         return ""
-    low, high = (number(float(one) / quantity.scale) for one in (values.min(), values.max()))  # type: ignore[arg-type]
+    low, high = (number(float(end) / quantity.scale) for end in (values.min(), values.max()))  # type: ignore[arg-type]
     return low if low == high else f"{low} .. {high}"

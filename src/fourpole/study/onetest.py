@@ -128,7 +128,7 @@ class OneTest:
         table = self._of("phasors")
         if table.is_empty():
             raise CampaignError(f"test {shown(self.name)} has no amplitudes: {'; '.join(self.remarks) or self.kind}")
-        parts = [[table[head].to_numpy() for head in one.parts] for one in (q.F1, q.V1, q.V2)]
+        parts = [[table[head].to_numpy() for head in quantity.parts] for quantity in (q.F1, q.V1, q.V2)]
         return Phasors(
             table[q.FREQUENCY.head].to_numpy(),
             np.stack([re + 1j * im for re, im in parts], axis=1),

@@ -79,9 +79,9 @@ def tests_record(campaign: Campaign) -> list[dict[str, Any]]:
     """The rows of tests.csv for study.json; what a row does not state is left out."""
     return [
         {
-            one.name: value
-            for one in fields(test)
-            if one.name != "faults" and (value := getattr(test, one.name)) not in ("", None, False, {}, ())
+            part.name: value
+            for part in fields(test)
+            if part.name != "faults" and (value := getattr(test, part.name)) not in ("", None, False, {}, ())
         }
         for test in campaign.tests
     ]
@@ -90,7 +90,7 @@ def tests_record(campaign: Campaign) -> list[dict[str, Any]]:
 def tests_of(record: Mapping[str, Any]) -> list[Test]:
     """The rows of tests.csv in a record of study.json; none in that of an older version."""
     rows = record.get("tests")
-    known = {one.name for one in fields(Test)}
+    known = {part.name for part in fields(Test)}
     return [_test(row, known) for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
 
 

@@ -1,11 +1,14 @@
-"""One recording read by itself, without an analysis."""
+"""One recording read by itself, without an analysis; and what it holds beside its fundamental."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fourpole import units
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
@@ -14,6 +17,7 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import check_text
 from fourpole.campaign.row import Test
 from fourpole.campaign.schema import parse_campaign
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.chain import Calibrated, Delay, Geophone, HighPass, LowPass
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import Channel, CrossTalk, Recording
@@ -22,6 +26,11 @@ from fourpole.errors import CampaignError, FileError
 from fourpole.io.child import read_apart
 from fourpole.io.folders import resolved
 from fourpole.study.load import load_recording
+
+#: Largest number of samples of a channel that are looked at, from its middle.
+_MOST = 1 << 18
+#: Largest number of lines that are shown; of more, the largest of neighbours is.
+_LINES = 1000
 
 
 def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, Any]] | Campaign) -> Recording:
@@ -126,3 +135,70 @@ def _path(folder: Path, file: str) -> Path:
             if name and path.is_file():
                 return path
     raise FileError(f"{units.shown(file, 200)[1:-1]}: there is no such file")
+
+
+# --- hum, harmonics and noise, over frequency -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualSpectrum(ByValue):
+    """The residual of one channel.
+
+    Attributes
+    ----------
+    frequency : (n,) float array [Hz]
+    amplitude : (n,) float array [the channel's SI unit]
+        Amplitude of a sine that would show this line, 0 to peak.
+    """
+
+    frequency: FloatArray
+    amplitude: FloatArray
+
+
+def residual_spectrum(recording: Recording, frequency: float, role: str) -> ResidualSpectrum:
+    """Spectrum of a channel less its mean and its fundamental.
+
+    The fundamental is the least-squares fit of a sine at the frequency; the window is Hann's, so that a line has its
+    amplitude at its peak within 15 %.
+
+    Parameters
+    ----------
+    recording : Recording
+    frequency : float [Hz]
+        Frequency of the fundamental.
+    role : str
+        The channel: force_in, motion_in or motion_out.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) / 1000
+    >>> hum = 0.01 * np.cos(2 * np.pi * 50 * t)
+    >>> recording = Recording.from_arrays(t, force_in=hum, motion_in=np.cos(62.8 * t) + hum)
+    >>> spectrum = residual_spectrum(recording, 62.8 / (2 * np.pi), "motion_in")
+    >>> peak = int(np.argmax(spectrum.amplitude))
+    >>> round(float(spectrum.frequency[peak])), round(float(spectrum.amplitude[peak]), 4)
+    (50, 0.01)
+    """
+    samples, rate = _middle(recording.channels[role]), recording.base(role)[0]
+    t = np.arange(samples.size) / rate
+    waves = np.stack([np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t), np.ones_like(t)], axis=1)
+    residual = samples - waves @ np.linalg.lstsq(waves, samples, rcond=None)[0]
+    window = np.hanning(samples.size)
+    amplitude = 2 * np.abs(np.fft.rfft(residual * window)) / window.sum()
+    return _thinned(np.fft.rfftfreq(samples.size, 1 / rate), amplitude)
+
+
+def _middle(channel: Channel) -> FloatArray:
+    """The middle samples of a channel; missing ones have the mean."""
+    begin = max(0, (channel.samples.size - _MOST) // 2)
+    samples = channel.samples[begin : begin + _MOST]
+    return np.where(np.isfinite(samples), samples, np.nanmean(samples))
+
+
+def _thinned(frequency: FloatArray, amplitude: FloatArray) -> ResidualSpectrum:
+    step = -(-frequency.size // _LINES)
+    edges = np.arange(0, frequency.size, step)
+    if step == 1:
+        return ResidualSpectrum(frequency, amplitude)
+    highest = [begin + int(np.argmax(amplitude[begin : begin + step])) for begin in edges]
+    return ResidualSpectrum(frequency[highest], amplitude[highest])

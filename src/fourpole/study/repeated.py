@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ OF_UNCERTAINTY = 1e-3
 OF_ITSELF, OF_LARGEST = 1e-6, 1e-9
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 #: Heads of the uncertainties by the heads of their values.
-_STD = {one.head: one.u_head for one in q.QUANTITIES}
+_STD = {quantity.head: quantity.u_head for quantity in q.QUANTITIES}
 _MOST_SHOWN = 80
 #: Columns of parts that stand for their sum of squares: another library may turn the parts into each other.
 _TURNED = {q.SHARED_STORAGE.head, q.SHARED_LOSS.head}
@@ -72,25 +72,25 @@ def differences(was: pl.DataFrame, now: pl.DataFrame, key: Sequence[str]) -> lis
     """
     heads = [head for head in key if head in was.columns and head in now.columns]
     rows, others = (_by_key(table, heads) for table in (was, now))
-    found = list(_of_rows(rows, others))
+    differ = list(_of_rows(rows, others))
     both = [name for name in rows if name in others]
     for column in dict.fromkeys((*was.columns, *now.columns)):
         if column not in was.columns or column not in now.columns:
             state = ("no such column", "a column") if column in now.columns else ("a column", "no such column")
-            found.append(Difference(column, "", was.height, *state, np.nan, np.inf))
+            differ.append(Difference(column, "", was.height, *state, np.nan, np.inf))
         else:
             pairs = [(name, rows[name], others[name]) for name in both]
-            found += _of_column(column, pairs)
-    return found
+            differ += _of_column(column, pairs)
+    return differ
 
 
 def _by_key(table: pl.DataFrame, heads: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Rows by their name in messages, by which they are matched; a row that is there twice has its number, too."""
-    found: dict[str, dict[str, Any]] = {}
-    for at, row in enumerate(table.iter_rows(named=True), start=1):
-        name = ", ".join(_text(row[head]) for head in heads if row[head] is not None) or f"row {at}"
-        found[f"{name} (row {at})" if name in found else name] = row
-    return found
+    rows: dict[str, dict[str, Any]] = {}
+    for number, row in enumerate(table.iter_rows(named=True), start=1):
+        name = ", ".join(_text(row[head]) for head in heads if row[head] is not None) or f"row {number}"
+        rows[f"{name} (row {number})" if name in rows else name] = row
+    return rows
 
 
 def _text(cell: Any) -> str:
@@ -108,28 +108,25 @@ def _of_rows(rows: dict[str, Any], others: dict[str, Any]) -> Iterator[Differenc
 
 def _of_column(column: str, pairs: Sequence[tuple[str, dict[str, Any], dict[str, Any]]]) -> Iterator[Difference]:
     """The largest difference of a column, if any counts."""
-    largest = max((_size(cell) for _, one, other in pairs for cell in (one[column], other[column])), default=0.0)
-    std = _STD.get(column, "")
-    found = []
-    for name, one, other in pairs:
-        if _bits(one[column], other[column]):
+    largest = max((_size(row[column]) for _, *rows in pairs for row in rows), default=0.0)
+    std, differ = _STD.get(column, ""), []
+    for name, row, other in pairs:
+        was, now = row[column], other[column]
+        if _bits(was, now):
             continue
-        cells = one[column], other[column]
-        if column in _TURNED:
-            cells = float(np.linalg.norm(cells[0])), float(np.linalg.norm(cells[1]))
-        size, share = _apart(*cells, _size(one.get(std)), largest)
+        cells = (float(np.linalg.norm(was)), float(np.linalg.norm(now))) if column in _TURNED else (was, now)
+        size, share = _apart(*cells, _size(row.get(std)), largest)
         if share > 1:
-            found.append(Difference(column, name, 1, _text(one[column]), _text(other[column]), size, share))
-    if found:
-        worst = max(found, key=lambda each: each.share)
-        yield Difference(column, worst.row, len(found), worst.was, worst.now, worst.size, worst.share)
+            differ.append(Difference(column, name, 1, _text(was), _text(now), size, share))
+    if differ:
+        yield replace(max(differ, key=lambda difference: difference.share), count=len(differ))
 
 
-def _bits(one: Any, other: Any) -> bool:
+def _bits(was: Any, now: Any) -> bool:
     """Whether two cells are equal; not-a-number equals itself."""
-    if isinstance(one, list) or isinstance(other, list):
+    if isinstance(was, list) or isinstance(now, list):
         return False
-    return bool(one == other or (one != one and other != other))
+    return bool(was == now or (was != was and now != now))
 
 
 def _plain(cell: Any) -> Any:
@@ -149,29 +146,29 @@ def _size(cell: Any) -> float:
     return float(array.max()) if array.size else 0.0
 
 
-def _apart(one: Any, other: Any, std: float, largest: float) -> tuple[float, float]:
+def _apart(was: Any, now: Any, std: float, largest: float) -> tuple[float, float]:
     """Difference of two cells, and the difference over the one that does not count."""
-    one, other = _plain(one), _plain(other)
-    if isinstance(one, str) and isinstance(other, str):
-        return np.nan, 0.0 if _same_words(one, other) else np.inf
-    if one is None or other is None or isinstance(one, str) or isinstance(other, str):
+    was, now = _plain(was), _plain(now)
+    if isinstance(was, str) and isinstance(now, str):
+        return np.nan, 0.0 if _same_words(was, now) else np.inf
+    if any(cell is None or isinstance(cell, str) for cell in (was, now)):
         return np.nan, np.inf
-    first, second = (np.atleast_1d(np.asarray(cell, dtype=float)) for cell in (one, other))
+    first, second = (np.atleast_1d(np.asarray(cell, dtype=float)) for cell in (was, now))
     if first.shape != second.shape or not np.array_equal(np.isfinite(first), np.isfinite(second)):
         return np.nan, np.inf
     there = np.isfinite(first)
     if not there.any():
         return 0.0, 0.0
     size = float(np.max(np.abs(first[there] - second[there])))
-    allowed = max(OF_UNCERTAINTY * std if std else OF_ITSELF * _size(one), OF_LARGEST * largest)
+    allowed = max(OF_UNCERTAINTY * std if std else OF_ITSELF * _size(was), OF_LARGEST * largest)
     return size, size / allowed if allowed else (0.0 if size == 0 else np.inf)
 
 
-def _same_words(one: str, other: str) -> bool:
+def _same_words(was: str, now: str) -> bool:
     """Whether two texts have the same words, and numbers that differ by no more than one unit of their last digit."""
-    if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
+    if _NUMBER.sub("#", was) != _NUMBER.sub("#", now):
         return False
-    pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
+    pairs = zip(_NUMBER.findall(was), _NUMBER.findall(now), strict=True)
     return all(abs(float(a) - float(b)) <= 1.01 * max(_last_digit(a), _last_digit(b)) for a, b in pairs)
 
 

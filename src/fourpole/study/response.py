@@ -35,9 +35,9 @@ def read_response(path: Path, label: str) -> Calibrated:
         If the table cannot be read, or a column is missing or has no unit of its kind.
     """
     table = read_table(path, max_bytes=_MOST_BYTES, label=label)
-    found = {name: _column(table, name, kind, label) for name, kind in _COLUMNS.items() if _place(table, name)}
+    columns = {name: _column(table, name, kind, label) for name, kind in _COLUMNS.items() if _place(table, name)}
     for name in ("frequency", "gain", "phase"):
-        if name not in found:
+        if name not in columns:
             raise TableError(
                 f"{label}: column '{name}' is missing: a response has frequency [Hz], gain [1], phase [deg], "
                 "and perhaps u(gain) [%], u(phase) [deg]"
@@ -47,22 +47,22 @@ def read_response(path: Path, label: str) -> Calibrated:
         if name.strip().casefold() not in _COLUMNS and (near or name.strip().casefold().startswith("u(")):
             raise TableError(f"{label}: column {units.shown(name)} is not known; did you mean '{near or 'u(gain)'}'?")
     for name in ("u(gain)", "u(phase)"):
-        if name in found and np.any(found[name] < 0):
+        if name in columns and np.any(columns[name] < 0):
             raise TableError(f"{label}: column '{name}' has a negative uncertainty: state it zero or positive")
-    nothing = np.zeros_like(found["frequency"])
+    nothing = np.zeros_like(columns["frequency"])
     return Calibrated(
-        frequency=found["frequency"],
-        gain=found["gain"],
-        phase=np.unwrap(found["phase"]),
-        gain_std=found.get("u(gain)", nothing),
-        phase_std=found.get("u(phase)", nothing),
+        frequency=columns["frequency"],
+        gain=columns["gain"],
+        phase=np.unwrap(columns["phase"]),
+        gain_std=columns.get("u(gain)", nothing),
+        phase_std=columns.get("u(phase)", nothing),
         name=f"response {label}",
     )
 
 
 def _place(table: TextTable, name: str) -> str:
     """Name of the column as written; empty where the table has no such column."""
-    return next((one for one in table.names if one.strip().casefold() == name), "")
+    return next((head for head in table.names if head.strip().casefold() == name), "")
 
 
 def _column(table: TextTable, name: str, kind: str, label: str) -> FloatArray:

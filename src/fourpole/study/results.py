@@ -51,14 +51,13 @@ def read_results(folder: str | Path) -> Study:
         raise CampaignError(f"{error}; name a folder that fourpole analyse wrote") from None
 
 
-def _read_published(found: Published) -> Study:
-    tables = {spec.name: read_table(found, spec) for spec in TABLES.values() if spec.read}
-    return with_models(
-        Study(record=found.record, tables=tables, files=found), found, found.sha256(f"{DYNAMIC.name}.csv")
-    )
+def _read_published(files: Published) -> Study:
+    tables = {spec.name: read_table(files, spec) for spec in TABLES.values() if spec.read}
+    study = Study(record=files.record, tables=tables, files=files)
+    return with_models(study, files, files.sha256(f"{DYNAMIC.name}.csv"))
 
 
-def with_models(results: Study, found: Published, sha256: str, names: Collection[str] = ("model", "map")) -> Study:
+def with_models(results: Study, published: Published, sha256: str, names: Collection[str] = ("model", "map")) -> Study:
     """The results with those model files of a folder that were made of the dynamic.csv of this SHA-256."""
     from fourpole.fitting.modelfile import model_file_of
 
@@ -67,7 +66,7 @@ def with_models(results: Study, found: Published, sha256: str, names: Collection
     for name in names:
         file = f"{name}.json"
         try:
-            made = model_file_of(found.read(file), file) if found.has(file) else None
+            made = model_file_of(published.read(file), file) if published.has(file) else None
         except FourpoleError as error:
             faults.append(f"{error}; left out: run fourpole {_MADE_BY[name]} again")
             continue

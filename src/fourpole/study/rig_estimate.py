@@ -1,6 +1,6 @@
 """The rig as found: the results of the joint route for one rig and its channels, as typed values.
 
-`study.rig_solution` makes it of a joint solution, `study.rig_reading` of a results folder; both give the same values.
+`study.rig_solution` makes it of a joint solution, `read_rig_estimates` of a results folder; both give the same values.
 """
 
 from __future__ import annotations
@@ -11,10 +11,14 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+import polars as pl
+
 from fourpole import quantities as q
 from fourpole.core.arrays import short_repr
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role, Source
+from fourpole.fitting.rows import keys_of
+from fourpole.study.record import section
 from fourpole.words import cause_words, explained
 
 #: A found value whose uncertainty is above this share of the stated uncertainty rests in part on the statement.
@@ -271,7 +275,7 @@ class RigEstimate:
         """The sentence of a note, with its numbers."""
         many = len(self.outliers) > 1
         return _NOTES[code].format(
-            found=self,
+            rig=self,
             misfit=self._misfit() if code is NoteCode.MISFIT else "",
             shown=f"; {self.explained}" if self.causes else "",
             strange=f"{len(self.outliers)} tests do" if many else "1 test does",
@@ -321,27 +325,27 @@ class RigEstimate:
         record["candidates"] = [_candidate_record(candidate) for candidate in self.candidates]
         if self.mass_gain:
             sides = zip(("without", "with"), zip(*self.mass_gain.values(), strict=True), strict=True)
-            record["gain_of_masses"] = {side: dict(zip(self.mass_gain, found, strict=True)) for side, found in sides}
+            record["gain_of_masses"] = {side: dict(zip(self.mass_gain, stds, strict=True)) for side, stds in sides}
         return record
 
 
-#: Sentence of each note; `found` is the estimate.
+#: Sentence of each note; `rig` is the estimate.
 _NOTES = {
-    NoteCode.NOT_CONVERGED: "the joint route did not converge: {found.reason}{shown}; use --route relative",
+    NoteCode.NOT_CONVERGED: "the joint route did not converge: {rig.reason}{shown}; use --route relative",
     NoteCode.MISFIT: (
         "rig and channels as stated do not fit their tests {misfit}; no row counts as ok, and no value is called "
         "calibrated"
     ),
     NoteCode.NOISE: (
-        "all noise was multiplied by {found.inflation:.2g}: the tests differ by more than the noise of their "
+        "all noise was multiplied by {rig.inflation:.2g}: the tests differ by more than the noise of their "
         "recordings, and no single error of a sensor or part of the rig explains it; look for an unsteady drive"
     ),
     NoteCode.UNSTEADY: (
-        "the drive is unsteady: the tests scatter as if each frequency had a relative error of {found.unsteady:.1g}, "
+        "the drive is unsteady: the tests scatter as if each frequency had a relative error of {rig.unsteady:.1g}, "
         "and the uncertainties include that"
     ),
     NoteCode.SCATTER: (
-        "K* repeats to {found.scatter:.2%} from test to test, besides the noise; each row has K* of its own test: look "
+        "K* repeats to {rig.scatter:.2%} from test to test, besides the noise; each row has K* of its own test: look "
         "at temperature, conditioning and amplitude if this scatter is too large"
     ),
     NoteCode.DRIFT: "{drifts}, {order}; each row has K* of its own place in the run",
@@ -394,3 +398,98 @@ def mass_gain(without: Mapping[str, Any], both: Mapping[str, Any]) -> dict[str, 
 def number(value: object) -> float | None:
     """A finite number, or None."""
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+# --- from a results folder --------------------------------------------------------------------------------------------
+
+
+def read_rig_estimates(rig: pl.DataFrame, residuals: pl.DataFrame, joint: object) -> tuple[RigEstimate, ...]:
+    """The estimate of each rig, in the order of rig.csv; none where another route was used.
+
+    Parameters
+    ----------
+    rig, residuals : polars.DataFrame
+        rig.csv and residuals.csv.
+    joint : object
+        The record of study.json by the name of the rig; an entry of another form counts as missing.
+    """
+    names = [str(name or "") for name in rig[q.RIG.head].to_list()] if q.RIG.head in rig.columns else []
+    names += [name for name, record in section(joint).items() if isinstance(record, dict)]
+    return tuple(
+        _read(name, _of(rig, name), _of(residuals, name), section(joint, name)) for name in dict.fromkeys(names)
+    )
+
+
+def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, record: dict[str, Any]) -> RigEstimate:
+    values = _values(rig)
+    masses = residuals[q.ADDED_MASS.head].to_list() if q.ADDED_MASS.head in residuals.columns else []
+    factors = residuals[q.OUTLIER.head].to_list() if q.OUTLIER.head in residuals.columns else []
+    outliers = [(key, number(factor) or 0.0) for key, factor in zip(keys_of(residuals), factors, strict=False)]
+    calibrated = all(value.finding is not RigFinding.NOT_CALIBRATED for value in values)
+    return RigEstimate(
+        name,
+        values,
+        fits=record.get("fits") is not False and calibrated,
+        outliers=tuple(Outlier(test, factor, point) for (test, point), factor in outliers if factor > 1),
+        massed=any((number(mass) or 0.0) > 0 for mass in masses)
+        or any(value.source.role is Role.MASS for value in values),
+        **_recorded(record),
+    )
+
+
+def _recorded(record: dict[str, Any]) -> dict[str, Any]:
+    """The fields that study.json alone has."""
+    candidates = _list(record.get("candidates"))
+    numbers = {
+        name: number(record.get(name)) for name in ("chi2", "dof", "rig_error", "inflation", "scatter", "unsteady")
+    }
+    return {
+        **{name: value for name, value in numbers.items() if value is not None},
+        **{name: int(number(record.get(name)) or 0) for name in ("steps", "tests", "conditions", "shared", "tied")},
+        **{name: str(record.get(name) or "") for name in ("reason", "rests")},
+        "converged": record.get("converged") is not False,
+        "drift_by_mass": record.get("drift_by_mass") is True,
+        "candidates": tuple(_candidate(cells) for cells in candidates if section(cells).get("text")),
+        "order": next((order for order in RunOrder if order == record.get("order")), RunOrder.ROWS),
+        "unshared_masses": NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
+        "mass_gain": mass_gain(*(section(record, "gain_of_masses", side) for side in ("without", "with"))),
+    }
+
+
+def _of(table: pl.DataFrame, rig: str) -> pl.DataFrame:
+    """The rows of one rig."""
+    if q.RIG.head not in table.columns:
+        return pl.DataFrame()
+    return table.filter(pl.col(q.RIG.head).fill_null("") == rig)
+
+
+def _list(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _values(rows: pl.DataFrame) -> tuple[SharedValue, ...]:
+    sources = [Source.read(str(text or "")) for text in rows[q.VALUE.head]] if q.VALUE.head in rows.columns else []
+    return tuple(
+        SharedValue(
+            source,
+            str(row.get(q.UNIT.head) or ""),
+            **{name: number(row.get(head)) for name, head in CELLS.items()},
+            finding=next((code for code in RigFinding if code == row.get(q.FINDING.head)), RigFinding.UNKNOWN),
+            hides=hidden_in(source, set(sources)),
+        )
+        for source, row in zip(sources, rows.rows(named=True), strict=True)
+    )
+
+
+def _candidate(cells: dict[str, Any]) -> Candidate:
+    part = str(cells.get("part") or "")
+    unstated, plain = Source.read(f"{Kind.UNSTATED.text}{part}"), Source.read(part)
+    numbers = {name: number(cells.get(name)) for name in ("value", "std", "explains", "size")}
+    return Candidate(
+        source=unstated if unstated.kind is Kind.UNSTATED else plain,
+        released=cells.get("released") is True,
+        form="recorded",
+        values={"text": str(cells["text"])},
+        **{name: str(cells.get(name) or "") for name in ("name", "unit")},
+        **{name: math.nan if value is None else value for name, value in numbers.items()},
+    )

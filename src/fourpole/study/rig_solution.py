@@ -43,7 +43,7 @@ _MOST, _SOME = 0.5, 0.2
 _LEVER, _MOST_LEVERS = 0.1, 3
 
 
-def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, found: Outputs) -> RigEstimate:
+def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -> RigEstimate:
     """The rig as found, from a joint solution of the tests with these keys and its outputs."""
     misfit, solution = joint.misfit, joint.solution
     factors = zip(keys, joint.outlier.tolist(), strict=True)
@@ -68,8 +68,8 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, found: Outputs) ->
             for candidate in misfit.candidates[: max(_CANDIDATES, misfit.tied)]
         ),
         tied=misfit.tied,
-        rests=_rests(joint, found),
-        drift_by_mass=bool(joint.misfit.drifts) and goes_with_mass(joint.problem),
+        rests=_rests(joint, values),
+        drift_by_mass=bool(misfit.drifts) and goes_with_mass(joint.problem),
         outliers=tuple(Outlier(test, factor, point) for (test, point), factor in factors if factor > 1),
         massed=bool(np.any(_added(joint) > 0)),
         unshared_masses=_unshared_masses(joint),
@@ -78,32 +78,29 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, found: Outputs) ->
 
 def _values(joint: Joint) -> list[SharedValue]:
     """The shared values in the order of rig.csv."""
-    parameters = joint.stated.parameters
-    pull, found, std = pulls(joint.solution), joint.found, _enlarged_std(joint)
+    parameters, misfit = joint.stated.parameters, joint.misfit
+    pull, std = pulls(joint.solution), _enlarged_std(joint)
     stated = {parameter.source for parameter in parameters}
     values = []
-    for at, parameter in enumerate(parameters):
-        prior = float(joint.stated.std[at])
-        conflict = at in joint.misfit.conflicts
-        unstated = parameter.source in (*joint.misfit.added, *joint.misfit.drifts)
-        if conflict:
-            pull[at] = (found[at] - parameter.stated) / prior
+    for index, (parameter, fitted) in enumerate(zip(parameters, joint.found.tolist(), strict=True)):
+        prior, conflict = float(joint.stated.std[index]), index in misfit.conflicts
+        unstated = parameter.source in (*misfit.added, *misfit.drifts)
         value = SharedValue(
             Source.read(parameter.source.text),  # with the digits that rig.csv has
             parameter.unit,
             parameter.stated,
             prior,
-            float(found[at]),
-            float(std[at]),
-            ratio=float(std[at] / prior),
-            pull=number(float(pull[at])),
-            detection_limit=number(_detection_limit(joint, at)),
-            finding=RigFinding.UNSTATED if unstated else _finding(joint, std[at] / prior, conflict=conflict),
+            fitted,
+            float(std[index]),
+            ratio=float(std[index] / prior),
+            pull=number((fitted - parameter.stated) / prior if conflict else float(pull[index])),
+            detection_limit=number(_detection_limit(joint, index)),
+            finding=RigFinding.UNSTATED if unstated else _finding(joint, std[index] / prior, conflict=conflict),
             hides=hidden_in(parameter.source, stated),
         )
         if unstated:
             value = replace(value, stated=None, stated_std=None, ratio=None, pull=None, detection_limit=None,
-                            found_std=float(joint.found_std[at]))  # fmt: skip
+                            found_std=float(joint.found_std[index]))  # fmt: skip
         values.append(value)
     return sorted(values, key=lambda value: _ORDER.index(value.source.role))
 
@@ -115,23 +112,23 @@ def _enlarged_std(joint: Joint) -> FloatArray:
     moving part of a tyre acts as a part of the moving mass, and a frame as a part of the spring. If these parts are
     not stated, a mass or spring that is far from its statement may contain them.
     """
-    std = joint.found_std.copy()
+    std, prior = joint.found_std.copy(), joint.stated.std
     parameters, fits = joint.stated.parameters, joint.misfit.fits
     stated = {parameter.source for parameter in parameters}
     off = np.abs(joint.found - np.array([parameter.stated for parameter in parameters]))
-    for at, parameter in enumerate(parameters):
-        far = off[at] > _FAR * joint.stated.std[at]
-        if at in joint.misfit.conflicts or not fits or (hidden_in(parameter.source, stated) and far):
-            std[at] = max(float(np.hypot(std[at], off[at])), 0.0 if fits else joint.stated.std[at])
+    for index, parameter in enumerate(parameters):
+        hides = hidden_in(parameter.source, stated) and off[index] > _FAR * prior[index]
+        if index in joint.misfit.conflicts or not fits or hides:
+            std[index] = max(float(np.hypot(std[index], off[index])), 0.0 if fits else prior[index])
     return std
 
 
-def _detection_limit(joint: Joint, at: int) -> float:
+def _detection_limit(joint: Joint, index: int) -> float:
     """The smallest undeclared error that the tests would show; not-a-number where they show none."""
-    information = 1.0 / joint.solution.covariance[at, at] - 1.0
+    information = 1.0 / joint.solution.covariance[index, index] - 1.0
     if information < _ROUND_OFF:
         return float("nan")
-    return float(_SHOWS * np.sqrt(1.0 + 1.0 / information) * joint.problem.shared.std[at])
+    return float(_SHOWS * np.sqrt(1.0 + 1.0 / information) * joint.problem.shared.std[index])
 
 
 def _finding(joint: Joint, ratio: float, *, conflict: bool) -> RigFinding:
@@ -145,14 +142,12 @@ def _finding(joint: Joint, ratio: float, *, conflict: bool) -> RigFinding:
 
 def _ratios(joint: Joint) -> list[SharedValue]:
     """Ratios of the channels' gains and differences of their phases, on which K* depends."""
-    at = {parameter.source: i for i, parameter in enumerate(joint.stated.parameters)}
+    sources = [parameter.source for parameter in joint.stated.parameters]
     values = []
     for over, under in RATIOS:
         for kind, unit, centre in ((Kind.GAIN, "1", 1.0), (Kind.PHASE, "rad", 0.0)):
-            weights = np.zeros(len(joint.stated))
-            for of, weight in ((over, 1.0), (under, -1.0)):
-                if Source(kind, of) in at:
-                    weights[at[Source(kind, of)]] = weight
+            signs = {Source(kind, over): 1.0, Source(kind, under): -1.0}
+            weights = np.array([signs.get(source, 0.0) for source in sources])
             if weights.any():
                 values.append(_combined(joint, Source(kind, over, under), unit, centre, weights))
     return values
@@ -182,24 +177,18 @@ def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: F
     )
 
 
-def _rests(joint: Joint, found: Outputs) -> str:
+def _rests(joint: Joint, values: Outputs) -> str:
     """What the scale of K* rests on, with its lever, and what no test of the rig can show."""
-    lever = _levers(joint, found)
-    order = sorted(lever, key=lambda source: -abs(lever[source]))
-    parts = [
-        f"{_in_words(source)} ({lever[source]:+.2g} % per 1 % of it)"
-        for source in order[:_MOST_LEVERS]
-        if abs(lever[source]) > _LEVER
-    ]
+    levers = sorted(_levers(joint, values).items(), key=lambda lever: -abs(lever[1]))[:_MOST_LEVERS]
+    parts = [f"{_in_words(source)} ({lever:+.2g} % per 1 % of it)" for source, lever in levers if abs(lever) > _LEVER]
     said = [f"K' rests on {', '.join(parts)}"] if parts else []
     unseen = []
-    for at, parameter in enumerate(joint.stated.parameters):
-        kept = joint.solution.covariance[at, at] > NOT_DETERMINED**2
-        if parameter.source.role is Role.CHANNEL and parameter.source.kind in _STD_WORDS and kept:
-            std = _STD_WORDS[parameter.source.kind](parameter.std)
-            unseen.append(f"{_in_words(parameter.source)} ({std} as stated)")
-        elif parameter.source.role is Role.MASS and np.isfinite(limit := _detection_limit(joint, at)):
-            unseen.append(f"{_in_words(parameter.source)} below {limit:.2g} kg")
+    for index, parameter in enumerate(joint.stated.parameters):
+        source, kept = parameter.source, joint.solution.covariance[index, index] > NOT_DETERMINED**2
+        if source.role is Role.CHANNEL and source.kind in _STD_WORDS and kept:
+            unseen.append(f"{_in_words(source)} ({_STD_WORDS[source.kind](parameter.std)} as stated)")
+        elif source.role is Role.MASS and np.isfinite(limit := _detection_limit(joint, index)):
+            unseen.append(f"{_in_words(source)} below {limit:.2g} kg")
     if unseen:
         massed = bool(np.any(_added(joint) > 0))
         remedy = "" if massed else "; a weighed mass, added to the moving mass, would show it"
@@ -224,15 +213,15 @@ def _in_words(source: Source) -> str:
     return f"the {source.of.replace('_', ' ')}"
 
 
-def _levers(joint: Joint, found: Outputs) -> dict[Source, float]:
+def _levers(joint: Joint, values: Outputs) -> dict[Source, float]:
     """Relative change of K' per relative change of each stated gain, mass and spring, as the median of all tests."""
-    moved = (found.by_shared[:, 0] @ found.covariance) / found.value[:, :1]
-    tyres = np.isfinite(found.value[:, 0])
+    moved = (values.by_shared[:, 0] @ values.covariance) / values.value[:, :1]
+    tyres = np.isfinite(values.value[:, 0])
     levers = {}
-    for at, parameter in enumerate(joint.problem.shared.parameters):
+    for index, parameter in enumerate(joint.problem.shared.parameters):
         bulk = parameter.source.of in ("moving_mass", "preload_stiffness")
         if tyres.any() and (parameter.is_gain or bulk or parameter.source.role is Role.MASS):
-            levers[parameter.source] = float(np.median(moved[tyres, at])) * parameter.stated / parameter.std
+            levers[parameter.source] = float(np.median(moved[tyres, index])) * parameter.stated / parameter.std
     return levers
 
 
@@ -241,18 +230,17 @@ def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) ->
     if (estimate.fits and estimate.converged) or not checks:
         return estimate
     least = (_MOST if estimate.converged else _SOME) * len(checks)
-    said = [
+    faults = [
         {(row.code, row.channel) for row in rows if row.code in _SPOILS and row.verdict is not Verdict.OK}
         for rows in checks
     ]
-    shown = Counter(one for rows in said for one in rows)
-    faults = [one for one, count in shown.most_common() if count >= least]
-    if not faults:
-        return estimate
-    causes = [_shown_by_recordings(code, channel, shown[code, channel], len(checks)) for code, channel in faults]
-    candidates = tuple(replace(one, explains=estimate.chi2 or 0.0) for one in causes)
-    tied = len(causes) + (estimate.tied if estimate.tied else 0)
-    return replace(estimate, candidates=(*candidates, *estimate.candidates), tied=tied)
+    shown = Counter(fault for of_test in faults for fault in of_test)
+    causes = tuple(
+        replace(_shown_by_recordings(*fault, count, len(checks)), explains=estimate.chi2 or 0.0)
+        for fault, count in shown.most_common()
+        if count >= least
+    )
+    return replace(estimate, candidates=(*causes, *estimate.candidates), tied=len(causes) + estimate.tied)
 
 
 def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candidate:
@@ -301,8 +289,9 @@ def relative_uncertainties(result: Identification, exact: Identification, rows: 
     """
     with np.errstate(invalid="ignore"):
         relative = {"K'": np.sqrt(result.stiffness_covariance[rows, 0, 0]) / np.abs(result.stiffness[rows])}
-        for found, words in ((result, "{}"), (exact, "{}, K1 known")):
-            arm = np.sqrt(np.diagonal(found.arm_covariance[rows], 0, 1, 2))
-            relative |= {words.format("K2"): arm[:, 0] / found.k2[rows], words.format("C"): arm[:, 1] / found.c[rows]}
+        for identified, words in ((result, "{}"), (exact, "{}, K1 known")):
+            k2_std, c_std = np.sqrt(np.diagonal(identified.arm_covariance[rows], 0, 1, 2)).T
+            relative[words.format("K2")] = k2_std / identified.k2[rows]
+            relative[words.format("C")] = c_std / identified.c[rows]
     known = {name: value[np.isfinite(value)] for name, value in relative.items()}
     return {name: float(np.median(value)) for name, value in known.items() if value.size}

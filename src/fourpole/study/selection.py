@@ -318,13 +318,13 @@ def _previews(statics: Sequence[StaticRow], points: Points) -> pl.DataFrame:
     shown = [(key, preview) for key, preview in zip(points.keys, points.previews, strict=True) if preview is not None]
     count = len(curves) + len(shown)
     arrays = {name: np.full((count, room), np.nan, dtype=np.float32) for name, room in of.ROOM.items()}
-    for at, (_, (roles, preview)) in enumerate(shown, start=len(curves)):
+    for row, (_, (roles, preview)) in enumerate(shown, start=len(curves)):
         values = {q.TIME.head: preview.time, q.RESIDUAL_TIME.head: preview.blocks}
         for role, *parts in zip(roles, preview.signals, preview.fit, preview.residual, strict=True):
             values |= {f"{SYMBOLS[role]}{what}": part for what, part in zip(of.SHOWN, parts, strict=True)}
         for name, signal in values.items():
             room = min(of.ROOM[name], signal.size)
-            arrays[name][at, :room] = signal[:room]
+            arrays[name][row, :room] = signal[:room]
     loops = [(*curve.loop(), *curve.mean_curve()) for curve in curves.values()]
     keys = [*((name, 1) for name in curves), *(key for key, _ in shown)]
     lists = {name: [pl.Series(loop[place].astype(np.float32)) for loop in loops] for place, name in enumerate(of.LOOP)}

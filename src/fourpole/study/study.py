@@ -30,8 +30,7 @@ from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.notebook import tables_html
 from fourpole.study.onetest import TestsByName
 from fourpole.study.record import place_of, section, texts, write_record
-from fourpole.study.rig_estimate import RigEstimate
-from fourpole.study.rig_reading import read_rig_estimates
+from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
 from fourpole.study.tables import DYNAMIC, TABLE_FILES, TABLES, Tables, verdict_counts
 from fourpole.units import nearest, quantity, shown
 
@@ -201,7 +200,7 @@ class Study(Tables):
 
     def rig_named(self, name: str) -> RigEstimate:
         """The rig of this name as found; with default values if the joint route found no such rig."""
-        return next((found for found in self.rigs if found.rig == name), RigEstimate(name))
+        return next((estimate for estimate in self.rigs if estimate.rig == name), RigEstimate(name))
 
     @cached_property
     def derived(self) -> dict[Any, Any]:
@@ -215,11 +214,11 @@ class Study(Tables):
         """
         rule = rule_in(self.record).without(PRESSURE.name, PRELOAD.name)
         rule = Sameness(tuple(axis for axis in rule.axes if axis.text or not texts_only))
-        found = {name: table for name in ("static", "dynamic") if TYRE.head in (table := self.tables[name]).columns}
-        named = names_apart([conditions_in(table, rule) for table in found.values()], rule)
+        tables = {name: table for name in ("static", "dynamic") if TYRE.head in (table := self.tables[name]).columns}
+        named = names_apart([conditions_in(table, rule) for table in tables.values()], rule)
         made = {
             name: table.with_columns(pl.Series(TYRE.head, names, dtype=pl.String))
-            for (name, table), names in zip(found.items(), named, strict=True)
+            for (name, table), names in zip(tables.items(), named, strict=True)
         }
         return replace(self, tables={**self.tables, **made})
 
@@ -266,7 +265,7 @@ class Study(Tables):
         kind = {"pressure": "pressure", "preload": "force", "temperature": "temperature"}.get(axis)
         number = quantity(value, kind) if isinstance(value, str) and kind is not None else value
         conditions = conditions_in(table, Sameness((wanted,)))
-        return pl.Series([wanted.same(one.values[0], number) for one in conditions], dtype=pl.Boolean)
+        return pl.Series([wanted.same(condition.values[0], number) for condition in conditions], dtype=pl.Boolean)
 
     def _axis(self, name: str) -> Axis:
         axes = {axis.name: axis for axis in self.rule.axes}
@@ -366,7 +365,7 @@ class Study(Tables):
 
         maps = map_tyres(self._measured(model, over).only(tyre), model, over)
         rig = rig_in(rig_file(self.record, self.rig))
-        return grid_of({one.tyre: one.best for one in maps}, rig, at)
+        return grid_of({surface.tyre: surface.best for surface in maps}, rig, at)
 
     def to_pandas(self, table: str = "dynamic") -> Any:
         """A table as a pandas.DataFrame; needs pandas, and no pyarrow.

@@ -29,7 +29,7 @@ from fourpole.units import shown
 
 _AGAIN = "run fourpole analyse again"
 _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": pl.List(pl.Float64)}
-_KINDS = {one.head: one.kind for one in QUANTITIES}
+_KINDS = {quantity.head: quantity.kind for quantity in QUANTITIES}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}
 
@@ -131,7 +131,7 @@ class Tables(ByValue):
 
 def _columns(*columns: Quantity | str) -> dict[str, Any]:
     """Heads with their types."""
-    heads = [one if isinstance(one, str) else one.head for one in columns]
+    heads = [column if isinstance(column, str) else column.head for column in columns]
     return {head: _TYPES[_KINDS.get(head, "number")] for head in heads}
 
 
@@ -150,7 +150,7 @@ DYNAMIC = TableSpec(
         q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
         q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
         q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads,
-        *(head for one in DERIVED for head in one.heads), q.ROUTE, q.VERDICT, q.REMARKS,
+        *(head for quantity in DERIVED for head in quantity.heads), q.ROUTE, q.VERDICT, q.REMARKS,
     ),
     endings=(".csv", ".parquet"), always=True,
 )  # fmt: skip
@@ -195,7 +195,7 @@ LINES = TableSpec(
     "lines", "a line of a test under random excitation or a sweep: what its spectra show",
     _columns(
         q.TEST, q.FREQUENCY, q.WIDTH, q.AVERAGES, *q.COHERENCES, *q.CLOSURE_PHASE.heads,
-        *(part for one in q.ESTIMATES for part in one.parts),
+        *(part for quantity in q.ESTIMATES for part in quantity.parts),
     ),
 )  # fmt: skip
 PHASORS = TableSpec(
@@ -221,7 +221,7 @@ LIKELIHOOD = TableSpec(
     endings=(".parquet",), read=False,
 )  # fmt: skip
 #: The columns of a static test, the loop and its mean; what is shown of each channel of a dynamic test.
-LOOP = tuple(one.head for one in (q.DEFLECTION, q.LOAD, q.MEAN_DEFLECTION, q.MEAN_LOAD))
+LOOP = tuple(quantity.head for quantity in (q.DEFLECTION, q.LOAD, q.MEAN_DEFLECTION, q.MEAN_LOAD))
 SHOWN = ("", " fit", " residual")
 #: Samples and, two for each block, extremes of the residual that a row has room for, by column of a dynamic test.
 ROOM = {
@@ -242,8 +242,8 @@ PREVIEWS = TableSpec(
 
 #: All result tables, by name.
 TABLES = {
-    one.name: one
-    for one in (
+    spec.name: spec
+    for spec in (
         STATIC,
         DYNAMIC,
         CHECKS,
@@ -260,7 +260,7 @@ TABLES = {
     )
 }
 #: Names of the files of all result tables.
-TABLE_FILES = tuple(f"{one.name}{ending}" for one in TABLES.values() for ending in one.endings)
+TABLE_FILES = tuple(f"{spec.name}{ending}" for spec in TABLES.values() for ending in spec.endings)
 
 
 def verdict_of_lines(rows: Sequence[str]) -> Verdict:

@@ -116,9 +116,9 @@ class VerifiedResults:
     @property
     def good(self) -> bool:
         """Whether nothing that was checked is wrong; an input that is gone is not wrong, but see `complete`."""
-        wrong = [one for one in (*self.results, *self.models) if one.state in _BAD]
-        changed = [one for one in self.inputs if one.state is State.CHANGED]
-        return not wrong and not changed and not any(one.differences for one in self.repeated)
+        wrong = any(file.state in _BAD for file in (*self.results, *self.models))
+        changed = any(file.state is State.CHANGED for file in self.inputs)
+        return not wrong and not changed and not any(table.differences for table in self.repeated)
 
     @property
     def complete(self) -> bool:
@@ -128,9 +128,9 @@ class VerifiedResults:
     @property
     def unknown(self) -> tuple[File, ...]:
         """The files that could not be checked; a table without a hash is checked by the second run."""
-        again = {one.name for one in self.repeated}
-        files = (*self.inputs, *(one for one in self.results if one.name not in again), *self.models)
-        return tuple(one for one in files if one.state in (State.MISSING, State.ELSEWHERE, State.UNKNOWN))
+        again = {table.name for table in self.repeated}
+        files = (*self.inputs, *(file for file in self.results if file.name not in again), *self.models)
+        return tuple(file for file in files if file.state in (State.MISSING, State.ELSEWHERE, State.UNKNOWN))
 
     @property
     def other_version(self) -> bool:
@@ -142,7 +142,7 @@ def folder_of(path: Path) -> Path | None:
     """The folder of results that a path means by study.json: itself, its `results`, or the file's; None for others."""
     if path.name == NAME and path.is_file():
         return path.parent
-    return next((one for one in (path, path / "results") if (one / NAME).is_file()), None)
+    return next((folder for folder in (path, path / "results") if (folder / NAME).is_file()), None)
 
 
 def verify_results(
@@ -186,7 +186,7 @@ def verify_results(
     place = _campaign_of(folder, campaign)
     inputs = _inputs(place, record)
     made = section(record, "origin")
-    found = VerifiedResults(
+    verified = VerifiedResults(
         folder,
         place,
         str(made.get("version") or section(record, "versions").get("fourpole") or ""),
@@ -197,13 +197,13 @@ def verify_results(
         not_run=_why_not(place, inputs, quick=quick),
         quick=quick,
     )
-    if found.not_run or place is None:
-        return found
+    if verified.not_run or place is None:
+        return verified
     try:
         repeated = _run_again(folder, place, record, workers, further, progress)
     except FourpoleError as error:
-        return replace(found, not_run=f"the second run ended with an error: {error}")
-    return replace(found, repeated=repeated)
+        return replace(verified, not_run=f"the second run ended with an error: {error}")
+    return replace(verified, repeated=repeated)
 
 
 def _record_of(folder: Path) -> Mapping[str, Any]:
@@ -272,9 +272,9 @@ def _results(folder: Path, record: Mapping[str, Any]) -> tuple[File, ...]:
         return tuple(File(name, State.UNKNOWN) for name in TABLE_FILES if (folder / name).is_file())
     # a model file that is there has a line of its own, by its seal
     mine = {name: sha for name, sha in stated.items() if name not in _MODELS or not (folder / name).is_file()}
-    found = [_result(folder, name, sha) for name, sha in mine.items() if Path(name).name == name]
+    written = [_result(folder, name, sha) for name, sha in mine.items() if Path(name).name == name]
     added = [name for name in TABLE_FILES if name not in stated and (folder / name).exists()]
-    return (*found, *(File(name, State.ADDED) for name in added))
+    return (*written, *(File(name, State.ADDED) for name in added))
 
 
 def _result(folder: Path, name: str, sha: str) -> File:
@@ -310,16 +310,16 @@ def _why_not(campaign: Path | None, inputs: tuple[File, ...], *, quick: bool) ->
         return "hashes only, as wanted"
     if campaign is None:
         return "the campaign is not known: name its folder with --campaign"
-    for name in (one.name for one in inputs if one.state is State.ELSEWHERE):
+    names = {state: [file.name for file in inputs if file.state is state] for state in State}
+    for name in names[State.ELSEWHERE]:
         try:
             check_allowed(address_of(name))
         except FileError as error:
             return str(error)
-    gone = [one.name for one in inputs if one.state is State.MISSING]
-    changed = [one.name for one in inputs if one.state is State.CHANGED]
-    for names, one, many in ((changed, "has changed", "have changed"), (gone, "is not there", "are not there")):
-        if names:
-            return f"{names[0]} {one}" if len(names) == 1 else f"{len(names)} inputs {many}, as {names[0]}"
+    words = ((State.CHANGED, "has changed", "have changed"), (State.MISSING, "is not there", "are not there"))
+    for state, single, many in words:
+        if wrong := names[state]:
+            return f"{wrong[0]} {single}" if len(wrong) == 1 else f"{len(wrong)} inputs {many}, as {wrong[0]}"
     return "" if inputs else f"{NAME} names no file that was read"
 
 

@@ -23,7 +23,7 @@ from fourpole.campaign.folder import MOST_TESTS, Campaign, read_campaign
 from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test
 from fourpole.campaign.schema import RigFile, Stated
-from fourpole.core.checks import Verdict, worst_verdict
+from fourpole.core.checks import Verdict
 from fourpole.core.sources import Kind
 from fourpole.errors import FourpoleError
 from fourpole.guess.gather import FolderContents, gather_more, recording_files
@@ -136,7 +136,7 @@ class Watch:
         if strange:
             more = gather_more(self.folder, strange)
             yield from self._unreadable(strange, more)
-            more.recordings = [one for one in more.recordings if not one.problem]
+            more.recordings = [recording for recording in more.recordings if not recording.problem]
             if more.recordings:
                 rows = guess_more(self.folder, self._known, more)
                 self._known.recordings += more.recordings
@@ -154,8 +154,8 @@ class Watch:
 
     def _unreadable(self, paths: Sequence[Path], more: FolderContents) -> Iterator[Judged]:
         """The judgements on files that cannot be read, when they have had time to become whole."""
-        why = dict(more.left_out) | {one.file: one.problem for one in more.recordings if one.problem}
-        good = {one.file.partition("#")[0] for one in more.recordings if not one.problem}
+        why = dict(more.left_out) | {each.file: each.problem for each in more.recordings if each.problem}
+        good = {recording.file.partition("#")[0] for recording in more.recordings if not recording.problem}
         for path in paths:
             name = self._name(path)
             if name not in good and self._has_waited(path):
@@ -187,28 +187,16 @@ class Watch:
 
     def _judged(self, campaign: Campaign, test: Test, former: Study | None, doubts: tuple[str, ...]) -> Judged:
         compared = [*_statics(campaign, test), *_alike(campaign, test, former)]
-        tests = {one.name for one in (*compared, test)}
-        some = tuple(one for one in campaign.tests if one.name in tests)
+        names = {other.name for other in (*compared, test)}
+        some = tuple(other for other in campaign.tests if other.name in names)
         try:
             study = analyse(
                 replace(_with_rig(campaign, former), tests=some), cache=self.folder / "results" / "cache", workers=1
             )
         except FourpoleError as error:
             return Judged(test.name, test.file, Verdict.REJECTED, (str(error),), doubts=doubts)
-        return _judgement(study, test, doubts)
-
-
-def _judgement(study: Study, test: Test, doubts: tuple[str, ...]) -> Judged:
-    one = study.tests[test.name]
-    rows = one.rows
-    return Judged(
-        test=test.name,
-        file=test.file,
-        verdict=worst_verdict(rows[q.VERDICT.head].to_list()),
-        remarks=one.remarks,
-        row=rows.row(0, named=True),
-        doubts=doubts,
-    )
+        result = study.tests[test.name]
+        return Judged(test.name, test.file, result.verdict, result.remarks, result.row, doubts)
 
 
 def _former(folder: Path) -> Study | None:
@@ -223,28 +211,28 @@ def _with_rig(campaign: Campaign, former: Study | None) -> Campaign:
     rigs = campaign.stated.all_rigs
     if former is None or list(rigs) != [""] or not former.rigs or not former.rigs[0].fits:
         return campaign
-    found = dict(rigs[""].values)
+    values = dict(rigs[""].values)
     for value in former.rigs[0].values:
         name = value.source.of if value.source.kind is Kind.RIG_VALUE else ""
-        if name in found and value.found is not None and value.found_std is not None:
-            found[name] = Stated(value.found, value.found_std, assumed=False)
-    rig = RigFile.model_construct(values=found, output=rigs[""].output)
+        if name in values and value.found is not None and value.found_std is not None:
+            values[name] = Stated(value.found, value.found_std, assumed=False)
+    rig = RigFile.model_construct(values=values, output=rigs[""].output)
     return replace(campaign, stated=campaign.stated.model_copy(update={"rig": rig}))
 
 
 def _by_file(campaign: Campaign) -> dict[str, list[Test]]:
     """The tests of each file, without the group of `file#group`."""
-    found: dict[str, list[Test]] = {}
+    tests: dict[str, list[Test]] = {}
     for test in campaign.tests:
         for name in dict.fromkeys((test.file, test.file.partition("#")[0])):
-            found.setdefault(name, []).append(test)
-    return found
+            tests.setdefault(name, []).append(test)
+    return tests
 
 
 def _statics(campaign: Campaign, test: Test) -> list[Test]:
     """The static tests that K1 of a test comes from: those of its specimen, at its pressure if there are any."""
-    own = [one for one in campaign.tests if one.kind == "static" and one.tyre == test.tyre and one is not test]
-    return [one for one in own if _near(one.value("pressure"), test.value("pressure"))] or own
+    statics = [row for row in campaign.tests if row.kind == "static" and row.tyre == test.tyre and row is not test]
+    return [row for row in statics if _near(row.value("pressure"), test.value("pressure"))] or statics
 
 
 def _alike(campaign: Campaign, test: Test, former: Study | None) -> list[Test]:
@@ -253,20 +241,20 @@ def _alike(campaign: Campaign, test: Test, former: Study | None) -> list[Test]:
     if former is not None and not former.dynamic.is_empty():
         used = set(former.dynamic.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED)[q.TEST.head].to_list())
     names = ("pressure", "preload", "frequency", "temperature", "added_mass")
-    found = [
-        one
-        for one in campaign.tests
-        if one.name in used
-        and (one.kind, one.tyre, one.rig, one.band) == (test.kind, test.tyre, test.rig, test.band)
-        and all(_near(one.value(name), test.value(name)) for name in names)
+    alike = [
+        row
+        for row in campaign.tests
+        if row.name in used
+        and (row.kind, row.tyre, row.rig, row.band) == (test.kind, test.tyre, test.rig, test.band)
+        and all(_near(row.value(name), test.value(name)) for name in names)
     ]
-    return found[-_FORMER:]
+    return alike[-_FORMER:]
 
 
-def _near(one: float | None, other: float | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return abs(one - other) <= 0.01 * max(abs(one), abs(other))
+def _near(first: float | None, second: float | None) -> bool:
+    if first is None or second is None:
+        return first is second
+    return abs(first - second) <= 0.01 * max(abs(first), abs(second))
 
 
 def add_rows(folder: Path, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
@@ -285,19 +273,9 @@ def add_rows(folder: Path, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
 def _add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
     """Read, append and write, under the lock of the campaign."""
     text = _text(folder, "tests.csv").lstrip("\ufeff")
-    taken = {test.name for test in campaign.tests}
-    last = next((test.tyre for test in reversed(campaign.tests) if test.tyre), "")
-    specimens = list(campaign.stated.all_specimens)
-    named: list[Row] = []
-    for row in rows:
-        told = row.tyre not in ("", "unnamed", Path(row.file).stem)
-        tyre = row.tyre if told or not last else specimens[0] if len(specimens) == 1 else last
-        name, number = row.name, 2
-        while name in taken:
-            name, number = f"{row.name}-{number}", number + 1
-        taken.add(name)
-        named.append(replace(row, name=name, tyre="" if row.kind == "calibration" else tyre))
-    new = [one for one in dict.fromkeys(row.tyre for row in named) if one and one not in specimens]
+    named = _named(campaign, rows)
+    specimens = campaign.stated.all_specimens
+    new = [name for name in dict.fromkeys(row.tyre for row in named) if name and name not in specimens]
     with staged(folder) as place:
         write_text(place / "tests.csv", _joined(text, tests_csv(named)))
         if new:
@@ -305,6 +283,24 @@ def _add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str
             tables = "".join(f"\n[tyres.{_key(name)}]\n" for name in new)
             write_text(place / "campaign.toml", f"{stated.rstrip()}\n{tables}")
     return {row.name: tuple(text for _, text in row.doubts) for row in named}
+
+
+def _named(campaign: Campaign, rows: Sequence[Row]) -> list[Row]:
+    """The rows with names that no test of the campaign has, and with the specimen."""
+    taken = {test.name for test in campaign.tests}
+    last = next((test.tyre for test in reversed(campaign.tests) if test.tyre), "")
+    specimens = list(campaign.stated.all_specimens)
+    usual = specimens[0] if len(specimens) == 1 else last
+    named = []
+    for row in rows:
+        told = row.tyre not in ("", "unnamed", Path(row.file).stem) or not last
+        tyre = "" if row.kind == "calibration" else row.tyre if told else usual
+        name, number = row.name, 2
+        while name in taken:
+            name, number = f"{row.name}-{number}", number + 1
+        taken.add(name)
+        named.append(replace(row, name=name, tyre=tyre))
+    return named
 
 
 def _text(folder: Path, name: str) -> str:
@@ -317,25 +313,27 @@ def _key(name: str) -> str:
 
 def _joined(text: str, more: str) -> str:
     """A table with the rows of another below it; columns that it lacks are added at its end."""
-    (heads, *rows), (others, *added) = (
-        [[cell.strip() for cell in row] for _, row in rows_of(one, "tests.csv")] for one in (text, more)
-    )
-    names = [column_unit(head)[0].casefold() for head in heads]
-    places = []
+    (heads, *rows), (others, *added) = (_cells(part) for part in (text, more))
+    names, places = [column_unit(head)[0].casefold() for head in heads], []
     for head in others:
         name = column_unit(head)[0].casefold()
         name = "specimen" if name == "tyre" and "tyre" not in names else name
         if name not in names:
             heads, names = [*heads, head], [*names, name]
-        at = names.index(name)
+        place = names.index(name)
         # A cell may have a unit of its own, where the column has another.
-        places.append((at, "" if heads[at] == head else column_unit(head)[1] or ""))
+        places.append((place, "" if heads[place] == head else column_unit(head)[1] or ""))
     table = [row + [""] * (len(heads) - len(row)) for row in rows]
     for cells in added:
         row = [""] * len(heads)
-        for (at, unit), cell in zip(places, cells, strict=False):
-            row[at] = f"{cell} {unit}" if cell and unit else cell
+        for (place, unit), cell in zip(places, cells, strict=False):
+            row[place] = f"{cell} {unit}" if cell and unit else cell
         table.append(row)
     made = io.StringIO()
     csv.writer(made, lineterminator="\n", delimiter=delimiter_of(text)).writerows([heads, *table])
     return made.getvalue()
+
+
+def _cells(text: str) -> list[list[str]]:
+    """The cells of a table."""
+    return [[cell.strip() for cell in row] for _, row in rows_of(text, "tests.csv")]

@@ -30,8 +30,7 @@ from fourpole.served.signals import Kept, part_of
 from fourpole.served.site import Site, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.study.load import group_of
-from fourpole.study.recording import read_recording
-from fourpole.study.residual import residual_spectrum
+from fourpole.study.recording import read_recording, residual_spectrum
 from fourpole.words import template
 
 #: What the channels of a test are called, and their units.
