@@ -62,8 +62,8 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     for name in (first, second):
         if name not in names:
             raise CampaignError(f"{folder}: has no campaign {name!r}: choose one of {', '.join(names)}")
-    one, two = (_study(Path(folder), name) for name in (first, second))
-    tables = [compared_by(one, two, common, _VALUES) for common in _WAYS.values()]
+    was, now = (_study(Path(folder), name) for name in (first, second))
+    tables = [compared_by(was, now, common, _VALUES) for common in _WAYS.values()]
     shown = tables[0].select(
         pl.col("specimen").alias(q.TYRE.head),
         *(quantity.head for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE, q.FREQUENCY)),

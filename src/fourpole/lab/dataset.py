@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from functools import partial
@@ -89,16 +90,16 @@ def gather(
     """
     folder = Path(folder)
     out = folder / "lab" if out is None else Path(out)
-    found = _found(folder, out)
+    places = _places(folder, out)
     make_folder(out)
-    former, names = _former(out), _names(folder, found)
+    former, names = _former(out), _names(folder, places)
     index: dict[str, dict[str, Any]] = {}
     problems: list[str] = []
     read, obsolete = 0, list[str]()
     with staged(out, obsolete, last=INDEX) as new:
-        for at, place in enumerate(found):
+        for number, place in enumerate(places):
             if progress is not None:
-                progress(at, len(found))
+                progress(number, len(places))
             name, seen = names[place], _seen(place)
             if name in former and _stands(former[name], seen, out):
                 index[name] = former[name]
@@ -109,31 +110,31 @@ def gather(
                 read += 1
             except FourpoleError as error:
                 problems.append(f"{name}: not taken: {error}")
-        obsolete += _unused(out, {one["file"] for one in index.values()})
+        obsolete += _unused(out, {entry["file"] for entry in index.values()})
         document = {"format": _FORMAT, "schema": SCHEMA, "folder": os.path.relpath(folder, out), "campaigns": index}
         write_text(new / INDEX, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
     if progress is not None:
-        progress(len(found), len(found))
+        progress(len(places), len(places))
     return Gathered(
         folder=out,
         campaigns=tuple(index),
         read=read,
         unchanged=len(index) - read,
         removed=len(former.keys() - set(names.values())),
-        tests=sum(one["tests"] for one in index.values()),
+        tests=sum(entry["tests"] for entry in index.values()),
         problems=tuple(problems),
-        left_out=len(found) - len(index),
+        left_out=len(places) - len(index),
     )
 
 
-def _found(folder: Path, out: Path) -> list[Path]:
+def _places(folder: Path, out: Path) -> list[Path]:
     """Folders with results below a folder, without the data set; CampaignError if there are none."""
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder; check its name")
-    found = list(_results_below(folder, out))
-    if not found:
+    places = list(_results_below(folder, out))
+    if not places:
         raise CampaignError(f"{folder}: no results below it: run fourpole analyse on its campaigns first")
-    return found
+    return places
 
 
 def _results_below(folder: Path, out: Path) -> Iterator[Path]:
@@ -143,17 +144,14 @@ def _results_below(folder: Path, out: Path) -> Iterator[Path]:
         if _STUDY in files and not (here / _STUDY).is_symlink():
             folders.clear()
             yield here
-        folders[:] = sorted(name for name in folders if not name.startswith(".") and not _same(here / name, out))
+        is_out = {name for name in folders if name == out.name and resolved(here / name) == resolved(out)}
+        folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in is_out)
 
 
-def _same(one: Path, other: Path) -> bool:
-    return one.name == other.name and resolved(one) == resolved(other)
-
-
-def _names(folder: Path, found: list[Path]) -> dict[Path, str]:
+def _names(folder: Path, places: list[Path]) -> dict[Path, str]:
     """The name of the campaign of each results folder: its path below `folder`, without a last part `results`."""
     names: dict[Path, str] = {}
-    for place in found:
+    for place in places:
         path = place.relative_to(folder).as_posix()
         campaign = path.removesuffix("/results") if path not in ("results", ".") else folder.resolve().name
         names[place] = path if campaign in names.values() else campaign
@@ -168,7 +166,7 @@ def _former(out: Path) -> dict[str, dict[str, Any]]:
     try:
         document = json_of(read_bytes(path, max_bytes=MOST_BYTES, within=out), INDEX)
         schema, campaigns = int(document["schema"]), dict(document["campaigns"])
-        if document["format"] != _FORMAT or any(not one["seen"] or not one["file"] for one in campaigns.values()):
+        if document["format"] != _FORMAT or any(not entry["seen"] or not entry["file"] for entry in campaigns.values()):
             raise ValueError
     except (ValueError, KeyError, TypeError, RecursionError):
         raise CampaignError(
@@ -185,12 +183,10 @@ def _former(out: Path) -> dict[str, dict[str, Any]]:
 def _seen(place: Path) -> dict[str, list[int]]:
     """Size [bytes] and time of change [ns] of each file that is read."""
     seen = {}
-    for name in (_STUDY, *(f"{one.spec.name}{one.spec.endings[0]}" for one in TABLES.values())):
-        try:
+    for name in (_STUDY, *(f"{table.spec.name}{table.spec.endings[0]}" for table in TABLES.values())):
+        with suppress(OSError):
             state = (place / name).stat()
-        except OSError:
-            continue
-        seen[name] = [state.st_size, state.st_mtime_ns]
+            seen[name] = [state.st_size, state.st_mtime_ns]
     return seen
 
 
@@ -218,7 +214,7 @@ def _taken(results: Published, *, name: str, new: Path, problems: list[str]) -> 
         raise CampaignError(f"{_STUDY} is not one that fourpole wrote: run fourpole analyse again")
     slug = re.sub(r"[^A-Za-z0-9_.-]+", "-", name)[:60].strip("-.")
     file = f"{slug}-{hashlib.sha256(name.encode()).hexdigest()[:8]}.parquet"
-    tables = {table: read_table(results, one.spec, one.needed) for table, one in TABLES.items()}
+    tables = {name: read_table(results, table.spec, table.needed) for name, table in TABLES.items()}
     origin = _origin(record, name, results.mark, tables["tests"])
     made = {}
     for table, frame in tables.items():
@@ -251,10 +247,8 @@ def _date(stated: object, tests: pl.DataFrame) -> date | None:
     """The date as campaign.toml states it, or of the first test that has a time; None without either."""
     times = [] if _TIME not in tests.columns else [time for time in tests[_TIME].to_list() if time]
     for text in (stated, *sorted(map(str, times))[:1]):
-        try:
+        with suppress(ValueError):
             return date.fromisoformat(str(text)[:10])
-        except ValueError:
-            continue
     return None
 
 
@@ -262,9 +256,7 @@ def _rows(frame: pl.DataFrame, table: LabTable, origin: dict[str, Any]) -> tuple
     """The rows with the columns of the data set, and the columns that the results lack."""
     if not frame.width:
         return pl.DataFrame(schema=dict(table.columns)), []
-    needed = [head for head in table.needed if head not in frame.columns]
-    if needed:
-        raise CampaignError(f"{table.spec.name} has no column {needed[0]}: run fourpole analyse again")
+    _check_needed(frame, table)
     frame = keyed(frame) if q.POINT.head in table.columns else frame
     own = {head: kind for head, kind in table.columns.items() if head not in ORIGIN and head not in (FURTHER, ROLE)}
     lacking = [head for head in table.spec.columns if head not in frame.columns]
@@ -283,15 +275,17 @@ def _rows(frame: pl.DataFrame, table: LabTable, origin: dict[str, Any]) -> tuple
     return rows, lacking
 
 
+def _check_needed(frame: pl.DataFrame, table: LabTable) -> None:
+    """CampaignError if results lack a column without which they are not taken."""
+    needed = [head for head in table.needed if head not in frame.columns]
+    if needed:
+        raise CampaignError(f"{table.spec.name} has no column {needed[0]}: run fourpole analyse again")
+
+
 def _further(frame: pl.DataFrame, own: dict[str, Any]) -> list[str | None]:
     """The other columns of each row as a JSON object; None where all of them are blank."""
-    heads = [head for head in frame.columns if head not in own]
-    if not heads:
-        return [None] * frame.height
-    return [_as_json(row) for row in frame.select(heads).iter_rows(named=True)]
-
-
-def _as_json(row: dict[str, Any]) -> str | None:
-    """The cells of a row that are not blank as a JSON object of texts; None if all are blank."""
-    stated = {head: str(value) for head, value in row.items() if value is not None and value != ""}
-    return json.dumps(stated, ensure_ascii=False, sort_keys=True) if stated else None
+    rows = (
+        {head: str(value) for head, value in row.items() if head not in own and value is not None and value != ""}
+        for row in frame.iter_rows(named=True)
+    )
+    return [json.dumps(row, ensure_ascii=False, sort_keys=True) if row else None for row in rows]

@@ -56,7 +56,7 @@ class LabTable:
 def _table(spec: TableSpec, *needed: q.Quantity, further: Mapping[str, Any], keyed: bool = True) -> LabTable:
     first = {q.TEST.head: pl.String, q.POINT.head: pl.Int64} if keyed else {}
     plain = {head: _plain(kind) for head, kind in spec.columns.items()}
-    return LabTable(spec, {**ORIGIN, **first, **plain, **further}, tuple(one.head for one in needed))
+    return LabTable(spec, {**ORIGIN, **first, **plain, **further}, tuple(quantity.head for quantity in needed))
 
 
 def _plain(kind: Any) -> Any:

@@ -24,7 +24,7 @@ from fourpole.study.identify import no_rig, possible_route
 from fourpole.study.load import group_of, source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
-from fourpole.study.workers import check_part_of, threads
+from fourpole.study.workers import check_part_of, pool_of
 from fourpole.words import kind_of, remark_of, why_no_k1
 
 #: Largest file [bytes] whose content is compared with that of other files of its size.
@@ -134,7 +134,7 @@ def check_campaign(
         raise CampaignError(f"no route {route!r}: choose one of {', '.join(ROUTE_NEEDS)}")
     used, notes = _route(campaign, route)
     look, jobs = _Inspection(campaign), jobs_of(campaign, campaign.tests, used)
-    with threads(workers, len(jobs), _SECONDS) as pool:
+    with pool_of(workers, len(jobs), len(jobs) * _SECONDS) as pool:
         look.guarded = pool is not None
         tested = map(look.test, jobs) if pool is None else pool.map(look.test, jobs)
         for done, _ in enumerate(tested, 1):

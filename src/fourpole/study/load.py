@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -178,7 +178,9 @@ def _fed(
                 timing.near = _about(signals["motion_in"], channels, timing)
             for role, channel in stated.items():
                 conversion = channels.conversion(role, signals[role].unit)
-                lines[role] = ChannelBuilder(channel.column, conversion, channel.plain_unit, timing, run.count)
+                lines[role] = ChannelBuilder(
+                    channel.column, conversion, channel.plain_unit, TimeBase(timing), run.count
+                )
         for role, line in lines.items():
             line.feed(signals[role])
         if turn is not None:
@@ -237,7 +239,7 @@ def _about(signal: Signal, channels: ChannelsFile, timing: Timing) -> float | No
     """Approximate frequency of the excitation [Hz], from V1 in the first chunk of a long recording."""
     role = channels.named("motion_in")
     assert role is not None
-    line = ChannelBuilder(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, timing)
+    line = ChannelBuilder(role.column, channels.conversion("motion_in", signal.unit), role.plain_unit, TimeBase(timing))
     try:
         line.feed(signal)
         return first_guess(Recording(1.0, {"motion_in": line.channel()}))
@@ -361,27 +363,42 @@ class TimeBase:
         )
 
 
+@dataclass
 class ChannelBuilder:
-    """One channel, built chunk by chunk: SI values on its time base, with fewer samples where there are many."""
+    """One channel, built chunk by chunk: SI values on its time base, with fewer samples where there are many.
 
-    def __init__(self, name: str, conversion: Conversion, unit: str | None, timing: Timing, count: int = 0) -> None:
-        self._name, self._conversion, self._unit, self._count = name, conversion, unit, count
-        self.base = TimeBase(timing)
-        self._thin: Decimator | None = None
-        self._clipped: list[tuple[int, float]] = []
+    Attributes
+    ----------
+    name : str
+        Its column.
+    conversion : Conversion
+    unit : str or None
+        The unit that campaign.toml states.
+    base : TimeBase
+    count : int
+        Number of samples of the recording; 0 if it is not known.
+    """
+
+    name: str
+    conversion: Conversion
+    unit: str | None
+    base: TimeBase
+    count: int = 0
+    _thin: Decimator | None = None
+    _clipped: list[tuple[int, float]] = field(default_factory=list)
 
     def feed(self, signal: Signal) -> None:
         """Take the samples of the next chunk; the first decides by what factor their number is reduced."""
-        conversion, base = self._conversion, self.base
-        if self._unit is not None:
-            agreed(self._name, signal.unit, self._unit, conversion.kind)
+        conversion, base = self.conversion, self.base
+        if self.unit is not None:
+            agreed(self.name, signal.unit, self.unit, conversion.kind)
         samples = signal.samples[base.feed(signal)]
         if not samples.size:
             return
         with np.errstate(invalid="ignore", over="ignore"):  # the checks report samples that are no numbers
             values = conversion.slope * (samples - conversion.offset)
         if self._thin is None:
-            window, near, longest = base.timing.window, base.timing.near, max(self._count, samples.size)
+            window, near, longest = base.timing.window, base.timing.near, max(self.count, samples.size)
             if window is not None:
                 longest = min(longest, int((window[1] - window[0]) * base.rate) + 2)
             most = longest // 16 if near is None else int(base.rate / (_PER_CYCLE * near))
@@ -396,7 +413,7 @@ class ChannelBuilder:
         if self._thin is None:
             raise TableError(self.base.empty())
         weight = sum(size for size, _ in self._clipped)
-        conversion = self._conversion
+        conversion = self.conversion
         return Channel(
             samples=self._thin.samples(),
             quantity=conversion.kind,

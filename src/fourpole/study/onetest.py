@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
@@ -22,24 +22,7 @@ from fourpole.units import nearest, shown
 
 if TYPE_CHECKING:
     from fourpole.core.recording import Recording
-
-
-class Studied(Protocol):
-    """What a test asks its study for."""
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """Content of study.json."""
-
-    @property
-    def campaign(self) -> Campaign | None:
-        """The campaign that was analysed; None for results that were read."""
-
-    def table(self, name: str) -> pl.DataFrame:
-        """A result table by its name."""
-
-    def campaign_there(self) -> Campaign:
-        """The campaign, read again where that is needed."""
+    from fourpole.study.study import Study
 
 
 class UnknownTestError(CampaignError, KeyError):
@@ -74,7 +57,7 @@ class OneTest:
     """
 
     stated: Test
-    study: Studied
+    study: Study
 
     @property
     def name(self) -> str:
@@ -180,7 +163,7 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _tests_in(study: Studied) -> list[Test]:
+def _tests_in(study: Study) -> list[Test]:
     """The tests that tables of an older version name, without the rows of tests.csv."""
     statics = [Test(name, 0, kind="static") for name in study.table("static")[q.TEST.head].unique(maintain_order=True)]
     return [
@@ -194,7 +177,7 @@ class TestsByName(Mapping[str, OneTest]):
 
     __test__ = False
 
-    def __init__(self, study: Studied) -> None:
+    def __init__(self, study: Study) -> None:
         """The tests of this study."""
         self._study = study
         stated = study.campaign.tests if study.campaign is not None else tests_of(study.record) or _tests_in(study)

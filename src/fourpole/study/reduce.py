@@ -269,9 +269,7 @@ def _preview(recording: Recording) -> Preview | None:
 
 def loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
     """The recording with all stated channels, or with the needed channels only, and its checks."""
-    driven = (DRIVE,) if job.test.band is not None else ()
-    roles = [role for role in (*driven, *CHANNELS) if job.channels.line(role) is not None]
-    _check_stated(job, roles)
+    roles = _stated_roles(job)
     spare = [role for role in roles if role not in job.needed]
     tries = [roles, *([[role for role in roles if role != spare[0]], list(job.needed)] if spare else [])]
     failed: list[Message] = []
@@ -284,13 +282,17 @@ def loaded(job: Job, path: Path, part: float | None = None) -> tuple[Recording, 
             failed.append(error.message)
             if len(failed) == len(tries):
                 raise
-    left = [_left_out(role, failed[1]) for role in spare[1:] if len(failed) > 1]
-    left += [_left_out(spare[0], failed[0])] if failed else []
-    return recording, left + [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
+    # The second attempt is without the first spare channel, the third without any.
+    lost = [(role, failed[1]) for role in spare[1:]] if len(failed) > 1 else []
+    lost += [(spare[0], failed[0])] if failed else []
+    timed = [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
+    return recording, [*(_left_out(role, because) for role, because in lost), *timed]
 
 
-def _check_stated(job: Job, roles: Sequence[str]) -> None:
-    """TableError if [channels] does not state a channel that the route needs."""
+def _stated_roles(job: Job) -> list[str]:
+    """Roles of the channels that [channels] states; TableError if the route needs another one."""
+    driven = (DRIVE,) if job.test.band is not None else ()
+    roles = [role for role in (*driven, *CHANNELS) if job.channels.line(role) is not None]
     lacking = [role for role in job.needed if role not in roles]
     if lacking:
         route = next(route for route, needed in ROUTE_NEEDS.items() if needed == job.needed)
@@ -299,6 +301,7 @@ def _check_stated(job: Job, roles: Sequence[str]) -> None:
             f"the {route} route needs {lacking[0]}, which [channels] in campaign.toml does not state"
             + (fixed if route == "relative" and lacking == ["motion_out"] else "")
         )
+    return roles
 
 
 def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float | None, list[Check]]:

@@ -114,10 +114,11 @@ def _of_column(column: str, pairs: Sequence[tuple[str, dict[str, Any], dict[str,
         was, now = row[column], other[column]
         if _bits(was, now):
             continue
-        cells = (float(np.linalg.norm(was)), float(np.linalg.norm(now))) if column in _TURNED else (was, now)
-        size, share = _apart(*cells, _size(row.get(std)), largest)
+        if column in _TURNED:
+            was, now = float(np.linalg.norm(was)), float(np.linalg.norm(now))
+        size, share = _apart(was, now, _size(row.get(std)), largest)
         if share > 1:
-            differ.append(Difference(column, name, 1, _text(was), _text(now), size, share))
+            differ.append(Difference(column, name, 1, _text(row[column]), _text(other[column]), size, share))
     if differ:
         yield replace(max(differ, key=lambda difference: difference.share), count=len(differ))
 

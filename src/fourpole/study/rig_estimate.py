@@ -485,11 +485,13 @@ def _candidate(cells: dict[str, Any]) -> Candidate:
     part = str(cells.get("part") or "")
     unstated, plain = Source.read(f"{Kind.UNSTATED.text}{part}"), Source.read(part)
     numbers = {name: number(cells.get(name)) for name in ("value", "std", "explains", "size")}
+    known: dict[str, Any] = {name: math.nan if value is None else value for name, value in numbers.items()}
     return Candidate(
+        str(cells.get("name") or ""),
+        unit=str(cells.get("unit") or ""),
         source=unstated if unstated.kind is Kind.UNSTATED else plain,
         released=cells.get("released") is True,
         form="recorded",
         values={"text": str(cells["text"])},
-        **{name: str(cells.get(name) or "") for name in ("name", "unit")},
-        **{name: math.nan if value is None else value for name, value in numbers.items()},
+        **known,
     )

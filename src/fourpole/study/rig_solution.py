@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,8 @@ _SHOWS = 3.0
 _FAR = 2.0
 #: Roles of shared values in the order of rig.csv.
 _ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS, Role.SPECIMEN)
+#: Fields that the estimate has of the misfit as they are.
+_OF_MISFIT = ("fits", "chi2", "dof", "rig_error", "inflation", "scatter", "unsteady", "tied")
 #: Candidates that are kept.
 _CANDIDATES = 6
 #: Faults of a recording that spoil its amplitudes. One is a cause of a misfit if the first share of the tests shows it,
@@ -45,34 +48,32 @@ _LEVER, _MOST_LEVERS = 0.1, 3
 
 def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -> RigEstimate:
     """The rig as found, from a joint solution of the tests with these keys and its outputs."""
-    misfit, solution = joint.misfit, joint.solution
-    factors = zip(keys, joint.outlier.tolist(), strict=True)
+    misfit = joint.misfit
+    labels = zip(joint.problem.conditions.label.tolist(), joint.problem.observed.mass_at.tolist(), strict=True)
+    pairs = {(label, mass) for label, mass in labels if label >= 0}  # conditions with the masses that they have
+    search: dict[str, Any] = {name: getattr(joint.solution, name) for name in ("converged", "reason", "steps")}
+    fit: dict[str, Any] = {name: getattr(misfit, name) for name in _OF_MISFIT}
     return RigEstimate(
         rig,
         (*_values(joint), *_ratios(joint)),
-        fits=misfit.fits,
-        converged=solution.converged,
-        reason=solution.reason,
-        steps=solution.steps,
+        **search,
+        **fit,
         tests=len(keys),
         conditions=joint.problem.conditions.count,
         shared=len(joint.stated),
-        chi2=misfit.chi2,
-        dof=misfit.dof,
-        rig_error=misfit.rig_error,
-        inflation=misfit.inflation,
-        scatter=misfit.scatter,
-        unsteady=misfit.unsteady,
         candidates=tuple(
             replace(candidate, explains=min(candidate.explains, misfit.chi2))
             for candidate in misfit.candidates[: max(_CANDIDATES, misfit.tied)]
         ),
-        tied=misfit.tied,
         rests=_rests(joint, values),
         drift_by_mass=bool(misfit.drifts) and goes_with_mass(joint.problem),
-        outliers=tuple(Outlier(test, factor, point) for (test, point), factor in factors if factor > 1),
+        outliers=tuple(
+            Outlier(test, factor, point)
+            for (test, point), factor in zip(keys, joint.outlier.tolist(), strict=True)
+            if factor > 1
+        ),
         massed=bool(np.any(_added(joint) > 0)),
-        unshared_masses=_unshared_masses(joint),
+        unshared_masses=len({mass for _, mass in pairs}) > 1 and len({label for label, _ in pairs}) == len(pairs),
     )
 
 
@@ -273,13 +274,6 @@ def residual_columns(joint: Joint, phasors: Phasors) -> dict[str, FloatArray]:
         q.DOF.head: left.rig_dof,
         q.OUTLIER.head: joint.outlier,
     }
-
-
-def _unshared_masses(joint: Joint) -> bool:
-    """Whether tests have different masses, but no two of them the same condition."""
-    mass_at, label = joint.problem.observed.mass_at, joint.problem.conditions.label
-    pairs = {(int(c), int(m)) for c, m in zip(label, mass_at, strict=True) if c >= 0}
-    return len({m for _, m in pairs}) > 1 and len({c for c, _ in pairs}) == len(pairs)
 
 
 def relative_uncertainties(result: Identification, exact: Identification, rows: BoolArray) -> dict[str, float]:

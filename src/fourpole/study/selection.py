@@ -18,7 +18,7 @@ from fourpole.core.identify import OUTPUTS
 from fourpole.core.joint.around import Likelihood
 from fourpole.core.phasor import SYMBOLS
 from fourpole.fitting.likelihood import likelihood_columns
-from fourpole.fitting.rows import KEY, Key, pair_columns, tyre_columns
+from fourpole.fitting.rows import KEY, pair_columns, tyre_columns
 from fourpole.quantities import DERIVED
 from fourpole.study import tables as of
 from fourpole.study.identify import Group
@@ -67,7 +67,10 @@ def select_tables(
         of.CHECKS: of.CHECKS.of_rows(_check_rows(statics, points, conditions)),
         of.RIG: of.RIG.of_rows([row for estimate in estimates for row in estimate.rows]),
         of.RESIDUALS: of.RESIDUALS.of_parts(
-            [{**_keys_of(group), **residual_columns(solution, group.phasors)} for group, solution in joint]
+            [
+                {**_keys_of(group, range(len(group.keys))), **residual_columns(solution, group.phasors)}
+                for group, solution in joint
+            ]
         ),
         of.QUANTILES: of.QUANTILES.of_rows(_quantile_rows(groups)),
         of.BUDGET: of.BUDGET.of_parts([_budget(group) for group in groups]),
@@ -101,7 +104,8 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], r
         parts |= {quantity.head: np.hypot(amplitude.real, amplitude.imag)}
         parts |= zip(quantity.parts, (amplitude.real, amplitude.imag), strict=True)
     return {
-        **_key_columns(points.keys),
+        q.TEST.head: _texts(test.name for test in tests),
+        q.POINT.head: np.array([point for _, point in points.keys], int),
         q.RIG.head: _texts(test.rig for test in tests),
         q.TYRE.head: _texts(test.tyre for test in tests),
         q.CONSTRUCTION.head: _texts(getattr(specimens.get(test.tyre), "construction", "") for test in tests),
@@ -156,15 +160,14 @@ def _remarks(checks: Iterable[Check]) -> str:
     return "; ".join(remark for check in checks if (remark := remark_of(check)))
 
 
-def _key_columns(keys: Sequence[Key]) -> _Columns:
-    """The columns test and point."""
-    return dict(zip(KEY, (_texts(test for test, _ in keys), np.array([point for _, point in keys], int)), strict=True))
-
-
-def _keys_of(group: Group, places: np.ndarray | None = None) -> _Columns:
-    """The columns test, point and rig of some tests of a group, by default of all."""
-    keys = group.keys if places is None else [group.keys[place] for place in places]
-    return {**_key_columns(keys), q.RIG.head: _texts([group.rig_name] * len(keys))}
+def _keys_of(group: Group, places: Sequence[int] | np.ndarray) -> _Columns:
+    """The columns test, point and rig of some tests of a group."""
+    tests, points = zip(*(group.keys[place] for place in places), strict=True) if len(places) else ((), ())
+    return {
+        q.TEST.head: _texts(tests),
+        q.POINT.head: np.array(points, int),
+        q.RIG.head: _texts([group.rig_name] * len(places)),
+    }
 
 
 def _some(columns: _Columns, spec: of.TableSpec, rows: Any = slice(None)) -> _Columns:
@@ -315,20 +318,18 @@ def _previews(statics: Sequence[StaticRow], points: Points) -> pl.DataFrame:
     object on the way, so that the memory is that of the table.
     """
     curves = {row.test.name: row.curve for row in statics if row.curve is not None}
-    shown = [(key, preview) for key, preview in zip(points.keys, points.previews, strict=True) if preview is not None]
-    count = len(curves) + len(shown)
-    arrays = {name: np.full((count, room), np.nan, dtype=np.float32) for name, room in of.ROOM.items()}
-    for row, (_, (roles, preview)) in enumerate(shown, start=len(curves)):
+    loops = [(*curve.loop(), *curve.mean_curve()) for curve in curves.values()]
+    shown = {key: preview for key, preview in zip(points.keys, points.previews, strict=True) if preview is not None}
+    keys = [*((name, 1) for name in curves), *shown]
+    arrays = {name: np.full((len(keys), room), np.nan, dtype=np.float32) for name, room in of.ROOM.items()}
+    for row, (roles, preview) in enumerate(shown.values(), start=len(curves)):
         values = {q.TIME.head: preview.time, q.RESIDUAL_TIME.head: preview.blocks}
         for role, *parts in zip(roles, preview.signals, preview.fit, preview.residual, strict=True):
             values |= {f"{SYMBOLS[role]}{what}": part for what, part in zip(of.SHOWN, parts, strict=True)}
         for name, signal in values.items():
             room = min(of.ROOM[name], signal.size)
             arrays[name][row, :room] = signal[:room]
-    loops = [(*curve.loop(), *curve.mean_curve()) for curve in curves.values()]
-    keys = [*((name, 1) for name in curves), *(key for key, _ in shown)]
-    lists = {name: [pl.Series(loop[place].astype(np.float32)) for loop in loops] for place, name in enumerate(of.LOOP)}
-    blank = [None] * len(shown)
-    return of.PREVIEWS.frame(
-        {**_key_columns(keys), **{name: [*held, *blank] for name, held in lists.items()}, **arrays}
-    )
+    columns: _Columns = dict(zip(KEY, zip(*keys, strict=True), strict=True)) if keys else {}
+    for place, name in enumerate(of.LOOP):
+        columns[name] = [*(pl.Series(loop[place].astype(np.float32)) for loop in loops), *[None] * len(shown)]
+    return of.PREVIEWS.frame({**columns, **arrays})

@@ -226,12 +226,12 @@ def _at_preload(campaign: Campaign, test: Test, curve: LoadCurve, sha256: str, l
     }
     parts: dict[Source, float] = {}
     if load is None:
-        checks: Sequence[Check] = (reported(Code.NO_PRELOAD, Verdict.OK, test=test.name),)
+        checks = [reported(Code.NO_PRELOAD, Verdict.OK, test=test.name)]
         return StaticRow(test, np.nan, columns, tuple(checks), parts, curve, sha256)
     try:
         tangent, secant = curve.tangent(load), curve.secant(load)
     except LoadCurveError as error:
-        checks = (reported(Code.BEYOND_CURVE, Verdict.REJECTED, error=error.message),)
+        checks = [reported(Code.BEYOND_CURVE, Verdict.REJECTED, error=error.message)]
     else:
         std = tangent.std_with_gains(*gains)
         columns |= {
@@ -249,20 +249,14 @@ def _at_preload(campaign: Campaign, test: Test, curve: LoadCurve, sha256: str, l
             Source(Kind.K1_ZERO): tangent.zero,
             Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
         }
-        checks = list(_checks_of_curve(curve, secant.reason))
+        checks = [branch_check(curve.measured)] if curve.measured != "mean" else []
+        checks += [reported(Code.CURVE, Verdict.WARNING, error=doubt) for doubt in curve.doubts]
+        if secant.reason:
+            checks.append(reported(Code.SECANT, Verdict.OK, error=Message("no secant", "", secant.reason)))
+        if curve.zero_off > ZERO_OFF:
+            off = curve.zero_off
+            checks.append(reported(Code.LOAD_ZERO, Verdict.WARNING, off, ZERO_OFF, without=curve.without_contact))
     return StaticRow(test, load, columns, tuple(checks), parts, curve, sha256)
-
-
-def _checks_of_curve(curve: LoadCurve, no_secant: str) -> Iterator[Check]:
-    """What is doubtful in a curve whose tangent is K1."""
-    if curve.measured != "mean":
-        yield branch_check(curve.measured)
-    for doubt in curve.doubts:
-        yield reported(Code.CURVE, Verdict.WARNING, error=doubt)
-    if no_secant:
-        yield reported(Code.SECANT, Verdict.OK, error=Message("no secant", "", no_secant))
-    if curve.zero_off > ZERO_OFF:
-        yield reported(Code.LOAD_ZERO, Verdict.WARNING, curve.zero_off, ZERO_OFF, without=curve.without_contact)
 
 
 def branch_check(measured: str, tests: Sequence[str] = ()) -> Check:

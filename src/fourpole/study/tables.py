@@ -240,25 +240,12 @@ PREVIEWS = TableSpec(
     endings=(".parquet",), always=True,
 )  # fmt: skip
 
+_ALL = (
+    STATIC, DYNAMIC, CHECKS, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, LINES, PHASORS, COVARIANCE, LIKELIHOOD,
+    PREVIEWS,
+)  # fmt: skip
 #: All result tables, by name.
-TABLES = {
-    spec.name: spec
-    for spec in (
-        STATIC,
-        DYNAMIC,
-        CHECKS,
-        RIG,
-        RESIDUALS,
-        QUANTILES,
-        BUDGET,
-        CORRECTIONS,
-        LINES,
-        PHASORS,
-        COVARIANCE,
-        LIKELIHOOD,
-        PREVIEWS,
-    )
-}
+TABLES = {spec.name: spec for spec in _ALL}
 #: Names of the files of all result tables.
 TABLE_FILES = tuple(f"{spec.name}{ending}" for spec in TABLES.values() for ending in spec.endings)
 

@@ -19,7 +19,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -119,29 +119,21 @@ def _size(job: Job) -> int:
     return 0 if identity is None else identity.size
 
 
-@contextmanager
-def threads(workers: int | None, count: int, seconds: float) -> Iterator[ThreadPoolExecutor | None]:
-    """Threads with a worker process each for tasks of this number and time [s]; None if one thread is enough.
-
-    `workers` is their number; without it they are as many as pay.
-    """
-    most = min(processors(), _MOST, count) if count * seconds > _PAYS else 1
-    if (workers or most) < 2:
-        yield None
-        return
-    with ThreadPoolExecutor(workers or most) as pool:
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
 def processors() -> int:
     """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def pool_of(workers: int | None, count: int, seconds: float) -> AbstractContextManager[Workers | None]:
+    """Worker processes for tasks of this number and this time together [s]; None if this thread is enough.
+
+    `workers` is their number; without it they are as many as pay.
+    """
+    if workers is None:
+        workers = min(processors(), _MOST, count) if seconds > _PAYS else 1
+    return Workers(workers) if workers > 1 and count else nullcontext()
 
 
 class Workers(ThreadPoolExecutor):
@@ -199,10 +191,9 @@ def reduce_tests(
     """
     run = _Run(jobs, cache, seconds, progress, arrived, _identities(jobs))
     left = [index for index in range(len(jobs)) if not run.recall(index)]
-    if workers is None:
-        workers = min(processors(), _MOST, len(left)) if sum(map(run.cost, left)) > _PAYS else 1
+    pool = pool_of(workers, len(left), sum(map(run.cost, left))) if executor is None else nullcontext(executor)
     try:
-        with Workers(workers) if executor is None and workers > 1 and left else nullcontext(executor) as used:
+        with pool as used:
             if used is None:
                 dead = [index for index in left if not run.take(index, run_job(jobs[index], seconds))]
             else:
@@ -249,28 +240,23 @@ class _Run:
                 sha256 = sha256_of(path, max_bytes=MAX_FILE_BYTES)
             cache.note(job.test.file, identity, sha256)
         done = cache.recall(cache.name(job.settings, sha256)) if sha256 else None
-        if done is not None:
-            self._have(index, done)
-        return done is not None
+        return done is not None and self.take(index, done, kept=True)
 
-    def take(self, index: int, answer: Answer) -> bool:
-        """Take the answer to a job and keep it in the cache; False if its worker died."""
+    def take(self, index: int, answer: Answer, *, kept: bool = False) -> bool:
+        """Take the answer to a job, and keep it in the cache unless it is from there; False if its worker died."""
+        job = self.jobs[index]
         if isinstance(answer, str):
             return False
-        if self.cache is not None and answer.sha256:
-            job = self.jobs[index]
+        if self.cache is not None and answer.sha256 and not kept:
             self.cache.note(job.test.file, self.identities[index], answer.sha256)
             if answer.lasting:
                 self.cache.keep(self.cache.name(job.settings, answer.sha256), packed(answer))
-        self._have(index, answer)
-        return True
-
-    def _have(self, index: int, done: Demodulated) -> None:
-        self.results[index] = points_of(self.jobs[index], done)
+        self.results[index] = points_of(job, answer)
         if self.arrived is not None:
-            self.arrived(self.jobs[index].test.name, self.results[index])
+            self.arrived(job.test.name, self.results[index])
         if self.progress is not None:
             self.progress(len(self.results), len(self.jobs))
+        return True
 
     def cost(self, index: int) -> float:
         """Estimate of the time of a job [s]."""
