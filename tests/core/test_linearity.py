@@ -5,7 +5,7 @@ import pytest
 
 from fourpole.core.checks import Code
 from fourpole.core.demodulation.demodulate import demodulate
-from fourpole.core.linearity import linearity_checks
+from fourpole.core.recordingchecks import linearity_checks
 from fourpole.core.rig import Rig
 
 HERTZ, MASS, SPRING, DAMPER = 13.7, 15.0, 12440.0, 30.0

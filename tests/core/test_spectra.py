@@ -18,11 +18,10 @@ from fourpole.core.recording import DRIVE, Channel
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.spectra.average import cross_spectra, independent
-from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noise
+from fourpole.core.spectra.checks import Sensors, check_closure, check_line, check_pooled, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.ratios import Ratios, with_bend
 from fourpole.core.spectra.sweep import sweep_amplitudes
-from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import RecordingError, TooShortError
 from fourpole.words import remark_of
 

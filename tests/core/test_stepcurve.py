@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fourpole.core.loadcurve import LoadCurve
-from fourpole.core.stepcurve import fit_curve
+from fourpole.core.meancurve import fit_curve
 
 pytestmark = pytest.mark.thorough
 

@@ -1,4 +1,4 @@
-"""K* of each test by itself, before tests are identified together."""
+"""K* and deflection of each test by itself, before tests are identified together."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
-from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
@@ -62,13 +62,52 @@ def _alone(phasors: Phasors, rig: Rig | None, added: float) -> tuple[complex, fl
             lever = complex(np.divide(v1, v1 - v2))
             slopes = np.array([1 / f1, -1 / (v1 - v2), 1 / (v1 - v2)])
         moved = deflection_amplitude(force, v1, v2, omega, stiffness=complex(stiffness), blocked=blocked)
-        noise = _noise(phasors, slopes)
-    return complex(stiffness), noise, float(moved), float(phasors.frequency), lever
-
-
-def _noise(phasors: Phasors, slopes: ComplexArray) -> float:
-    """The larger standard uncertainty of both parts of a complex function of the amplitudes, by its slopes (3,)."""
+    # The larger standard uncertainty of both parts of ln K*, by its slopes.
     turn = np.zeros((2, 6))
     turn[0, 0::2], turn[0, 1::2], turn[1, 0::2], turn[1, 1::2] = slopes.real, -slopes.imag, slopes.imag, slopes.real
     covariance = np.where(np.isfinite(phasors.covariance), phasors.covariance, 0.0)
-    return float(np.sqrt(np.max(np.diag(turn @ covariance @ turn.T))))
+    with np.errstate(all="ignore"):
+        noise = float(np.sqrt(np.max(np.diag(turn @ covariance @ turn.T))))
+    return complex(stiffness), noise, float(moved), float(phasors.frequency), lever
+
+
+def deflection_amplitude(
+    force: ArrayLike,
+    contact: ArrayLike,
+    far: ArrayLike,
+    omega: ArrayLike,
+    *,
+    stiffness: ArrayLike = np.nan,
+    blocked: bool = False,
+) -> FloatArray:
+    r"""Amplitude of the deflection, 0-to-peak.
+
+    .. math:: x = |V_1 - V_2|/\omega , \quad\text{or, where V2 is not known,}\quad x = |F/K^*|
+
+    Parameters
+    ----------
+    force, contact, far : (...,) complex arrays [N], [m/s]
+        Force on the specimen, and the velocities of both sides; V2 is not-a-number where it is not known.
+    omega : (...,) float array [rad/s]
+        > 0.
+    stiffness : (...,) complex array, optional [N/m]
+        K*.
+    blocked : bool
+        Whether the far side does not move.
+
+    Returns
+    -------
+    (...,) float array [m]
+        Not-a-number where neither V2 nor K* is known.
+
+    Examples
+    --------
+    >>> deflection_amplitude(100.0, 0.3, 0.1, 200.0), deflection_amplitude(100.0, 0.3, np.nan, 200.0, stiffness=2e5)
+    (array(0.001), array(0.0005))
+    """
+    w, v1 = np.asarray(omega, dtype=float), np.asarray(contact, dtype=complex)
+    if blocked:
+        return np.asarray(np.abs(v1) / w)
+    moved = np.abs(v1 - np.asarray(far, dtype=complex)) / w
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(np.isfinite(moved), moved, np.abs(np.asarray(force) / np.asarray(stiffness))))

@@ -19,7 +19,7 @@ IntArray: TypeAlias = NDArray[np.integer[Any]]
 _FEW, _LONGEST, _MOST = 4, 80, 900
 
 
-def short_repr(one: Any) -> str:
+def short_repr(instance: Any) -> str:
     """A dataclass with its small values, and with the shape or the number of the large ones: below 1,000 characters.
 
     Examples
@@ -28,9 +28,9 @@ def short_repr(one: Any) -> str:
     >>> Phasors.from_polar([10.0, 12.0], 1.0, 2e-3, 1.5)  # doctest: +ELLIPSIS
     Phasors(frequency=[10. 12.], amplitudes=<complex128 2×3>, covariance=<float64 2×6×6>, ...)
     """
-    parts = [f"{field.name}={_brief(getattr(one, field.name))}" for field in fields(one) if field.repr]
+    parts = [f"{field.name}={_brief(getattr(instance, field.name))}" for field in fields(instance) if field.repr]
     text = ", ".join(parts)
-    return f"{type(one).__name__}({text if len(text) <= _MOST else f'{text[:_MOST]}...'})"
+    return f"{type(instance).__name__}({text if len(text) <= _MOST else f'{text[:_MOST]}...'})"
 
 
 def _brief(value: Any) -> str:
@@ -78,7 +78,7 @@ class ByValue:
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        compared = [one.name for one in fields(cast("Any", self)) if one.compare]
+        compared = [field.name for field in fields(cast("Any", self)) if field.compare]
         return all(same_value(getattr(self, name), getattr(other, name)) for name in compared)
 
 
@@ -87,20 +87,20 @@ class ByRows(ByValue):
 
     def part(self, rows: Any) -> Self:
         """Some of the rows, by anything that indexes an array; a single number gives that row alone."""
-        return type(self)(*(np.asarray(getattr(self, one.name))[rows] for one in fields(cast("Any", self))))
+        return type(self)(*(np.asarray(getattr(self, field.name))[rows] for field in fields(cast("Any", self))))
 
 
-def same_value(one: Any, other: Any) -> bool:
+def same_value(value: Any, other: Any) -> bool:
     """Whether two values are equal; they may be or hold arrays and tables. Not-a-number equals itself."""
-    if isinstance(one, np.ndarray | np.inexact | float) or isinstance(other, np.ndarray):
-        one, other = np.asarray(one), np.asarray(other)
-        if (one.dtype.kind in "SU") != (other.dtype.kind in "SU"):  # old versions of numpy cannot compare these
+    if isinstance(value, np.ndarray | np.inexact | float) or isinstance(other, np.ndarray):
+        value, other = np.asarray(value), np.asarray(other)
+        if (value.dtype.kind in "SU") != (other.dtype.kind in "SU"):  # old versions of numpy cannot compare these
             return False
-        return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc")
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(same_value(one[key], other[key]) for key in one)
-    if isinstance(one, tuple | list) and type(one) is type(other):
-        return len(one) == len(other) and all(map(same_value, one, other))
-    if hasattr(one, "equals") and type(one) is type(other):  # a table or a column of polars
-        return bool(one.equals(other))
-    return bool(one is other or one == other)
+        return np.array_equal(value, other, equal_nan=value.dtype.kind in "fc" and other.dtype.kind in "fc")
+    if isinstance(value, Mapping) and isinstance(other, Mapping):
+        return value.keys() == other.keys() and all(same_value(value[key], other[key]) for key in value)
+    if isinstance(value, tuple | list) and type(value) is type(other):
+        return len(value) == len(other) and all(map(same_value, value, other))
+    if hasattr(value, "equals") and type(value) is type(other):  # a table or a column of polars
+        return bool(value.equals(other))
+    return bool(value is other or value == other)

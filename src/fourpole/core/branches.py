@@ -204,17 +204,13 @@ def split_branches(deflection: FloatArray, load: FloatArray | None = None) -> Br
     return Branches(ends, rising, cycles, ordered)
 
 
-def bins_of(deflection: FloatArray) -> IntArray:
-    """Twentieth of the span in which each deflection lies, from 0 on."""
-    low, span = float(deflection.min()), float(np.ptp(deflection)) or 1.0
-    return np.minimum((deflection - low) / span * _BINS, _BINS - 1).astype(int)
-
-
 def levels(deflection: FloatArray) -> int:
     """Number of deflections that differ by more than a twentieth of their span, about: clumped points count as one."""
     if deflection.size == 0:
         return 0
-    return int(min(np.unique(deflection).size, np.unique(bins_of(deflection)).size))
+    low, span = float(deflection.min()), float(np.ptp(deflection)) or 1.0
+    bins = np.minimum((deflection - low) / span * _BINS, _BINS - 1).astype(int)
+    return int(min(np.unique(deflection).size, np.unique(bins).size))
 
 
 def _rest(deflection: FloatArray, turn: int, step: int) -> int:

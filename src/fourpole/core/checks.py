@@ -1,7 +1,7 @@
 """Checks: each compares a statistic of a test with a limit and gives a verdict; codes, numbers and names, no sentence.
 
-`fourpole.words` makes their sentences. `recordingchecks` and `linearity` have the functions for one recording, called
-in `fourpole.study.reduce`. `fourpole.study.compare` makes the checks between tests, with `scales` and `curves`, and
+`fourpole.words` makes their sentences. `recordingchecks` has the functions for one recording, called in
+`fourpole.study.reduce`. `fourpole.study.compare` makes the checks between tests, with `scales` and `curves`, and
 those of an identified point.
 """
 

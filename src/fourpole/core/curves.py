@@ -93,12 +93,12 @@ class Curves(ByValue):
         place = np.log(data.frequency[test])
         if reached.size < _POWERS[0] or not reached.min() - _REACH <= place <= reached.max() + _REACH:
             return float("inf")
-        at = np.array([test])
-        row = self._design.rows(data, at, np.array([family]))
-        off = np.log(data.stiffness[at]) - self._solution.fit.predicted(row)
+        alone = np.array([test])
+        row = self._design.rows(data, alone, np.array([family]))
+        off = np.log(data.stiffness[alone]) - self._solution.fit.predicted(row)
         if abs(off[0]) <= _LEAST:
             return 0.0
-        return float(self._solution.distances(off, self._solution.fit.levers(row), data.noise[at])[0])
+        return float(self._solution.distances(off, self._solution.fit.levers(row), data.noise[alone])[0])
 
 
 class _Design:
@@ -108,21 +108,21 @@ class _Design:
         self._middle = float(np.mean(np.log(data.frequency[used])))
         self._families = np.unique(data.family[used])
         rows = [used & (data.family == family) for family in self._families]
-        frequencies = [_distinct(data.frequency[one]) for one in rows]
+        frequencies = [_distinct(data.frequency[flags]) for flags in rows]
         self._powers = np.array([1 + sum(count >= fewest for fewest in _POWERS) for count in frequencies])
-        specimens, self._specimen = np.unique([data.specimen[one][0] for one in rows], return_inverse=True)
+        specimens, self._specimen = np.unique([data.specimen[flags][0] for flags in rows], return_inverse=True)
         self._top = np.zeros(specimens.size, dtype=int)
         np.maximum.at(self._top, self._specimen, self._powers)
         self.size = int(self._powers.sum()) + specimens.size + data.prior.size
 
     def rows(self, data: Samples, tests: np.ndarray, family: np.ndarray) -> Nested:
         """The rows of some tests, as if they were of these conditions."""
-        at = np.searchsorted(self._families, family)
+        number = np.searchsorted(self._families, family)
         place = (np.log(data.frequency[tests]) - self._middle)[:, None]
         power = np.arange(int(self._powers.max()))
-        own = np.where(power < self._powers[at][:, None], place**power, 0.0)
-        bend = place[:, 0] ** self._top[self._specimen[at]]
-        return Nested(own, bend, data.shared[tests], at, self._specimen)
+        own = np.where(power < self._powers[number][:, None], place**power, 0.0)
+        bend = place[:, 0] ** self._top[self._specimen[number]]
+        return Nested(own, bend, data.shared[tests], number, self._specimen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,30 +160,32 @@ def curves_of(data: Samples) -> Curves | None:
     model = _Model(
         design.rows(data, tests, data.family[tests]), np.log(data.stiffness[tests]), data.noise[tests], data.prior
     )
-    good, found = _first_good(model, design.size), None
+    good, curves = _first_good(model, design.size), None
     for _ in range(_PASSES):
         solution = _solved(model, good)
         if solution is None:
             return None
-        found = _judged(data, tests, design, solution, model.departures(good, solution))
-        still = ~found.strange[tests]
+        curves = _judged(data, tests, design, model, solution, good)
+        still = ~curves.strange[tests]
         if np.array_equal(good, still):
             break
         good = still
-    return found
+    return curves
 
 
 def _judged(
-    data: Samples,
-    tests: np.ndarray,
-    design: _Design,
-    solution: _Solution,
-    departures: tuple[ComplexArray, FloatArray, BoolArray],
+    data: Samples, tests: np.ndarray, design: _Design, model: _Model, solution: _Solution, good: BoolArray
 ) -> Curves:
-    """The verdicts on all tests, from the departures of those that were used."""
+    """The verdicts on all tests: each used one is held against the curve of the others."""
+    rest, lever = model.logs - solution.fit.predicted(model.rows), solution.fit.levers(model.rows)
+    weight = np.where(good, 1.0 / (1.0 + model.noise**2 / float(np.mean(solution.scale**2))), 0.0)
+    left = 1.0 - weight * lever
+    known = left >= _LEAST_LEFT  # the others give a curve
+    departure = np.where(known, rest / np.where(known, left, 1.0), 0.0)
     count = data.frequency.size
     off, statistic, judged = np.zeros(count, dtype=complex), np.zeros(count), np.zeros(count, dtype=bool)
-    off[tests], statistic[tests], judged[tests] = departures
+    off[tests], judged[tests] = departure, known
+    statistic[tests] = np.where(known, solution.distances(departure, lever, model.noise, weight), 0.0)
     limit = float(stats.f.isf(SEARCH_CHANCE / max(int(np.sum(judged)), 1), 2, solution.dof))
     strange = judged & (statistic > limit) & (np.abs(off) > _LEAST)
     return Curves(data, judged, off, statistic, limit, strange, design, solution)
@@ -207,16 +209,6 @@ class _Model:
         """Weighted least squares with the priors of the shared errors."""
         return nested_fit(self.rows, self.logs, weights, (scale / self.prior) ** 2)
 
-    def departures(self, good: BoolArray, solution: _Solution) -> tuple[ComplexArray, FloatArray, BoolArray]:
-        """Departure of each test from the curve of the others, its statistic, and whether the others give a curve."""
-        rest = self.logs - solution.fit.predicted(self.rows)
-        lever = solution.fit.levers(self.rows)
-        weight = np.where(good, 1.0 / (1.0 + self.noise**2 / float(np.mean(solution.scale**2))), 0.0)
-        left = 1.0 - weight * lever
-        judged = left >= _LEAST_LEFT
-        off = np.where(judged, rest / np.where(judged, left, 1.0), 0.0)
-        return off, np.where(judged, solution.distances(off, lever, self.noise, weight), 0.0), judged
-
 
 def _first_good(model: _Model, unknowns: int) -> BoolArray:
     """The tests near the curves with the least sum of absolute residuals, on which single tests have little weight."""
@@ -234,17 +226,17 @@ def _solved(model: _Model, good: BoolArray) -> _Solution | None:
     """Fit of the good tests, with the scatter of the real and of the imaginary part; None if there are too few."""
     scale = np.full(2, _LEAST)
     for _ in range(_PASSES):
-        one = float(np.sqrt(np.mean(scale**2)))
-        weights = good / (1.0 + (model.noise / one) ** 2)
-        found = model.fit(weights, one)
+        size = float(np.sqrt(np.mean(scale**2)))
+        weights = good / (1.0 + (model.noise / size) ** 2)
+        fit = model.fit(weights, size)
         # A shared error whose prior is narrow takes up less than one degree of freedom.
-        dof = float(np.sum(good) - np.sum(weights * found.levers(model.rows)))
+        dof = float(np.sum(good) - np.sum(weights * fit.levers(model.rows)))
         if dof < _FEWEST:
             return None
-        rest = model.logs - found.predicted(model.rows)
+        rest = model.logs - fit.predicted(model.rows)
         new = np.sqrt(np.array([np.sum(weights * part**2) for part in (rest.real, rest.imag)]) / dof)
         settled = np.allclose(new, scale, rtol=1e-3)
         scale = np.maximum(new, 1e-9)
         if settled:
             break
-    return _Solution(found, scale, dof)
+    return _Solution(fit, scale, dof)

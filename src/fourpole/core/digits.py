@@ -18,15 +18,15 @@ def number(value: object, digits: int = 4) -> str:
     >>> number(9.98918), number(-0.00012345, 3), number(1.5e9), number(None)
     ('9.989', '−0.000123', '1.500×10⁹', '')
     """
-    found = known(value)
-    if found is None:
+    finite = known(value)
+    if finite is None:
         return ""
-    if found == 0:
+    if finite == 0:
         return "0"
-    power = _power(found, digits)
+    power = _power(finite, digits)
     if -4 <= power < 7:
-        return fixed(found, digits - 1 - power)
-    return f"{fixed(found / 10.0**power, digits - 1)}×10{str(power).translate(_SUPERSCRIPT)}"
+        return fixed(finite, digits - 1 - power)
+    return f"{fixed(finite / 10.0**power, digits - 1)}×10{str(power).translate(_SUPERSCRIPT)}"
 
 
 def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
@@ -35,13 +35,13 @@ def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
     >>> with_std(172.3482, 0.619), with_std(1105.36, 667.0), with_std(0.30366, None)
     (('172.35', '0.62'), ('1110', '670'), ('0.3037', ''))
     """
-    found, u = known(value), known(std)
-    if found is None or not u or u < 0:
-        return number(found, digits), ""
+    finite, u = known(value), known(std)
+    if finite is None or not u or u < 0:
+        return number(finite, digits), ""
     decimals = 1 - _power(u, 2)
-    if decimals > 9 or abs(found) >= 1e7:
-        return number(found, digits), number(u, 2)
-    return fixed(round(found, decimals), decimals), fixed(round(u, decimals), decimals)
+    if decimals > 9 or abs(finite) >= 1e7:
+        return number(finite, digits), number(u, 2)
+    return fixed(round(finite, decimals), decimals), fixed(round(u, decimals), decimals)
 
 
 def _power(value: float, digits: int) -> int:

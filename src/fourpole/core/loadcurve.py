@@ -9,7 +9,7 @@ so that P is the mean and H half the gap at equal deflection, whatever the defle
 The orders of P and H and the memory of the residuals, along the record, are those of least BIC. The tangent is taken
 from the part of the cycle round the load that gives it best. The fit reproduces data that are an exact polynomial.
 Points in no order, as of a load that steps at random, are fitted as one curve. A stepped record is fitted through the
-means of its rests (`stepcurve`).
+means of its rests (`meancurve`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.checks import CURVE_DOUBTS
-from fourpole.core.meancurve import Local, MeanCurve, Points, deflection_at, in_part, off_the_curve, surest
-from fourpole.core.stepcurve import fit_curve
+from fourpole.core.meancurve import Local, MeanCurve, Points, deflection_at, fit_curve, in_part, off_the_curve, surest
 from fourpole.errors import LoadCurveError, Message
 
 _FEWEST_POINTS = 5
@@ -175,7 +174,7 @@ class LoadCurve(ByValue):
         if self.time is None or not self.branches.ordered:
             return ()
         used = self.branches.cycles[-1] if self.cycles else (0,)
-        ends = [self.branches.ends[at] for at in used]
+        ends = [self.branches.ends[i] for i in used]
         return tuple(float(self.time[last] - self.time[first]) for first, last in ends)
 
     @property
@@ -184,47 +183,37 @@ class LoadCurve(ByValue):
         return self._fitted[0]
 
     @cached_property
-    def _fitted(self) -> tuple[MeanCurve, BoolArray]:
-        """The mean curve of the last complete cycle, and which points of it were used."""
+    def _fitted(self) -> tuple[MeanCurve, Points, BoolArray]:
+        """Mean curve of the last complete cycle, the points that it uses, and which of all in contact these are."""
         return self._fit(-1)
 
-    def _fit(self, cycle: int) -> tuple[MeanCurve, BoolArray]:
-        """The mean curve of a cycle without its outliers, and which points of it were used."""
-        x, f, side = self._cycle(cycle)
-        curve = fit_curve(x, f, side)
-        used = ~off_the_curve(curve, f)
-        if used.all():
-            return curve, used
-        return fit_curve(x[used], f[used], None if side is None else side[used]), used
+    def _fit(self, cycle: int) -> tuple[MeanCurve, Points, BoolArray]:
+        """Mean curve of a cycle without its outliers, the points that it uses, and which of those in contact."""
+        points = self._cycle(cycle)
+        curve = fit_curve(*points)
+        used = ~off_the_curve(curve, points.load)
+        if not used.all():
+            points = points.part(used)
+            curve = fit_curve(*points)
+        return curve, points, used
 
-    def _near(self, load: float) -> Local:
-        """The tangent at a load from the part of the last cycle that gives it best."""
-        return surest(self._points(-1), self._last, self._deflection_at(self._last, load), load)
-
-    def _points(self, cycle: int) -> Points:
-        """The points of a cycle that its fit used."""
-        used = (self._fitted if cycle == -1 else self._fit(cycle))[1]
-        x, f, side = self._cycle(cycle)
-        return Points(x[used], f[used], None if side is None else side[used])
-
-    def _cycle(self, cycle: int) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Deflection [m], load [N] and side of those points of a cycle at which the specimen is in contact."""
+    def _cycle(self, cycle: int) -> Points:
+        """Those points of a cycle at which the specimen is in contact."""
         x, f, side = self.branches.of_cycle(cycle, self.deflection, self.load)
-        held = in_contact(x, f)
-        return x[held], f[held], None if side is None else side[held]
+        return Points(x, f, side).part(in_contact(x, f))
 
     @cached_property
     def outliers(self) -> int:
         """Number of outliers in the last cycle, which the fit leaves out."""
-        x, _, _ = self._cycle(-1)
+        x = self._cycle(-1).deflection
         # The turns are not counted: they belong to both branches, and friction separates the branches there.
         inside = (x > x.min()) & (x < x.max())
-        return int((inside & ~self._fitted[1]).sum())
+        return int((inside & ~self._fitted[2]).sum())
 
     @cached_property
-    def _last_but_one(self) -> MeanCurve | None:
-        """The mean curve of the cycle before the last; None if it is the first, which conditions the rubber."""
-        return self._fit(-2)[0] if self.cycles > 2 else None
+    def _last_but_one(self) -> tuple[MeanCurve, Points, BoolArray] | None:
+        """The cycle before the last, as `_fitted`; None if it is the first, which conditions the rubber."""
+        return self._fit(-2) if self.cycles > 2 else None
 
     @property
     def order(self) -> int:
@@ -241,7 +230,7 @@ class LoadCurve(ByValue):
         """What is doubtful in the curve."""
         low, high = self.measured_loads
         creep = float(np.sum(self._shifts))
-        found = {
+        sizes = {
             "one cycle": self.cycles == 1,
             "missing points": self.missing,
             "outliers": self.outliers,
@@ -249,7 +238,7 @@ class LoadCurve(ByValue):
             "clipped": self.flat_top if self.flat_top > _FLAT_TOP else 0.0,
         }
         return tuple(
-            Message(code, "", CURVE_DOUBTS[code].format(size, 100 * size)) for code, size in found.items() if size
+            Message(code, "", CURVE_DOUBTS[code].format(size, 100 * size)) for code, size in sizes.items() if size
         )
 
     @cached_property
@@ -297,7 +286,8 @@ class LoadCurve(ByValue):
         >>> round(LoadCurve(x, 150e3 * x).tangent(2000.0).stiffness, 3)
         150000.0
         """
-        near = self._near(load)
+        last, points, _ = self._fitted
+        near = surest(points, last, self._deflection_at(last, load), load)
         curve, place, stiffness = near.curve, near.place, near.slope
         if not stiffness > 0:
             raise LoadCurveError(
@@ -324,11 +314,12 @@ class LoadCurve(ByValue):
         """Change of the tangent from the last but one to the last complete cycle [N/m]; 0 where there is none."""
         if self._last_but_one is None:
             return 0.0
+        curve, points, _ = self._last_but_one
         if now.reach:
-            before = in_part(self._points(-2), now.middle, now.reach, load)
+            before = in_part(points, now.middle, now.reach, load)
             return 0.0 if before is None else abs(now.slope - before.slope)
         try:
-            return abs(now.slope - self._last_but_one.slope(self._deflection_at(self._last_but_one, load)))
+            return abs(now.slope - curve.slope(self._deflection_at(curve, load)))
         except LoadCurveError:
             return 0.0
 
@@ -347,16 +338,6 @@ class LoadCurve(ByValue):
     def _shifts(self) -> FloatArray:
         """Changes of the load on unloading from each cycle to the next [N]; the first cycle conditions the rubber."""
         return np.diff([self._level(cycle, unloading=True) for cycle in range(1, self.cycles)])
-
-    @property
-    def _largest_shift(self) -> float:
-        """Largest change of the load from a cycle to the next [N], of the later ones if the first is the largest.
-
-        A change that fades is that of rubber which relaxes.
-        """
-        sizes = np.abs(self._shifts)
-        fades = sizes.size > 0 and int(np.argmax(sizes)) == 0
-        return float(np.max(np.append(sizes[sizes.size // 2 :] if fades else sizes, abs(self.shift))))
 
     def _level(self, cycle: int, *, unloading: bool) -> float:
         """Median of the load of a cycle less the curve of the last [N], of its unloading branch or of both."""
@@ -393,9 +374,13 @@ class LoadCurve(ByValue):
     def zero_std(self) -> float:
         """Standard uncertainty of the zero of the load [N]: its shift over all cycles, and the load without contact.
 
-        In each cycle the zero may have moved by as much as in the one with the largest change that does not fade.
+        In each cycle the zero may have moved by as much as in the one with the largest change that does not fade: a
+        change that fades is that of rubber which relaxes.
         """
-        return float(np.hypot(self._largest_shift * self.cycles, self.without_contact)) * 2 * _UNIFORM
+        sizes = np.abs(self._shifts)
+        fades = sizes.size > 0 and int(np.argmax(sizes)) == 0
+        largest = float(np.max(np.append(sizes[sizes.size // 2 :] if fades else sizes, abs(self.shift))))
+        return float(np.hypot(largest * self.cycles, self.without_contact)) * 2 * _UNIFORM
 
     @property
     def _tilt(self) -> float:
@@ -406,7 +391,7 @@ class LoadCurve(ByValue):
         if not self.cycles:
             return 0.0
         durations = self.times or tuple(
-            float(last - first) for first, last in (self.branches.ends[at] for at in self.branches.cycles[-1])
+            float(last - first) for first, last in (self.branches.ends[i] for i in self.branches.cycles[-1])
         )
         low, high = self._last.span
         uneven = (durations[0] - durations[1]) / (sum(durations) or 1.0)
@@ -463,7 +448,7 @@ class LoadCurve(ByValue):
             return float("nan")
         x, _, _ = self.branches.of_cycle(-1, self.deflection, self.load)
         closed = np.concatenate([x[-1:], x, x[:1]])
-        noise = self._last.scatter * float(np.linalg.norm(0.5 * (closed[2:] - closed[:-2])))
+        noise = float(np.std(self._last.residual)) * float(np.linalg.norm(0.5 * (closed[2:] - closed[:-2])))
         # A drift by `shift` over a cycle adds half of shift times travel to the area.
         drift = self.shift * float(np.ptp(x)) * _UNIFORM
         return float(np.hypot(noise, drift))
@@ -487,9 +472,9 @@ class LoadCurve(ByValue):
         f = curve.value(x)
         low, high = float(f.min()), float(f.max())
         try:
-            at = [deflection_at(curve, low + share * (high - low)) for share in (0.1, 0.9)]
+            start, end = (deflection_at(curve, low + share * (high - low)) for share in (0.1, 0.9))
         except LoadCurveError:
             return float("nan")
-        slope = 0.8 * (high - low) / (at[1] - at[0])
-        line = low + 0.1 * (high - low) + slope * (x - at[0])
+        slope = 0.8 * (high - low) / (end - start)
+        line = low + 0.1 * (high - low) + slope * (x - start)
         return float(np.max(np.abs(f - line)) / (high - low))

@@ -1,4 +1,9 @@
-"""The mean of the loading and unloading branches, as a polynomial whose order is selected by BIC, and its tangent."""
+"""The mean of the loading and unloading branches, as a polynomial whose order is selected by an information criterion.
+
+Each rest of a stepped record is one observation. What is not held, as a slip angle or a camber, differs between rests
+by more than the noise of their samples. So the scatter of the rests about the curve, not that of the samples, is the
+measure of the uncertainty.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +16,8 @@ import scipy
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
-from fourpole.core.branches import levels
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
+from fourpole.core.branches import levels, means, ranks, rests
 from fourpole.core.memory import whitened
 from fourpole.errors import LoadCurveError
 
@@ -29,6 +34,18 @@ _FEWEST_FOR_MEMORY = 20
 _FAR_OFF, _MOST_OUTLIERS = 10.0, 0.02
 #: Least weight of a fit, and largest number of fits.
 _LEAST_WEIGHT, _MOST_FITS = 1e-2, 16
+#: Largest number of terms of half the gap of the branches through rests, and fewest degrees of freedom for which
+#: Student's t has a standard deviation.
+_GAPS, _FEWEST_DOF = 3, 3
+#: A measured load may lie on the mean of the branches up to this share of the span beyond the fitted deflections.
+_EDGE = 0.02
+#: Parts of the span round a load that are tried for the tangent; the least number of points on each branch there, and
+#: of twentieths of the part in which these lie.
+_PARTS, _FEWEST_IN_PART, _FEWEST_LEVELS = (0.6, 0.36), 15, 10
+#: A part is taken if its uncertainty is below this share of that of the larger one.
+_SURER = 0.6
+#: No part is tried if the relative uncertainty is below this.
+_SURE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,40 +113,45 @@ class MeanCurve(ByValue):
 
         The uncertainty has the scatter of the points and the choice of the orders.
         """
-        at, best = self._place(deflection), self.slope(deflection)
+        place, best = self._place(deflection), self.slope(deflection)
         follow = self.bend(deflection) / best if best else 0.0
         slopes, variances = np.zeros(len(self.fits)), np.zeros(len(self.fits))
         for number, (fit, both) in enumerate(zip(self.fits, self.covariances, strict=True)):
             unit = np.eye(fit.size)
-            by = chebyshev.chebval(at, chebyshev.chebder(unit)) / self.half - follow * chebyshev.chebval(at, unit)
+            by = chebyshev.chebval(place, chebyshev.chebder(unit)) / self.half - follow * chebyshev.chebval(place, unit)
             slopes[number] = self.slope(deflection, number)
             variances[number] = max(0.0, *(float(by @ covariance @ by) for covariance in both))
         variance = float(self.weights @ (variances + (slopes - best) ** 2))
         return best, float(np.hypot(np.sqrt(variance), _LEAST_STD * best))
 
-    @property
-    def scatter(self) -> float:
-        """Standard deviation of the residuals [N]."""
-        return float(np.std(self.residual))
+    def _half_gap(self, place: FloatArray) -> FloatArray:
+        """H at places from -1 to 1 [N]."""
+        circle = np.sqrt(1 - place**2)
+        return np.asarray(chebyshev.chebval(place, self.gap) + circle * chebyshev.chebval(place, self.round_gap))
 
     def gap_at(self, deflection: float) -> float:
         """Load of the loading branch minus that of the unloading branch, 2 H [N]."""
-        at = np.clip(self._place(deflection), -1.0, 1.0)
-        half_gap = chebyshev.chebval(at, self.gap) + np.sqrt(1 - at**2) * chebyshev.chebval(at, self.round_gap)
-        return float(2 * half_gap)
+        return float(2 * self._half_gap(np.clip(self._place(deflection), -1.0, 1.0)))
 
     def load(self, deflection: FloatArray, side: FloatArray | None) -> FloatArray:
         """Load of the branches, P + side H, at deflections [m], in N."""
-        at = np.clip(self._place(deflection), -1.0, 1.0)
-        half_gap = chebyshev.chebval(at, self.gap) + np.sqrt(1 - at**2) * chebyshev.chebval(at, self.round_gap)
+        half_gap = self._half_gap(np.clip(self._place(deflection), -1.0, 1.0))
         return self.value(deflection) + (0.0 if side is None else side * half_gap)
 
     def slope_gap(self, deflection: float) -> float:
         """Slope of the loading branch minus that of the unloading branch, 2 H' [N/m]."""
         step = 1e-4
-        at = np.clip(self._place(deflection), -1 + 2 * step, 1 - 2 * step) + np.array([-step, step])
-        half_gap = chebyshev.chebval(at, self.gap) + np.sqrt(1 - at**2) * chebyshev.chebval(at, self.round_gap)
-        return float(2 * (half_gap[1] - half_gap[0]) / (2 * step * self.half))
+        middle = np.clip(self._place(deflection), -1 + 2 * step, 1 - 2 * step)
+        low, high = self._half_gap(middle + np.array([-step, step]))
+        return float(2 * (high - low) / (2 * step * self.half))
+
+
+def fit_curve(deflection: FloatArray, load: FloatArray, side: FloatArray | None, *, whole: bool = True) -> MeanCurve:
+    """Fit F = P(x) + side H(x) to the points, or to the rests of a stepped record; see `fit_mean_curve`."""
+    number = rests(deflection, load)
+    if number is None:
+        return fit_mean_curve(deflection, load, side, whole=whole)
+    return _fit_rests(deflection, load, side, number)
 
 
 def fit_mean_curve(
@@ -148,21 +170,22 @@ def fit_mean_curve(
     mean = chebyshev.chebvander(place, highest)
     columns = np.concatenate([plain, rounded, mean], axis=1)
     rows, starts = _rows(np.column_stack([columns, load]), place, side)
-    found = _ranked(rows, starts, plain.shape[1], rounded.shape[1], float(np.max(np.abs(load))))
+    ranked = _ranked(rows, starts, plain.shape[1], rounded.shape[1], float(np.max(np.abs(load))))
 
-    solved = [np.linalg.lstsq(table[:, used], table[:, -1], rcond=1e-12)[0] for _, table, used in found]
-    gaps = [sum(at < columns.shape[1] - mean.shape[1] for at in used) for _, _, used in found]
-    covariances = [
-        _covariances(table[:, used], table[:, -1] - table[:, used] @ one, gap)
-        for (_, table, used), one, gap in zip(found, solved, gaps, strict=True)
-    ]
-    first = np.zeros(columns.shape[1])
-    first[found[0][2]] = solved[0]
-    weights = np.array([weight for weight, _, _ in found])
+    first, covariances = np.zeros(columns.shape[1]), []
+    fits: list[FloatArray] = []
+    for _, table, used in ranked:
+        free = np.linalg.lstsq(table[:, used], table[:, -1], rcond=1e-12)[0]
+        if not fits:
+            first[used] = free
+        gap = sum(column < columns.shape[1] - mean.shape[1] for column in used)
+        fits.append(free[gap:])
+        covariances.append(_covariances(table[:, used], table[:, -1] - table[:, used] @ free, gap))
+    weights = np.array([weight for weight, _, _ in ranked])
     return MeanCurve(
         centre=centre,
         half=half,
-        fits=[one[gap:] for one, gap in zip(solved, gaps, strict=True)],
+        fits=fits,
         covariances=covariances,
         weights=weights / weights.sum(),
         gap=first[: plain.shape[1]] if plain.shape[1] else np.zeros(1),
@@ -236,23 +259,21 @@ def _ranked(
     other = (misfit + 2.0 * known * np.log(np.log(count))).min(axis=0)
     weights = np.exp(-0.5 * (other - other.min()))
     first = np.unravel_index(int(np.argmin(bic)), bic.shape)
-    listed = sorted(zip(*np.nonzero(weights > _LEAST_WEIGHT), strict=True), key=lambda at: -weights[at])
-    found = []
-    for n, at in [first, *(one for one in listed if one != first)][:_MOST_FITS]:
-        used = [*gaps[n], *range(plain + rounded, plain + rounded + int(orders[at]) + 1)]
-        found.append((float(weights[n, at]), tables[memory[n, at]], used))
-    return found
+    listed = sorted(zip(*np.nonzero(weights > _LEAST_WEIGHT), strict=True), key=lambda choice: -weights[choice])
+    ranked = []
+    for n, k in [first, *(choice for choice in listed if choice != first)][:_MOST_FITS]:
+        used = [*gaps[n], *range(plain + rounded, plain + rounded + int(orders[k]) + 1)]
+        ranked.append((float(weights[n, k]), tables[memory[n, k]], used))
+    return ranked
 
 
 def _gap_choices(plain: int, rounded: int) -> list[list[int]]:
     """Columns of H to choose from: none, polynomials, polynomials with a half circle, and both."""
+    if not plain:
+        return [[]]
     choices = [list(range(count)) for count in range(plain + 1)]
-    for count in range(1, rounded + 1):
-        circle = list(range(plain, plain + count))
-        choices.append(circle)
-    if rounded:
-        choices.append(list(range(plain + rounded)))
-    return choices if plain else [[]]
+    choices += [list(range(plain, plain + count)) for count in range(1, rounded + 1)]
+    return [*choices, list(range(plain + rounded))] if rounded else choices
 
 
 def _covariances(columns: FloatArray, residual: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
@@ -278,15 +299,91 @@ def off_the_curve(curve: MeanCurve, load: FloatArray) -> BoolArray:
     return off if off.mean() <= _MOST_OUTLIERS else np.zeros_like(off)
 
 
-#: A measured load may lie on the mean of the branches up to this share of the span beyond the fitted deflections.
-_EDGE = 0.02
-#: Parts of the span round a load that are tried for the tangent; the least number of points on each branch there, and
-#: of twentieths of the part in which these lie.
-_PARTS, _FEWEST_IN_PART, _FEWEST_LEVELS = (0.6, 0.36), 15, 10
-#: A part is taken if its uncertainty is below this share of that of the larger one.
-_SURER = 0.6
-#: No part is tried if the relative uncertainty is below this.
-_SURE = 1e-5
+def _fit_rests(deflection: FloatArray, load: FloatArray, side: FloatArray | None, number: IntArray) -> MeanCurve:
+    """The curve through the means of the rests, each with the weight of its samples.
+
+    The orders have the least AICc, that of P of as many observations as there are levels: repeats of a level tell its
+    scatter, not the shape between levels.
+    """
+    low, high = float(deflection.min()), float(deflection.max())
+    centre, half = 0.5 * (low + high), 0.5 * (high - low)
+    places, held = (means(number, deflection) - centre) / half, means(number, load)
+    gaps = [0] if side is None else range(_GAPS + 1)
+    side = np.zeros(load.size) if side is None else side
+    branch = np.sign(means(number, side))
+    level = ranks(number, deflection, load)
+    count = int(level.max()) + 1
+    samples = np.bincount(number[number >= 0])
+    samples = samples[samples > 0]
+    root = np.sqrt(samples / samples.mean())
+
+    highest = int(np.clip(count // 2, 1, _HIGHEST_ORDER))
+    choices = [(gap, order) for gap in gaps for order in range(1, highest + 1) if gap + order + 1 < places.size]
+    fits = [_of_orders(places, held, branch, root, level, *choice) for choice in choices]
+    floor = places.size * (_ROUND_OFF * float(np.max(np.abs(load)))) ** 2
+    score = np.array([count * np.log(max(misfit, floor)) for _, misfit, *_ in fits])
+    score += [_penalty(count, order + 1) + _penalty(places.size, gap) for gap, order in choices]
+    weights = np.exp(-0.5 * (score - score.min()))
+    kept = [k for k in np.argsort(-weights).tolist() if weights[k] >= _LEAST_WEIGHT]
+
+    gap = choices[kept[0]][0]
+    first = fits[kept[0]][0]
+    place = np.clip((deflection - centre) / half, -1.0, 1.0)
+    fitted = chebyshev.chebval(place, first[gap:])
+    if gap:
+        fitted = fitted + side * chebyshev.chebval(place, first[:gap])
+    residual = load - fitted
+    # Variance of the mean of a rest by the scatter of its samples [N²].
+    rest = number[number >= 0]
+    left = residual[number >= 0] - (np.bincount(rest, residual[number >= 0]) / np.maximum(np.bincount(rest), 1))[rest]
+    noise = float(left @ left) / max(left.size - samples.size, 1) / float(samples.mean())
+    return MeanCurve(
+        centre=centre,
+        half=half,
+        fits=[fits[k][0][choices[k][0] :] for k in kept],
+        covariances=[_covariances_of_rests(fits[k], places.size, count, noise, choices[k][0]) for k in kept],
+        weights=weights[kept] / weights[kept].sum(),
+        gap=first[:gap] if gap else np.zeros(1),
+        round_gap=np.zeros(1),
+        residual=residual,
+        stepped=True,
+    )
+
+
+def _of_orders(
+    places: FloatArray, held: FloatArray, branch: FloatArray, root: FloatArray, level: IntArray, gap: int, order: int
+) -> tuple[FloatArray, float, float, FloatArray]:
+    """Coefficients of H and P, sums of squares [N²] of rests and of levels, and inverse of the normal matrix."""
+    columns = chebyshev.chebvander(places, order)
+    if gap:
+        columns = np.concatenate([branch[:, None] * chebyshev.chebvander(places, gap - 1), columns], axis=1)
+    table = columns * root[:, None]
+    free = np.linalg.lstsq(table, held * root, rcond=1e-12)[0]
+    left = held * root - table @ free
+    common = np.bincount(level, root * left) ** 2 / np.bincount(level, root**2)
+    inverse = np.linalg.pinv(table.T @ table, rcond=1e-14, hermitian=True)
+    return free, float(left @ left), float(common.sum()), inverse
+
+
+def _penalty(count: int, free: int) -> float:
+    """Penalty of Akaike's criterion, corrected for a small count; very large where it does not carry the terms."""
+    spare = count - free - 1
+    return 2.0 * free * (1.0 + (free + 1.0) / spare) if spare > 0 else 1e9 + free
+
+
+def _covariances_of_rests(
+    fit: tuple[FloatArray, float, float, FloatArray], rests: int, levels: int, noise: float, first: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Covariance of the coefficients from `first` on: by the scatter of rests, of levels, and of samples.
+
+    Repeats of a level share its misfit, so that of the levels counts by itself. Few rests know their scatter badly: the
+    variance is that of Student's t (JCGM 101:2008, 6.4.9).
+    """
+    free, misfit, common, inverse = fit
+    dof = max(rests - free.size, 1)
+    wide = max(dof, _FEWEST_DOF) / (max(dof, _FEWEST_DOF) - 2.0)
+    part = inverse[first:, first:]
+    return wide * misfit / dof * part, common / max(levels - free.size + first, 1) * part, noise * part
 
 
 class Points(NamedTuple):
@@ -295,6 +392,10 @@ class Points(NamedTuple):
     deflection: FloatArray
     load: FloatArray
     side: FloatArray | None
+
+    def part(self, flags: BoolArray) -> Points:
+        """The points that are flagged."""
+        return Points(self.deflection[flags], self.load[flags], None if self.side is None else self.side[flags])
 
 
 class Local(NamedTuple):
@@ -343,12 +444,10 @@ def surest(points: Points, whole: MeanCurve, place: float, load: float) -> Local
 
 def in_part(points: Points, middle: float, reach: float, load: float) -> Local | None:
     """The tangent at a load [N] from the points of a part; None if it has too few, or does not rise to the load."""
-    x, f, side = points
-    part = np.abs(x - middle) <= reach
-    side = None if side is None else side[part]
-    if not _enough(x[part], side):
+    near = points.part(np.abs(points.deflection - middle) <= reach)
+    if not _enough(near.deflection, near.side):
         return None
-    local = fit_mean_curve(x[part], f[part], side, whole=False)
+    local = fit_mean_curve(*near, whole=False)
     try:
         place = deflection_at(local, load)
     except LoadCurveError:

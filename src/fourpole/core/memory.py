@@ -21,8 +21,8 @@ _SHARES = (0.05, 0.3, 0.8, 1.0)
 def memories() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Decay per row, share of the correlated part and number of parameters of each memory; the first is white."""
     decay = [0.0, *(float(np.exp(-1.0 / length)) for length in _LENGTHS for _ in _SHARES)]
-    share = [0.0, *(one for _ in _LENGTHS for one in _SHARES)]
-    count = [0.0, *(1.0 if one == 1.0 else 2.0 for one in share[1:])]
+    share = [0.0, *_SHARES * len(_LENGTHS)]
+    count = [0.0, *(1.0 if part == 1.0 else 2.0 for part in share[1:])]
     return np.array(decay), np.array(share), np.array(count)
 
 
@@ -44,7 +44,7 @@ def whitened(rows: FloatArray, starts: BoolArray, *, plain: bool = False) -> tup
     log_variance : (G,) float array
     count : (G,) float array
     """
-    decay, share, count = (one[:1] if plain else one for one in memories())
+    decay, share, count = (column[:1] if plain else column for column in memories())
     if plain:
         return rows[None], np.zeros(1), count
     out = np.empty((decay.size, *rows.shape))

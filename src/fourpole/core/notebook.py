@@ -49,18 +49,18 @@ def notebook_html(
     '<div><b>a &lt;b&gt;</b><br>two</div>'
     """
     parts = [f"<b>{_text(title)}</b>", *map(_text, lines)]
-    found = "<br>".join(parts)
+    html = "<br>".join(parts)
     if rows:
         body = "".join(f"<tr>{_cells('td', row)}</tr>" for row in rows[:most])
-        found += f"<table><thead><tr>{_cells('th', heads)}</tr></thead><tbody>{body}</tbody></table>"
+        html += f"<table><thead><tr>{_cells('th', heads)}</tr></thead><tbody>{body}</tbody></table>"
     left = (len(rows) if total is None else total) - most
     if left > 0:
-        found += f"... and {left} more"
-    return f"<div>{found}{after}</div>"
+        html += f"... and {left} more"
+    return f"<div>{html}{after}</div>"
 
 
 def _cells(tag: str, texts: Sequence[str]) -> str:
-    return "".join(f'<{tag} style="{_CELL if at else _FIRST}">{_text(text)}</{tag}>' for at, text in enumerate(texts))
+    return "".join(f'<{tag} style="{_CELL if i else _FIRST}">{_text(text)}</{tag}>' for i, text in enumerate(texts))
 
 
 def _text(text: str) -> str:

@@ -155,7 +155,7 @@ class Phasors(ByRows):
         rows = []
         for f, (f1, v1, v2) in zip(frequency[:_MOST_SHOWN].tolist(), amplitudes[:_MOST_SHOWN].tolist(), strict=True):
             sizes = (f"{abs(f1):.5g}", f"{1e3 * abs(v1):.5g}", f"{1e3 * abs(v2):.5g}")
-            angles = (f"{np.degrees(np.angle(one / v1)) if v1 else np.nan:.2f}" for one in (f1, v2))
+            angles = (f"{np.degrees(np.angle(x / v1)) if v1 else np.nan:.2f}" for x in (f1, v2))
             rows.append([f"{f:.6g}", *("" if text == "nan" else text for text in (*sizes, *angles))])
         heads = (q.FREQUENCY.head, "|F1| [N]", "|V1| [mm/s]", "|V2| [mm/s]", "F1 ahead of V1 [°]", "V2 ahead of V1 [°]")
         title = f"Phasors {'×'.join(map(str, shape)) or 'of one test'}, 0-to-peak"

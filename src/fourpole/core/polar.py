@@ -34,6 +34,6 @@ def polar(stiffness: ArrayLike) -> tuple[FloatArray, FloatArray]:
     k = np.asarray(stiffness, dtype=complex)
     size = np.abs(k)
     with np.errstate(divide="ignore", invalid="ignore"):
-        along, across = (np.stack([one.real, one.imag], axis=-1) / size[..., None] for one in (k, 1j * k))
+        along, across = (np.stack([z.real, z.imag], axis=-1) / size[..., None] for z in (k, 1j * k))
         slopes = np.stack([along, across / size[..., None]], axis=-2)
     return np.stack([size, np.angle(k)], axis=-1), slopes

@@ -228,14 +228,14 @@ class Recording:
     def _repr_html_(self) -> str:
         """Channels with their ranges and outlines, for a notebook."""
         rows, outlines = [], []
-        for name, one in self.channels.items():
+        for name, channel in self.channels.items():
             rate, start = self.base(name)
-            known = one.samples[np.isfinite(one.samples)]
+            samples = channel.samples
+            known = samples[np.isfinite(samples)]
             ends = (f"{known.min():.4g}", f"{known.max():.4g}") if known.size else ("", "")
-            unit = _UNITS[one.quantity]
-            times = (f"{start:.4g} to {start + one.samples.size / rate:.4g}", f"{rate:.6g}", str(one.samples.size))
-            rows.append((name, one.quantity, unit, *ends, *times))
-            outlines.append(f"<div>{notebook_html(name)}{outline_svg(one.samples)}</div>")
+            times = (f"{start:.4g} to {start + samples.size / rate:.4g}", f"{rate:.6g}", str(samples.size))
+            rows.append((name, channel.quantity, _UNITS[channel.quantity], *ends, *times))
+            outlines.append(f"<div>{notebook_html(name)}{outline_svg(samples)}</div>")
         heads = ("channel", "quantity", "unit", "least", "greatest", q.TIME.head, "rate [Hz]", "samples")
         return notebook_html(f"Recording {self.label}", (), heads, rows, after="".join(outlines))
 
@@ -296,9 +296,11 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
             f"time {how} (from {time[row]:.9g} s to {time[row + 1]:.9g} s); "
             "export the recording again in order of time, without repeated stamps"
         )
-    step, off_grid = _grid(time)
+    index, since = np.arange(time.size) - 0.5 * (time.size - 1), time - time[0]
+    step = float(index @ since / (index @ index))  # of the uniform grid nearest to the stamps
+    off_grid = np.abs(since - since.mean() - step * index)
     worst = int(np.argmax(off_grid))
-    stamps = _resolution(time - time[0], step)
+    stamps = _resolution(since, step)
     # stamps within half a unit of a grid lie within (1 + 5/3)/2 units of the fitted one: its ends weigh the rest by 5/3
     rounding = 4 / 3 * stamps + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))
     jumps = longest > 1.5 * shortest and longest > 1.5 * np.percentile(increments, 99.0)
@@ -316,14 +318,6 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
         f"{increments[jump]:.6g} s, the median {np.median(increments):.6g} s; samples were lost or the rate changed: "
         "resample, cut with window [s], or state sample_rate if the stamps are wrong"
     )
-
-
-def _grid(time: FloatArray) -> tuple[float, FloatArray]:
-    """Interval of the uniform grid nearest to the stamps (least squares), and distance of each stamp from it [s]."""
-    index = np.arange(time.size) - 0.5 * (time.size - 1)
-    since = time - time[0]
-    step = float(index @ since / (index @ index))
-    return step, np.abs(since - since.mean() - step * index)
 
 
 def _resolution(time: FloatArray, step: float) -> float:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from math import inf, nan
+from typing import Any
 
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.checks import Check, Code, Looks, Verdict, judged, reported
-from fourpole.core.demodulation.demodulate import Demodulation
+from fourpole.core.demodulation.demodulate import Demodulation, Harmonics
 from fourpole.core.demodulation.spectrum import LINE_GAP, off_multiples
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel
@@ -18,10 +20,10 @@ from fourpole.core.rig import Rig
 INCONSISTENT = 0.2
 
 
-def check_frequency(found: float, stated: float | None) -> Check:
+def check_frequency(frequency: float, stated: float | None) -> Check:
     """Compare the stated frequency with the one found: within 1 % ok, within 5 % a warning, else rejected."""
-    off = 0.0 if not stated else abs(found - stated) / stated
-    return judged(Code.FREQUENCY, off, 0.01, 0.05, found=found, stated=stated)
+    off = 0.0 if not stated else abs(frequency - stated) / stated
+    return judged(Code.FREQUENCY, off, 0.01, 0.05, found=frequency, stated=stated)
 
 
 def check_lift_off(force_peak: float, preload: float | None, *, fixed: bool = False) -> Check:
@@ -73,47 +75,48 @@ def _flat_share(samples: FloatArray) -> float:
     return share if share > 3.0 * expected + 2.0 / samples.size else 0.0
 
 
-def check_distortion(found: Demodulation) -> Check:
+def check_distortion(demodulation: Demodulation) -> Check:
     """Compare the harmonics of the displacement at the contact with its fundamental; a good cam gives a sine."""
-    return judged(Code.DISTORTION, float(found.distortion[1]), 0.2)
+    return judged(Code.DISTORTION, float(demodulation.distortion[1]), 0.2)
 
 
-def check_noise(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
+def check_noise(demodulation: Demodulation, names: tuple[str, ...]) -> list[Check]:
     """Compare the residual of the fit with the fundamental, for each channel."""
-    ratios = zip(names, found.noise_ratio.tolist(), strict=True)
+    ratios = zip(names, demodulation.noise_ratio.tolist(), strict=True)
     return [judged(Code.RESIDUAL, ratio, 0.3, inf, name) for name, ratio in ratios if np.isfinite(ratio)]
 
 
-def check_excitation(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
+def check_excitation(demodulation: Demodulation, names: tuple[str, ...]) -> list[Check]:
     """Compare the standard uncertainty of each amplitude with the amplitude, to find channels that do not move."""
     rows = []
     for i, name in enumerate(names):
-        amplitude = abs(complex(found.phasors.amplitudes[i]))
+        amplitude = abs(complex(demodulation.phasors.amplitudes[i]))
         if np.isfinite(amplitude):
-            relative = float(found.phasors.std[2 * i : 2 * i + 2].max()) / amplitude if amplitude > 0 else np.inf
-            rows.append(judged(Code.EXCITATION, relative, 0.05, 0.2, name, hertz=float(found.phasors.frequency)))
+            relative = float(demodulation.phasors.std[2 * i : 2 * i + 2].max()) / amplitude if amplitude > 0 else np.inf
+            rows.append(judged(Code.EXCITATION, relative, 0.05, 0.2, name, hertz=float(demodulation.phasors.frequency)))
     return rows
 
 
-def check_mains(found: Demodulation) -> Check:
+def check_mains(demodulation: Demodulation) -> Check:
     """Compare the frequency with the multiples of 50 and 60 Hz; on a multiple, hum adds to the excitation."""
-    frequency = float(found.phasors.frequency)
+    frequency = float(demodulation.phasors.frequency)
     apart = min(float(off_multiples(frequency, base)) for base in (50.0, 60.0))
-    bins = apart * found.cycles / frequency
+    bins = apart * demodulation.cycles / frequency
     if bins < LINE_GAP:
         return reported(Code.MAINS, Verdict.WARNING, bins, LINE_GAP, hertz=frequency)
     return Check(Code.MAINS, Verdict.OK, bins, LINE_GAP)
 
 
-def check_gaps(found: Demodulation) -> Check:
+def check_gaps(demodulation: Demodulation) -> Check:
     """Check the share of samples that were missing and left out of the fit."""
-    return judged(Code.MISSING, found.missing, 0.0, percent=100 * found.missing)
+    return judged(Code.MISSING, demodulation.missing, 0.0, percent=100 * demodulation.missing)
 
 
-def check_spoilt(found: Demodulation, names: tuple[str, ...]) -> list[Check]:
+def check_spoilt(demodulation: Demodulation, names: tuple[str, ...]) -> list[Check]:
     """Check the share of drop-outs and spikes, which were left out of the fit, for each channel."""
-    shares = zip(names, found.spoilt.tolist(), strict=True)
-    return [judged(Code.SPOILT, one, 0.0, inf, name, percent=100 * one) for name, one in shares if np.isfinite(one)]
+    shares = zip(names, demodulation.spoilt.tolist(), strict=True)
+    known = [(name, share) for name, share in shares if np.isfinite(share)]
+    return [judged(Code.SPOILT, share, 0.0, inf, name, percent=100 * share) for name, share in known]
 
 
 #: Largest change of a channel against the others between the halves, of amplitude [1] and phase [rad]. The error of K*
@@ -125,18 +128,15 @@ _CHANGE_NOISE, _SHARPNESS = 5.0, 30.0
 _AGREE = 0.3
 
 
-def check_halves(found: Demodulation, names: tuple[str, ...]) -> Check:
+def check_halves(demodulation: Demodulation, names: tuple[str, ...]) -> Check:
     """Compare the channels' changes between the halves: one channel that changes against the others drifts."""
-    there = np.flatnonzero(np.isfinite(found.changes[:, 0])).tolist()
-    std = 2.0 * found.phasors.std.reshape(3, 2).max(axis=1) / np.abs(found.phasors.amplitudes)
-    limits = _CHANGES + _SHARPNESS * abs(found.speed_change)
-
-    def apart(i: int, k: int) -> float:
-        """Change of one channel against another, in its limits [1]."""
+    there = np.flatnonzero(np.isfinite(demodulation.changes[:, 0])).tolist()
+    std = 2.0 * demodulation.phasors.std.reshape(3, 2).max(axis=1) / np.abs(demodulation.phasors.amplitudes)
+    limits = _CHANGES + _SHARPNESS * abs(demodulation.speed_change)
+    pairs = {}  # change of one channel against another, in its limits [1]
+    for i, k in combinations(there, 2):
         least = np.maximum(limits, _CHANGE_NOISE * np.hypot(std[i], std[k]))
-        return float(np.max(np.abs(found.changes[i] - found.changes[k]) / least))
-
-    pairs = {(i, k): apart(i, k) for n, i in enumerate(there) for k in there[n + 1 :]}
+        pairs[i, k] = float(np.max(np.abs(demodulation.changes[i] - demodulation.changes[k]) / least))
     worst = max(pairs.values(), default=0.0)
     if not worst > 1.0:
         return Check(Code.HALVES, Verdict.OK, worst, 1.0)
@@ -145,15 +145,12 @@ def check_halves(found: Demodulation, names: tuple[str, ...]) -> Check:
     lone = len(there) == 3 and pairs[near] < _AGREE * worst
     which = odd[0] if lone else there[0]
     others = [i for i in there if i != which]
-    gain, phase = (found.changes[which] - np.mean(found.changes[others], axis=0)).tolist()
-    change: dict[str, float] = {"gain": gain}
+    gain, phase = (demodulation.changes[which] - np.mean(demodulation.changes[others], axis=0)).tolist()
+    change: dict[str, Any] = {"gain": gain}
     if abs(phase) / limits[1] > abs(gain) / limits[0]:
-        change = {"phase": phase, "ppm": abs(2e6 * phase / (2 * np.pi * found.cycles))}
-    specimen = not (lone and names[which] != "V1")
-    beside = tuple(names[i] for i in others)
-    return reported(
-        Code.HALVES, Verdict.WARNING, worst, 1.0, names[which], others=beside, specimen=specimen, **change
-    )  # fmt: skip
+        change = {"phase": phase, "ppm": abs(2e6 * phase / (2 * np.pi * demodulation.cycles))}
+    change |= {"others": tuple(names[i] for i in others), "specimen": not (lone and names[which] != "V1")}
+    return reported(Code.HALVES, Verdict.WARNING, worst, 1.0, names[which], **change)
 
 
 #: The force channel has the static load if its mean is at least this share of the preload.
@@ -210,3 +207,143 @@ def check_consistency(phasors: Phasors, rig: Rig, added_mass: float) -> Check:
     if v1 != 0 and abs(force / (impedance * v1) - 1.0) < _ALIKE:
         looks.append(Looks.V1_V2_EXCHANGED)
     return judged(Code.CONSISTENCY, abs(ratio - 1.0), INCONSISTENT, ratio=size, degrees=degrees, looks=tuple(looks))
+
+
+#: Harmonics of the specimen's own force over the fundamental. A dry friction or a cubic spring whose third harmonic is
+#: 2 % makes up 6 % of the fundamental, and so K* depends on the amplitude by that much.
+_SPECIMEN = 0.02
+#: The same for the rig. Its friction then takes 3 % of the force, more than the usual uncertainty of a sensor.
+_RIG = 0.01
+#: Lowest natural frequency of a specimen by its own mass [Hz]; tyres have theirs from 50 Hz on.
+_NATURAL = 40.0
+#: Amplitudes below this many standard uncertainties of a part are noise: 4 of a million exceed it by chance.
+_NOISE = 5.0
+#: Harmonics of F1 are the channel's own if V2 needs less than this share of them.
+_MOVED = 0.5
+
+
+def linearity_checks(harmonics: Harmonics, frequency: float, rig: Rig | None, added_mass: float) -> list[Check]:
+    r"""Checks of the linearity of the specimen and of the rig; none where the channels do not show it.
+
+    A linear specimen answers harmonic n of its deflection d with :math:`K^*(n\omega)\,d_n`, and a linear rig answers
+    harmonic n of V2 with :math:`Z_r(n\omega)\,V_{2,n}`. The force that remains is the specimen's own, or the rig's.
+
+    Parameters
+    ----------
+    harmonics : Harmonics
+        Harmonics of the recording.
+    frequency : float [Hz]
+        Frequency of the fundamental.
+    rig : Rig or None
+        The rig as stated.
+    added_mass : float [kg]
+        Mass fixed to the moving mass in addition.
+
+    Returns
+    -------
+    list of Check
+        Linearity of the specimen or of the channel of F1, and linearity of the rig.
+    """
+    specimen, of_rig, unmoved = excess(harmonics, 2 * np.pi * frequency, rig, added_mass)
+    rows = []
+    if np.isfinite(specimen):
+        code = Code.FORCE_LINEARITY if unmoved and specimen > _SPECIMEN else Code.LINEARITY
+        rows.append(judged(code, specimen, _SPECIMEN))
+    if np.isfinite(of_rig):
+        rows.append(judged(Code.RIG_LINEARITY, of_rig, _RIG))
+    return rows
+
+
+def excess(harmonics: Harmonics, omega: float, rig: Rig | None, added_mass: float) -> tuple[float, float, bool]:
+    r"""Harmonics of the force that the motion's harmonics do not explain.
+
+    K* at a harmonic is taken as :math:`K^*(\omega)\,n^{2\delta/\pi}`, with :math:`\delta` the phase of K*. It is exact
+    for a spring, a damper and a power law. A spring beside a damper, and a spring behind a damper, of the same phase
+    give the largest departure from it. A mass of the specimen adds :math:`s/(1-s)`, :math:`s=(nf/f_0)^2`, where its
+    lowest natural frequency :math:`f_0` is at least 40 Hz. Above it, harmonic n may depart by n - 1 times its size.
+    If F1 and V2 contradict each other at the fundamental, both parts are not-a-number.
+
+    Parameters
+    ----------
+    harmonics : Harmonics
+    omega : float [rad/s]
+        Angular frequency of the fundamental.
+    rig : Rig or None
+        The rig as stated.
+    added_mass : float [kg]
+        Mass fixed to the moving mass in addition.
+
+    Returns
+    -------
+    specimen, rig : float [1]
+        Root of the summed squares over the fundamental of F1; not-a-number where the channels do not show it.
+    unmoved : bool
+        Whether the specimen's harmonics are not in V2, so that the channel of F1 makes them.
+
+    Examples
+    --------
+    >>> clean = np.array([[100.0, 0.0, 0.0], [0.06, 0.0, 0.0], [0.0, 0.0, 0.0]], dtype=complex)
+    >>> bent = clean + [[0.0, 0.0, 25.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    >>> still = Rig(blocked=True)
+    >>> for amplitudes in (clean, bent):
+    ...     excess(Harmonics(amplitudes, np.zeros((3, 3)), np.ones(3, dtype=bool)), 63.0, still, 0.0)[0]
+    0.0
+    0.25
+    """
+    number = np.arange(1.0, harmonics.clear.size + 1)
+    f1, v1, v2 = harmonics.amplitudes
+    clear = harmonics.clear & (number > 1)
+    if not (np.isfinite(f1[0]) and np.isfinite(v1[0])) or not clear.any() or f1[0] == 0:
+        return np.nan, np.nan, False
+    jw = 1j * omega * number
+    blocked = rig is not None and rig.blocked
+    force = f1 - (0.0 if rig is None else rig.input_mass) * jw * v1
+    needed = None if rig is None or blocked else np.asarray(rig.impedance(omega * number, added_mass))
+    moved = _moved(force, v2, needed, blocked=blocked)
+    if moved is None:
+        return np.nan, np.nan, False
+    deflection = (v1 - moved) / jw
+    ratio = force[0] / deflection[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffness = np.asarray(ratio * number ** (2 * np.clip(np.angle(ratio), 0.0, np.pi) / np.pi))
+    noise = harmonics.std
+    far = 0.0 if blocked or np.isnan(v2[0]) else noise[2]
+    spread = np.hypot(noise[0], np.abs(stiffness / jw) * np.hypot(noise[1], far))
+    explained = stiffness * deflection
+    allowed = _departure(np.angle(ratio), number, omega) * np.abs(explained)
+    own = np.maximum(np.abs(force - explained) - (allowed + _NOISE * spread), 0.0)
+    specimen = float(np.linalg.norm(own[clear]) / np.abs(force[0]))
+    if needed is None or np.isnan(v2[0]):
+        return specimen, np.nan, False
+    through = needed * v2  # the force that the rig needs
+    limit = np.abs(force) + _NOISE * np.hypot(noise[0], np.abs(needed) * noise[2])
+    left = np.maximum(np.abs(force - through) - limit, 0.0)
+    above = clear & (own > 0)
+    in_v2 = np.linalg.norm(through[above]) >= _MOVED * np.linalg.norm(force[above])
+    return specimen, float(np.linalg.norm(left[clear]) / np.abs(force[0])), not in_v2
+
+
+def _moved(force: ComplexArray, v2: ComplexArray, needed: ComplexArray | None, *, blocked: bool) -> ComplexArray | None:
+    """V2 of all harmonics: 0 where blocked, as measured, or as the rig's impedance gives it.
+
+    None if it is unknown, or if F1 and V2 contradict each other at the fundamental, of which `check_consistency` warns.
+    """
+    if blocked:
+        return np.zeros_like(force)
+    if not np.isfinite(v2[0]):
+        return None if needed is None else force / needed
+    if needed is not None and abs(force[0] - needed[0] * v2[0]) > INCONSISTENT * abs(needed[0] * v2[0]):
+        return None
+    return v2
+
+
+def _departure(phase: float, number: FloatArray, omega: float) -> FloatArray:
+    """Largest relative departure of a linear specimen's K* at the harmonics from its power law, (n,) [1]."""
+    delta = float(np.clip(phase, 0.0, 0.5 * np.pi))
+    turn, power = np.exp(-1j * delta), number ** (2 * delta / np.pi)
+    beside = (np.cos(delta) + 1j * number * np.sin(delta)) * turn
+    behind = 1j * number * turn / (np.sin(delta) + 1j * number * np.cos(delta))
+    rubber = np.maximum(np.abs(beside / power - 1), np.abs(behind / power - 1))
+    share = np.minimum((number * omega / (2 * np.pi * _NATURAL)) ** 2, 1.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.minimum(number - 1, rubber + share / (1 - share)))

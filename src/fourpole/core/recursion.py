@@ -33,21 +33,21 @@ def outputs_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, input
     drives = np.zeros((-(-count // _BLOCK), len(a)))
     np.matmul(u, np.concatenate(pushed[::-1], axis=1).T, out=drives[:whole])
     states = states_of(np.linalg.matrix_power(a, _BLOCK), drives)
-    responses = np.stack([d, *(c @ one for one in pushed[:-1])])
+    responses = np.stack([d, *(c @ push for push in pushed[:-1])])
     both = np.concatenate([np.stack(seen).transpose(1, 2, 0), _toeplitz(responses)], axis=1)
     # A row has the states at the start of a block, and its inputs. Few rows at a time: fresh memory takes longer.
-    found, rows = np.empty((len(c), len(drives), _BLOCK)), np.empty((_ROWS, len(a) + _BLOCK * m))
-    for at in range(0, whole, _ROWS):
-        some = slice(at, min(at + _ROWS, whole))
-        here = rows[: some.stop - at]
+    outputs, rows = np.empty((len(c), len(drives), _BLOCK)), np.empty((_ROWS, len(a) + _BLOCK * m))
+    for first in range(0, whole, _ROWS):
+        some = slice(first, min(first + _ROWS, whole))
+        here = rows[: some.stop - first]
         here[:, : len(a)], here[:, len(a) :] = states[some], u[some]
-        np.matmul(here, both, out=found[:, some])
+        np.matmul(here, both, out=outputs[:, some])
     if len(drives) > whole:
         last = np.zeros(both.shape[1])
         last[: len(a)] = states[whole]
         last[len(a) : len(a) + (count - whole * _BLOCK) * m] = inputs[whole * _BLOCK :].ravel()
-        found[:, whole] = last @ both
-    return found.reshape(len(c), -1)[:, :count]
+        outputs[:, whole] = last @ both
+    return outputs.reshape(len(c), -1)[:, :count]
 
 
 def states_of(a: FloatArray, drives: FloatArray) -> FloatArray:
@@ -56,8 +56,8 @@ def states_of(a: FloatArray, drives: FloatArray) -> FloatArray:
     if count > _FEW:
         return outputs_of(a, np.eye(n), np.eye(n), np.zeros((n, n)), drives).T
     states, turned = np.zeros((count, n)), np.ascontiguousarray(a.T)
-    for at in range(count - 1):
-        states[at + 1] = states[at] @ turned + drives[at]
+    for i in range(count - 1):
+        states[i + 1] = states[i] @ turned + drives[i]
     return states
 
 

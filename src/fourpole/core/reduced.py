@@ -148,15 +148,15 @@ def predict(frequency: ArrayLike, k1: float, k2: float, c: float, rig: Rig) -> R
     return identify_stiffness(frequency, zener_stiffness(k1, k2, c, omega), k1, rig)
 
 
-def stiffness_std(found: ReducedResult, relative: ArrayLike, rig: Rig | None = None) -> FloatArray:
+def stiffness_std(result: ReducedResult, relative: ArrayLike, rig: Rig | None = None) -> FloatArray:
     r"""Standard uncertainty of Re K* and of Im K* [N/m] from that of a mobility V1/F1, the same in all directions.
 
     .. math:: u(K^*) = \frac{|K^*|^2}{\omega} \frac{|Y_1|^2}{|Y|} u_r(Y)
 
     Parameters
     ----------
-    found : ReducedResult
-        What `identify_mobility` found.
+    result : ReducedResult
+        What `identify_mobility` returns.
     relative : (N,) float array [1]
         Relative standard uncertainty of the mobility Y, the same in all directions.
     rig : Rig, optional
@@ -164,14 +164,14 @@ def stiffness_std(found: ReducedResult, relative: ArrayLike, rig: Rig | None = N
 
     Examples
     --------
-    >>> found = identify_mobility([10.0], [1e-3j], 180e3)
-    >>> float((stiffness_std(found, [0.01]) / abs(found.stiffness)).round(6)[0])
+    >>> result = identify_mobility([10.0], [1e-3j], 180e3)
+    >>> float((stiffness_std(result, [0.01]) / abs(result.stiffness)).round(6)[0])
     0.01
     """
-    _, omega = _turning(found.frequency)
+    _, omega = _turning(result.frequency)
     with np.errstate(divide="ignore", invalid="ignore"):
-        contact = 1.0 / (1.0 / found.mobility - _input_impedance(omega, rig))
-        gain = np.abs(found.stiffness) ** 2 / omega * np.abs(contact) ** 2 / np.abs(found.mobility)
+        contact = 1.0 / (1.0 / result.mobility - _input_impedance(omega, rig))
+        gain = np.abs(result.stiffness) ** 2 / omega * np.abs(contact) ** 2 / np.abs(result.mobility)
     return np.asarray(gain * np.asarray(relative, dtype=float))
 
 

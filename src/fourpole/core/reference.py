@@ -131,13 +131,8 @@ class Reference(ByValue):
     @cached_property
     def curve(self) -> Callable[..., FloatArray]:
         """Phase [rad] as a function of time [s]; a second argument is the order of a derivative by time."""
-        time = _smoothed(self.time)
-        spline = scipy.interpolate.make_interp_spline(time, self.phase)
-
-        def phase(at: FloatArray, order: int = 0) -> FloatArray:
-            return np.asarray(spline(at, nu=order))
-
-        return phase
+        spline: Callable[..., FloatArray] = scipy.interpolate.make_interp_spline(_smoothed(self.time), self.phase)
+        return spline
 
     def omega(self, first: float, last: float) -> float:
         """Mean speed between two times [s], in rad/s."""
@@ -178,9 +173,9 @@ def _check_steady(times: FloatArray, pulses: int) -> None:
     # A missing tooth as a mark gives one long gap in every revolution.
     marks = pulses > 1 and strange.size >= times.size // pulses - 1 and bool(np.all(np.diff(strange) == pulses))
     if strange.size and not marks:
-        at = int(strange[0])
+        first = int(strange[0])
         raise RecordingError(
-            f"the reference's pulses are uneven: {gaps[at]:.4g} s between pulses at {times[at]:.5g} s, "
+            f"the reference's pulses are uneven: {gaps[first]:.4g} s between pulses at {times[first]:.5g} s, "
             f"{usual:.4g} s as a rule; check its level and cable, or cut with window [s]"
         )
 
@@ -219,10 +214,11 @@ class PulseTrain:
         run = np.concatenate([self._held, np.where(np.isfinite(samples), samples, middle)])
         first = start - self._held.size / rate
         state = np.where(run > middle + reach, 1, np.where(run < middle - reach, -1, 0))
-        at = np.flatnonzero(state)
-        rises = np.flatnonzero((state[at][:-1] < 0) & (state[at][1:] > 0))
-        self._parts.append(np.array([_crossing(run, at[i], at[i + 1], middle) for i in rises]) / rate + first)
-        self._held = run[at[-1] :].copy() if at.size else run
+        outside = np.flatnonzero(state)
+        rises = np.flatnonzero((state[outside][:-1] < 0) & (state[outside][1:] > 0))
+        crossings = [_crossing(run, outside[i], outside[i + 1], middle) for i in rises]
+        self._parts.append(np.array(crossings) / rate + first)
+        self._held = run[outside[-1] :].copy() if outside.size else run
 
     def times(self) -> FloatArray:
         """Times of all pulses so far [s]."""

@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import FREQUENCY, Axis, Sameness
-from fourpole.core.deflection import deflection_amplitude
 from fourpole.errors import ModelError, UnitError
 from fourpole.models.separation import LEAST_SPREAD, MOST_INFLATION, Separation, separation
 from fourpole.units import column_unit, shown, unit_scale

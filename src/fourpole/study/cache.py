@@ -27,8 +27,7 @@ import numpy as np
 
 from fourpole.core.checks import CHECK_CLASSES
 from fourpole.core.demodulation.corrections import Correction
-from fourpole.core.demodulation.demodulate import Demodulation
-from fourpole.core.demodulation.harmonics import Harmonics
+from fourpole.core.demodulation.demodulate import Demodulation, Harmonics
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.phasor import Phasors
 from fourpole.core.spectra.excited import Excited

@@ -28,15 +28,14 @@ from fourpole.core.demodulation.sinefit import fit_sines
 from fourpole.core.demodulation.steady import steady_part
 from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
-from fourpole.core.linearity import linearity_checks
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.recording import DRIVE, Recording
+from fourpole.core.recordingchecks import linearity_checks
 from fourpole.core.rig import Rig
+from fourpole.core.spectra.checks import Sensors, check_closure, check_line, check_pooled, check_shared_noise
 from fourpole.core.spectra.excited import Excited
-from fourpole.core.spectra.pooled import Sensors, check_pooled, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
-from fourpole.core.spectra.verdicts import check_closure, check_line
 from fourpole.errors import ConstantError, FileError, FourpoleError, Message, RecordingError, TableError, TooShortError
 from fourpole.io.door import sha256_of
 from fourpole.io.remote import permission

@@ -12,8 +12,8 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import Test
+from fourpole.core.alone import deflection_amplitude
 from fourpole.core.checks import Check, worst_verdict
-from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.identify import OUTPUTS
 from fourpole.core.joint.around import Likelihood
 from fourpole.core.phasor import SYMBOLS

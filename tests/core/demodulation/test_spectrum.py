@@ -19,12 +19,11 @@ def left(residual, present, dof, frequency, lines=NO_LINES):
     time = (np.arange(samples) - 0.5 * (samples - 1)) / RATE
     return SimpleNamespace(
         residual=residual,
-        track=SimpleNamespace(present=present, known=int(present.sum()), time=time, course=None),
+        track=SimpleNamespace(present=present, known=int(present.sum()), time=time, course=None, exact_rate=RATE),
         rows=SimpleNamespace(lead=0.0),
         omega=2 * np.pi * frequency,
         lines=2 * np.pi * lines,
         dof=dof,
-        rate=RATE,
         resolution=RATE / samples,
     )
 

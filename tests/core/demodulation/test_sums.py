@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fourpole.core.demodulation.sinefit import fit_sines
-from fourpole.core.demodulation.sums import Blocks, sums_without_samples
+from fourpole.core.demodulation.sums import Blocks, Sines, sums_without_samples
 from fourpole.core.demodulation.terms import Terms, rows_of
 from fourpole.core.demodulation.tracks import Course, Track
 
@@ -22,7 +22,7 @@ def times(samples):
 def test_sums_over_blocks_are_those_over_samples(samples, fewest):
     signals = np.random.default_rng(samples).standard_normal((2, samples))
     time, place = times(samples)
-    sines = Blocks(signals, RATE, fewest).sines(3.3, 3, np.array([41.0, 300.0]))
+    sines = Sines(Blocks(signals, RATE, fewest), 3.3, 3, np.array([41.0, 300.0]))
     omega = np.array([3.3, 6.6, 9.9, 41.0, 300.0])
     for p in range(4):
         expected = (signals * place**p) @ np.exp(-1j * np.outer(time, omega))
@@ -34,7 +34,7 @@ def test_sums_over_blocks_are_those_over_samples(samples, fewest):
 def test_a_wave_is_the_sum_of_its_terms(samples):
     rng = np.random.default_rng(samples)
     time, place = times(samples)
-    sines = Blocks(np.zeros((2, samples)), RATE).sines(3.3, 2, np.array([41.0]))
+    sines = Sines(Blocks(np.zeros((2, samples)), RATE), 3.3, 2, np.array([41.0]))
     amplitudes = rng.standard_normal((2, 3, 3)) + 1j * rng.standard_normal((2, 3, 3))
     turning = np.exp(1j * np.outer([3.3, 6.6, 41.0], time))
     drift, powers = rng.standard_normal((2, 4)), place ** np.arange(4)[:, None]

@@ -60,8 +60,8 @@ def response_std(corrections: Sequence[Correction]) -> FloatArray:
     """Standard uncertainties (3, 2) of the gains [1] and phases [rad] of F1, V1, V2 after the corrections."""
     result = np.zeros((3, 2))
     for row in corrections:
-        at = CHANNELS.index(row.channel)
-        result[at] = np.hypot(result[at], (row.gain_std, row.phase_std))
+        place = CHANNELS.index(row.channel)
+        result[place] = np.hypot(result[place], (row.gain_std, row.phase_std))
     return result
 
 

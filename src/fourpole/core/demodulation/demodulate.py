@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, response_std, without_crosstalk
 from fourpole.core.demodulation.halves import changes_of
-from fourpole.core.demodulation.harmonics import KEPT, Harmonics, harmonics_of
 from fourpole.core.demodulation.preview import Preview, preview
 from fourpole.core.demodulation.sinefit import SineFit, fit_sines, refine
 from fourpole.core.demodulation.spectrum import (
@@ -28,6 +28,8 @@ from fourpole.core.recording import DERIVATIVES, Channel, Recording
 from fourpole.errors import RecordingError, TooShortError
 
 _HARMONICS = 10
+#: Number of harmonics that are kept, with the fundamental; higher ones are weak, and a specimen has modes there.
+_KEPT = 5
 #: Samples of a cycle in which the peak of a periodic signal is looked for.
 _OF_A_CYCLE = 512
 _MOST_LINES = 12
@@ -39,6 +41,25 @@ _FEWEST_CYCLES = 3.0
 _NEAR = 0.05
 #: Lines within this share of the fundamental from a harmonic are sidebands of a wandering drive.
 _SIDE = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonics(ByValue):
+    """Harmonics of F1, V1, V2 of one recording, the fundamental first: what a linear specimen and rig must explain.
+
+    Attributes
+    ----------
+    amplitudes : (3, H) complex array [N], [m/s], [m/s]
+        Amplitudes of F1, V1, V2; not-a-number for an absent channel.
+    std : (3, H) float array [N], [m/s], [m/s]
+        Standard uncertainty of the real and of the imaginary part, from the noise beside each harmonic.
+    clear : (H,) bool array
+        False where hum of the mains is too close to the harmonic.
+    """
+
+    amplitudes: ComplexArray
+    std: FloatArray
+    clear: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,40 +182,32 @@ def demodulate(
     --------
     >>> t = np.arange(5000) / 1000.0
     >>> wave = np.exp(2j * np.pi * 10.3 * t)
-    >>> found = demodulate(Recording.from_arrays(t, force_in=(60j * wave).real, motion_in=(0.06 * wave).real))
-    >>> found.phasors.frequency.round(9), abs(found.phasors.mobility).round(12)
+    >>> result = demodulate(Recording.from_arrays(t, force_in=(60j * wave).real, motion_in=(0.06 * wave).real))
+    >>> result.phasors.frequency.round(9), abs(result.phasors.mobility).round(12)
     (np.float64(10.3), np.float64(0.001))
     """
     names = [name for name in CHANNELS if name in recording.channels]
     tracks = tracks_of(recording, names)
     if recording.reference is not None and frequency is None:
         tracks, omega = following(tracks, recording.reference, recording.span)
-        return _fitted(recording, tracks, omega / (2 * np.pi), mains, harmonics, free=False)
-    if frequency is not None:
-        return _fitted(recording, tracks, frequency, mains, harmonics, free=False)
-    guess = start if start is not None else _strongest(recording, tracks[0], near)
-    _check_length(recording, tracks, guess, given=False)
-    sharper = sharpened(_without_trend(tracks[0]), tracks[0].rate, guess)
-    return _fitted(recording, tracks, sharper, mains, harmonics, free=True)
-
-
-def _fitted(
-    recording: Recording, tracks: list[Track], start: float, mains: float | None, harmonics: int, *, free: bool
-) -> Demodulation:
-    """Amplitudes from a first guess of the frequency [Hz]; if not `free`, at exactly that frequency."""
-    if not free:
-        _check_length(recording, tracks, start, given=True)
+        frequency = omega / (2 * np.pi)
+    free = frequency is None
+    if frequency is None:
+        frequency = start if start is not None else _strongest(recording, tracks[0], near)
+    _check_length(recording, tracks, frequency, given=not free)
+    if free:
+        frequency = sharpened(_without_trend(tracks[0]), tracks[0].rate, frequency)
     fits, informing = [], []
     for track in tracks:
-        count = max(1, min(harmonics, int(0.45 * track.rate / start)))
-        informing.append(_informing(start, count, track.rate / track.time.size, mains))
-        fits.append(fit_sines(track, 2 * np.pi * start, count, np.empty(0)))
+        count = max(1, min(harmonics, int(0.45 * track.rate / frequency)))
+        informing.append(_informing(frequency, count, track.rate / track.time.size, mains))
+        fits.append(fit_sines(track, 2 * np.pi * frequency, count, np.empty(0)))
     if free:
         fits, _ = refine(fits, informing=informing)
     fits = without_spoilt(fits, informing, free=free)
     fits = _remove_lines(fits, informing, mains, free=free)
 
-    noise = noise_beside(fits, min(KEPT, *(fit.harmonics for fit in fits)))
+    noise = noise_beside(fits, min(_KEPT, *(fit.harmonics for fit in fits)))
     fits, omega_std = refine(fits, informing=informing, free=free, weights=_weights(fits, noise[0]))
     return _assemble(recording, fits, noise, omega_std)
 
@@ -278,21 +291,22 @@ def _remove_lines(fits: list[SineFit], informing: list[BoolArray], mains: float 
     """
     for number in range(_LINE_PASSES):
         wider = [_with_lines(fit, mains if number == 0 else None) for fit in fits]
-        if all(found is None for found in wider):
+        if all(more is None for more in wider):
             break
-        fits = [fit if found is None else found for fit, found in zip(fits, wider, strict=True)]
+        fits = [fit if more is None else more for fit, more in zip(fits, wider, strict=True)]
         fits, _ = refine(fits, informing=informing, free=free)
     return fits
 
 
 def _with_lines(fit: SineFit, mains: float | None) -> SineFit | None:
     """The fit with the lines of its residual and of `mains`; None if there are no lines or too few samples."""
-    rate = fit.rate
+    rate = fit.track.exact_rate
     stated = np.empty(0) if mains is None else mains * np.arange(1, max(1, min(5, int(0.45 * rate / mains))) + 1)
     size = np.hypot(*fit.coefficients[:2])
     shown = find_lines(fit.residual, rate, _NEGLIGIBLE * size)
-    found = np.concatenate([stated, shown if fit.track.course is None else _foreign(shown, fit, mains)])
-    lines, unsteady = _new_terms(fit, found, rate / fit.track.time.size, rate)
+    lines, unsteady = _new_terms(
+        fit, np.concatenate([stated, shown if fit.track.course is None else _foreign(shown, fit, mains)])
+    )
     more = 2 * lines.size + 4 * (len(unsteady) - len(fit.unsteady))
     if not more or fit.dof < 4 * (fit.size + more):
         return None
@@ -308,81 +322,44 @@ def _foreign(lines: FloatArray, fit: SineFit, mains: float | None) -> FloatArray
     return lines[~beside | np.any(hum, axis=0)]
 
 
-def _new_terms(fit: SineFit, found: FloatArray, resolution: float, rate: float) -> tuple[FloatArray, tuple[int, ...]]:
-    """The lines found [Hz] that can be fitted as lines, and the numbers of the unsteady harmonics."""
+def _new_terms(fit: SineFit, shown: FloatArray) -> tuple[FloatArray, tuple[int, ...]]:
+    """The lines shown [Hz] that can be fitted as lines, and the numbers of the unsteady harmonics."""
     lines: list[float] = []
     unsteady = set(fit.unsteady)
-    for line in found:
-        fundamental = fit.omega / (2 * np.pi)
+    fundamental, gap = fit.omega / (2 * np.pi), LINE_GAP * fit.resolution
+    for line in shown:
         multiple = round(line / fundamental)
-        others = np.concatenate([fit.lines / (2 * np.pi), lines, [0.0, 0.5 * rate]])
-        if 1 <= multiple <= fit.harmonics and abs(line - multiple * fundamental) < LINE_GAP * resolution:
+        others = np.concatenate([fit.lines / (2 * np.pi), lines, [0.0, 0.5 * fit.track.exact_rate]])
+        if 1 <= multiple <= fit.harmonics and abs(line - multiple * fundamental) < gap:
             unsteady |= {multiple} - {1}
-        elif np.min(np.abs(others - line)) >= LINE_GAP * resolution and fit.lines.size + len(lines) < _MOST_LINES:
+        elif np.min(np.abs(others - line)) >= gap and fit.lines.size + len(lines) < _MOST_LINES:
             lines.append(float(line))
     return np.array(lines), tuple(sorted(unsteady))
-
-
-@dataclass(frozen=True, eq=False)
-class _Wave:
-    """Harmonics of one channel.
-
-    Attributes
-    ----------
-    role : str
-    recorded, true : (harmonics,) complex
-        Amplitudes in recorded units; amplitudes of force or velocity in SI units before the measurement chain.
-    residual : float
-        Root mean square of the residual, in recorded units.
-    inflation : float [1]
-        Standard deviation of the fundamental over that of a sine fitted alone to as many samples.
-    """
-
-    role: str
-    recorded: ComplexArray
-    true: ComplexArray
-    residual: float
-    inflation: float
-
-    @property
-    def distortion(self) -> float:
-        """Root of the summed squares of the harmonics over the fundamental, of a force or a displacement [1]."""
-        # Harmonic n of a velocity is n times that of its displacement, both over their fundamentals.
-        numbers = 1.0 if self.role == "force_in" else np.arange(1.0, self.true.size + 1)
-        return float(np.sqrt(np.sum(np.abs(self.true / numbers)[1:] ** 2)) / np.abs(self.true[0]))
-
-
-def _waves(recording: Recording, fit: SineFit) -> list[_Wave]:
-    """The harmonics of each channel of a fit."""
-    inflation = float(np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0))
-    residual = np.sqrt(np.einsum("ij,ij->i", fit.residual, fit.residual) / fit.track.time.size)
-    return [
-        _Wave(name, row, row * _to_velocity(recording.channels[name], fit.omega, row.size), float(rms), inflation)
-        for name, row, rms in zip(fit.track.names, fit.amplitudes(), residual, strict=True)
-    ]
 
 
 def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], omega_std: float) -> Demodulation:
     """The amplitudes of F1, V1, V2 and their figures of quality, from the final fits of all tracks."""
     omega, noise = fits[0].omega, noises[0]
-    waves = [wave for fit in fits for wave in _waves(recording, fit)]
-    names = [wave.role for wave in waves]
-    at = [CHANNELS.index(name) for name in names]
+    names = [name for fit in fits for name in fit.track.names]
+    places = [CHANNELS.index(name) for name in names]
+    recorded = [row for fit in fits for row in fit.amplitudes()]
+    true = [
+        row * _to_velocity(recording.channels[name], omega, row.size) for name, row in zip(names, recorded, strict=True)
+    ]
+    distortion, noise_ratio, spoilt = np.full((3, 3), np.nan)
+    distortion[places] = [_distortion(name, row) for name, row in zip(names, true, strict=True)]
+    rms, inflation, spoilt[places] = _quality(fits)
+    noise_ratio[places] = np.sqrt(2.0) * rms / np.abs([row[0] for row in recorded])
     mixed, talk = without_crosstalk(recording, names, omega)
-    to_true = mixed * np.array([wave.inflation * (wave.true[0] / wave.recorded[0]) for wave in waves])
-
+    to_true = mixed * np.array(
+        [wide * (row[0] / raw[0]) for wide, row, raw in zip(inflation.tolist(), true, recorded, strict=True)]
+    )
     amplitudes = np.full(3, complex(np.nan, np.nan))
-    amplitudes[at] = mixed @ np.array([wave.true[0] for wave in waves])
+    amplitudes[places] = mixed @ np.array([row[0] for row in true])
     whole = np.zeros((3, 3), dtype=complex)
-    whole[np.ix_(at, at)] = to_true @ noise.covariance @ to_true.conj().T
-    distortion, noise_ratio = np.full(3, np.nan), np.full(3, np.nan)
-    distortion[at] = [wave.distortion for wave in waves]
-    rms = np.array([wave.residual for wave in waves])
-    noise_ratio[at] = np.sqrt(2.0) * rms / np.abs([wave.recorded[0] for wave in waves])
-    order = np.argsort(at).tolist()
-    spoilt = np.full(3, np.nan)
-    spoilt[at] = np.concatenate([_spoilt_share(fit.track) for fit in fits])
-    changes, speed_change = changes_of(fits, at)
+    whole[np.ix_(places, places)] = to_true @ noise.covariance @ to_true.conj().T
+    order = np.argsort(places).tolist()
+    changes, speed_change = changes_of(fits, places)
     return Demodulation(
         phasors=Phasors(
             frequency=np.asarray(omega / (2 * np.pi)),
@@ -395,27 +372,62 @@ def _assemble(recording: Recording, fits: list[SineFit], noises: list[Noise], om
         band=noise.band,
         distortion=distortion,
         noise_ratio=noise_ratio,
-        force_peak=_peak_of(waves[names.index("force_in")].true) if "force_in" in names else float("nan"),
+        force_peak=_peak_of(true[names.index("force_in")]) if "force_in" in names else float("nan"),
         lines=np.concatenate([fit.lines for fit in fits]) / (2 * np.pi),
-        missing=1.0 - min(float(np.mean(_there(fit.track))) for fit in fits),
+        missing=1.0 - min(float(np.mean(fit.track.recorded)) for fit in fits),
         spoilt=spoilt,
         changes=changes,
         speed_change=speed_change,
         channels=tuple(names[i] for i in order),
         preview=preview(fits, order),
-        harmonics=harmonics_of(fits, noises, at, [wave.recorded for wave in waves], [wave.true for wave in waves]),
+        harmonics=_harmonics(fits, noises, places, recorded, true),
         corrections=(*corrections_of(recording, names, omega), *talk),
     )
 
 
-def _there(track: Track) -> BoolArray:
-    """Flags (N,) of the samples that the recording has, drop-outs and spikes included."""
-    return track.present if track.spoilt is None else track.present | track.spoilt.any(axis=0)
+def _quality(fits: list[SineFit]) -> FloatArray:
+    """Figures (3, channels) of the channels of all fits.
+
+    They are the root mean square of the residual in recorded units, the standard deviation of the fundamental over that
+    of a sine fitted alone to as many samples [1], and the share of drop-outs and spikes among all samples [1].
+    """
+    rows = []
+    for fit in fits:
+        rms = np.sqrt(np.einsum("ij,ij->i", fit.residual, fit.residual) / fit.track.time.size)
+        inflation = np.full_like(rms, np.sqrt(fit.amplitude_variance() * fit.track.known / 2.0))
+        spoilt = np.zeros_like(rms) if fit.track.spoilt is None else np.mean(fit.track.spoilt, axis=1)
+        rows.append(np.stack([rms, inflation, spoilt]))
+    return np.concatenate(rows, axis=1)
 
 
-def _spoilt_share(track: Track) -> FloatArray:
-    """Share (channels,) of drop-outs and spikes among all samples."""
-    return np.zeros(len(track.names)) if track.spoilt is None else np.mean(track.spoilt, axis=1)
+def _distortion(role: str, amplitudes: ComplexArray) -> float:
+    """Root of the summed squares of the harmonics over the fundamental, of a force or a displacement [1]."""
+    # Harmonic n of a velocity is n times that of its displacement, both over their fundamentals.
+    numbers = 1.0 if role == "force_in" else np.arange(1.0, amplitudes.size + 1)
+    return float(np.sqrt(np.sum(np.abs(amplitudes / numbers)[1:] ** 2)) / np.abs(amplitudes[0]))
+
+
+def _harmonics(
+    fits: list[SineFit],
+    noises: list[Noise],
+    places: list[int],
+    recorded: Sequence[ComplexArray],
+    true: Sequence[ComplexArray],
+) -> Harmonics:
+    """As many harmonics as there are noises, from the amplitudes of each channel: in recorded units, and true."""
+    count = len(noises)
+    amplitudes, std = np.full((3, count), complex(np.nan, np.nan)), np.full((3, count), np.nan)
+    stds = np.sqrt(0.5 * np.abs([np.diag(noise.covariance) for noise in noises]))
+    for i, (place, raw, whole) in enumerate(zip(places, recorded, true, strict=True)):
+        amplitudes[place] = whole[:count]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.abs(whole[:count] / raw[:count])
+        std[place] = stds[:, i] * np.where(np.isfinite(scale), scale, 0.0)
+    # Only hum of the mains can stand at a harmonic: other lines are in the fit themselves.
+    multiples = fits[0].omega / (2 * np.pi) * np.arange(1, count + 1)
+    gap = (LINE_GAP + 1.0) * max(fit.resolution for fit in fits)
+    hum = [off_multiples(multiples, base) < gap for base in (50.0, 60.0)]
+    return Harmonics(amplitudes, std, np.asarray(~np.any(hum, axis=0)))
 
 
 def _to_velocity(channel: Channel, omega: float, harmonics: int) -> ComplexArray:

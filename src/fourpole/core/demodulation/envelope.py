@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, IntArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.demodulation.tracks import Track
 
 Turn: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -42,10 +42,6 @@ class Envelope(ByValue):
     omega: float
     hop: float
 
-    def phase(self, role: str) -> FloatArray:
-        """Phase of a channel minus omega·t, without jumps [rad]."""
-        return np.unwrap(np.angle(self.amplitudes[role]))
-
 
 def envelope(tracks: Sequence[Track], omega: float, turn: Turn | None = None) -> Envelope:
     """Amplitudes in stretches of four cycles, two cycles apart; `turn(time)` is the phase minus omega·t [rad]."""
@@ -56,8 +52,8 @@ def envelope(tracks: Sequence[Track], omega: float, turn: Turn | None = None) ->
     centres = first + hop * np.arange(max(0, int((last - first) / hop) + 1))
     amplitudes = {}
     for track in tracks:
-        found = _windowed(track, omega, turn, centres, _LENGTH * period)
-        amplitudes.update(dict(zip(track.names, found, strict=True)))
+        means = _windowed(track, omega, turn, centres, _LENGTH * period)
+        amplitudes.update(dict(zip(track.names, means, strict=True)))
     return Envelope(centres, amplitudes, omega, hop)
 
 
@@ -66,24 +62,21 @@ def _windowed(track: Track, omega: float, turn: Turn | None, centres: FloatArray
     half = max(2, int(0.5 * length * track.rate))
     whole = np.hanning(2 * half + 1)
     window = whole[1 : track.time.size + 1][: 2 * half - 1]
-    at = np.round((centres - track.time[0]) * track.rate).astype(int) - (half - 1)
-    at = np.clip(at, 0, max(0, track.time.size - window.size))
+    starts = np.round((centres - track.time[0]) * track.rate).astype(int) - (half - 1)
+    starts = np.clip(starts, 0, max(0, track.time.size - window.size))
     # The turn inside a stretch is the same in all stretches; each has the phase of its first sample besides.
     inside = window * np.exp(-1j * omega / track.rate * np.arange(window.size))
     table = np.ascontiguousarray(inside).view(float).reshape(-1, 2)
-    first = np.exp(-1j * omega * track.time[at])
+    first = np.exp(-1j * omega * track.time[starts])
     signals: FloatArray | ComplexArray = track.signals
     if turn is not None:
         signals = track.signals * np.exp(-1j * turn(track.time))
-    rows = [_products(row, at, table) for row in signals]
-    total = np.full(at.size, window.sum())
+    rows = []
+    for row in signals:
+        parts = np.ascontiguousarray(sliding_window_view(row, len(table))[starts]) @ table
+        rows.append(parts[:, 0] + 1j * parts[:, 1])
+    total = np.full(starts.size, window.sum())
     if track.known < track.time.size:
-        total = sliding_window_view(track.present, window.size)[at] @ window
+        total = sliding_window_view(track.present, window.size)[starts] @ window
     enough = total > _ENOUGH * whole.sum()
     return np.where(enough, 2.0 * first * np.stack(rows) / np.where(enough, total, 1.0), complex(np.nan, np.nan))
-
-
-def _products(row: FloatArray | ComplexArray, at: IntArray, table: FloatArray) -> ComplexArray:
-    """Products (n,) of stretches of a row, from given samples on, with a table (W, 2) of real and imaginary parts."""
-    made = np.ascontiguousarray(sliding_window_view(row, len(table))[at]) @ table
-    return np.asarray(made[:, 0] + 1j * made[:, 1])

@@ -49,8 +49,8 @@ def preview(fits: Sequence[SineFit], order: Sequence[int]) -> Preview:
     window = np.arange(count // 2 - half, count // 2 + half)
     shown = first.track.time[window[:: max(1, int(np.ceil(window.size / POINTS)))]]
     blocks = min(BLOCKS, *(fit.track.time.size for fit in fits))
-    signals = np.concatenate([_at(fit, fit.track.signals, shown) for fit in fits])
-    left = np.concatenate([_at(fit, fit.residual, shown) for fit in fits])
+    signals = np.stack([np.interp(shown, fit.track.time, row) for fit in fits for row in fit.track.signals])
+    left = np.stack([np.interp(shown, fit.track.time, row) for fit in fits for row in fit.residual])
     return Preview(
         time=shown,
         signals=signals[list(order)],
@@ -77,11 +77,6 @@ def raw_preview(track: Track, channels: int) -> Preview:
         blocks=np.repeat(_middles(track.time, blocks), 2),
         residual=_extremes(signals, blocks),
     )
-
-
-def _at(fit: SineFit, values: FloatArray, times: FloatArray) -> FloatArray:
-    """Values of each channel at given times [s], linearly interpolated between samples."""
-    return np.stack([np.interp(times, fit.track.time, row) for row in values])
 
 
 def _extremes(values: FloatArray, blocks: int) -> FloatArray:

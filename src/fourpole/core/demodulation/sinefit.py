@@ -12,12 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.demodulation.terms import Rows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
@@ -39,15 +38,13 @@ _LONGEST = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class SineFit(ByValue):
-    """A fit at given frequencies; T is the record's length and time is counted from its middle.
+class SineFit(Terms):
+    """A fit of terms at given frequencies; T is the record's length and time is counted from its middle.
 
     Attributes
     ----------
     track : Track
         The channels fitted, in units of each channel.
-    terms : Terms
-        What is fitted: the frequencies.
     inner : (P + 2 S + 2, P + 2 S + 2) float
         Inner products of the P rows of the terms, of the rows of the S sines times time, and of the fundamental times
         its square.
@@ -64,33 +61,12 @@ class SineFit(ByValue):
     """
 
     track: Track
-    terms: Terms
     inner: FloatArray
     factor: FloatArray
     coefficients: FloatArray
     right: FloatArray
     variance: FloatArray
     shift: FloatArray
-
-    @property
-    def omega(self) -> float:
-        """Fundamental [rad/s]."""
-        return self.terms.omega
-
-    @property
-    def lines(self) -> FloatArray:
-        """Interfering lines (L,) [rad/s]."""
-        return self.terms.lines
-
-    @property
-    def harmonics(self) -> int:
-        """Number of multiples of the fundamental, with the fundamental itself."""
-        return self.terms.harmonics
-
-    @property
-    def unsteady(self) -> tuple[int, ...]:
-        """Harmonics whose amplitude may vary over the record, because a line lies too close to separate."""
-        return self.terms.unsteady
 
     @property
     def size(self) -> int:
@@ -105,47 +81,18 @@ class SineFit(ByValue):
     @property
     def resolution(self) -> float:
         """Width of a bin, 1/T [Hz]."""
-        return self.rate / self.track.time.size
-
-    @property
-    def rate(self) -> float:
-        """Samples per second [Hz]."""
-        return self.track.exact_rate
+        return self.track.exact_rate / self.track.time.size
 
     @cached_property
     def rows(self) -> Rows:
         """The terms as rows over the samples."""
-        return rows_of(self.track, self.terms)
-
-    @cached_property
-    def apart(self) -> FloatArray:
-        """Inner products (2 S, 2 S) of the sines times time, without their parts along the rows."""
-        own = slice(self.size, -2)
-        shared = self.inner[: self.size, own]
-        return np.asarray(self.inner[own, own] - shared.T @ self.solve(shared))
-
-    @property
-    def bend(self) -> FloatArray:
-        """Inner product (channels,) of the residual with the second derivative of the model by the fundamental."""
-        return -np.asarray(np.einsum("ic,ic->c", self.coefficients[:2], self.right[-2:]))
-
-    @property
-    def bend_std(self) -> FloatArray:
-        """The same (channels,) by all other harmonics: standard deviation if the residual is white."""
-        pairs = self.coefficients[2 : 2 * self.harmonics] * np.repeat(np.arange(2, self.harmonics + 1) ** 2, 2)[:, None]
-        squares = np.einsum("ic,ic->c", pairs, pairs) * self.variance * self.track.known
-        return np.asarray(np.sqrt(squares / 10) * (0.5 * self.track.time.size / self.rate) ** 2)
+        return rows_of(self.track, Terms(self.omega, self.harmonics, self.lines, self.unsteady))
 
     @cached_property
     def residual(self) -> FloatArray:
         """Signals minus fit (channels, N); 0 for missing samples."""
         model = self.rows.model(self.coefficients)
         return np.subtract(self.track.signals, model, out=model)
-
-    @cached_property
-    def carrier(self) -> ComplexArray:
-        """The fundamental as a rotation (N,)."""
-        return self.rows.carrier()
 
     def amplitudes(self) -> ComplexArray:
         """Complex amplitudes X (channels, harmonics) of x(t) = Re(X e^{jwt}), with t from the middle of the record."""
@@ -155,9 +102,7 @@ class SineFit(ByValue):
 
     def amplitude_variance(self) -> float:
         """Variance of the real part of the fundamental's amplitude per unit of sample variance [1]."""
-        unit = np.zeros((self.size, 2))
-        unit[0, 0] = unit[1, 1] = 1.0
-        return float(0.5 * np.trace(self.solve(unit)[:2]))
+        return float(0.5 * np.trace(self.solve(np.eye(self.size, 2))[:2]))
 
     def solve(self, right: FloatArray) -> FloatArray:
         """The inner products of the rows, inverted, times a matrix (P, n)."""
@@ -182,9 +127,14 @@ class SineFit(ByValue):
         right = self.right - beside - self.inner[:, :size] @ change
         bent = self.right[-2:]
         right[size : size + 2] += omega * np.stack([bent[1], -bent[0]])
-        terms = replace(self.terms, omega=self.omega + omega, lines=self.lines + lines)
-        shift = self.shift + np.r_[omega, lines]
-        return replace(self, terms=terms, coefficients=self.coefficients + change, right=right, shift=shift)
+        return replace(
+            self,
+            omega=self.omega + omega,
+            lines=self.lines + lines,
+            coefficients=self.coefficients + change,
+            right=right,
+            shift=self.shift + np.r_[omega, lines],
+        )
 
 
 def _quarter_on(pairs: FloatArray, steps: FloatArray) -> FloatArray:
@@ -201,8 +151,7 @@ def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, uns
     ----------
     IEEE Std 1057-2017, sine fit of three parameters, with harmonics, lines and drift added.
     """
-    terms = Terms(omega, harmonics, lines, unsteady)
-    rows = rows_of(track, terms)
+    rows = rows_of(track, Terms(omega, harmonics, lines, unsteady))
     inner, right = rows.products(), rows.with_signals()
     size = rows.size
     factor, wrong = lapack.dpotrf(inner[:size, :size], lower=1)
@@ -212,16 +161,9 @@ def fit_sines(track: Track, omega: float, harmonics: int, lines: FloatArray, uns
     left = track.energy - np.einsum("ij,ij->j", coefficients, right[:size])
     # The energy left is a difference: its round-off is that of the whole energy.
     variance = np.maximum(left, _ROUND_OFF * track.energy + 1e-300) / max(track.known - size, 1)
-    return SineFit(
-        track,
-        terms,
-        inner,
-        factor,
-        coefficients,
-        right - inner[:, :size] @ coefficients,
-        variance,
-        np.zeros(1 + lines.size),
-    )
+    right = right - inner[:, :size] @ coefficients
+    start = np.zeros(1 + lines.size)
+    return SineFit(omega, harmonics, lines, unsteady, track, inner, factor, coefficients, right, variance, start)
 
 
 def refine(
@@ -261,82 +203,26 @@ def refine(
     """
     fits = list(fits)
     bin_width = 2 * np.pi / max(fit.track.time[-1] - fit.track.time[0] for fit in fits)
-    before: FloatArray = np.zeros(1 + sum(fit.lines.size for fit in fits))
+    ends = np.cumsum([1, *(fit.lines.size for fit in fits)])
+    before: FloatArray = np.zeros(ends[-1])
     for _ in range(_ITERATIONS):
-        used = [1.0 / fit.variance for fit in fits] if weights is None else weights
-        slopes = [_slopes(fit, may, free=free) for fit, may in zip(fits, informing, strict=True)]
-        step = _newton_step(fits, slopes, used, free=free)
-        if np.all(np.abs(step.size) < np.maximum(1e-12 * bin_width, _LEFT * step.std)):
+        step, std, neglected, spread = _newton_step(fits, informing, weights, free=free)
+        if np.all(np.abs(step) < np.maximum(1e-12 * bin_width, _LEFT * std)):
             break
-        whole = np.clip(step.size, -_LONGEST * bin_width, _LONGEST * bin_width)
-        steps = _for_each(fits, whole)
-        settled = _left_of_lines(whole, before, step.std, _LEFT_OVER * _spread(fits, used)) < _LEFT
-        if settled and _is_last(fits, steps, used, step.neglected, bin_width):
-            fits = [fit.moved(one[0], one[1:]) for fit, one in zip(fits, steps, strict=True)]
+        step = np.clip(step, -_LONGEST * bin_width, _LONGEST * bin_width)
+        steps = [np.r_[step[0], own] for own in np.split(step, ends)[1:-1]]
+        # A line's step leaves the share that the step before it left, or the residual over the slope. The latter alone
+        # is no estimate if the noise about the line is far above its mean.
+        size, last = np.abs(step[1:]), np.abs(before[1:] * std[1:])
+        of_lines = np.max(size * np.minimum(size / np.maximum(last, 1e-300), spread), initial=0.0)
+        of_fundamental = abs(step[0] + fits[0].shift[0]) * (neglected + spread * bin_width / fits[0].omega)
+        settled = of_lines < _LEFT and of_fundamental < _LEFT
+        if settled and all(_is_small(fit, own, spread) for fit, own in zip(fits, steps, strict=True)):
+            fits = [fit.moved(own[0], own[1:]) for fit, own in zip(fits, steps, strict=True)]
             break
-        before = whole
-        fits = [fit.at(fit.omega + one[0], fit.lines + one[1:]) for fit, one in zip(fits, steps, strict=True)]
-    return fits, float(step.std[0])
-
-
-class _Step(NamedTuple):
-    """A step of the frequencies: of the fundamental, then of the lines of each fit.
-
-    Attributes
-    ----------
-    size, std : (1 + all lines,) float [rad/s]
-        The step, and the standard uncertainty of each frequency; 0 for a fundamental that is not free.
-    neglected : float [s/rad]
-        What a step of the fundamental leaves, because it neglects curvature, over the standard uncertainty and over
-        the step.
-    """
-
-    size: FloatArray
-    std: FloatArray
-    neglected: float
-
-
-def _for_each(fits: Sequence[SineFit], step: FloatArray) -> list[FloatArray]:
-    """The step (1 + L,) of each fit: of the fundamental and of its own lines [rad/s]."""
-    lines = np.split(step[1:], np.cumsum([fit.lines.size for fit in fits])[:-1])
-    return [np.r_[step[0], own] for own in lines]
-
-
-def _is_last(
-    fits: Sequence[SineFit],
-    steps: Sequence[FloatArray],
-    weights: Sequence[FloatArray],
-    neglected: float,
-    bin_width: float,
-) -> bool:
-    """Whether no other step is needed after these, taken to first order; `neglected` is that of `_Step`."""
-    spread = _LEFT_OVER * _spread(fits, weights)
-    whole = abs(steps[0][0] + fits[0].shift[0])
-    left = whole * (neglected + spread * bin_width / fits[0].omega)
-    return left < _LEFT and all(_is_small(fit, step, spread) for fit, step in zip(fits, steps, strict=True))
-
-
-def _spread(fits: Sequence[SineFit], weights: Sequence[FloatArray]) -> float:
-    """Root of the weighted energy of the residual times the mean square of time [s].
-
-    Its product with the standard uncertainty of a frequency is the residual over the slope of the model: the share of a
-    step that Gauss-Newton may leave to the next, because it neglects the curvature of the model.
-    """
-    each = [
-        float(fit.variance @ weight) * fit.track.known * (fit.track.time[-1] - fit.track.time[0]) ** 2 / 12
-        for fit, weight in zip(fits, weights, strict=True)
-    ]
-    return float(np.sqrt(sum(each)))
-
-
-def _left_of_lines(step: FloatArray, before: FloatArray, std: FloatArray, spread: float) -> float:
-    """What a step (1 + L,) leaves of a line's step, at most, over its standard uncertainty.
-
-    It leaves the share that the step before it left, or the residual over the slope. The latter alone is no estimate if
-    the noise about the line is far above its mean.
-    """
-    size, last = np.abs(step[1:]), np.abs(before[1:] * std[1:])
-    return float(np.max(size * np.minimum(size / np.maximum(last, 1e-300), spread), initial=0.0))
+        before = step
+        fits = [fit.at(fit.omega + own[0], fit.lines + own[1:]) for fit, own in zip(fits, steps, strict=True)]
+    return fits, float(std[0])
 
 
 def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
@@ -345,8 +231,8 @@ def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
     An error of an interfering line reaches a harmonic by its leakage, 1 / (π bins between them). If the residual is
     white, the step times `spread` over the root of the samples is what it leaves of the line, over its uncertainty.
     """
-    half, numbers = 0.5 * fit.track.time.size / fit.rate, np.arange(1, fit.harmonics + 1)
-    pairs = fit.coefficients[: 2 * fit.terms.sines.size]
+    half, numbers = 0.5 * fit.track.time.size / fit.track.exact_rate, np.arange(1, fit.harmonics + 1)
+    pairs = fit.coefficients[: 2 * fit.sines.size]
     harmonics, lines = np.split(np.hypot(pairs[0::2], pairs[1::2]), [fit.harmonics])
     turn, turns = np.split(step + fit.shift, [1])
     # First order leaves half the square of a turn: in the mean 1/6 of that at the ends; leakage is 1 over the cycles.
@@ -361,36 +247,60 @@ def _is_small(fit: SineFit, step: FloatArray, spread: float) -> bool:
 
 
 def _newton_step(
-    fits: Sequence[SineFit], slopes: Sequence[FloatArray], weights: Sequence[FloatArray], *, free: bool
-) -> _Step:
-    """Step of the fundamental and the lines of each fit, with the curvature by the fundamental.
+    fits: Sequence[SineFit], informing: Sequence[BoolArray], weights: Sequence[FloatArray] | None, *, free: bool
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Step of the frequencies, with the curvature by the fundamental, from the arguments of `refine`.
 
-    The curvature by the other harmonics is left out; `neglected` has what the step leaves by that.
+    The curvature by the other harmonics is left out.
+
+    Returns
+    -------
+    size, std : (1 + all lines,) float arrays [rad/s]
+        The step of the fundamental, then of the lines of each fit, and the standard uncertainty of each frequency; 0
+        for a fundamental that is not free.
+    neglected : float [s/rad]
+        What a step of the fundamental leaves, because it neglects curvature, over the standard uncertainty and over
+        the step.
+    spread : float [s]
+        Root of the weighted energy of the residual times the mean square of time, with the margin `_LEFT_OVER`. Its
+        product with the standard uncertainty of a frequency is the residual over the slope of the model: the share of a
+        step that Gauss-Newton may leave to the next, because it neglects the curvature of the model.
     """
     count = 1 + sum(fit.lines.size for fit in fits)
-    normal, right, bend, others = np.zeros((count, count)), np.zeros(count), 0.0, 0.0
-    at = 1
-    for fit, each, weight in zip(fits, slopes, weights, strict=True):
-        own = [0, *range(at, at + fit.lines.size)]
-        at += fit.lines.size
+    normal, right, start = np.zeros((count, count)), np.zeros(count), 1
+    bend = others = energy = 0.0
+    for i, fit in enumerate(fits):
+        weight = 1.0 / fit.variance if weights is None else weights[i]
+        own, sines = [0, *range(start, start + fit.lines.size)], slice(fit.size, -2)
+        start += fit.lines.size
         # The slopes are projected onto the complement of the rows; the residual already lies in it.
-        along, left = each.swapaxes(0, 1).reshape(len(own), -1), weight * fit.right[fit.size : -2]
-        projected = (weight[:, None, None] * (each @ fit.apart)).swapaxes(0, 1).reshape(len(own), -1)
+        shared = fit.inner[: fit.size, sines]
+        apart = fit.inner[sines, sines] - shared.T @ fit.solve(shared)
+        slopes = _slopes(fit, informing[i], free=free)
+        along, left = slopes.swapaxes(0, 1).reshape(len(own), -1), weight * fit.right[sines]
+        projected = (weight[:, None, None] * (slopes @ apart)).swapaxes(0, 1).reshape(len(own), -1)
         normal[np.ix_(own, own)] += along @ projected.T
         right[own] += along @ left.T.reshape(-1)
-        bend += float(weight @ fit.bend)
-        others += float(weight @ fit.bend_std)
+        # The residual along the second derivative of the model, and how far that of the other harmonics scatters if
+        # the residual is white.
+        bend += float(weight @ -np.einsum("ic,ic->c", fit.coefficients[:2], fit.right[-2:]))
+        numbers = np.repeat(np.arange(2, fit.harmonics + 1) ** 2, 2)[:, None]
+        pairs = fit.coefficients[2 : 2 * fit.harmonics] * numbers
+        squares = np.einsum("ic,ic->c", pairs, pairs) * fit.variance * fit.track.known
+        others += float(weight @ (np.sqrt(squares / 10) * (0.5 * fit.track.time.size / fit.track.exact_rate) ** 2))
+        energy += float(fit.variance @ weight) * fit.track.known * (fit.track.time[-1] - fit.track.time[0]) ** 2 / 12
     if not free:
         normal[0, 0] = 1.0
     covariance = _inverse(normal)
     std, size = np.sqrt(np.maximum(np.diag(covariance), 0.0)), covariance @ right
+    spread = _LEFT_OVER * float(np.sqrt(energy))
     if not free:
-        return _Step(size, std * (np.arange(count) > 0), 0.0)
+        return size, std * (np.arange(count) > 0), 0.0, spread
     variance = covariance[0, 0]
     bent = float(np.clip(bend * variance, -_MOST_BENT, _MOST_BENT))
     # With the curvature, the step of the fundamental is 1 / (1 - bent) times as long, and the lines follow it.
     size += covariance[:, 0] / variance * (size[0] * bent / (1.0 - bent))
-    return _Step(size, std, (bent**2 + _LEFT_OVER * others * float(variance)) / std[0])
+    return size, std, (bent**2 + _LEFT_OVER * others * float(variance)) / std[0], spread
 
 
 def _inverse(normal: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from scipy import linalg
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.demodulation.sinefit import SineFit
-from fourpole.core.demodulation.sums import Blocks
+from fourpole.core.demodulation.sums import Blocks, Sines
 
 #: Power over the local noise at which a line is real: one false line in some ten thousand records of 10 000 bins.
 LINE_LIMIT = 30.0
@@ -102,10 +102,13 @@ def strongest_lines(samples: FloatArray, rate: float, *, order: int) -> list[Lin
     step = rate / (coarse * count)
     power[lowest:] *= (2 * np.pi * step * np.arange(lowest, power.size)) ** (2 * order)
     places = _maxima(power, _WEAK if coarse == fine else _WEAK * _SCALLOP)
-    if coarse == fine:
-        lines = [_line(power[at - 1 : at + 2], at, step) for at in places]
-    else:
-        lines = [_fine_line(windowed, rate, at, fine, order) for at in places]
+    step, lines = rate / (fine * count), []
+    for top in places:
+        place, three = top, power[top - 1 : top + 2]
+        if coarse != fine:
+            place, three = _finer(windowed, rate, top, fine, order)
+        middle = float(np.sqrt(three[1])) if three.size == 3 else 0.0
+        lines.append(Line((place + _vertex(three)) * step, place * step, middle))
     lines.sort(key=lambda line: -line.amplitude)
     return [line for line in lines if line.amplitude >= _WEAK * lines[0].amplitude]
 
@@ -115,24 +118,18 @@ def _maxima(power: FloatArray, share: float) -> list[int]:
     largest = int(np.argmax(power))
     middle = power[1:-1]
     tops = (middle >= power[:-2]) & (middle >= power[2:]) & (middle >= share**2 * power[largest]) & (middle > 0)
-    found = (np.flatnonzero(tops) + 1).tolist()
-    return found if largest in found else [*found, largest]
+    places = (np.flatnonzero(tops) + 1).tolist()
+    return places if largest in places else [*places, largest]
 
 
-def _line(three: FloatArray, at: int, step: float) -> Line:
-    """The line at a bin, from the power of three bins about it."""
-    middle = float(np.sqrt(three[1])) if three.size == 3 else 0.0
-    return Line((at + _vertex(three)) * step, at * step, middle)
-
-
-def _fine_line(windowed: FloatArray, rate: float, at: int, fine: int, order: int) -> Line:
-    """The line about a coarse bin, in bins that are finer by a factor."""
-    bins = np.arange((at - 1) * fine, (at + 1) * fine + 1)
+def _finer(windowed: FloatArray, rate: float, coarse: int, fine: int, order: int) -> tuple[int, FloatArray]:
+    """The line about a coarse bin, in bins that are finer by a factor: its bin, and the power of the three about it."""
+    bins = np.arange((coarse - 1) * fine, (coarse + 1) * fine + 1)
     omega = 2 * np.pi * rate / (fine * windowed.size) * bins
-    sums = Blocks(windowed[None], rate).sines(0.0, 0, omega).sums(0)[0, 0]
+    sums = Sines(Blocks(windowed[None], rate), 0.0, 0, omega).sums(0)[0, 0]
     power = np.abs(sums) ** 2 * omega ** (2 * order)
     top = 1 + int(np.argmax(power[1:-1]))
-    return _line(power[top - 1 : top + 2], int(bins[top]), rate / (fine * windowed.size))
+    return int(bins[top]), power[top - 1 : top + 2]
 
 
 def _vertex(three: FloatArray) -> float:
@@ -151,19 +148,19 @@ def sharpened(samples: FloatArray, rate: float, frequency: float) -> float:
     e^{-jωu}, have a ratio with the imaginary part d sum(w u²)/sum(w), to first order in the distance d of the sine.
     """
     blocks, resolution = Blocks((samples * hann(samples.size))[None], rate), rate / samples.size
-    found, lever = frequency, 2 * np.pi * _HANN_LEVER / (blocks.half * resolution**2)
+    sharper, lever = frequency, 2 * np.pi * _HANN_LEVER / (blocks.half * resolution**2)
     for _ in range(_STEPS):
-        still, moved = blocks.sines(2 * np.pi * found, 1, np.empty(0)).sums(1)[0, :, 0]
+        still, moved = Sines(blocks, 2 * np.pi * sharper, 1, np.empty(0)).sums(1)[0, :, 0]
         if not abs(moved) < abs(still):
             return frequency
-        found += float((moved / still).imag) / lever
-    return found if abs(found - frequency) < 0.25 * resolution else frequency
+        sharper += float((moved / still).imag) / lever
+    return sharper if abs(sharper - frequency) < 0.25 * resolution else frequency
 
 
 def off_multiples(frequency: ArrayLike, base: float) -> FloatArray:
     """Distance of frequencies (...,) from the nearest multiple of a base frequency, which is a multiple too [Hz]."""
-    at = np.asarray(frequency, dtype=float)
-    return np.abs(at - base * np.maximum(np.round(at / base), 1.0))
+    values = np.asarray(frequency, dtype=float)
+    return np.abs(values - base * np.maximum(np.round(values / base), 1.0))
 
 
 @lru_cache(maxsize=2)
@@ -250,18 +247,21 @@ def noise_beside(fits: Sequence[SineFit], harmonics: int = 1) -> list[Noise]:
     At most 16 bins on each side of a harmonic and within 0.4 of its frequency are used, without the bins next to it and
     to removed lines. If fewer than four bins remain, the noise is taken as white and as large as the whole residual.
     """
-    resolution, rate = fits[0].resolution, min(fit.rate for fit in fits)
+    resolution, rate = fits[0].resolution, min(fit.track.exact_rate for fit in fits)
     lines = np.concatenate([fit.lines / (2 * np.pi) for fit in fits])
     frequencies = fits[0].omega / (2 * np.pi) * np.arange(1, harmonics + 1)
     used = [_offsets(frequency, resolution, rate, lines) for frequency in frequencies.tolist()]
-    widest = max((int(np.max(np.abs(one))) for one in used if one.size >= _FEWEST_BINS), default=0)
+    widest = max((int(np.max(np.abs(offsets))) for offsets in used if offsets.size >= _FEWEST_BINS), default=0)
     bins = np.concatenate([_bins(fit, harmonics, widest) for fit in fits])
-    return [
-        _of_bins(bins[:, k, one + widest], frequencies[k] + one * resolution)
-        if one.size >= _FEWEST_BINS
-        else _white(fits, rate)
-        for k, one in enumerate(used)
-    ]
+    noises = []
+    for k, offsets in enumerate(used):
+        if offsets.size < _FEWEST_BINS:
+            noises.append(_white(fits, rate))
+            continue
+        beside, places = bins[:, k, offsets + widest], frequencies[k] + offsets * resolution
+        covariance = beside @ beside.conj().T / places.size
+        noises.append(Noise(covariance, (float(places.min()), float(places.max())), 2.0 * places.size))
+    return noises
 
 
 def _offsets(frequency: float, resolution: float, rate: float, lines: FloatArray) -> IntArray:
@@ -275,19 +275,13 @@ def _offsets(frequency: float, resolution: float, rate: float, lines: FloatArray
     return offsets
 
 
-def _of_bins(bins: ComplexArray, frequencies: FloatArray) -> Noise:
-    """Noise from the amplitudes (channels, J) of bins at some frequencies (J,) [Hz]."""
-    covariance = bins @ bins.conj().T / frequencies.size
-    return Noise(covariance, (float(frequencies.min()), float(frequencies.max())), 2.0 * frequencies.size)
-
-
 def _bins(fit: SineFit, harmonics: int, reach: int) -> ComplexArray:
     """Amplitudes (channels, harmonics, 2 reach + 1) of the residual, whole bins beside each harmonic, at the middle."""
     scale = 2.0 / fit.track.known
     apart, course = 2 * np.pi * fit.resolution, fit.track.course
     steps = np.arange(-reach, reach + 1)
     if course is None:
-        sines = Blocks(fit.residual, fit.rate, _BLOCKS).sines(fit.omega, harmonics, np.empty(0))
+        sines = Sines(Blocks(fit.residual, fit.track.exact_rate, _BLOCKS), fit.omega, harmonics, np.empty(0))
         omega = fit.omega * np.arange(1, harmonics + 1)[:, None] + apart * steps
         return np.asarray(sines.beside(apart, reach) * (scale * np.exp(-1j * fit.rows.lead * omega)))
     steady = fit.omega * np.arange(1, harmonics + 1)[:, None] * fit.track.time + course.turn

@@ -57,8 +57,7 @@ def without_spoilt(fits: Sequence[SineFit], informing: Sequence[BoolArray], *, f
         if any(np.mean(flag.any(axis=0)) > _MOST for flag in flags):
             return old
         new = [_left_out(fit, flag) for fit, flag in zip(old, flags, strict=True)]
-        if free:
-            new, _ = refine(new, informing=informing, free=free)
+        new, _ = refine(new, informing=informing, free=free)
         last, flags = flags, [_flags(fit, whole.track.signals) for fit, whole in zip(new, old, strict=True)]
         if all(np.array_equal(a, b) for a, b in zip(last, flags, strict=True)):
             break
@@ -66,7 +65,7 @@ def without_spoilt(fits: Sequence[SineFit], informing: Sequence[BoolArray], *, f
     if not any(flag.any() for flag in kept):
         return old
     new = [_left_out(fit, flag) for fit, flag in zip(old, kept, strict=True)]
-    return refine(new, informing=informing, free=free)[0] if free else new
+    return refine(new, informing=informing, free=free)[0]
 
 
 def _left_out(fit: SineFit, flags: BoolArray) -> SineFit:
@@ -82,11 +81,11 @@ def _left_out(fit: SineFit, flags: BoolArray) -> SineFit:
 def _flags(fit: SineFit, signals: FloatArray | None = None) -> BoolArray:
     """Flags (channels, N) of drop-outs and spikes; `signals` has the samples that the fit left out."""
     track = fit.track
-    present = track.present if track.spoilt is None else track.present | track.spoilt.any(axis=0)
+    present = track.recorded
     signals = track.signals if signals is None else signals
     left = signals - _everywhere(fit) if track.spoilt is not None else fit.residual
     size = np.hypot(*fit.coefficients[:2])
-    count = int(min(max(_CYCLES * fit.rate * 2 * np.pi / fit.omega, 64), track.time.size))
+    count = int(min(max(_CYCLES * track.exact_rate * 2 * np.pi / fit.omega, 64), track.time.size))
     flags = np.zeros(signals.shape, dtype=bool)
     whole = bool(present.all())
     for i, (row, rest, amplitude) in enumerate(zip(signals, np.abs(left), size, strict=True)):
@@ -117,7 +116,7 @@ def _edges(samples: int, count: int) -> IntArray:
 def _everywhere(fit: SineFit) -> FloatArray:
     """The fit (channels, N) at all samples, also at those that it left out."""
     whole = replace(fit.track, present=np.ones_like(fit.track.present))
-    return rows_of(whole, fit.terms).model(fit.coefficients)
+    return rows_of(whole, fit).model(fit.coefficients)
 
 
 def _usual(rest: FloatArray, present: BoolArray, count: int) -> FloatArray:
@@ -155,9 +154,9 @@ def _runs(flags: BoolArray) -> list[tuple[int, int]]:
 def _confirmed(fit: SineFit, old: SineFit, flags: BoolArray) -> BoolArray:
     """The flags of the channels whose residual falls without these samples, and that do not return each cycle."""
     keep = np.zeros_like(flags)
-    rms = [np.sqrt(np.sum(one.residual**2, axis=1) / max(one.dof, 1)) for one in (fit, old)]
+    rms, usual = (np.sqrt(np.sum(part.residual**2, axis=1) / max(part.dof, 1)) for part in (fit, old))
     for i, row in enumerate(flags):
-        if row.any() and rms[0][i] < _FALL * rms[1][i] and not _returns(fit, row):
+        if row.any() and rms[i] < _FALL * usual[i] and not _returns(fit, row):
             keep[i] = row
     return keep
 
@@ -171,8 +170,8 @@ def _returns(fit: SineFit, flags: BoolArray) -> bool:
     total = cycles[-1] - cycles[0]
     for shift in (0.0, 0.5):
         place = middles * _PHASES + shift
-        at = np.stack([np.floor(place) % _PHASES, np.floor(place / _PHASES)])
-        _, counts = np.unique(np.unique(at, axis=1)[0], return_counts=True)
+        phases = np.stack([np.floor(place) % _PHASES, np.floor(place / _PHASES)])
+        _, counts = np.unique(np.unique(phases, axis=1)[0], return_counts=True)
         if counts.max() > max(_PERIODIC * total, 1.0):
             return True
     return False

@@ -58,22 +58,23 @@ def steady_part(recording: Recording, frequency: float) -> tuple[float, float] |
         tracks = tracks_of(recording, names)
     except RecordingError:
         return None
-    found = _bridged(envelope(tracks, 2 * np.pi * frequency))
-    if found is None:
+    stretches = _bridged(envelope(tracks, 2 * np.pi * frequency))
+    if stretches is None:
         return _between_rests(tracks[0], frequency, recording.span)
-    speed = _speed(found)
-    running = _running(found, speed)
-    kept = None if running is None else _trimmed(found, speed, *running)
+    phase = np.unwrap(np.angle(stretches.amplitudes["motion_in"]))
+    speed = np.gradient(phase, stretches.time) / stretches.omega  # relative to the assumed frequency
+    running = _running(stretches, speed)
+    kept = None if running is None else _trimmed(stretches, speed, *running)
     if kept is None:
         return None
-    (begin, end), last = kept, found.time.size - 1
-    if (begin <= 1 and end >= last) or (end - begin) * found.hop * frequency < _FEWEST_CYCLES:
+    (begin, end), last = kept, stretches.time.size - 1
+    if (begin <= 1 and end >= last) or (end - begin) * stretches.hop * frequency < _FEWEST_CYCLES:
         return None
     low, high = recording.span
     middle = 0.5 * (low + high)
     return (
-        low if begin <= 1 else middle + float(found.time[begin]),
-        high if end >= last else middle + float(found.time[end - 1]),
+        low if begin <= 1 else middle + float(stretches.time[begin]),
+        high if end >= last else middle + float(stretches.time[end - 1]),
     )
 
 
@@ -91,12 +92,12 @@ def _between_rests(track: Track, frequency: float, span: tuple[float, float]) ->
     return (begin, end) if moving and (begin, end) != span else None
 
 
-def _running(found: Envelope, speed: FloatArray) -> tuple[int, int] | None:
+def _running(stretches: Envelope, speed: FloatArray) -> tuple[int, int] | None:
     """Range of the stretches in which the drive runs; None if it starts and stops several times.
 
     A beat with an interfering line also gives several such ranges, and no start to cut.
     """
-    size = np.abs(found.amplitudes["motion_in"])
+    size = np.abs(stretches.amplitudes["motion_in"])
     level = float(np.median(size[size > 0.5 * np.max(size)]))
     up = np.abs(size / level - 1) < _LEVEL
     up &= np.abs(speed - np.median(speed[up])) < _SPEED if up.any() else False
@@ -104,35 +105,30 @@ def _running(found: Envelope, speed: FloatArray) -> tuple[int, int] | None:
     return None if last - first < max(_FEWEST_STRETCHES, _MOST_OF_IT * up.sum()) else (first, last)
 
 
-def _trimmed(found: Envelope, speed: FloatArray, begin: int, end: int) -> tuple[int, int] | None:
+def _trimmed(stretches: Envelope, speed: FloatArray, begin: int, end: int) -> tuple[int, int] | None:
     """The range without the unsteady stretches at its ends; None if too few stretches remain.
 
     An end of the recording is trimmed only if its stretch differs much: a start within the range is always trimmed.
     """
     for _ in range(_ROUNDS):
-        steady, rough = _steady(found, speed, slice(begin, end))
+        steady, rough = _steady(stretches, speed, slice(begin, end))
         before = _cut(steady) if begin > 1 or rough[0] else 0
-        after = _cut(steady[::-1]) if end < found.time.size - 1 or rough[-1] else 0
+        after = _cut(steady[::-1]) if end < stretches.time.size - 1 or rough[-1] else 0
         begin, end = begin + before, end - after
         if end - begin < _FEWEST_STRETCHES // 2:
             return None
     return begin, end
 
 
-def _bridged(found: Envelope) -> Envelope | None:
+def _bridged(stretches: Envelope) -> Envelope | None:
     """The envelope, interpolated linearly over stretches with missing samples; None if too many are missing."""
     amplitudes: dict[str, ComplexArray] = {}
-    for name, row in found.amplitudes.items():
+    for name, row in stretches.amplitudes.items():
         known = np.isfinite(row)
         if known.sum() < max(_FEWEST_STRETCHES, row.size // 2):
             return None
-        amplitudes[name] = np.interp(found.time, found.time[known], row[known])
-    return replace(found, amplitudes=amplitudes)
-
-
-def _speed(found: Envelope) -> FloatArray:
-    """Departure of the speed of V1 from the assumed frequency, relative (n,) [1]."""
-    return np.asarray(np.gradient(found.phase("motion_in"), found.time) / found.omega)
+        amplitudes[name] = np.interp(stretches.time, stretches.time[known], row[known])
+    return replace(stretches, amplitudes=amplitudes)
 
 
 def _longest(flags: BoolArray) -> tuple[int, int]:
@@ -145,11 +141,11 @@ def _longest(flags: BoolArray) -> tuple[int, int]:
     return int(first), int(last)
 
 
-def _steady(found: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray, BoolArray]:
+def _steady(stretches: Envelope, speed: FloatArray, part: slice) -> tuple[BoolArray, BoolArray]:
     """Flags of the stretches of a part that are as steady as its middle half, and of those that differ much from it."""
-    motion = found.amplitudes["motion_in"][part]
+    motion = stretches.amplitudes["motion_in"][part]
     rows = [np.abs(motion), 1.0 + speed[part]]
-    rows += [found.amplitudes[name][part] / motion for name in found.amplitudes if name != "motion_in"]
+    rows += [stretches.amplitudes[name][part] / motion for name in stretches.amplitudes if name != "motion_in"]
     count = motion.size
     half = slice(count // 4, count - count // 4)
     good, rough = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)

@@ -67,16 +67,6 @@ class Blocks:
         parts = (self.samples @ self.powers).reshape(self.channels, -1)
         return np.asarray(parts @ self.shifts.reshape(_ORDERS.size, -1).T)
 
-    def sines(self, omega: float, harmonics: int, others: FloatArray) -> Sines:
-        """The multiples of omega, and other frequencies (L,) [rad/s]."""
-        tables = []
-        for time in (self.inside, self.middle):
-            table = np.empty((time.size, harmonics + others.size), dtype=complex)
-            table[:, harmonics:] = np.exp(-1j * time[:, None] * others)
-            geometric(np.exp(-1j * omega * time), table[:, :harmonics])
-            tables.append(table)
-        return Sines(self, *tables)
-
 
 def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | None = None) -> None:
     """Fill a table (n, F) with start · ratio^k in column k, from k = 0; by default with ratio^(k + 1)."""
@@ -87,10 +77,27 @@ def geometric(ratio: ComplexArray, table: ComplexArray, start: ComplexArray | No
 
 
 class Sines:
-    """Sinusoids e^{-jωu} on blocks, as their turn inside a block (B, F) and that of the middles of blocks (M, F)."""
+    """Sinusoids e^{-jωu} on blocks, as their turn inside a block (B, F) and that of the middles of blocks (M, F).
 
-    def __init__(self, blocks: Blocks, inside: ComplexArray, middle: ComplexArray) -> None:
-        self._blocks, self._inside, self._middle = blocks, inside, middle
+    Parameters
+    ----------
+    blocks : Blocks
+    omega : float [rad/s]
+        Fundamental, whose multiples come first.
+    harmonics : int
+        Number of these multiples.
+    others : (L,) float array [rad/s]
+        Other frequencies.
+    """
+
+    def __init__(self, blocks: Blocks, omega: float, harmonics: int, others: FloatArray) -> None:
+        tables = []
+        for time in (blocks.inside, blocks.middle):
+            table = np.empty((time.size, harmonics + others.size), dtype=complex)
+            table[:, harmonics:] = np.exp(-1j * time[:, None] * others)
+            geometric(np.exp(-1j * omega * time), table[:, :harmonics])
+            tables.append(table)
+        self._blocks, (self._inside, self._middle) = blocks, tables
 
     def sums(self, order: int) -> ComplexArray:
         """Sums (C, order + 1, F) of the samples times s^p e^{-jωu}, for p from 0 and each frequency."""
@@ -209,10 +216,7 @@ def _term_by_term(omega: FloatArray, count: int, rate: float, order: int) -> Com
     index = np.arange(count) - 0.5 * (count - 1)
     place = index / (0.5 * (count - 1))
     made = np.empty((order + 1, omega.size), dtype=complex)
-    known: dict[float, ComplexArray] = {}
-    for k, one in enumerate(omega.tolist()):
-        if one not in known:
-            turning = np.exp(1j * one / rate * index)
-            known[one] = np.array([place**p @ turning for p in range(order + 1)])
-        made[:, k] = known[one]
+    for k, frequency in enumerate(omega.tolist()):
+        turning = np.exp(1j * frequency / rate * index)
+        made[:, k] = [place**p @ turning for p in range(order + 1)]
     return made

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
-from fourpole.core.demodulation.sums import sums_without_samples
+from fourpole.core.demodulation.sums import Sines, sums_without_samples
 from fourpole.core.demodulation.tracks import Course, Track
 
 #: Mean, slope, parabola, cubic.
@@ -35,12 +35,20 @@ class Terms(ByValue):
     omega: float
     harmonics: int
     lines: FloatArray
-    unsteady: tuple[int, ...] = ()
+    unsteady: tuple[int, ...]
 
     @property
     def sines(self) -> FloatArray:
         """Frequencies (S,) of the harmonics and of the lines [rad/s]."""
         return np.concatenate([self.omega * np.arange(1, self.harmonics + 1), self.lines])
+
+    def differences(self) -> FloatArray:
+        """The sums and differences of any two frequencies, and of these with zero, but no one twice [rad/s]."""
+        multiples = self.omega * np.arange(2 * self.harmonics + 1)
+        if not self.lines.size:
+            return multiples
+        others = np.append(multiples[: self.harmonics + 1], self.lines)
+        return np.concatenate([multiples, *(part for line in self.lines for part in (others + line, others - line))])
 
 
 class Rows(Protocol):
@@ -48,11 +56,17 @@ class Rows(Protocol):
 
     Inner products have these P rows first, then the 2 S rows of the sines times the time u from the middle [s], along
     which a change of frequency acts. The last two are those of the fundamental times u²: its model bends along them.
+
+    Attributes
+    ----------
+    size : int
+        Number P of rows.
+    lead : float [s]
+        Time of the zero of phase of the rows after that of the track.
     """
 
-    @property
-    def size(self) -> int:
-        """Number P of rows."""
+    size: int
+    lead: float
 
     def products(self) -> FloatArray:
         """Inner products (P + 2 S + 2, P + 2 S + 2) of the rows."""
@@ -66,24 +80,19 @@ class Rows(Protocol):
     def carrier(self) -> ComplexArray:
         """The fundamental as a rotation (N,)."""
 
-    @property
-    def lead(self) -> float:
-        """Time of the zero of phase of the rows after that of the track [s]."""
-
 
 def rows_of(track: Track, terms: Terms) -> Rows:
     """The rows of terms on a track: closed formulas, or a table where a reference gives the phase."""
-    return _Uniform(track, terms) if track.course is None else _Table(track, terms)
+    return _Uniform(track, terms) if track.course is None else _Table(track, terms, track.course)
 
 
-@dataclass(frozen=True, eq=False)
-class _Layout(ByValue):
+class _Layout:
     """Places of the rows among atoms s^p e^{jwu}, each a pair of real rows.
 
     Attributes
     ----------
-    harmonics, lines : int
-        Numbers of the sines.
+    sines : int
+        Number S of sines.
     size : int
         Number P of rows.
     seconds : (P + 2 S + 2,) int
@@ -94,62 +103,37 @@ class _Layout(ByValue):
         The rows as linear combinations of cosines and minus sines of the atoms.
     powers, above, below : (Q, Q) int
         For each pair of atoms the power of their product; the places of the sum and of the difference of their
-        frequencies in `different`.
+        frequencies in `Terms.differences`.
     mirrored : (Q, Q) bool
-        Whether the difference is the negative of the one in `different`.
+        Whether the difference is the negative of the one there.
     """
 
-    harmonics: int
-    lines: int
-    size: int
-    seconds: IntArray
-    frequency: IntArray
-    power: IntArray
-    rows: FloatArray
-    powers: IntArray
-    above: IntArray
-    below: IntArray
-    mirrored: BoolArray
-
-    @property
-    def sines(self) -> int:
-        """Number S of sines."""
-        return self.harmonics + self.lines
-
-    def different(self, terms: Terms) -> FloatArray:
-        """The sums and differences of any two frequencies [rad/s], without those that occur twice."""
-        multiples = terms.omega * np.arange(2 * terms.harmonics + 1)
-        if not terms.lines.size:
-            return multiples
-        others = np.append(multiples[: terms.harmonics + 1], terms.lines)
-        pairs = [(others + line, others - line) for line in terms.lines]
-        return np.concatenate([multiples, *(one for pair in pairs for one in pair)])
+    def __init__(self, harmonics: int, lines: int, unsteady: tuple[int, ...]) -> None:
+        sines = self.sines = harmonics + lines
+        atoms = [(i, 0) for i in range(sines)] + [(h - 1, p) for h in unsteady for p in (1, 2)]
+        drift = len(atoms)
+        atoms += [(sines, p) for p in range(DRIFT)]
+        moving = len(atoms)
+        atoms += [(i, 1) for i in range(sines)] + [(0, 2)]
+        rows = np.eye(2 * len(atoms))
+        for k, h in enumerate(unsteady):
+            parabola = 2 * (sines + 2 * k + 1)
+            rows[parabola : parabola + 2, 2 * h - 2 : 2 * h] -= np.eye(2) / 3
+        rows[2 * drift : 2 * moving : 2, 2 * drift : 2 * moving : 2] = _POLYNOMIALS
+        kept = np.r_[: 2 * drift, 2 * drift : 2 * moving : 2, 2 * moving : 2 * len(atoms)]
+        self.rows, self.size = rows[kept], len(kept) - 2 * sines - 2
+        self.seconds = np.repeat([0, 1, 2], [self.size, 2 * sines, 2])
+        self.frequency, self.power = np.array(atoms).T
+        self.powers = self.power[:, None] + self.power
+        pairs = self.frequency[:, None], self.frequency
+        self.above, self.below, self.mirrored = (places[pairs] for places in _places(harmonics, lines))
 
 
-@lru_cache(maxsize=64)
-def _layout(harmonics: int, lines: int, unsteady: tuple[int, ...]) -> _Layout:
-    sines = harmonics + lines
-    atoms = [(i, 0) for i in range(sines)] + [(h - 1, p) for h in unsteady for p in (1, 2)]
-    drift = len(atoms)
-    atoms += [(sines, p) for p in range(DRIFT)]
-    moving = len(atoms)
-    atoms += [(i, 1) for i in range(sines)] + [(0, 2)]
-    rows = np.eye(2 * len(atoms))
-    for k, h in enumerate(unsteady):
-        parabola = 2 * (sines + 2 * k + 1)
-        rows[parabola : parabola + 2, 2 * h - 2 : 2 * h] -= np.eye(2) / 3
-    rows[2 * drift : 2 * moving : 2, 2 * drift : 2 * moving : 2] = _POLYNOMIALS
-    kept = np.r_[: 2 * drift, 2 * drift : 2 * moving : 2, 2 * moving : 2 * len(atoms)]
-    frequency, power = np.array(atoms).T
-    above, below, mirrored = (one[frequency[:, None], frequency] for one in _places(harmonics, lines))
-    size = len(kept) - 2 * sines - 2
-    seconds = np.repeat([0, 1, 2], [size, 2 * sines, 2])
-    powers = power[:, None] + power
-    return _Layout(harmonics, lines, size, seconds, frequency, power, rows[kept], powers, above, below, mirrored)
+_layout = lru_cache(maxsize=64)(_Layout)
 
 
 def _places(harmonics: int, lines: int) -> tuple[IntArray, IntArray, BoolArray]:
-    """Places in `_Layout.different` of the sum and of the difference of two frequencies, and whether it is mirrored.
+    """Places in `Terms.differences` of the sum and of the difference of two frequencies, and whether it is mirrored.
 
     The frequencies are the harmonics, the lines, and zero.
     """
@@ -178,19 +162,15 @@ class _Uniform:
     def __init__(self, track: Track, terms: Terms) -> None:
         self._track, self._terms, self._blocks = track, terms, track.blocks
         self._layout = _layout(terms.harmonics, terms.lines.size, terms.unsteady)
-        self._waves = track.blocks.sines(terms.omega, terms.harmonics, terms.lines)
-
-    @property
-    def size(self) -> int:
-        return self._layout.size
-
-    @property
-    def lead(self) -> float:
-        return 0.5 * float(self._track.time[0] + self._track.time[-1])
+        self._waves = Sines(track.blocks, terms.omega, terms.harmonics, terms.lines)
+        self.size, self.lead = self._layout.size, 0.5 * float(track.time[0] + track.time[-1])
 
     def products(self) -> FloatArray:
-        layout, track, terms = self._layout, self._track, self._terms
-        sums = _all_powers(layout.different(terms), track.time.size, track.exact_rate)
+        layout, track, omega = self._layout, self._track, self._terms.differences()
+        moving = omega != 0.0
+        sums = np.zeros((2 * DRIFT - 1, omega.size), dtype=complex)  # only powers of the drift alone reach the sixth
+        sums[:-1, moving] = sums_without_samples(omega[moving], track.time.size, track.exact_rate, 2 * DRIFT - 3)
+        sums[:, ~moving] = _sums_of_powers(track.time.size)[:, None]
         above, below = sums[layout.powers, layout.above], sums[layout.powers, layout.below]
         below = np.where(layout.mirrored, below.conj(), below)
         made = np.empty((above.shape[0], 2, above.shape[0], 2))
@@ -233,15 +213,6 @@ class _Uniform:
         return self._layout.rows @ np.stack([atoms.real, atoms.imag], axis=1).reshape(2 * omega.size, -1)
 
 
-def _all_powers(omega: FloatArray, count: int, rate: float) -> ComplexArray:
-    """Sums of s^p e^{jωu} for p to 6; at a frequency above zero only to 5, as no term needs more."""
-    sums = np.zeros((2 * DRIFT - 1, *omega.shape), dtype=complex)
-    moving = omega != 0.0
-    sums[:-1, moving] = sums_without_samples(omega[moving], count, rate, 2 * DRIFT - 3)
-    sums[:, ~moving] = _sums_of_powers(count)[:, None]
-    return sums
-
-
 @lru_cache(maxsize=64)
 def _sums_of_powers(count: int) -> FloatArray:
     """Sums (7,) of s^p, for p from 0 to 6."""
@@ -252,15 +223,15 @@ def _sums_of_powers(count: int) -> FloatArray:
 class _Table:
     """Rows as a table (P, N): for a track whose phase a reference gives."""
 
-    def __init__(self, track: Track, terms: Terms) -> None:
-        self._track, self._terms = track, terms
+    def __init__(self, track: Track, terms: Terms, course: Course) -> None:
+        self._track, self._terms, self._course, self.lead = track, terms, course, 0.0
+        self.size = 2 * (terms.sines.size + len(course.follow)) + 4 * len(terms.unsteady) + DRIFT
 
     @cached_property
     def _rows(self) -> FloatArray:
         """Rows (P, N) of sines, parabolas of unsteady harmonics, what follows the speed, and drift."""
         track, terms = self._track, self._terms
         sines, unsteady = 2 * terms.sines.size, terms.unsteady
-        course = _course(track)
         rows = np.empty((self.size, track.time.size))
         rotation, power = self.carrier(), np.ones(track.time.size, dtype=complex)
         for k in range(terms.harmonics):
@@ -272,23 +243,14 @@ class _Table:
         place = track.time / max(abs(track.time[0]), abs(track.time[-1]))
         for i, harmonic in enumerate(unsteady):
             pair = rows[2 * harmonic - 2 : 2 * harmonic]
-            at = sines + 4 * i
-            rows[at : at + 2], rows[at + 2 : at + 4] = pair * place, pair * (place**2 - 1.0 / 3.0)
-        turned = course.follow * rotation
+            start = sines + 4 * i
+            rows[start : start + 2], rows[start + 2 : start + 4] = pair * place, pair * (place**2 - 1.0 / 3.0)
+        turned = self._course.follow * rotation
         rows[sines + 4 * len(unsteady) : -DRIFT : 2] = turned.real
         rows[sines + 4 * len(unsteady) + 1 : -DRIFT : 2] = -turned.imag
         rows[-DRIFT:] = _POLYNOMIALS @ place ** np.arange(DRIFT)[:, None]
         rows[:, ~track.present] = 0.0
         return rows
-
-    @property
-    def size(self) -> int:
-        terms = self._terms
-        return 2 * (terms.sines.size + len(_course(self._track).follow)) + 4 * len(terms.unsteady) + DRIFT
-
-    @property
-    def lead(self) -> float:
-        return 0.0
 
     @cached_property
     def _whole(self) -> FloatArray:
@@ -306,11 +268,4 @@ class _Table:
         return coefficients.T @ self._rows
 
     def carrier(self) -> ComplexArray:
-        track = self._track
-        return np.asarray(np.exp(1j * (self._terms.omega * track.time + _course(track).turn)))
-
-
-def _course(track: Track) -> Course:
-    if track.course is None:
-        raise ValueError("the track has no reference")
-    return track.course
+        return np.asarray(np.exp(1j * (self._terms.omega * self._track.time + self._course.turn)))

@@ -79,6 +79,11 @@ class Track(ByValue):
         """Number of samples that all channels have."""
         return int(np.count_nonzero(self.present))
 
+    @property
+    def recorded(self) -> BoolArray:
+        """Flags (N,) of the samples that the recording has, drop-outs and spikes included."""
+        return self.present if self.spoilt is None else self.present | self.spoilt.any(axis=0)
+
     @cached_property
     def blocks(self) -> Blocks:
         """The samples in blocks, for sums with sinusoids."""
@@ -97,34 +102,22 @@ class Track(ByValue):
 
 def tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
     """Tracks of the channels `names` over their common time, V1 first; RecordingError for a channel without signal."""
+    made: dict[tuple[str, ...], list[Track]] = recording.made
     asked = ("tracks", *names)
-    if asked not in recording.made:
-        recording.made[asked] = _tracks_of(recording, names)
-    found: list[Track] = recording.made[asked]
-    return found
-
-
-def _tracks_of(recording: Recording, names: Sequence[str]) -> list[Track]:
-    first, last = recording.span
-    common = recording if _alike(recording) else recording.between(first, last)
-    bases = dict.fromkeys(common.base(name) for name in ("motion_in", *names))
-    middle = 0.5 * sum(recording.span)
-    owned = [tuple(name for name in names if common.base(name) == base) for base in bases]
-    return [_track(common, own, middle) for own in owned if own]
-
-
-def _alike(recording: Recording) -> bool:
-    """Whether all channels have the same sampling times and the recording has no reference."""
-    return recording.reference is None and len({recording.base(name) for name in recording.channels}) == 1
-
-
-def _track(recording: Recording, names: tuple[str, ...], middle: float) -> Track:
-    """The track of some channels, whose time counts from `middle` [s]."""
-    rate, start = recording.base(names[0])
-    signals, present = _signals(recording, names)
-    size = signals.shape[1]
-    time = (np.arange(size) - 0.5 * (size - 1)) / rate + (start + 0.5 * (size - 1) / rate - middle)
-    return Track(names, signals, present, time, rate)
+    if asked in made:
+        return made[asked]
+    alike = recording.reference is None and len({recording.base(name) for name in recording.channels}) == 1
+    common = recording if alike else recording.between(*recording.span)
+    middle, tracks = 0.5 * sum(recording.span), []
+    for rate, start in dict.fromkeys(common.base(name) for name in ("motion_in", *names)):
+        own = tuple(name for name in names if common.base(name) == (rate, start))
+        if own:
+            signals, present = _signals(common, own)
+            size = signals.shape[1]
+            time = (np.arange(size) - 0.5 * (size - 1)) / rate + (start + 0.5 * (size - 1) / rate - middle)
+            tracks.append(Track(own, signals, present, time, rate))
+    made[asked] = tracks
+    return tracks
 
 
 def following(tracks: Sequence[Track], reference: Reference, span: tuple[float, float]) -> tuple[list[Track], float]:
@@ -193,9 +186,9 @@ def _signals(recording: Recording, names: Sequence[str]) -> tuple[FloatArray, Bo
                 f"{named(name)} is constant ({largest:.6g} in SI units): "
                 "the sensor was off, unplugged, or another column is meant"
             )
-    moving = [(name, one) for name, one in zip(names, signals, strict=True) if name in CHANNELS[1:]]
-    for (name, one), (other, same) in combinations(moving, 2):
-        if np.array_equal(one, same):
+    moving = [(name, motion) for name, motion in zip(names, signals, strict=True) if name in CHANNELS[1:]]
+    for (name, motion), (other, same) in combinations(moving, 2):
+        if np.array_equal(motion, same):
             raise RecordingError(
                 f"{named(name)} and {named(other)} have the same samples: "
                 "name the column of each, or export the recording again"

@@ -51,14 +51,14 @@ class Wander:
     shift: float
 
 
-def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulation, Wander] | None:
+def follow_wander(recording: Recording, steady: Demodulation) -> tuple[Demodulation, Wander] | None:
     """The recording demodulated along the phase of V1, if its speed wanders enough to change the result.
 
     Parameters
     ----------
     recording : Recording
         A recording without a reference.
-    found : Demodulation
+    steady : Demodulation
         The demodulation at one frequency.
 
     Returns
@@ -71,67 +71,67 @@ def follow_wander(recording: Recording, found: Demodulation) -> tuple[Demodulati
     The phase of V1 in stretches of four cycles replaces a tacho. Its noise is small against that of the amplitudes,
     because it is smoothed and common to all channels.
     """
-    followed = _along_v1(recording, found, _RESIDUAL_FALL)
+    followed = _along_v1(recording, steady, _RESIDUAL_FALL)
     if followed is None:
         return None
     better, peak = followed
-    weight, shift = max(_change(found.phasors, better.phasors, over, under) for over, under in ((1, 0), (2, 1)))
+    weight, shift = max(_change(steady.phasors, better.phasors, over, under) for over, under in ((1, 0), (2, 1)))
     return (better, Wander(peak, shift)) if weight > 1 else None
 
 
-def refine_reference(recording: Recording, found: Demodulation) -> Demodulation:
-    """The demodulation along the phase of V1 about the reference, if its residual is smaller; otherwise `found`.
+def refine_reference(recording: Recording, by_pulses: Demodulation) -> Demodulation:
+    """The demodulation along the phase of V1 about the reference, if its residual is smaller; otherwise `by_pulses`.
 
     The pulses of a tacho jitter by up to a sampling interval, whereas V1 follows the drive itself.
     """
-    better = _along_v1(recording, found, 1.0)
-    return found if better is None else better[0]
+    better = _along_v1(recording, by_pulses, 1.0)
+    return by_pulses if better is None else better[0]
 
 
-def _along_v1(recording: Recording, found: Demodulation, share: float) -> tuple[Demodulation, float] | None:
+def _along_v1(recording: Recording, steady: Demodulation, share: float) -> tuple[Demodulation, float] | None:
     """The demodulation along the phase of V1 and the largest departure of the speed [1]; None if none is better.
 
     The lines found beside a wandering drive are its sidebands; beside a steady drive they are interference. Both cases
     are compared: the phase of V1 as it is, and with the lines removed first.
     """
-    if not _may_wander(recording, found, share):
+    if not _may_wander(recording, steady, share):
         return None
     tries = []
-    for lines in dict.fromkeys((False, found.lines.size > 0)):
-        reference = _own_reference(recording, found, lines=lines)
+    for lines in dict.fromkeys((False, steady.lines.size > 0)):
+        reference = _own_reference(recording, steady, lines=lines)
         if reference is None or (departure := _departure(reference)) < STEADY:
             continue
         with suppress(RecordingError):
             followed = demodulate(replace(recording, reference=reference))
-            if _is_better(followed, found, share):
+            if _is_better(followed, steady, share):
                 tries.append((followed, departure))
     return min(tries, key=lambda pair: float(pair[0].noise_ratio[CHANNELS.index("motion_in")]), default=None)
 
 
-def _may_wander(recording: Recording, found: Demodulation, share: float) -> bool:
+def _may_wander(recording: Recording, steady: Demodulation, share: float) -> bool:
     """Whether the amplitude of V1 varies enough for its residual to fall to a share when the variation is followed."""
     if recording.reference is not None:
         return True
     motion = _motion(recording)
-    amplitude = envelope([motion], float(found.phasors.omega)).amplitudes["motion_in"]
+    amplitude = envelope([motion], float(steady.phasors.omega)).amplitudes["motion_in"]
     there = amplitude[np.isfinite(amplitude)]
     if there.size < _FEWEST_STRETCHES:
         return False
-    residual = found.noise_ratio[CHANNELS.index("motion_in")] * np.abs(np.mean(there))
-    return bool(np.var(there) * _of_all_harmonics(recording, found) > _SEEN * (1.0 - share**2) * residual**2)
+    residual = steady.noise_ratio[CHANNELS.index("motion_in")] * np.abs(np.mean(there))
+    return bool(np.var(there) * _of_all_harmonics(recording, steady) > _SEEN * (1.0 - share**2) * residual**2)
 
 
-def _of_all_harmonics(recording: Recording, found: Demodulation) -> float:
+def _of_all_harmonics(recording: Recording, steady: Demodulation) -> float:
     """Energy that a small wander moves out of all harmonics of V1, over that of the fundamental, at most [1].
 
     Harmonic n turns n times as far. A harmonic that a wander has spread out is a part of the residual.
     """
-    at, power = CHANNELS.index("motion_in"), 2 - DERIVATIVES[recording.channels["motion_in"].quantity]
-    kept = np.abs(found.harmonics.amplitudes[at])
+    place, power = CHANNELS.index("motion_in"), 2 - DERIVATIVES[recording.channels["motion_in"].quantity]
+    kept = np.abs(steady.harmonics.amplitudes[place])
     displacement = kept / kept[0] / np.arange(1, kept.size + 1)
-    rest = max(float(found.distortion[at] ** 2 - np.sum(displacement[1:] ** 2)), 0.0)
+    rest = max(float(steady.distortion[place] ** 2 - np.sum(displacement[1:] ** 2)), 0.0)
     turned = float(np.sum((displacement * np.arange(1.0, kept.size + 1) ** power) ** 2))
-    return turned + _MULTIPLES ** (2 * power) * rest + (_MULTIPLES * float(found.noise_ratio[at])) ** 2
+    return turned + _MULTIPLES ** (2 * power) * rest + (_MULTIPLES * float(steady.noise_ratio[place])) ** 2
 
 
 def _departure(reference: Reference) -> float:
@@ -141,28 +141,28 @@ def _departure(reference: Reference) -> float:
     return float(np.max(np.abs(speed / reference.omega(low, high) - 1.0)))
 
 
-def _is_better(followed: Demodulation, found: Demodulation, share: float) -> bool:
+def _is_better(followed: Demodulation, steady: Demodulation, share: float) -> bool:
     """Whether the residual of V1 falls to the share and that of no channel grows."""
-    left = followed.noise_ratio / np.maximum(found.noise_ratio, 1e-15)
+    left = followed.noise_ratio / np.maximum(steady.noise_ratio, 1e-15)
     return bool(left[CHANNELS.index("motion_in")] <= share and np.nanmax(left) <= _RESIDUAL_RISE)
 
 
 def _motion(recording: Recording) -> Track:
     """V1 at the samples that all channels of its time base have."""
     first = tracks_of(recording, [name for name in CHANNELS if name in recording.channels])[0]
-    at = first.names.index("motion_in")
-    return replace(first, names=("motion_in",), signals=first.signals[at : at + 1])
+    place = first.names.index("motion_in")
+    return replace(first, names=("motion_in",), signals=first.signals[place : place + 1])
 
 
-def _own_reference(recording: Recording, found: Demodulation, *, lines: bool) -> Reference | None:
+def _own_reference(recording: Recording, steady: Demodulation, *, lines: bool) -> Reference | None:
     """The phase of V1 as a reference, about the recording's own reference if it has one.
 
     If `lines`, the interfering lines found are removed from V1 first. None if V1 shows no wandering drive.
     """
-    omega, middle = float(found.phasors.omega), 0.5 * sum(recording.span)
+    omega, middle = float(steady.phasors.omega), 0.5 * sum(recording.span)
     motion = _motion(recording)
     if lines:
-        fit = fit_sines(motion, omega, 1, 2 * np.pi * np.unique(found.lines))
+        fit = fit_sines(motion, omega, 1, 2 * np.pi * np.unique(steady.lines))
         foreign = fit.coefficients.copy()
         foreign[:2] = foreign[-DRIFT:] = 0.0
         motion = replace(motion, signals=motion.signals - fit.rows.model(foreign))

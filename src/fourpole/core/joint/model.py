@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
-from fourpole.core.deflection import deflection_amplitude
 from fourpole.core.joint.shared import DRIFTS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig

@@ -70,7 +70,7 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     Returns
     -------
     CrossSpectra
-        A line for each bin. Neighbours are not independent: see `fourpole.core.spectra.lines.thinned`.
+        A line for each bin. Neighbours are not independent: see `fourpole.core.spectra.averaged.thinned`.
 
     Raises
     ------
@@ -91,12 +91,13 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
             f"the recording has {starts.size} segments of {segment:.3g} s without a missing sample, at least {_FEWEST} "
             "are needed: record longer"
         )
-    found, inside = bins_of(size, track.rate, band)
+    frequency, inside = bins_of(size, track.rate, band)
     window, channels = hann(size), len(track.names)
-    matrix: ComplexArray = np.zeros((channels, channels, found.size), dtype=complex)
-    squares = np.zeros((channels, 2 * found.size))
-    for some in _batches(starts, max(1, _AT_A_TIME // (size * channels))):
-        lines = lines_of(track.signals, some, window, inside)
+    matrix: ComplexArray = np.zeros((channels, channels, frequency.size), dtype=complex)
+    squares = np.zeros((channels, 2 * frequency.size))
+    count = max(1, _AT_A_TIME // (size * channels))
+    for first in range(0, starts.size, count):
+        lines = lines_of(track.signals, starts[first : first + count], window, inside)
         parts = lines.view(float)
         for a in range(channels):
             for b in range(a):
@@ -107,8 +108,8 @@ def cross_spectra(track: Track, segment: float, band: tuple[float, float]) -> Cr
     for a in range(channels):
         matrix[a, a] = squares[a, 0::2] + squares[a, 1::2]
     scale = 2.0 / (track.rate * np.sum(window**2) * starts.size)
-    averages = np.full(found.size, independent(starts.size, 1))
-    return CrossSpectra(found, scale * matrix.transpose(2, 0, 1), averages, np.full(found.size, track.rate / size))
+    averages, width = np.full(frequency.size, independent(starts.size, 1)), np.full(frequency.size, track.rate / size)
+    return CrossSpectra(frequency, scale * matrix.transpose(2, 0, 1), averages, width)
 
 
 def bins_of(size: int, rate: float, band: tuple[float, float]) -> tuple[FloatArray, slice]:
@@ -149,10 +150,6 @@ def starts_of(present: BoolArray, size: int) -> np.ndarray:
     return starts[missing[starts + size] == missing[starts]]
 
 
-def _batches(starts: np.ndarray, count: int) -> list[np.ndarray]:
-    return [starts[at : at + count] for at in range(0, starts.size, count)]
-
-
 def independent(segments: float, bins: int) -> float:
     r"""Number of independent averages in a mean over segments and neighbouring bins.
 
@@ -172,10 +169,11 @@ def independent(segments: float, bins: int) -> float:
     >>> round(independent(100, 1), 1), round(independent(100, 4) / independent(100, 1), 2)
     (94.8, 2.32)
     """
-    apart = np.arange(bins)
-    variance = sum(
-        (1.0 if m == 0 else 2.0 * (1.0 - m / bins)) * _correlated(int(m), segments) for m in apart.tolist() if m < 4
-    )
+    variance = 0.0
+    for m in range(min(bins, 4)):
+        # Sum over the shifts of segments of the squared correlation of two bins.
+        correlated = _overlap(m, 0.0) + 2.0 * (1.0 - 1.0 / segments) * _overlap(m, 0.5)
+        variance += (1.0 if m == 0 else 2.0 * (1.0 - m / bins)) * correlated
     return float(segments * bins / variance)
 
 
@@ -191,12 +189,6 @@ def of_sine(segments: float) -> float:
     20.9
     """
     return segments / (1.0 + (1.0 - 1.0 / segments) / 3.0) - 1.0
-
-
-def _correlated(bins: int, segments: float) -> float:
-    """Sum over the shifts of segments of the squared correlation of two bins."""
-    same, half = (_overlap(bins, shift) for shift in (0.0, 0.5))
-    return same + 2.0 * (1.0 - 1.0 / segments) * half
 
 
 @cache

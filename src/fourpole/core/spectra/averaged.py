@@ -6,15 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray
+from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.recording import DRIVE, Recording
-from fourpole.core.spectra.average import CrossSpectra, cross_spectra
-from fourpole.core.spectra.excited import Excited, Found, deflection_in, excited, power_of_deflection, to_true
-from fourpole.core.spectra.lines import at_periods, thinned
+from fourpole.core.spectra.average import CrossSpectra, cross_spectra, independent, of_sine
+from fourpole.core.spectra.excited import Excited, deflection_in, excited, to_true
 from fourpole.core.spectra.motion import Fine, fine_spectrum
-from fourpole.core.spectra.ratios import CLOSURE, OF_V1, OF_V2, ratios, with_bend, with_bias, with_instrument
-from fourpole.core.spectra.shared import correlations_of
+from fourpole.core.spectra.ratios import (
+    CLOSURE,
+    OF_V1,
+    OF_V2,
+    correlations_of,
+    ratios,
+    with_bend,
+    with_bias,
+    with_instrument,
+)
+from fourpole.errors import RecordingError
 
 #: Places of F1, V1 and V2 in a matrix of all channels.
 _F, _ONE, _TWO = 0, 1, 2
@@ -24,6 +32,15 @@ _FEWEST, _TRIED = 9.0, 8
 _ROUND_OFF = 1e-3
 #: Power of a multiple of 1/period over the largest from which on it is excited, and the least share of these multiples.
 _EXCITED, _MANY = 1e-6, 0.5
+#: Bins from one line to the next: with Hann windows the correlation of next but one bins is 0.04.
+_APART = 2
+#: A band has more bins than this.
+_FEWEST_BINS = 3
+#: Distance in bins from which on the power of a line belongs to another line.
+_AWAY = 0.6
+#: Largest width of a band over its frequency. In the middle of a resonance of quality 10 the mean over such a band is
+#: 3e-4 below the value at its centre.
+_WIDEST = 0.01
 
 
 def periodic_amplitudes(
@@ -37,13 +54,13 @@ def periodic_amplitudes(
     count = _periods(track, period, segment)
     if not count:
         return None
-    held = cross_spectra(track, round(count * period * track.rate) / track.rate, band)
+    recorded = cross_spectra(track, round(count * period * track.rate) / track.rate, band)
     segments = 2.0 * track.time.size / (track.rate * count * period) - 1.0
-    power = at_periods(held, period, segments, bands=False).matrix[:, 1, 1].real
+    power = _at_periods(recorded, period, segments, bands=False).matrix[:, 1, 1].real
     if np.mean(power > _EXCITED * power.max()) < _MANY:
         return None
-    every = _turned(recording, track, held)
-    return _found(recording, track, every, at_periods(every, period, segments), count * period)
+    every = _turned(recording, track, recorded)
+    return _amplitudes(recording, track, every, _at_periods(every, period, segments), count * period)
 
 
 def segment_amplitudes(
@@ -54,7 +71,7 @@ def segment_amplitudes(
     every = _turned(recording, track, cross_spectra(track, segment, band))
     count = 2.0 * track.time.size / (segment * track.rate) - 1.0
     spectra = thinned(every, count, fine_spectrum(track) if fine is None else fine)
-    return _found(recording, track, every, spectra, segment)
+    return _amplitudes(recording, track, every, spectra, segment)
 
 
 def _turned(recording: Recording, track: Track, recorded: CrossSpectra) -> CrossSpectra:
@@ -63,7 +80,9 @@ def _turned(recording: Recording, track: Track, recorded: CrossSpectra) -> Cross
     return replace(recorded, matrix=turned @ recorded.matrix @ turned.conj().transpose(0, 2, 1))
 
 
-def _found(recording: Recording, track: Track, every: CrossSpectra, spectra: CrossSpectra, segment: float) -> Excited:
+def _amplitudes(
+    recording: Recording, track: Track, every: CrossSpectra, spectra: CrossSpectra, segment: float
+) -> Excited:
     """The amplitudes from the spectra of all bins and those of independent lines."""
     closure = np.full((spectra.frequency.size, 2), np.nan)
     whole, driven = "motion_out" in track.names, DRIVE in track.names
@@ -71,27 +90,28 @@ def _found(recording: Recording, track: Track, every: CrossSpectra, spectra: Cro
         around = ratios(spectra.matrix, spectra.averages, CLOSURE)
         std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
         closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
-    moved = deflection_in(
-        every.frequency, power_of_deflection(_motions(every.matrix, whole=whole)), float(every.width[0])
-    )
+    power = every.matrix[:, _ONE, _ONE].real.copy()
+    if whole:
+        power += every.matrix[:, _TWO, _TWO].real - 2.0 * every.matrix[:, _ONE, _TWO].real
+    power = np.maximum(power, 0.0)  # rounding, where V1 and V2 are equal
     terms, instruments = (OF_V2, [_TWO, _F]) if whole else (OF_V1, [_ONE])
     if driven:
         place = track.names.index(DRIVE)
         terms, instruments = with_instrument(place)[: 1 + whole], [place] * (1 + whole)
-    held = with_bend(
-        ratios(spectra.matrix, spectra.averages, terms), spectra.matrix[:, _ONE, instruments], spectra.broad
-    )
+    estimate = ratios(spectra.matrix, spectra.averages, terms)
+    estimate = with_bend(estimate, spectra.matrix[:, _ONE, instruments], spectra.broad)
     if not whole and not driven:
-        held = with_bias(held, spectra.coherence(_F, _ONE), 1.0)
-    shared = correlations_of(spectra.matrix, closure) if whole else None
-    found = Found(held, closure, moved, segment, shared)
-    return excited(recording, track.names, spectra, found)
-
-
-def _motions(matrix: ComplexArray, *, whole: bool) -> ComplexArray:
-    """The part of the matrices that F1, V1 and, if it is recorded, V2 have."""
-    count = 2 + whole
-    return matrix[:, :count, :count]
+        estimate = with_bias(estimate, spectra.coherence(_F, _ONE), 1.0)
+    return excited(
+        recording,
+        track.names,
+        spectra,
+        estimate,
+        closure=closure,
+        deflection=deflection_in(every.frequency, power, float(every.width[0])),
+        length=segment,
+        shared=correlations_of(spectra.matrix, closure) if whole else None,
+    )
 
 
 def _periods(track: Track, period: float, segment: float) -> int:
@@ -99,9 +119,88 @@ def _periods(track: Track, period: float, segment: float) -> int:
     most = int(track.time.size / (track.rate * period) / (_FEWEST + 1.0) + _ROUND_OFF)
     least = max(1, round(0.5 * segment / period))
     counts = range(min(least, most), min(least + _TRIED, most) + 1)
-    return 2 * min(counts, key=lambda count: round(_broken(2 * count * period * track.rate), 1), default=0)
+
+    def broken(count: int) -> float:
+        """Distance of the samples of a segment from a whole number, to a tenth."""
+        samples = 2 * count * period * track.rate
+        return round(abs(samples - round(samples)), 1)
+
+    return 2 * min(counts, key=broken, default=0)
 
 
-def _broken(samples: float) -> float:
-    """Distance of a number of samples from a whole number."""
-    return abs(samples - round(samples))
+def thinned(spectra: CrossSpectra, segments: float, fine: Fine) -> CrossSpectra:
+    """Lines that are independent: every other bin, or bands of bins where these are narrow for their frequency.
+
+    Bands of more than three bins touch each other; the correlation of neighbours is then below 0.1. A band stands at
+    the mean of its frequencies, weighted by the power of V1.
+
+    Parameters
+    ----------
+    spectra : CrossSpectra
+        A line for each bin.
+    segments : float [1]
+        Number of segments, for the number of independent averages in a band.
+    fine : Fine
+        Spectrum of the whole record: where it consists of lines, there are fewer independent averages.
+    """
+    power = np.maximum(spectra.matrix[:, 1, 1].real, 1e-300)
+    edges = _edges(spectra.frequency, float(spectra.width[0]), _APART)
+    starts, counts = edges[:-1], np.diff(edges)
+    kept = np.where(counts <= _FEWEST_BINS, 1, counts)
+    frequency, matrix = np.empty(starts.size), np.empty((starts.size, *spectra.matrix.shape[1:]), dtype=complex)
+    for i, (start, count) in enumerate(zip(starts.tolist(), kept.tolist(), strict=True)):
+        part = slice(start, start + count)
+        frequency[i] = np.average(spectra.frequency[part], weights=power[part])
+        matrix[i] = spectra.matrix[part].mean(axis=0)
+    averages = {count: independent(segments, count) for count in set(kept.tolist())}
+    step = float(spectra.width[0])
+    ends = zip(spectra.frequency[starts].tolist(), spectra.frequency[starts + kept - 1].tolist(), strict=True)
+    seen = np.array([fine.seen(first, last, step)[1:] for first, last in ends])
+    foreign = np.abs(seen[:, 0] - frequency) > 0.5 * (kept - 1) * step + _AWAY * step
+    return CrossSpectra(
+        frequency,
+        matrix,
+        np.array([averages[count] for count in kept.tolist()]) * seen[:, 1],
+        kept * spectra.width[starts],
+        foreign,
+    )
+
+
+def _at_periods(spectra: CrossSpectra, period: float, segments: float, *, bands: bool = True) -> CrossSpectra:
+    """Lines of a periodic motion, at multiples of 1/period [Hz], from bins of segments of an even number of periods.
+
+    A line touches no other bin of the motion, so that all of them are independent. Lines that are narrow for their
+    frequency are averaged in bands, if `bands`.
+    """
+    step = float(spectra.width[0])
+    first, last = spectra.frequency[0] - 0.5 * step, spectra.frequency[-1] + 0.5 * step
+    multiples = np.arange(max(1, int(np.ceil(first * period))), int(np.floor(last * period)) + 1)
+    if multiples.size == 0:
+        raise RecordingError(
+            f"the motion repeats every {period:.4g} s, and no multiple of {1 / period:.4g} Hz is in the band: take a "
+            "longer period"
+        )
+    bins = np.clip(
+        np.round((multiples / period - spectra.frequency[0]) / step).astype(int), 0, spectra.frequency.size - 1
+    )
+    frequency, matrix = multiples / period, spectra.matrix[bins]
+    edges = _edges(frequency, 1.0 / period, 1) if bands else np.arange(frequency.size + 1)
+    starts, counts = edges[:-1], np.diff(edges)
+    power = np.maximum(matrix[:, 1, 1].real, 1e-300)
+    return CrossSpectra(
+        np.add.reduceat(power * frequency, starts) / np.add.reduceat(power, starts),
+        np.add.reduceat(matrix, starts, axis=0) / counts[:, None, None],
+        counts * of_sine(segments),
+        counts / period,
+        broad=counts > 1,
+    )
+
+
+def _edges(frequency: FloatArray, bin_width: float, apart: int) -> np.ndarray:
+    """First bin of each line (L + 1,), of lines some bins apart or of bands."""
+    edges, size = [0], frequency.size
+    while edges[-1] < size:
+        count = int(_WIDEST * frequency[edges[-1]] / bin_width)
+        edges.append(edges[-1] + (count if count > _FEWEST_BINS else apart))
+    edges[-1] = min(edges[-1], size)
+    return np.array(edges)

@@ -19,7 +19,7 @@ from fourpole.errors import ConstantError, RecordingError
 
 #: Channels of the spectra in their order, and the pairs whose coherence is shown.
 _ORDER = (*CHANNELS, DRIVE)
-_COHERENT = (*zip(CHANNELS, (*CHANNELS[1:], CHANNELS[0]), strict=True), *((DRIVE, one) for one in CHANNELS))
+_COHERENT = (*zip(CHANNELS, (*CHANNELS[1:], CHANNELS[0]), strict=True), *((DRIVE, name) for name in CHANNELS))
 #: Share of the sampling rate up to which lines are resolved.
 RESOLVED = 0.45
 #: Median of the square of a standard normal number, and the closure phase in its uncertainties from which on a line
@@ -30,31 +30,6 @@ _MEDIAN, _ODD = 0.4549, 2.0
 _NOTHING, _TELLING = 2.0, 3.0
 #: Standard uncertainty of a phase that round-off leaves [rad].
 _ROUND_OFF = 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class Found(ByValue):
-    """What a method finds of the lines of a recording.
-
-    Attributes
-    ----------
-    ratios : Ratios
-        F1/V1 and, with V2, V2/V1.
-    closure : (L, 2) float array [rad]
-        Closure phase and its standard uncertainty; not-a-number without V2.
-    deflection : float [m]
-        Amplitude of the deflection in the band.
-    length : float [s]
-        Length of the segments, or of the record.
-    shared : (3, 4) float array [1] or None
-        Correlations of the noises: see `Excited`; None if they are not found.
-    """
-
-    ratios: Ratios
-    closure: FloatArray
-    deflection: float
-    length: float
-    shared: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +96,7 @@ class Excited(ByValue):
 
 
 def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tuple[float, float]]:
-    """The channels with common sampling times, and the part of the band that they resolve [Hz]."""
+    """F1, V1, V2 and the drive in this order, and the part of the band that their common sampling resolves [Hz]."""
     names = [name for name in _ORDER if name in recording.channels]
     if "force_in" not in names:
         raise RecordingError(f"{recording.label}: many frequencies at once need F1 (force_in)")
@@ -136,13 +111,10 @@ def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tu
         raise RecordingError(
             f"{recording.label}: {tracks[0].rate:.6g} samples per second do not resolve {band[0]:.4g} Hz"
         )
-    return _in_order(tracks[0]), (band[0], min(band[1], top))
-
-
-def _in_order(track: Track) -> Track:
-    """The track with its channels in the order F1, V1, V2, drive."""
-    order = sorted(range(len(track.names)), key=lambda at: _ORDER.index(track.names[at]))
-    return replace(track, names=tuple(track.names[at] for at in order), signals=track.signals[order])
+    track = tracks[0]
+    order = [track.names.index(name) for name in names]
+    ordered = replace(track, names=tuple(names), signals=track.signals[order])
+    return ordered, (band[0], min(band[1], top))
 
 
 def to_true(recording: Recording, names: Sequence[str], frequency: FloatArray) -> ComplexArray:
@@ -150,14 +122,14 @@ def to_true(recording: Recording, names: Sequence[str], frequency: FloatArray) -
     turned = np.empty((frequency.size, len(names), len(names)), dtype=complex)
     turned[:] = np.eye(len(names))
     if any(recording.channels[name].crosstalk for name in names):
-        for at, one in enumerate((2 * np.pi * frequency).tolist()):
-            turned[at], _ = without_crosstalk(recording, names, one)
-    for at, name in enumerate(names):
+        for line, omega in enumerate((2 * np.pi * frequency).tolist()):
+            turned[line], _ = without_crosstalk(recording, names, omega)
+    for place, name in enumerate(names):
         channel = recording.channels[name]
         factor = (2j * np.pi * frequency) ** DERIVATIVES[channel.quantity]
         for link in links_of(channel):
             factor = factor / link.at(frequency)
-        turned[:, :, at] *= factor[:, None]
+        turned[:, :, place] *= factor[:, None]
     return turned
 
 
@@ -166,25 +138,38 @@ def pulls_of(closure: FloatArray) -> FloatArray:
     return np.asarray(closure[:, 0] / np.maximum(closure[:, 1], _ROUND_OFF))
 
 
-def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, found: Found) -> Excited:
-    """Amplitudes from ratios and their closure, with what the spectra of force and velocities show beside."""
+def excited(
+    recording: Recording,
+    names: Sequence[str],
+    spectra: CrossSpectra,
+    estimate: Ratios,
+    *,
+    closure: FloatArray,
+    deflection: float,
+    length: float,
+    shared: FloatArray | None = None,
+) -> Excited:
+    """Amplitudes from the ratios F1/V1 and, with V2, V2/V1, and what the spectra of force and velocities show beside.
+
+    Closure phase, deflection, length and correlations of the noises (if they are known) are those of `Excited`.
+    """
     shape, whole = spectra.frequency.shape, "motion_out" in names
-    pulls, driven = pulls_of(found.closure), DRIVE in names
+    pulls, driven = pulls_of(closure), DRIVE in names
     misfit = float(np.median(pulls**2) / _MEDIAN)
     larger = np.ones(shape) if driven else np.fmax(1.0, np.fmax(misfit, (pulls / _ODD) ** 2))
-    covariance = found.ratios.covariance * larger[:, None, None]
+    covariance = estimate.covariance * larger[:, None, None]
     measured = [name for name in names if name != DRIVE]
-    apart = np.abs(1.0 - found.ratios.values[:, 1]) if whole else 1.0
+    apart = np.abs(1.0 - estimate.values[:, 1]) if whole else 1.0
     amplitudes = np.full((*shape, 3), complex(np.nan, np.nan))
-    amplitudes[:, 1] = 2 * np.pi * spectra.frequency * found.deflection / apart
-    for at, place in enumerate((0, 2)[: found.ratios.values.shape[1]]):
-        amplitudes[:, place] = found.ratios.values[:, at] * amplitudes[:, 1]
+    amplitudes[:, 1] = 2 * np.pi * spectra.frequency * deflection / apart
+    for place, values in zip((0, 2), estimate.values.T, strict=False):
+        amplitudes[:, place] = values * amplitudes[:, 1]
     relative, size = np.full((*shape, 2), np.nan), np.einsum("lii->li", covariance)
     relative[:, : size.shape[1] // 2] = np.sqrt(np.maximum(0.5 * (size[:, 0::2] + size[:, 1::2]), 0.0))
     coherence = np.full((*shape, len(_COHERENT)), np.nan)
-    for at, (a, b) in enumerate(_COHERENT):
+    for i, (a, b) in enumerate(_COHERENT):
         if a in names and b in names:
-            coherence[:, at] = spectra.coherence(names.index(a), names.index(b))
+            coherence[:, i] = spectra.coherence(names.index(a), names.index(b))
     _check_common(measured, coherence, spectra.averages)
     return Excited(
         Phasors(
@@ -195,18 +180,18 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
             dof=2.0 * spectra.averages,
         ),
         coherence,
-        found.closure,
+        closure,
         _estimates(spectra),
         relative,
         misfit,
         spectra.averages,
         spectra.width,
-        found.length,
-        found.deflection,
+        length,
+        deflection,
         recording.force_peak,
-        tuple(tuple(corrections_of(recording, measured, 2 * np.pi * one)) for one in spectra.frequency.tolist()),
+        tuple(tuple(corrections_of(recording, measured, 2 * np.pi * hertz)) for hertz in spectra.frequency.tolist()),
         spectra.foreign,
-        np.zeros((3, 4)) if found.shared is None else found.shared,
+        np.zeros((3, 4)) if shared is None else shared,
         driven,
     )
 
@@ -214,21 +199,13 @@ def excited(recording: Recording, names: Sequence[str], spectra: CrossSpectra, f
 def _check_common(names: Sequence[str], coherence: FloatArray, averages: FloatArray) -> None:
     """ConstantError if a channel has no coherence with any other one, as that of a sensor that was off."""
     for name in names:
-        others = coherence[:, [at for at, pair in enumerate(_COHERENT) if name in pair]]
+        others = coherence[:, [i for i, pair in enumerate(_COHERENT) if name in pair]]
         others = others[:, np.isfinite(others).any(axis=0)]
         if others.size and np.median(averages) > _TELLING and np.median(others.max(axis=1) * averages) < _NOTHING:
             raise ConstantError(
                 f"{named(name)} has nothing in common with the other channels (coherence {np.nanmedian(others):.2g}): "
                 "the sensor was off or unplugged, or another column is meant"
             )
-
-
-def power_of_deflection(matrix: ComplexArray) -> FloatArray:
-    """Spectral density (L,) of V1 - V2, or of V1 where V2 is not recorded."""
-    power = matrix[:, 1, 1].real.copy()
-    if matrix.shape[1] == len(CHANNELS):
-        power += matrix[:, 2, 2].real - 2.0 * matrix[:, 1, 2].real
-    return np.maximum(power, 0.0)  # rounding, where V1 and V2 are equal
 
 
 def deflection_in(frequency: FloatArray, power: FloatArray, width: float) -> float:
@@ -253,18 +230,15 @@ def _covariance(amplitudes: ComplexArray, of_ratios: FloatArray) -> FloatArray:
     """
     size = amplitudes.shape[0]
     turn = np.zeros((size, 6, of_ratios.shape[1] + 2))
-    places = [0, 2][: of_ratios.shape[1] // 2]
-    for at, place in enumerate(places):
-        turn[:, 2 * place : 2 * place + 2, 2 * at : 2 * at + 2] = _as_matrix(amplitudes[:, place])
+    ratios = {0: 0, 2: 2} if of_ratios.shape[1] > 2 else {0: 0}
     for place in range(3):
-        turn[:, 2 * place : 2 * place + 2, -2:] = _as_matrix(amplitudes[:, place])
+        re, im = amplitudes[:, place].real, amplitudes[:, place].imag
+        factor = np.stack([np.stack([re, -im], -1), np.stack([im, re], -1)], axis=-2)  # acts on Re and Im
+        turn[:, 2 * place : 2 * place + 2, -2:] = factor
+        if place in ratios:
+            turn[:, 2 * place : 2 * place + 2, ratios[place] : ratios[place] + 2] = factor
     inner = np.zeros((size, turn.shape[2], turn.shape[2]))
     inner[:, :-2, :-2] = of_ratios
     inner[:, [-2, -1], [-2, -1]] = np.einsum("lii->l", of_ratios)[:, None]
     turn = np.nan_to_num(turn)
     return np.asarray(turn @ inner @ turn.transpose(0, 2, 1))
-
-
-def _as_matrix(values: ComplexArray) -> FloatArray:
-    """Complex factors (L,) as matrices (L, 2, 2) that act on Re and Im."""
-    return np.stack([np.stack([values.real, -values.imag], -1), np.stack([values.imag, values.real], -1)], axis=-2)

@@ -93,12 +93,13 @@ class Fine(ByValue):
         :math:`2\,(\sum w)^2/\sum w^2` over that of its window, with w the power at each bin of the whole record times
         that of the window; noise has a mean square of twice its square.
         """
-        at = slice(max(1, int((first - _LOBE * step) / self.width)), int((last + _LOBE * step) / self.width) + 2)
-        frequency = self.width * np.arange(at.start, at.start + self.power[at].size)
+        low = max(1, int((first - _LOBE * step) / self.width))
+        power = self.power[low : int((last + _LOBE * step) / self.width) + 2]
+        frequency = self.width * np.arange(low, low + power.size)
         window = np.zeros(frequency.size)
         for middle in np.arange(first, last + 0.5 * step, step):
             window += _lobe((frequency - middle) / step)
-        held = self.power[at] * window
+        held = power * window
         total, squares = float(held.sum()), float(np.sum(held**2))
         if not (total > 0 and squares > 0):
             return 0.0, 0.5 * (first + last), 1.0
@@ -152,7 +153,7 @@ def motion_of(track: Track, segment: float, band: tuple[float, float], fine: Fin
     total = power.sum(axis=0)
     held = 2.0 * total**2 / np.maximum((power**2).sum(axis=0), 1e-300)
     step = track.rate / size
-    seen = np.array([fine.seen(one, one, step)[:2] for one in frequency.tolist()])
+    seen = np.array([fine.seen(hertz, hertz, step)[:2] for hertz in frequency.tolist()])
     near = seen[:, 0] * fine.width / (_NOISE_WIDTH * step)
     leaks = near < _NEAR * total / (starts.size * float(np.sum(hann(size) ** 2)))
     foreign = leaks | (np.abs(seen[:, 1] - frequency) > _AWAY * step)
@@ -192,8 +193,7 @@ def period_of(track: Track, band: tuple[float, float]) -> float | None:
 def _peak(values: FloatArray, near: float) -> float:
     """Place of the largest value near a place, by a parabola."""
     low = max(1, round(near) - 2)
-    at = low + int(np.argmax(values[low : round(near) + 3]))
-    at = min(at, values.size - 2)
-    below, here, above = values[at - 1 : at + 2].tolist()
+    top = min(low + int(np.argmax(values[low : round(near) + 3])), values.size - 2)
+    below, here, above = values[top - 1 : top + 2].tolist()
     bend = below - 2.0 * here + above
-    return at + (0.5 * (below - above) / bend if bend < 0 else 0.0)
+    return top + (0.5 * (below - above) / bend if bend < 0 else 0.0)

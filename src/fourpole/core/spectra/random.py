@@ -98,6 +98,6 @@ def _check_random(recording: Recording, motion: Motion, segment: float) -> None:
         )
 
 
-def _leakage(found: Excited) -> float:
+def _leakage(lines: Excited) -> float:
     """Mean square of the closure phases over their variances, which leakage at a few lines raises."""
-    return float(np.mean(pulls_of(found.closure) ** 2))
+    return float(np.mean(pulls_of(lines.closure) ** 2))

@@ -1,4 +1,4 @@
-"""Ratios of F1, V1 and V2 from averaged cross spectra, free of the bias that noise has in a usual estimate."""
+"""Ratios of F1, V1 and V2 from averaged cross spectra, free of the bias by noise, and the noise that channels share."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ Terms = Sequence[tuple[int, int, float]]
 
 #: Fewest lines of which one has two neighbours.
 _NEIGHBOURS = 3
+#: Fewest lines that tell whether channels share noise.
+_FEWEST_LINES = 8
 #: Places of F1, V1 and V2 in a matrix of all three.
 _F, _ONE, _TWO = 0, 1, 2
 
@@ -62,9 +64,9 @@ def ratios(matrix: ComplexArray, averages: FloatArray, wanted: Sequence[Terms]) 
     (-1.5j, 0.0)
     """
     values = np.ones((matrix.shape[0], len(wanted)), dtype=complex)
-    for at, terms in enumerate(wanted):
+    for i, terms in enumerate(wanted):
         for a, b, power in terms:
-            values[:, at] *= matrix[:, a, b] ** power
+            values[:, i] *= matrix[:, a, b] ** power
     size = len(wanted)
     covariance = np.empty((matrix.shape[0], 2 * size, 2 * size))
     for i, first in enumerate(wanted):
@@ -91,7 +93,7 @@ def _summed(matrix: ComplexArray, first: Terms, second: Terms, *, conjugate: boo
     return total
 
 
-def with_bias(found: Ratios, coherence: FloatArray, share: float) -> Ratios:
+def with_bias(estimate: Ratios, coherence: FloatArray, share: float) -> Ratios:
     r"""The ratios with the bias that noise may leave where no channel is an instrument.
 
     H1 and H2 differ by the coherence, :math:`\ln(H_2/H_1) = -\ln\gamma^2`. The truth lies anywhere between them, whose
@@ -99,19 +101,19 @@ def with_bias(found: Ratios, coherence: FloatArray, share: float) -> Ratios:
 
     Parameters
     ----------
-    found : Ratios
+    estimate : Ratios
         One ratio at each line.
     coherence : (L,) float array [1]
         Coherence of its channels.
     share : float [1]
         1 for a ratio in the middle of H1 and H2, 2 for one of them.
     """
-    covariance = found.covariance.copy()
+    covariance = estimate.covariance.copy()
     covariance[:, 0, 0] += (share * np.log(np.maximum(coherence, 1e-300))) ** 2 / 12.0
-    return Ratios(found.values, covariance)
+    return Ratios(estimate.values, covariance)
 
 
-def with_bend(found: Ratios, weight: ComplexArray, broad: BoolArray | bool = True) -> Ratios:
+def with_bend(estimate: Ratios, weight: ComplexArray, broad: BoolArray | bool = True) -> Ratios:
     r"""The ratios with the error that their change over the width of a line makes, as at a sharp resonance.
 
     A line is a mean over frequency with the weight S. Its departure from the ratio g in the middle is
@@ -125,7 +127,7 @@ def with_bend(found: Ratios, weight: ComplexArray, broad: BoolArray | bool = Tru
 
     Parameters
     ----------
-    found : Ratios
+    estimate : Ratios
         Ratios (L, R) at lines in the order of their frequency.
     weight : (L, R) complex array
         The cross spectrum by which each ratio is weighted, its denominator.
@@ -133,17 +135,17 @@ def with_bend(found: Ratios, weight: ComplexArray, broad: BoolArray | bool = Tru
         False for a line that is a sine, and no mean over frequency.
     """
     if len(weight) < _NEIGHBOURS:
-        return found
-    below, here, above = found.values[:-2], found.values[1:-1], found.values[2:]
+        return estimate
+    below, here, above = estimate.values[:-2], estimate.values[1:-1], estimate.values[2:]
     with np.errstate(divide="ignore", invalid="ignore"):
         bend = ((above - 2.0 * here + below) / 24.0 + (above - below) * np.log(weight[2:] / weight[:-2]) / 48.0) / here
     bend = np.nan_to_num(np.concatenate([bend[:1], bend, bend[-1:]]), posinf=0.0, neginf=0.0)
     bend = np.where(np.broadcast_to(broad, len(bend))[:, None], bend, 0.0)
-    covariance = found.covariance.copy()
-    for at in range(bend.shape[1]):
-        covariance[:, 2 * at, 2 * at] += bend[:, at].real ** 2
-        covariance[:, 2 * at + 1, 2 * at + 1] += bend[:, at].imag ** 2
-    return Ratios(found.values, covariance)
+    covariance = estimate.covariance.copy()
+    for i in range(bend.shape[1]):
+        covariance[:, 2 * i, 2 * i] += bend[:, i].real ** 2
+        covariance[:, 2 * i + 1, 2 * i + 1] += bend[:, i].imag ** 2
+    return Ratios(estimate.values, covariance)
 
 
 def with_instrument(place: int) -> tuple[Terms, ...]:
@@ -157,3 +159,49 @@ OF_V2: tuple[Terms, ...] = (((_F, _TWO, 1), (_ONE, _TWO, -1)), ((_TWO, _F, 1), (
 OF_V1: tuple[Terms, ...] = (((_F, _ONE, 0.5), (_ONE, _F, -0.5), (_F, _F, 0.5), (_ONE, _ONE, -0.5)),)
 #: The closure phase: the product of the cross spectra around F1, V1, V2, which is real if noises are independent.
 CLOSURE: tuple[Terms, ...] = (((_F, _ONE, 1), (_ONE, _TWO, 1), (_TWO, _F, 1)),)
+
+
+def correlations_of(matrix: ComplexArray, closure: FloatArray) -> FloatArray:
+    r"""Correlation of the noises of each pair of channels, from the closure phases of all lines.
+
+    Noise that two channels share adds :math:`c\sqrt{N_aN_b}` to :math:`G_{ab}`, which turns the closure phase by
+
+    .. math:: \mathrm{Im}\bigl(c \sqrt{N_aN_b}/G_{ab}\bigr), \qquad
+        N_a = G_{aa} - |G_{ab}||G_{ca}|/|G_{bc}|
+
+    c is taken as the same over the band. What it has in phase with the signal at a line is not seen there.
+
+    Parameters
+    ----------
+    matrix : (L, 3, 3) complex array
+        Cross spectra of F1, V1 and V2.
+    closure : (L, 2) float array [rad]
+        Closure phases and their standard uncertainties.
+
+    Returns
+    -------
+    (3, 4) float array [1]
+        For F1 and V1, V1 and V2, V2 and F1: modulus of c, its standard uncertainty, the chi-square of two degrees of
+        freedom that c explains, and the relative error of the cross spectrum, in the median of the lines.
+    """
+    moduli = np.abs(matrix)
+    noise = [
+        np.maximum(matrix[:, a, a].real - moduli[:, a, b] * moduli[:, a, c] / np.maximum(moduli[:, b, c], 1e-300), 0.0)
+        for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+    ]
+    known = np.isfinite(closure).all(axis=1) & (closure[:, 1] > 0)
+    rows = []
+    for a, b in ((_F, _ONE), (_ONE, _TWO), (_TWO, _F)):
+        turned = np.sqrt(noise[a] * noise[b]) / np.where(matrix[:, a, b] == 0, 1.0, matrix[:, a, b])
+        design = np.stack([turned.imag, turned.real], axis=1)[known] / closure[known, 1, None]
+        normal = design.T @ design
+        if known.sum() < _FEWEST_LINES or not np.linalg.cond(normal) < 1e12:
+            rows.append((0.0, np.inf, 0.0, 0.0))
+            continue
+        by = design.T @ (closure[known, 0] / closure[known, 1])
+        parts, inverse = np.linalg.solve(normal, by), np.linalg.inv(normal)
+        size = float(np.linalg.norm(parts))
+        along = parts / max(size, 1e-300)
+        error = size * float(np.median(np.abs(turned[known])))
+        rows.append((size, float(np.sqrt(along @ inverse @ along)), float(by @ parts), error))
+    return np.array(rows)
