@@ -28,7 +28,7 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.fit import fit
 from fourpole.models.fractional import FractionalZener
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
-from fourpole.models.starts import start_of
+from fourpole.models.problem import start_of
 
 SEED = 1982
 ZENER = (180e3, 120e3, 700.0)

@@ -19,8 +19,7 @@ from tables import TABLES, written
 from fourpole import ChannelUncertainty, Recording, Rig, demodulate, identify_joint, maxwell_arm
 from fourpole.core.tyre import zener_stiffness
 from fourpole.models.fractional import FractionalZener
-from fourpole.models.maxwell import GeneralisedMaxwell
-from fourpole.models.prony import Prony
+from fourpole.models.maxwell import GeneralisedMaxwell, Prony
 from fourpole.models.ramp import Ramp
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
 from fourpole.plot.drawn import figure_of

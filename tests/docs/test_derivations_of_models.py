@@ -12,8 +12,7 @@ from fourpole import LoadCurve, maxwell_arm
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy
 from fourpole.models.fractional import FractionalZener
-from fourpole.models.maxwell import GeneralisedMaxwell
-from fourpole.models.prony import Prony
+from fourpole.models.maxwell import GeneralisedMaxwell, Prony
 from fourpole.models.ramp import Ramp
 
 j, mp, mpf = sp.I, mpmath.mp, mpmath.mpf

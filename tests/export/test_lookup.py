@@ -13,11 +13,11 @@ from tests.export.vehicle import FREQUENCY, LOAD, PRESSURE, stiffness, table
 from fourpole.core.condition import AMPLITUDE
 from fourpole.errors import CampaignError, ModelError
 from fourpole.export import export_results
-from fourpole.fitting import intervals
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelfile import map_of, read_model_file
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 from fourpole.fitting.query import Query, ask
+from fourpole.models import profile
 
 RE, IM, ERROR = "Re K* [N/m]", "Im K* [N/m]", "interpolation error [1]"
 
@@ -110,7 +110,7 @@ def test_k_star_of_a_model_that_depends_on_the_amplitude_is_over_amplitude_too(t
             for f in (5.0, 10.0, 20.0)
         ]
     measured = measured_of(pl.DataFrame(rows), std=0.01, by_amplitude=True)
-    monkeypatch.setattr(intervals, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
+    monkeypatch.setattr(profile, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
     model_file(measured, fit_tyres(measured, "kraus")).write(tmp_path / "model.json")
     found = read(export_results(tmp_path / "model.json", "table").path)
     sides, k = gridded(found, [AMPLITUDE.column, "frequency [Hz]"])

@@ -8,13 +8,14 @@ import pytest
 
 from fourpole.core.condition import AXES, Axis, Sameness
 from fourpole.errors import ModelError
-from fourpole.fitting import intervals
-from fourpole.fitting.amplitude import COLUMN, amplitudes_of, told_apart
+from fourpole.fitting.amplitude import COLUMN, amplitudes_of
+from fourpole.fitting.byamplitude import told_apart
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.measuredtable import STD
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 from fourpole.fitting.query import Query, ask
+from fourpole.models import profile
 
 LEVELS = (0.1e-3, 0.5e-3, 2e-3)
 FREQUENCY = np.geomspace(2.0, 50.0, 6)
@@ -47,7 +48,7 @@ def fitted(tmp_path_factory):
     measured = measured_of(table(), by_amplitude=True)
     path = tmp_path_factory.mktemp("kraus") / "model.json"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(intervals, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
+        patch.setattr(profile, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
         model_file(measured, fit_tyres(measured, "kraus")).write(path)
     return path
 

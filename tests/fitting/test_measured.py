@@ -6,7 +6,7 @@ import pytest
 
 from fourpole.core.condition import AXES, Axis, Sameness
 from fourpole.errors import ModelError, TableError
-from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
+from fourpole.fitting.likelihood import COVARIANCE_COLUMNS
 from fourpole.fitting.measured import measured_of, read_measured, table_of
 from fourpole.study.analysis import analyse
 from fourpole.study.study import Study

@@ -6,9 +6,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from fourpole.fitting import intervals, modelling
+from fourpole.fitting import modelling
 from fourpole.fitting.measured import MeasuredSet, measured_of
-from fourpole.models import choice
+from fourpole.models import choice, profile
 from fourpole.models.families import model_named
 
 FREQUENCY = np.geomspace(1.0, 100.0, 12)
@@ -58,7 +58,7 @@ def test_a_stop_before_the_first_model_is_a_stop(monkeypatch):
 
 
 def test_a_stop_in_the_profiles_leaves_the_fit(monkeypatch):
-    monkeypatch.setattr(intervals, "profiles_together", stop)
+    monkeypatch.setattr(profile, "profiles_together", stop)
     (found,) = modelling.fit_tyres(rubber(), "zener")
     assert "Profile likelihood was stopped by Ctrl-C" in found.choice.text
     ends, values = found.intervals[0], found.chosen.fit.values
@@ -84,7 +84,7 @@ def test_a_model_whose_algebra_fails_leaves_the_others(monkeypatch):
 
 
 def test_many_parameters_have_intervals_from_the_covariance_and_that_is_said(monkeypatch):
-    monkeypatch.setattr(intervals, "_MOST_WORK", 10)
+    monkeypatch.setattr(profile, "_MOST_WORK", 10)
     (found,) = modelling.fit_tyres(rubber(), "zener")
     assert "3 free parameters are too many for profile likelihood" in found.choice.text
     half = 1.96 * found.chosen.fit.std / found.chosen.fit.values

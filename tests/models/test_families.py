@@ -18,8 +18,8 @@ from fourpole.models.families import FAMILIES, NAMES, automatic, contains, for_m
 from fourpole.models.fit import best_fit
 from fourpole.models.interface import Model, Parameter, columns, positive
 from fourpole.models.maxwell import Zener
+from fourpole.models.problem import starts_of
 from fourpole.models.profile import profile_intervals
-from fourpole.models.starts import starts_of
 from fourpole.models.together import fit_together
 
 OMEGA = 2 * np.pi * np.geomspace(1.0, 100.0, 15)

@@ -9,9 +9,8 @@ from fourpole.errors import ModelError
 from fourpole.models.choice import fit_conditions
 from fourpole.models.data import StiffnessData
 from fourpole.models.families import automatic, by_amplitude, contains
-from fourpole.models.kraus import Kraus
+from fourpole.models.kraus import MOST_INFLATION, Kraus, separation
 from fourpole.models.profile import profile_intervals
-from fourpole.models.separation import MOST_INFLATION, separation
 
 LEVELS = np.array([0.1e-3, 0.5e-3, 2e-3])
 FREQUENCY = np.geomspace(1.0, 60.0, 9)

@@ -8,10 +8,8 @@ import pytest
 from fourpole.models.data import StiffnessData, complex_columns
 from fourpole.models.laws import Laws
 from fourpole.models.linearised import Conditions, Scatter, Weights
-from fourpole.models.links import link_all, unlink_all
 from fourpole.models.maxwell import Zener
-from fourpole.models.omitted import LeaveOneOut, misfit_without_each, without_each
-from fourpole.models.together import assembled, search
+from fourpole.models.together import LeaveOneOut, assembled, misfit_without_each, search, without_each
 
 OMEGA = 2 * np.pi * np.linspace(5.0, 30.0, 9)
 X = np.linspace(-1.0, 1.0, 6)
@@ -37,7 +35,7 @@ def measured(noise):
 def fitted(data, shared, kept):
     conditions = Conditions.of(Zener(), [data[at] for at in kept], [shared[at] for at in kept], common=False)
     laws = Laws((BASIS[kept],) * 3, 2, len(kept))
-    return search(conditions, laws, link_all(Zener(), TRUTH[kept]), SCATTER)
+    return search(conditions, laws, Zener().link(TRUTH[kept]), SCATTER)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +68,7 @@ def test_the_leave_one_out_error_is_that_of_fits_without_each(cases):
     for at, part in enumerate(parts):
         linked = np.array([BASIS[at] @ each for each in part.coefficients])
         effect = complex_columns(shared[at]) / data[at].stiffness[:, None]
-        shown = Zener().stiffness(unlink_all(Zener(), linked)[0], OMEGA) * np.exp(effect @ part.errors)
+        shown = Zener().stiffness(Zener().unlink(linked)[0], OMEGA) * np.exp(effect @ part.errors)
         squares.append(np.abs(data[at].stiffness / shown - 1) ** 2)
     found = LeaveOneOut.of(whole)
     assert found.error == pytest.approx(np.sqrt(np.mean(squares)), rel=2e-3)

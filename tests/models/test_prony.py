@@ -11,9 +11,9 @@ from fourpole.models.choice import choose, fit_conditions
 from fourpole.models.data import StiffnessData
 from fourpole.models.families import automatic, model_named
 from fourpole.models.fit import fit
+from fourpole.models.maxwell import Prony
 from fourpole.models.nonnegative import least_squares
 from fourpole.models.profile import profile_intervals
-from fourpole.models.prony import Prony
 
 WIDE = 2 * np.pi * np.geomspace(1e-2, 1e4, 60)
 RUBBER = model_named("fractional").stiffness([1e5, 1e7, 1e-3, 0.5], WIDE)

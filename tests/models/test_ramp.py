@@ -9,11 +9,10 @@ import pytest
 
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.errors import ModelError
-from fourpole.models.causality import check_possible
+from fourpole.models.causality import check_possible, passive_range
 from fourpole.models.choice import choose, fit_conditions
 from fourpole.models.data import StiffnessData
 from fourpole.models.families import model_named
-from fourpole.models.gap import passive_range
 from fourpole.models.ramp import Loop, Ramp, static_derivative, static_stiffness, takes_k1
 
 BAND = 2 * np.pi * np.linspace(6.0, 30.0, 13)

@@ -6,7 +6,6 @@ import pytest
 from fourpole.models.data import StiffnessData
 from fourpole.models.laws import Laws
 from fourpole.models.linearised import Conditions, Scatter
-from fourpole.models.links import link_all
 from fourpole.models.maxwell import Zener
 from fourpole.models.restricted import _Likelihood, scatter_of
 from fourpole.models.together import search
@@ -33,7 +32,7 @@ def fitted(seed, condition=0.0, along=0.0, gain=0.02, common=False):
     conditions = Conditions.of(Zener(), data, shared, common=False)
     conditions = conditions.with_errors_of_model() if common else conditions
     laws = Laws((BASIS,) * 3, conditions.shared, 15)
-    return search(conditions, laws, link_all(Zener(), TRUTH), Scatter(2e-3, (2e-3, 2e-3)))
+    return search(conditions, laws, Zener().link(TRUTH), Scatter(2e-3, (2e-3, 2e-3)))
 
 
 def dense(found, scatter):

@@ -9,8 +9,8 @@ from fourpole.models.fit import fit
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.interface import Model
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
+from fourpole.models.problem import start_of, starts_of
 from fourpole.models.springs import KelvinVoigt, Spring, Structural
-from fourpole.models.starts import start_of, starts_of
 from fourpole.models.table import Gehman
 
 pytestmark = pytest.mark.thorough

@@ -7,7 +7,6 @@ from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import fit
 from fourpole.models.fractional import FractionalZener
-from fourpole.models.links import link, unlink
 from fourpole.models.maxwell import Zener
 from fourpole.models.springs import Spring
 from fourpole.models.together import Scatter, fit_together
@@ -80,11 +79,11 @@ def test_scatter_widens_what_is_said():
 @pytest.mark.parametrize("parameter", [*FractionalZener().parameters, *Zener().parameters])
 def test_links_go_there_and_back(parameter):
     value = 0.3 if parameter.high == 1.0 else parameter.default
-    linked = link(parameter, value)
-    back, slope = unlink(parameter, linked)
+    linked = parameter.link(value)
+    back, slope = parameter.unlink(linked)
     assert back == pytest.approx(value, rel=1e-12)
     step = 1e-6
-    assert slope == pytest.approx((unlink(parameter, linked + step)[0] - back) / step, rel=1e-4)
+    assert slope == pytest.approx((parameter.unlink(linked + step)[0] - back) / step, rel=1e-4)
 
 
 @pytest.mark.parametrize(

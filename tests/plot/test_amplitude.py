@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 from tests.plot.modelled import elastomer
 
-from fourpole.fitting import intervals
 from fourpole.fitting.measured import measured_of, table_of
 from fourpole.fitting.modelfile import model_of
 from fourpole.fitting.modelling import fit_tyres, model_file
+from fourpole.models import profile
 from fourpole.models.kraus import Kraus
 from fourpole.plot import draw, figure_data, render
 from fourpole.plot.data import Role
@@ -34,7 +34,7 @@ def over_amplitudes():
     columns |= {"amplitude [mm]": 1e3 * x, "Re K* [N/m]": k.real, "Im K* [N/m]": k.imag}
     measured = measured_of(pl.DataFrame(columns), std=0.002, by_amplitude=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(intervals, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
+        patch.setattr(profile, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
         made = model_file(measured, fit_tyres(measured, "kraus"))
     return Study(pl.DataFrame(), table_of(measured), pl.DataFrame(), models=made)
 

@@ -9,9 +9,9 @@ import pytest
 
 import fourpole as fp
 from fourpole.errors import ModelError
-from fourpole.fitting import intervals
 from fourpole.fitting.modelling import model_file
 from fourpole.fitting.query import Query, ask
+from fourpole.models import profile
 
 CAMPAIGN = """
 title = "Filled rubber mount"
@@ -61,7 +61,7 @@ def bench(folder, settings):
 
 
 def test_recordings_at_three_amplitudes_predict_a_fourth_within_two_per_cent(tmp_path, monkeypatch):
-    monkeypatch.setattr(intervals, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
+    monkeypatch.setattr(profile, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
     study = bench(tmp_path / "bench", [(f, level) for level in LEVELS for f in FREQUENCY])
     assert study.counts["rejected"] == 0
     k1 = study.static.filter(pl.col("preload [N]") == 0.0)["K1 [N/m]"].item()

@@ -5,12 +5,11 @@ import pytest
 
 from fourpole.errors import ModelError
 from fourpole.models import FractionalZener, GeneralisedMaxwell, KelvinVoigt, Spring, Zener
-from fourpole.ride.compare import compare_in_time, compare_on_class
+from fourpole.ride.compare import Tyre, compare_in_time, compare_on_class
 from fourpole.ride.contact import ride_with_contact
 from fourpole.ride.response import frequencies_of, ride
 from fourpole.ride.road import ClassRoad, cleat
 from fourpole.ride.time import axles, ride_in_time
-from fourpole.ride.uncertainty import Tyre
 from fourpole.ride.vehicle import QuarterCar
 
 BODY = QuarterCar(250.0, 37.5, 15825.0, 1500.0).body

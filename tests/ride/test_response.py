@@ -8,10 +8,10 @@ from tests.ride.test_vehicle import HALF
 from fourpole.errors import ModelError
 from fourpole.models import FractionalZener, GeneralisedMaxwell, KelvinVoigt, Spring, Structural, Zener
 from fourpole.ride.comfort import weighting_system
+from fourpole.ride.compare import Tyre, effects, relative_difference, spectrum_std, standard
 from fourpole.ride.response import Condensed, frequencies_of, names, ride, transfers
 from fourpole.ride.road import ClassRoad
 from fourpole.ride.time import whole_system
-from fourpole.ride.uncertainty import Tyre, effects, relative_difference, spectrum_std, standard
 from fourpole.ride.vehicle import HalfCar, QuarterCar
 
 CAR = (250.0, 37.5, 15825.0, 1500.0)
@@ -79,7 +79,7 @@ def test_a_kelvin_voigt_tyre_has_the_transfer_functions_of_the_textbook():
     s = 2j * np.pi * frequency
     tyre, strut = 180e3 + 300.0 * s, k + c * s
     whole = (mu * s**2 + strut + tyre) * (ms * s**2 + strut) - strut**2
-    found = transfers(Condensed.of(QuarterCar(*CAR).body, s.imag), tyre, np.zeros(1))
+    found, _ = transfers(Condensed.of(QuarterCar(*CAR).body, s.imag), tyre, np.zeros(1))
     assert found.acceleration == pytest.approx(s**2 * tyre * strut / whole, rel=1e-10)
     wheel = tyre * (ms * s**2 + strut) / whole
     assert found.deflection[:, 0] == pytest.approx(1 - wheel, rel=1e-9)
@@ -102,7 +102,7 @@ def test_the_power_lost_is_the_power_of_the_road():
     found = of(Zener(), ZENER, body=QuarterCar(*CAR[:3], 0.0).body)
     omega = 2 * np.pi * found.frequency
     road = ClassRoad.of("C")
-    t = transfers(Condensed.of(QuarterCar(*CAR[:3], 0.0).body, omega), Zener().stiffness(ZENER, omega), np.zeros(1))
+    t, _ = transfers(Condensed.of(QuarterCar(*CAR[:3], 0.0).body, omega), Zener().stiffness(ZENER, omega), np.zeros(1))
     given = np.sum(
         omega * t.load[:, 0].imag * road.spectrum_in_time(found.frequency, SPEED) * np.gradient(found.frequency)
     )

@@ -5,8 +5,7 @@ import pytest
 
 from fourpole.study import load
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.dynamic_rig import Bench, Zener, run, state_matrices
-from fourpole.virtual.march import respond
+from fourpole.virtual.dynamic_rig import Bench, Zener, respond, run, state_matrices
 
 pytestmark = pytest.mark.thorough
 

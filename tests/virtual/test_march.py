@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from fourpole.virtual import Bench, Cam, Zener, state_matrices
-from fourpole.virtual.march import held_force, march, recur, respond
+from fourpole.virtual.dynamic_rig import held_force, march, recur, respond
 
 TYRE = Zener(k1=150e3, k2=190e3, c=1400.0)
 

@@ -18,7 +18,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AMPLITUDE
 from fourpole.export.source import MODEL_FILE
-from fourpole.fitting.amplitudequery import answer_at, depends_on_amplitude, levels_of_map
+from fourpole.fitting.byamplitude import answer_at, depends_on_amplitude, levels_of_map
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import conditions_of, placed_at, specimens
 from fourpole.fitting.query import maps_of

@@ -24,7 +24,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.export.source import MODEL_FILE, ascii_line
-from fourpole.fitting.amplitudequery import depends_on_amplitude
+from fourpole.fitting.byamplitude import depends_on_amplitude
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel, placed_models, specimens
 from fourpole.fitting.query import maps_of

@@ -16,7 +16,7 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.polar import polar
 from fourpole.core.routes import arm_slopes
 from fourpole.core.sources import Kind, Role, Source
-from fourpole.fitting.common_errors import joined
+from fourpole.fitting.likelihood import joined
 from fourpole.fitting.rows import KEY, Key, keyed, keys_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, RIG_VALUES, Quantity
 from fourpole.study.record import section

@@ -1,10 +1,8 @@
-"""The amplitude of the deflection as a coordinate of K*: its column, and the conditions that tell it from frequency."""
+"""The amplitude of the deflection as a coordinate of K*: its column and its levels in tables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -13,13 +11,8 @@ from fourpole import quantities as q
 from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import FREQUENCY, Axis, Sameness
-from fourpole.errors import ModelError, UnitError
-from fourpole.models.separation import LEAST_SPREAD, MOST_INFLATION, Separation, separation
-from fourpole.units import column_unit, shown, unit_scale
-
-if TYPE_CHECKING:
-    from fourpole.fitting.measured import Measured
-    from fourpole.models.interface import Model
+from fourpole.errors import UnitError
+from fourpole.units import column_unit, unit_scale
 
 #: Column of the 0-to-peak amplitude of the deflection, and its name on the command line.
 COLUMN, NAME = q.DEFLECTION_AMPLITUDE.head, "amplitude"
@@ -28,8 +21,6 @@ _NAMES = (q.DEFLECTION_AMPLITUDE.name, NAME)
 _MOTION = tuple(one.head for one in (q.FREQUENCY, q.F1, q.V1, q.V2, q.PHASE_V2, q.STORAGE, q.LOSS))
 #: Amplitudes within this ratio are one level.
 LEVEL = 1.05
-#: Amplitudes within this ratio are one tested level of a model.
-_APART = 1.2
 #: Largest over smallest amplitude of tests of one condition and frequency without a note.
 _MIXED = 2.0
 
@@ -123,8 +114,9 @@ def mixed(label: np.ndarray, frequency: FloatArray, amplitude: FloatArray | None
     worst, ends = _MIXED, None
     for one in np.unique(label):
         rows = np.flatnonzero((label == one) & np.isfinite(amplitude) & (np.nan_to_num(amplitude) > 0))
-        for here in _split(frequency[rows]):
-            low, high = amplitude[rows[here]].min(), amplitude[rows[here]].max()
+        same = FREQUENCY.groups(frequency[rows].tolist())
+        for level in np.unique(same):
+            low, high = amplitude[rows[same == level]].min(), amplitude[rows[same == level]].max()
             if high > worst * low:
                 worst, ends = high / low, (low, high)
     if ends is None:
@@ -136,90 +128,3 @@ def mixed(label: np.ndarray, frequency: FloatArray, amplitude: FloatArray | None
         "amplitude"
     )
     return [text]
-
-
-def _split(frequency: FloatArray) -> list[np.ndarray]:
-    """Places of equal frequencies."""
-    label = FREQUENCY.groups(frequency.tolist())
-    return [np.flatnonzero(label == one) for one in np.unique(label)]
-
-
-@dataclass(frozen=True)
-class Told:
-    """The separation of amplitude and frequency in one condition, in words that a message or a file states."""
-
-    label: str
-    least: float
-    most: float
-    found: Separation
-
-    @property
-    def measure(self) -> str:
-        """The measure in words."""
-        one = self.found
-        factor = "infinite" if np.isinf(one.inflation) else f"{one.inflation:.3g}"
-        if one.inflation <= MOST_INFLATION:
-            left = f"ln x has a standard deviation of {one.spread:.2g} at a frequency (least {LEAST_SPREAD:g})"
-            return f"variance inflation of the amplitude exponents {factor}, {left}"
-        return (
-            f"multiple correlation of ln x with frequency {one.correlation:.6g}, variance inflation of the amplitude "
-            f"exponents {factor} (limit {MOST_INFLATION:g})"
-        )
-
-
-def told_apart(tyre: str, measured: Sequence[Measured], name: str) -> tuple[tuple[Measured, ...], str]:
-    """The conditions of a tyre that tell amplitude from frequency, and the measure as a sentence.
-
-    Raises
-    ------
-    ModelError
-        If the amplitude is not known, or no condition tells it from the frequency.
-    """
-    every = [_told(one) for one in measured]
-    kept = tuple(one for one, each in zip(measured, every, strict=True) if each.found.possible)
-    where = f"{shown(tyre)}: " if tyre else ""
-    if not kept:
-        raise _cannot_tell(name, where, every)
-    worst = max((one for one in every if one.found.possible), key=lambda one: one.found.inflation)
-    text = f"Amplitude and frequency can be told apart: {worst.measure}"
-    lost = [one.label for one in every if not one.found.possible]
-    if lost:
-        text += (
-            f". In {len(lost)} conditions they cannot be told apart, and these are not fitted: {'; '.join(lost[:4])}"
-        )
-    return kept, text
-
-
-def tested(measured: Sequence[Measured], model: Model) -> list[float] | None:
-    """The levels of the amplitude [m], rising, with the ends that all conditions reach; None for another model."""
-    known = [one.own.amplitude for one in measured if one.own.amplitude is not None]
-    if not model.by_amplitude or not known:
-        return None
-    low, high = max(float(one.min()) for one in known), min(float(one.max()) for one in known)
-    every = np.concatenate(known)
-    if low >= high:
-        low, high = float(every.min()), float(every.max())
-    level = levels_of(every, _APART)
-    inner = [float(np.exp(np.mean(np.log(every[level == one])))) for one in np.unique(level)]
-    return [low, *(one for one in inner if low * _APART < one < high / _APART), high]
-
-
-def _told(one: Measured) -> Told:
-    """The separation of amplitude and frequency in a condition."""
-    amplitude = one.own.amplitude
-    if amplitude is None:
-        raise ModelError(f"the table has no column {shown(COLUMN)}, on which the model depends")
-    found = separation(one.frequency, amplitude)
-    return Told(one.label, float(amplitude.min()), float(amplitude.max()), found)
-
-
-def _cannot_tell(name: str, where: str, conditions: Sequence[Told]) -> ModelError:
-    """The error that no condition tells amplitude from frequency."""
-    best = min(conditions, key=lambda one: (one.found.inflation, -one.found.spread))
-    many = f" in any of {len(conditions)} conditions" if len(conditions) > 1 else ""
-    at = f"; the best, {best.label}," if len(conditions) > 1 and best.label else f"; {best.label or 'the tests'}"
-    return ModelError(
-        f"{where}amplitude and frequency cannot be told apart{many}{at} with deflections of {1e3 * best.least:.3g} to "
-        f"{1e3 * best.most:.3g} mm: {best.measure}. No number of the Payne effect follows from these tests: test each "
-        f"frequency at several amplitudes, or fit a model other than {name}"
-    )

@@ -75,13 +75,10 @@ def grid_of(
     axes, frequency = sides[:-1], sides[-1]
     mesh = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
     shape = tuple(side.size for side in sides)
-    every, times = np.repeat(mesh, frequency.size, axis=0), np.tile(frequency, len(mesh))
     found: dict[str, list[FloatArray]] = {}
     for one in maps.values():
-        inside = np.repeat([one.axes.outside(point)[0] == 0 for point in mesh], frequency.size)
-        inside &= one.octaves_beyond(times) == 0
-        for head, column in _columns(one, rig, every, times).items():
-            found.setdefault(head, []).append(np.where(inside, column, np.nan).reshape(shape))
+        for head, column in _columns(one, rig, mesh, frequency).items():
+            found.setdefault(head, []).append(column.reshape(shape))
     data: dict[str, Any] = {}
     for name, quantity in _VARIABLES.items():
         for variable, head in zip((name, f"u_{name}"), quantity.heads, strict=True):
@@ -115,10 +112,13 @@ def _sides(
 
 
 def _columns(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray) -> dict[str, FloatArray]:
-    """Values (Q,) of one map at points and frequencies, by column."""
-    answer = found.ask(points, frequency)
-    tr = () if rig is None else zip(q.TR.heads, answer.transmissibility(rig, frequency), strict=True)
-    return {**tyre_columns(answer), **dict(tr)}
+    """Values of one map at each point and frequency in turn, by column; not-a-number outside its tests."""
+    every, times = np.repeat(points, frequency.size, axis=0), np.tile(frequency, len(points))
+    answer = found.ask(every, times)
+    tr = () if rig is None else zip(q.TR.heads, answer.transmissibility(rig, times), strict=True)
+    inside = np.repeat([found.axes.outside(point)[0] == 0 for point in points], frequency.size)
+    inside &= found.octaves_beyond(times) == 0
+    return {head: np.where(inside, column, np.nan) for head, column in (*tyre_columns(answer).items(), *tr)}
 
 
 def _attributes(maps: Mapping[str, OperatingMap]) -> dict[str, Any]:

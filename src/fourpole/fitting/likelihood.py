@@ -1,5 +1,6 @@
-"""likelihood.parquet and its part of study.json: the tests of a rig as the joint route weighed them, and its solution.
+"""What tests have in common: covariance.parquet, errors of K*; likelihood.parquet, the tests as they were recorded.
 
+likelihood.parquet and its part of study.json hold the tests of a rig as the joint route weighed them, and its solution.
 With them a fit holds its model against the recorded amplitudes, with the gains and the rig's values as parameters.
 """
 
@@ -23,9 +24,15 @@ from fourpole.core.joint.solve import Problem
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import FourpoleError, TableError
-from fourpole.fitting.common_errors import MOST_BYTES
+from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.published import Published
 
+MOST_BYTES = 2_000_000_000
+COVARIANCE = "covariance.parquet"
+#: Columns of covariance.parquet.
+COVARIANCE_COLUMNS = tuple(
+    one.head for one in (q.TEST, q.RIG, q.CONDITION, q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS)
+)
 FILE = "likelihood.parquet"
 _MOST_SHARED = 100_000
 _NUMBERS = (q.FREQUENCY, q.ADDED_MASS, q.K1, q.RUN_PLACE, q.OFF_CURVE, q.SPREAD)
@@ -36,6 +43,42 @@ LIKELIHOOD_COLUMNS = (
     q.RIG.head, *(one.head for one in (*_COUNTS, *_NUMBERS)), *_PARTS, q.STORAGE.head, q.LOSS.head, q.WEIGHTS.head,
     q.TURNS.head,
 )  # fmt: skip
+
+
+def joined(
+    keys: Sequence[Key], covariance: pl.DataFrame
+) -> tuple[FloatArray, FloatArray, np.ndarray, list[tuple[str, int]]]:
+    """Own covariance (N, 2, 2), effect of the shared errors (N, 2, p), and number of its K* (N,), for each key.
+
+    Also the rig of each key, and the number of its K* among those of the rig.
+    """
+    own_name, re_name, im_name = (one.head for one in (q.OWN_COVARIANCE, q.SHARED_STORAGE, q.SHARED_LOSS))
+    place = {key: at for at, key in enumerate(keys_of(covariance))}
+    part = covariance[[place[key] for key in keys]]
+    own = np.array(part[own_name].to_list(), dtype=float).reshape(-1, 2, 2)
+    rigs = part["rig"].to_list()
+    lengths = {rig: max(map(len, part.filter(pl.col("rig") == rig)[re_name].to_list())) for rig in dict.fromkeys(rigs)}
+    starts = dict(zip(lengths, np.cumsum([0, *lengths.values()])[:-1].tolist(), strict=True))
+    shared = np.zeros((len(rigs), 2, sum(lengths.values())))
+    columns = (part[re_name].to_list(), part[im_name].to_list())
+    for at, rig in enumerate(rigs):
+        for side, values in enumerate(columns):
+            shared[at, side, starts[rig] : starts[rig] + len(values[at])] = values[at]
+    numbers: dict[tuple[str, int], int] = {}
+    places = list(zip(rigs, part["condition"].to_list(), strict=True))
+    condition = np.array([numbers.setdefault(one, len(numbers)) for one in places])
+    return own, shared, condition, places
+
+
+def covariance_of(content: bytes) -> pl.DataFrame:
+    """The table of covariance.parquet from its bytes; TableError if another program wrote it."""
+    try:
+        frame = pl.read_parquet(content)
+    except pl.exceptions.PolarsError as error:
+        raise TableError(f"{COVARIANCE}: cannot be read ({error}): run fourpole analyse again") from None
+    if [name for name in frame.columns if name != q.POINT.head] != list(COVARIANCE_COLUMNS):
+        raise TableError(f"{COVARIANCE}: is not one that fourpole wrote: run fourpole analyse again")
+    return frame
 
 
 def likelihood_of(joint: Joint) -> Likelihood:
@@ -119,8 +162,7 @@ def read_likelihoods(results: Published) -> dict[str, Likelihood]:
         FourpoleError,
         ValueError,
         TypeError,
-        KeyError,
-        IndexError,
+        LookupError,
         AttributeError,
         OverflowError,
     ) as error:

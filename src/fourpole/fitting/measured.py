@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -21,26 +22,12 @@ from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Samenes
 from fourpole.core.joint.around import Likelihood
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
-from fourpole.fitting.common_errors import COVARIANCE, MOST_BYTES, covariance_of, joined
-from fourpole.fitting.likelihood import read_likelihoods
-from fourpole.fitting.measuredtable import (
-    FREQUENCY,
-    IM,
-    RE,
-    STD,
-    in_si,
-    k_star_frame,
-    numbers_of,
-    repeats,
-    stated_covariance,
-    table_frame,
-    usable,
-    with_deflection,
-)
+from fourpole.fitting.likelihood import COVARIANCE, MOST_BYTES, covariance_of, joined, read_likelihoods
+from fourpole.fitting.measuredtable import FREQUENCY, IM, RE, STD, as_frame, covariances, in_si, numbers_of, usable
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.folders import results_in
 from fourpole.io.published import published_beside, read_listed
-from fourpole.io.tables.kstar import TableOptions
+from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.models.data import StiffnessData
 from fourpole.models.ramp import Loop
 from fourpole.models.recorded import Recorded, bends
@@ -237,7 +224,11 @@ def read_measured(
     results = published_beside(table)
     content = read_listed(table, max_bytes=MOST_BYTES, results=results)
     own = table.name in (*_RESULTS, MASTER) and not (options and options.columns)
-    frame, spoken = (table_frame(table.name, content), list[str]()) if own else k_star_frame(table, options)
+    if own:
+        frame, spoken = as_frame(table.name, content), list[str]()
+    else:
+        understood = read_k_star(table, options)
+        frame, spoken = understood.frame(), [f"understood {'; '.join(understood.understood)}", *understood.warnings]
     covariance = None
     if table.name in (*_RESULTS, MASTER) and results.has(COVARIANCE) and std is None:
         covariance = covariance_of(results.read(COVARIANCE, max_bytes=MOST_BYTES))
@@ -246,8 +237,16 @@ def read_measured(
     likelihoods = {} if covariance is None else read_likelihoods(results)
     given: dict[str, Any] = {"over": over, "std": std, "k1": k1, "by_amplitude": by_amplitude}
     found = measured_of(frame, covariance, likelihoods, name=table.name, rule=rule, **given)
-    spoken += [] if own else repeats([one.own.omega for one in found.conditions], table.name)
+    spoken += [] if own else _repeats([one.own.omega for one in found.conditions], table.name)
     return replace(found, sha256=hashlib.sha256(content).hexdigest(), notes=(*spoken, *found.notes))
+
+
+def _repeats(omega: Sequence[FloatArray], name: str) -> list[str]:
+    """A note on frequencies that a condition has more than once."""
+    count = sum(one.size - np.unique(one).size for one in omega)
+    if not count:
+        return []
+    return [f"{count} rows of {name} repeat a frequency of their condition: each counts as a measurement of its own"]
 
 
 def table_of(measured: MeasuredSet) -> pl.DataFrame:
@@ -290,39 +289,29 @@ def measured_of(
     over, frame = columns_of(over), with_amplitude(in_si(frame, name))
     rule = rule.over(over)
     rule = Sameness(without_amplitude(rule.axes)) if by_amplitude else rule
-    for column in (FREQUENCY, RE, IM, *over, *([COLUMN] if by_amplitude else [])):
-        if column not in frame.columns:
-            raise ModelError(
-                f"{name}: has no column {shown(column)}: it has {', '.join(map(shown, frame.columns[:40]))}"
-            )
-    numbers = {column: numbers_of(frame, column, name, np.ones(frame.height, dtype=bool)) for column in (RE, IM)}
-    measured = np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
-    others = [column for column in frame.columns if column in _known(rule) - {RE, IM}]
-    numbers |= {column: numbers_of(frame, column, name, measured) for column in others}
-    good, notes = usable(numbers, name, stated=std is None and covariance is None)
-    if by_amplitude:
-        good = with_deflection(numbers, good, name, notes)
+    numbers = _numbers(frame, name, rule, [*over, *([COLUMN] if by_amplitude else [])])
+    good, notes = usable(numbers, name, stated=std is None and covariance is None, by_amplitude=by_amplitude)
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
     # A test without K* can still join two conditions, as it does where the tests are identified.
     label = rule.groups(conditions_in(frame, rule))[good]
-    frame = frame.filter(good)
-    worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
-    (tyres,) = names_apart([conditions_in(frame, worded)], worded)
-    rows = _Rows.of(tyres, keys_of(frame), {column: each[good] for column, each in numbers.items()}, covariance, std)
-    rows = rows.at_temperatures(label)
+    numbers = {column: each[good] for column, each in numbers.items()}
+    rows = _Rows.of(frame.filter(good), rule, numbers, covariance, std).at_temperatures(label)
     apart = by_amplitude or COLUMN in over
     rows = rows.by_level(label) if apart else rows
     notes += rows.notes(covariance is not None)
     notes += [] if by_amplitude else mixed(label, rows.numbers[FREQUENCY], rows.numbers.get(COLUMN), rule)
     axes = [axis.column for axis in rule.axes if axis.column in numbers]
-    cells = np.stack([rows.numbers[column] for column in axes], axis=1) if axes else np.zeros((rows.count, 0))
-    conditions = [
-        _measured(rows, np.flatnonzero(label == one), axes, cells, k1, by_amplitude) for one in np.unique(label)
-    ]
+    conditions = [_measured(rows, np.flatnonzero(label == one), axes, k1, by_amplitude) for one in np.unique(label)]
     if not apart:  # the recordings hold K* of a joint condition, not of an amplitude
         conditions = [_as_recorded(one, rows, likelihoods or {}) for one in conditions]
-    return MeasuredSet(tuple(conditions), tuple(notes), rows.known, name, rule=rule)
+    return MeasuredSet(tuple(conditions), tuple(notes), rows.source != _Source.NONE, name, rule=rule)
+
+
+class _Source(Enum):
+    """Where the uncertainty of K* is from."""
+
+    GIVEN, COVARIANCE, TABLE, NONE = range(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,37 +324,36 @@ class _Rows:
     covariance: FloatArray
     shared: FloatArray
     condition: np.ndarray
-    known: bool
-    alone: bool
-    forced: bool
+    source: _Source
     moved: bool = False
     places: Sequence[tuple[str, int]] = ()
 
     @classmethod
     def of(
         cls,
-        tyres: list[str],
-        keys: Sequence[Key],
+        frame: pl.DataFrame,
+        rule: Sameness,
         numbers: dict[str, FloatArray],
         covariance: pl.DataFrame | None,
         std: float | None,
     ) -> _Rows:
+        worded = Sameness(tuple(axis for axis in rule.axes if axis.text))
+        (tyres,), keys = names_apart([conditions_in(frame, worded)], worded), keys_of(frame)
         count = len(tyres)
         stiffness = numbers[RE] + 1j * numbers[IM]
         own: FloatArray = np.zeros((count, 2, 2))
         shared: FloatArray = np.zeros((count, 2, 0))
         condition = np.arange(count)
-        known, alone, places = True, True, list[tuple[str, int]]()
+        source, places = _Source.NONE, list[tuple[str, int]]()
         if std is not None:
             own += (std * np.abs(stiffness))[:, None, None] ** 2 * np.eye(2)
+            source = _Source.GIVEN
         elif covariance is not None and set(keys) <= set(keys_of(covariance)):
             own, shared, condition, places = joined(keys, covariance)
-            alone = False
+            source = _Source.COVARIANCE
         elif all(column in numbers for column in STD[:2]) and np.all(np.isfinite(numbers[STD[0]])):
-            own = stated_covariance(numbers)
-        else:
-            known = False
-        return cls(tyres, keys, numbers, own, shared, condition, known, alone, std is not None, places=places)
+            own, source = covariances(numbers), _Source.TABLE
+        return cls(tyres, keys, numbers, own, shared, condition, source, places=places)
 
     @property
     def count(self) -> int:
@@ -380,7 +368,7 @@ class _Rows:
 
         covariance.parquet already has it.
         """
-        if _TEMPERATURE not in self.numbers or not (self.alone and self.known):
+        if _TEMPERATURE not in self.numbers or self.source in (_Source.COVARIANCE, _Source.NONE):
             return self
         moved = temperature_std(self.numbers[_TEMPERATURE], label, TEMPERATURE_SENSITIVITY) * np.abs(self.stiffness)
         return replace(
@@ -397,9 +385,9 @@ class _Rows:
         for one in np.unique(label):
             level[label == one] = levels_of(self.numbers[COLUMN][label == one])
         _, condition = np.unique(np.stack([self.condition, level], axis=1), axis=0, return_inverse=True)
-        if self.alone or self.forced or not all(column in self.numbers for column in STD[:2]):
+        if self.source != _Source.COVARIANCE or not all(column in self.numbers for column in STD[:2]):
             return replace(self, condition=condition)
-        own = stated_covariance(self.numbers) - self.shared @ np.swapaxes(self.shared, 1, 2)
+        own = covariances(self.numbers) - self.shared @ np.swapaxes(self.shared, 1, 2)
         values, vectors = np.linalg.eigh(own)
         least = _LEAST_OWN * np.trace(self.covariance, axis1=1, axis2=2)[:, None]
         own = (vectors * np.maximum(values, least)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
@@ -410,33 +398,34 @@ class _Rows:
 
     def notes(self, had_covariance: bool) -> list[str]:
         said = []
-        if not self.known:
+        if self.source == _Source.NONE:
             said = [NO_STD]
-        elif self.alone and not self.forced:
+        elif self.source == _Source.TABLE:
             why = "covariance.parquet is of other tests" if had_covariance else "only the table was given"
             said = [f"{why}: errors that tests share are taken as independent"]
         return [*said, _MOVED] if self.moved else said
 
 
-def _known(rule: Sameness) -> set[str]:
-    return {FREQUENCY, RE, IM, *STD, *_K1, COLUMN, *(axis.column for axis in rule.axes if not axis.text)}
+def _numbers(frame: pl.DataFrame, name: str, rule: Sameness, needed: Sequence[str]) -> dict[str, FloatArray]:
+    """The columns of numbers that are known; ModelError if a needed one is not there."""
+    for column in (FREQUENCY, RE, IM, *needed):
+        if column not in frame.columns:
+            there = ", ".join(map(shown, frame.columns[:40]))
+            raise ModelError(f"{name}: has no column {shown(column)}: it has {there}")
+    found = {column: numbers_of(frame, column, name, np.ones(frame.height, dtype=bool)) for column in (RE, IM)}
+    measured = np.isfinite(found[RE]) & np.isfinite(found[IM])
+    known = {FREQUENCY, *STD, *_K1, COLUMN, *(axis.column for axis in rule.axes if not axis.text)} - {RE, IM}
+    others = [column for column in frame.columns if column in known]
+    return found | {column: numbers_of(frame, column, name, measured) for column in others}
 
 
 def _measured(
-    rows: _Rows,
-    places: np.ndarray,
-    axes: Sequence[str],
-    cells: FloatArray,
-    k1: tuple[float, float] | None,
-    by_amplitude: bool,
+    rows: _Rows, places: np.ndarray, axes: Sequence[str], k1: tuple[float, float] | None, by_amplitude: bool
 ) -> Measured:
     """One condition from its rows; rows with the same number of `condition` share one K* and are one frequency."""
-    frequency = rows.numbers[FREQUENCY]
-    groups: dict[int, list[int]] = {}
-    for at in places.tolist():
-        groups.setdefault(int(rows.condition[at]), []).append(at)
-    ordered = sorted(groups.values(), key=lambda members: float(np.mean(frequency[members])))
-    mean = [np.array(members) for members in ordered]
+    frequency, condition = rows.numbers[FREQUENCY], rows.condition[places]
+    groups = [places[condition == one] for one in dict.fromkeys(condition.tolist())]
+    mean = sorted(groups, key=lambda members: float(np.mean(frequency[members])))
     shared = np.stack([rows.shared[members].mean(axis=0) for members in mean])
     deflection = rows.numbers[COLUMN] if by_amplitude else None
     static = _static(rows, places) if k1 is None else k1
@@ -449,11 +438,11 @@ def _measured(
     )
     if deflection is not None:
         own = replace(own, amplitude=np.array([np.exp(np.mean(np.log(deflection[members]))) for members in mean]))
-    state = {column: float(np.mean(cells[places, at])) for at, column in enumerate(axes)}
+    state = {column: float(np.mean(rows.numbers[column][places])) for column in axes}
     return Measured(
         tyre=rows.tyres[int(places[0])],
         state={column: value for column, value in state.items() if np.isfinite(value)},
-        keys=tuple(rows.keys[members[0]] for members in ordered),
+        keys=tuple(rows.keys[members[0]] for members in mean),
         own=own,
         shared=shared.reshape(2 * len(mean), -1) if shared.shape[2] else np.zeros((0, 0)),
     )

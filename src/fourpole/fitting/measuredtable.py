@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import polars as pl
@@ -15,7 +14,6 @@ from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.fitting.amplitude import COLUMN
 from fourpole.fitting.rows import each_once
 from fourpole.io.documents import GREATEST
-from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.units import column_unit, shown, to_si
 
 FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
@@ -32,7 +30,7 @@ _LOWEST, _HIGHEST = 1e-100, 1e100
 _LARGEST = 1e25
 
 
-def stated_covariance(numbers: dict[str, FloatArray]) -> FloatArray:
+def covariances(numbers: dict[str, FloatArray]) -> FloatArray:
     """Covariance (N, 2, 2) [N²/m²] from the columns of uncertainty and correlation."""
     first, second = numbers[STD[0]], numbers[STD[1]]
     correlation = np.nan_to_num(numbers.get(STD[2], np.zeros(first.size)))
@@ -44,7 +42,7 @@ def stated_covariance(numbers: dict[str, FloatArray]) -> FloatArray:
     return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
 
 
-def table_frame(name: str, content: bytes) -> pl.DataFrame:
+def as_frame(name: str, content: bytes) -> pl.DataFrame:
     """A table of results, all cells of a CSV file as text; TableError if it is none."""
     try:
         if name.endswith(".parquet"):
@@ -52,20 +50,6 @@ def table_frame(name: str, content: bytes) -> pl.DataFrame:
         return each_once(pl.read_csv(content, infer_schema=False, comment_prefix="#"), name)
     except pl.exceptions.PolarsError as error:
         raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
-
-
-def k_star_frame(table: Path, options: TableOptions | None) -> tuple[pl.DataFrame, list[str]]:
-    """A table of K* of any format as one of results, and notes: how it was understood, and what is remarkable."""
-    found = read_k_star(table, options)
-    return found.frame(), [f"understood {'; '.join(found.understood)}", *found.warnings]
-
-
-def repeats(omega: Sequence[FloatArray], name: str) -> list[str]:
-    """A note on frequencies that a condition has more than once."""
-    count = sum(one.size - np.unique(one).size for one in omega)
-    if not count:
-        return []
-    return [f"{count} rows of {name} repeat a frequency of their condition: each counts as a measurement of its own"]
 
 
 def in_si(frame: pl.DataFrame, name: str) -> pl.DataFrame:
@@ -110,33 +94,28 @@ def numbers_of(frame: pl.DataFrame, column: str, name: str, used: BoolArray) -> 
     return numbers
 
 
-def usable(numbers: Mapping[str, FloatArray], name: str, *, stated: bool) -> tuple[BoolArray, list[str]]:
+def usable(
+    numbers: Mapping[str, FloatArray], name: str, *, stated: bool, by_amplitude: bool
+) -> tuple[BoolArray, list[str]]:
     """Flags of the rows used, and notes on the others; if some rows state an uncertainty, rows without are not used."""
-    good = np.isfinite(numbers[FREQUENCY]) & np.isfinite(numbers[RE]) & np.isfinite(numbers[IM])
-    inside = ~(good & ((numbers[FREQUENCY] > _HIGHEST) | ((numbers[FREQUENCY] > 0) & (numbers[FREQUENCY] < _LOWEST))))
-    good &= numbers[FREQUENCY] > 0
+    frequency, real, imag = (numbers[head] for head in (FREQUENCY, RE, IM))
+    good = np.isfinite(frequency) & np.isfinite(real) & np.isfinite(imag) & (frequency > 0)
     notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
-    if not inside.all():
-        count = int(np.sum(~inside))
-        notes.append(f"{count} rows of {name} have a frequency beyond {_LOWEST:g} to {_HIGHEST:g} Hz and were left out")
-        good &= inside
-    sound = good & (numbers[RE] > 0) & (np.hypot(np.nan_to_num(numbers[RE]), np.nan_to_num(numbers[IM])) < _LARGEST)
-    if sound.sum() < good.sum():
-        count = int(good.sum() - sound.sum())
-        text = f"have a K' that is not positive, or beyond {_LARGEST:g} N/m, and were left out"
-        notes.append(f"{count} rows of {name} {text}")
-    good = sound
+
+    def only(wanted: BoolArray, said: str) -> BoolArray:
+        """The rows used that are wanted; a note on the others."""
+        if np.any(good & ~wanted):
+            notes.append(f"{int(np.sum(good & ~wanted))} rows of {name} {said} and were left out")
+        return good & wanted
+
+    inside = (frequency >= _LOWEST) & (frequency <= _HIGHEST)
+    good = only(inside, f"have a frequency beyond {_LOWEST:g} to {_HIGHEST:g} Hz")
+    sound = (real > 0) & (np.hypot(np.nan_to_num(real), np.nan_to_num(imag)) < _LARGEST)
+    good = only(sound, f"have a K' that is not positive, or beyond {_LARGEST:g} N/m,")
     if stated and all(column in numbers for column in STD[:2]):
         sure = np.isfinite(numbers[STD[0]]) & np.isfinite(numbers[STD[1]])
-        if np.any(sure & good) and np.any(good & ~sure):
-            notes.append(f"{int(np.sum(good & ~sure))} rows of {name} state no uncertainty of K* and were left out")
-            good &= sure
+        good = only(sure, "state no uncertainty of K*") if np.any(sure & good) else good
+    if by_amplitude:
+        known = np.isfinite(numbers[COLUMN]) & (np.nan_to_num(numbers[COLUMN]) > 0)
+        good = only(known, f"have no {shown(COLUMN)}")
     return good, notes
-
-
-def with_deflection(numbers: Mapping[str, FloatArray], good: BoolArray, name: str, notes: list[str]) -> BoolArray:
-    """Flags of the usable rows with a deflection; a note on the others."""
-    known = np.isfinite(numbers[COLUMN]) & (np.nan_to_num(numbers[COLUMN]) > 0)
-    if np.any(good & ~known):
-        notes.append(f"{int(np.sum(good & ~known))} rows of {name} have no {shown(COLUMN)} and were left out")
-    return good & known

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import astuple
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,26 +15,25 @@ from pydantic import Field, StrictBool, ValidationError
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
-from fourpole.fitting.lawfile import TemperatureFile, check_law
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
 from fourpole.fitting.pressures import PressureFile, check_pressures
+from fourpole.fitting.shifting import TemperatureFile, check_law
+from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile
 from fourpole.io.published import read_listed, write_result
 from fourpole.io.seal import KEY, sealed
 from fourpole.models.families import model_named
 from fourpole.models.interface import Model
 from fourpole.models.linearised import Scatter
-from fourpole.models.omitted import LeaveOneOut
 from fourpole.models.operating import OperatingMap
 from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes, ValueSurface
+from fourpole.models.together import LeaveOneOut
 from fourpole.units import shown
 
 _LONGEST = 100_000
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
-
-
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
 LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static")
 #: Frequencies from low to high [Hz].
@@ -106,6 +106,11 @@ class ConditionFile(Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
     static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
 
+    @property
+    def coordinates(self) -> dict[str, float]:
+        """Values on the axes, by column."""
+        return {one.column: one.value for one in self.state}
+
 
 class _Entry(Strict):
     """Base of the entries of one tyre: its model."""
@@ -173,21 +178,6 @@ class MapEntry(_Entry):
     choice: str
 
 
-class RigValue(Strict):
-    """A value of the rig."""
-
-    value: float
-    unit: str
-    std: float = Field(ge=0)
-
-
-class RigFile(Strict):
-    """The rig of the tests, with which TR is computed."""
-
-    output: Literal["moving", "blocked"] = "moving"
-    values: dict[str, RigValue]
-
-
 class Provenance(Strict):
     """Program, table and settings from which the document was made."""
 
@@ -225,6 +215,20 @@ class ModelFile(Strict):
         """Names of the tyres that have a model or a map."""
         return [one.tyre for one in self.models] + [one.tyre for one in self.maps]
 
+    def model_entry(self, tyre: str) -> ModelEntry | None:
+        """The fits of a tyre."""
+        return next((one for one in self.models if one.tyre == tyre), None)
+
+    def map_entry(self, tyre: str) -> MapEntry | None:
+        """The map of a tyre."""
+        return next((one for one in self.maps if one.tyre == tyre), None)
+
+    def condition_at(self, tyre: str, coordinates: Mapping[str, float]) -> ConditionFile | None:
+        """The condition of a tyre's fits with exactly these values on the axes."""
+        entry = self.model_entry(tyre)
+        conditions = () if entry is None else entry.conditions
+        return next((one for one in conditions if one.coordinates == coordinates), None)
+
     def axis(self, column: str) -> Axis:
         """The axis of a column, with its tolerance."""
         own = (Axis(one.column, "", one.relative, one.absolute) for one in self.axes if one.column == column)
@@ -232,11 +236,11 @@ class ModelFile(Strict):
 
     @property
     def document(self) -> dict[str, Any]:
-        """The sealed document, in types of JSON; the keys of `LATER` stand only where they hold something."""
+        """The sealed document, in types of JSON."""
         return sealed(self._content())
 
     def _content(self) -> dict[str, Any]:
-        """The document without its seal."""
+        """The document without its seal; the keys of `LATER` stand only where they hold something."""
         document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
         models = document["models"]
         for entry in document["maps"]:
@@ -337,8 +341,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     size = len(model.parameters)
     if entry.temperature is not None:
         check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
-    states = [{one.column: one.value for one in each.state} for each in entry.conditions]
-    check_pressures(f"{name}: tyre {shown(entry.tyre)}", entry.pressures, states)
+    check_pressures(f"{name}: tyre {shown(entry.tyre)}", entry.pressures, [one.coordinates for one in entry.conditions])
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):
@@ -411,22 +414,24 @@ def model_of(entry: ModelEntry | MapEntry, name: str = "the model file") -> Mode
     return model
 
 
-def parameters_of(model: Model) -> list[ParameterFile]:
-    """The parameters of a model as they are in a file."""
-    return [
+def model_parts(model: Model) -> dict[str, Any]:
+    """Name, causality and parameters of a model as they are in an entry."""
+    parameters = [
         ParameterFile(
-            symbol=one.symbol,
-            unit=one.unit,
-            meaning=one.meaning,
+            **{name: getattr(one, name) for name in ("symbol", "unit", "meaning")},
             low=finite_or_none(one.low),
             high=finite_or_none(one.high),
         )
         for one in model.parameters
     ]
+    return {"model": model.name, "causal": model.causal, "parameters": parameters}
 
 
 def entry_of(tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes = None) -> MapEntry:
     """A map as it is in a file; `amplitude` is the tested range if the model depends on it."""
+    surface = None
+    if found.static is not None:
+        surface = SurfaceFile(**{name: np.asarray(value).tolist() for name, value in vars(found.static).items()})
     error, inside, conditions = map(finite_or_none, astuple(found.leave_one_out))
     heads = zip(found.axes.names, map(split_column, found.axes.names), found.axes.points.T.tolist(), strict=True)
     axes = [
@@ -435,9 +440,7 @@ def entry_of(tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes 
     ]
     return MapEntry(
         tyre=tyre,
-        model=found.model.name,
-        causal=found.model.causal,
-        parameters=parameters_of(found.model),
+        **model_parts(found.model),
         axes=axes,
         constant=NamedValue.of(found.axes.constant),
         terms=[list(one) for one in found.terms],
@@ -447,15 +450,9 @@ def entry_of(tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes 
         band=found.band,
         amplitude=amplitude,
         leave_one_out=(error, inside, conditions),
-        static=_surface_entry(found.static),
+        static=surface,
         choice=choice,
     )
-
-
-def _surface_entry(found: ValueSurface | None) -> SurfaceFile | None:
-    if found is None:
-        return None
-    return SurfaceFile(**{name: np.asarray(value).tolist() for name, value in vars(found).items()})
 
 
 def finite_or_none(value: float) -> float | None:
@@ -468,7 +465,11 @@ def map_of(entry: MapEntry) -> OperatingMap:
     model = model_of(entry)
     count = len(entry.axes[0].values) if entry.axes else 1
     points = np.array([axis.values for axis in entry.axes], dtype=float).reshape(len(entry.axes), count).T
-    size = sum(len(one) for one in entry.coefficients)
+    size, file, static = sum(len(one) for one in entry.coefficients), entry.static, None
+    if file is not None:
+        covariance = np.array(file.covariance, dtype=float).reshape(len(file.terms), len(file.terms))
+        terms = tuple(tuple(one) for one in file.terms)
+        static = ValueSurface(terms, np.array(file.coefficients, dtype=float), covariance, file.scatter, file.std)
     return OperatingMap(
         model=model,
         axes=Axes(
@@ -483,17 +484,5 @@ def map_of(entry: MapEntry) -> OperatingMap:
         scatter=Scatter(entry.scatter[0], (entry.scatter[1], entry.scatter[2])),
         band=entry.band,
         leave_one_out=LeaveOneOut(*(float("nan") if one is None else one for one in entry.leave_one_out)),
-        static=_surface_of(entry.static),
-    )
-
-
-def _surface_of(file: SurfaceFile | None) -> ValueSurface | None:
-    if file is None:
-        return None
-    return ValueSurface(
-        tuple(tuple(one) for one in file.terms),
-        np.array(file.coefficients, dtype=float),
-        np.array(file.covariance, dtype=float).reshape(len(file.terms), len(file.terms)),
-        file.scatter,
-        file.std,
+        static=static,
     )

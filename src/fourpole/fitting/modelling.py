@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from fourpole import quantities as q
 from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.confidence import CHANCE
+from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR
+from fourpole.core.digits import with_std
+from fourpole.core.notebook import notebook_html
 from fourpole.errors import ModelError
-from fourpole.fitting.amplitude import COLUMN, columns_of, tested, told_apart
-from fourpole.fitting.intervals import intervals
-from fourpole.fitting.lawfile import TemperatureFile
-from fourpole.fitting.mapwords import map_text, mean_uncertainty
+from fourpole.fitting.amplitude import columns_of
+from fourpole.fitting.byamplitude import tested, told_apart
+from fourpole.fitting.mapping import map_axes, map_of_model, map_text, mean_uncertainty
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
@@ -25,17 +25,17 @@ from fourpole.fitting.modelfile import (
     ModelEntry,
     ModelFile,
     Provenance,
-    RigFile,
     ToleranceFile,
     VerdictFile,
     entry_of,
     finite_or_none,
-    parameters_of,
+    model_parts,
 )
 from fourpole.fitting.modelparts import NamedValue
-from fourpole.fitting.near import near_model
-from fourpole.fitting.notebook import fit_html, map_html
-from fourpole.fitting.pressures import OverPressures, PressureFile, sentences, share_over_pressures
+from fourpole.fitting.near import known_values, near_model, shared_effects
+from fourpole.fitting.pressures import OverPressures, PressureFile, pressure_sentence, share_over_pressures
+from fourpole.fitting.shifting import TemperatureFile
+from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence
 from fourpole.models.causality import Possible, check_possible, near_passive
 from fourpole.models.choice import AUTO, STOPPED, Candidate, Choice, choose, fit_conditions, fixed_of
@@ -44,20 +44,18 @@ from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import by_amplitude, for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
-from fourpole.models.operating import OperatingMap, make_map
+from fourpole.models.operating import OperatingMap
+from fourpole.models.profile import intervals
 from fourpole.models.shape import Shape
-from fourpole.models.surface import Axes
 from fourpole.models.together import fit_together
+from fourpole.quantities import ShownUnits
 from fourpole.units import nearest, shown
 from fourpole.version import VERSION
 
 Progress = Callable[[int, int], None]
+_Step = Callable[[], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
 _ALIKE = 1.1
-#: Relative error that is added to each condition before the fits that start a map, so that none dominates.
-_EVEN = 0.01
-#: Largest number of conditions that are fitted for the start of a map.
-_MOST_STARTS = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +102,18 @@ class TyreFit(ByValue):
 
     def _repr_html_(self) -> str:
         """The choice and the parameters, for a notebook."""
-        return fit_html(self)
+        units = ShownUnits()
+        symbols = [(one.symbol, *units.unit(one.unit)) for one in self.model.parameters]
+        rows = []
+        for one, fit in zip(self.measured, self.chosen.fits, strict=True):
+            pairs = (
+                with_std(value / scale, COVERAGE_FACTOR * u / scale)
+                for value, u, (_, _, scale) in zip(fit.values.tolist(), fit.std.tolist(), symbols, strict=True)
+            )
+            rows.append([one.in_words(units) or "all", *(f"{text} ± {u}" if u else text for text, u in pairs)])
+        heads = ["condition", *(f"{symbol} [{unit}]" if unit else symbol for symbol, unit, _ in symbols)]
+        title = f"{self.model.name} for {self.tyre}" if self.tyre else self.model.name
+        return notebook_html(title, [self.choice.text, "± is U (k = 2)"], heads, rows)
 
 
 @dataclass(frozen=True)
@@ -130,7 +139,14 @@ class TyreMap:
 
     def _repr_html_(self) -> str:
         """The choice and the models that were tried, for a notebook."""
-        return map_html(self)
+        rows = [
+            (name, "none", "")
+            if isinstance(one, str)
+            else (name, f"{len(one.terms)}", f"{one.leave_one_out.error:.2%}")
+            for name, one in self.others
+        ]
+        title = f"Map of {self.tyre}" if self.tyre else "Map"
+        return notebook_html(title, [self.text], ("model", "terms", "leave-one-out error"), rows)
 
 
 class TyreFits(tuple[TyreFit, ...]):
@@ -200,47 +216,46 @@ def fit_tyres(
 
 
 def _fit_tyre(
-    tyre: str,
-    every: MeasuredSet,
-    model: str,
-    given: Mapping[str, float],
-    share: Sequence[str],
-    step: Callable[[], None],
+    tyre: str, every: MeasuredSet, model: str, given: Mapping[str, float], share: Sequence[str], step: _Step
 ) -> TyreFit:
     measured, told = every.of(tyre), ""
     if by_amplitude(model):
         measured, told = told_apart(tyre, measured, model)
     stated = [one.data if told else near_passive(one.data) for one in measured]
     verdicts = tuple(check_possible(one) for one in stated) if every.known and not told else ()
-    held = [_held(one, given) for one in measured]
+    held = [known_values(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
     choice = choose(data, None if model == "auto" else (model,), held)
     best, more, stopped = choice.best, 0.0, choice.stopped
     if best.chance < CHANCE:
         try:
-            more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
-            wider = [with_error(one, more) for one in data]
-            best, data = replace(best, fits=fit_conditions(best.fit.model, wider, held)), wider
+            best, data, more = _widened(best, data, held)
         except KeyboardInterrupt:  # the fit is kept, without the discrepancy
-            more, stopped = 0.0, True
+            stopped = True
     whole = float(np.hypot(discrepancy, more))
-    best, pressures = share_over_pressures(best, measured, whole, held, share, _common(measured))
-    if share:
-        best = replace(best, fits=_sharing(best, measured, whole, share, held))
+    best, pressures = share_over_pressures(best, measured, whole, held, share, shared_effects(measured))
+    best = _sharing(best, measured, whole, share, held)
     fixed = list(fixed_of(best.fit.model, held))
     ends, why, stopped = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
-    statics = [StaticFile.of(one.loop, fit, row) for one, fit, row in zip(measured, best.fits, data, strict=True)]
-    joined = [one for one in statics if one is not None]
-    ramped = factor_sentence(best.fit.model, joined, any(one.loop is not None for one in measured))
-    said = [*sentences(pressures, measured, whole), *ramped, *_left_out(choice), *why, *([told] if told else [])]
-    choice = replace(choice, text=". ".join([choice.text, *said]))
+    said = [pressure_sentence(one, measured, whole) for one in pressures]
+    said += factor_sentence(best.fits, [one.loop for one in measured], data)
+    choice = replace(choice, text=". ".join(filter(None, [choice.text, *said, *_not_compared(choice), *why, told])))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures, stopped)
 
 
-def _left_out(choice: Choice) -> list[str]:
+def _not_compared(choice: Choice) -> list[str]:
     """Models that could not be compared, each with the reason, as sentences."""
     return [f"{name} was not compared: {reason.rstrip('.')}" for name, reason in choice.failed]
+
+
+def _widened(
+    best: Candidate, data: Sequence[StiffnessData], held: Sequence[Mapping[str, float]]
+) -> tuple[Candidate, list[StiffnessData], float]:
+    """The candidate with the discrepancy [1] of its model, and the data to whose uncertainty this is added."""
+    more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
+    wider = [with_error(one, more) for one in data]
+    return replace(best, fits=fit_conditions(best.fit.model, wider, held)), wider, more
 
 
 def _discrepancy(
@@ -266,8 +281,10 @@ def _sharing(
     discrepancy: float,
     share: Sequence[str],
     held: Sequence[Mapping[str, float]],
-) -> tuple[Fit, ...]:
-    """One fit to all conditions, in which some parameters have one value for all."""
+) -> Candidate:
+    """The candidate with one fit to all conditions, in which some parameters have one value for all."""
+    if not share:
+        return best
     model = best.fit.model
     if fixed_of(model, held):
         raise ModelError("parameters cannot be given together with shared ones: state --fix or --share")
@@ -275,19 +292,8 @@ def _sharing(
     data = [with_error(one.own, discrepancy) for one in measured]
     designs = {name: np.ones((len(data), 1)) for name in share}
     start = np.stack([one.values for one in best.fits])
-    return tuple(fit_together(model, data, start, designs, shared=_common(measured)).fits())
-
-
-def _common(measured: Sequence[Measured]) -> list[FloatArray]:
-    """Effect (2N, p) [N/m] of the shared errors on each condition."""
-    width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
-    return [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
-
-
-def _held(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
-    """Values of known parameters, by symbol: those given, and the inflation pressure p of the condition."""
-    pressure = measured.state.get(q.PRESSURE.head)
-    return {**({"p": pressure} if pressure is not None else {}), **given}
+    found = fit_together(model, data, start, designs, shared=shared_effects(measured))
+    return replace(best, fits=tuple(found.fits()))
 
 
 def _misfit(model: Model, data: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> tuple[float, int]:
@@ -323,36 +329,27 @@ def map_tyres(
     total = len(names) * len(measured.tyres)
     found = []
     for at, tyre in enumerate(measured.tyres):
-        step = None if progress is None else (lambda done, first=at: progress(first * len(names) + done, total))
+
+        def step(done: int, first: int = at * len(names)) -> None:
+            if progress is not None:
+                progress(first + done, total)
+
         found.append(_map_tyre(tyre, measured.of(tyre), names, over, step))
     return found
 
 
 def _map_tyre(
-    tyre: str,
-    measured: tuple[Measured, ...],
-    names: Sequence[str],
-    over: Sequence[str],
-    progress: Callable[[int], None] | None,
+    tyre: str, measured: tuple[Measured, ...], names: Sequence[str], over: Sequence[str], step: Callable[[int], None]
 ) -> TyreMap:
     said = ""
     if by_amplitude(names[0]):
         measured, said = told_apart(tyre, measured, names[0])
-    axes = _axes(tyre, measured, over)
+    axes = map_axes(tyre, measured, over)
     made: list[tuple[str, OperatingMap | str]] = []
     for at, name in enumerate(names):
-        if progress is not None:
-            progress(at)
+        step(at)
         try:
-            model = model_named(name)
-            if model.linear:
-                raise ModelError(
-                    f"the terms of {name} are no smooth functions of the condition: take zener or fractional"
-                )
-            few = min(one.own.count for one in measured)
-            if len(names) > 1 and len(model.parameters) > few:  # such a model would fit the noise
-                raise ModelError(f"its {len(model.parameters)} parameters are too many for {few} frequencies")
-            made.append((name, _map_of(model, measured, axes)))
+            made.append((name, map_of_model(name, measured, axes, alone=len(names) == 1)))
         except ModelError as error:
             made.append((name, str(error)))
     good = [one for _, one in made if isinstance(one, OperatingMap)]
@@ -363,38 +360,6 @@ def _map_tyre(
     best = min(alike, key=mean_uncertainty) if len(alike) > 1 else alike[0]
     text = ". ".join(filter(None, [map_text(best, good), said]))
     return TyreMap(tyre, measured, best, tuple(made), text)
-
-
-def _axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
-    """The axes on which all conditions of a tyre have a value."""
-    everywhere = [column for column in measured[0].state if all(column in one.state for one in measured)]
-    lacking = [column for column in over if column not in everywhere]
-    if lacking:
-        raise ModelError(f"{lacking[0]} is not known of every condition of the tyre {tyre!r}: a map cannot go over it")
-    points = [[one.state[column] for column in everywhere] for one in measured]
-    positive = all(one.state.get(COLUMN, 1.0) > 0 for one in measured)
-    axes = Axes.of(everywhere, points, [COLUMN] if positive else [])
-    if not axes.names and len(measured) > 1:
-        raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} have the same values on all axes")
-    return axes
-
-
-def _map_of(model: Model, measured: Sequence[Measured], axes: Axes) -> OperatingMap:
-    """The map of one model, which starts from fits to each condition, or to some of very many."""
-    order = np.random.default_rng(0).permutation(len(measured))
-    some = np.sort(order[:_MOST_STARTS]).tolist()
-    even = [with_error(measured[at].data, _EVEN) for at in some]
-    fits = fit_conditions(model, even, [_held(measured[at], {}) for at in some])
-    start = np.full((len(measured), len(model.parameters)), np.nan)
-    start[some] = [one.values for one in fits]
-
-    def made(rows: Sequence[Measured]) -> OperatingMap:
-        return make_map(model, [one.own for one in rows], axes, start, _common(rows))
-
-    found = made(measured)
-    values = found.parameters(axes.points if axes.names else np.zeros((len(measured), 0)))
-    near = near_model(measured, model, list(values))
-    return found if near is measured else made(near)
 
 
 def model_file(
@@ -438,9 +403,7 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
     rows = zip(found.measured, found.data, found.chosen.fits, found.intervals, verdicts, strict=True)
     return ModelEntry(
         tyre=found.tyre,
-        model=found.model.name,
-        causal=found.model.causal,
-        parameters=parameters_of(found.model),
+        **model_parts(found.model),
         discrepancy=found.discrepancy,
         shape=shape,
         choice=found.choice.text,
@@ -461,15 +424,6 @@ def _candidate_entry(one: Candidate) -> CandidateFile:
     )
 
 
-def _verdict_entry(measured: Measured, verdict: Possible) -> VerdictFile:
-    return VerdictFile(
-        possible=verdict.possible,
-        chance=verdict.chance,
-        misfit=lacking_error(measured, verdict),
-        impossible=verdict.impossible.tolist(),
-    )
-
-
 def lacking_error(measured: Measured, verdict: Possible) -> float:
     """The relative error of K* at each frequency that would make it possible for a passive tyre; 0 if it is."""
     return 0.0 if verdict.possible else model_discrepancy([measured.data])
@@ -479,6 +433,14 @@ def _condition_entry(
     measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Possible | None
 ) -> ConditionFile:
     points = [point for name, point in measured.keys if name]
+    judged = None
+    if verdict is not None:
+        judged = VerdictFile(
+            possible=verdict.possible,
+            chance=verdict.chance,
+            misfit=lacking_error(measured, verdict),
+            impossible=verdict.impossible.tolist(),
+        )
     return ConditionFile(
         state=NamedValue.of(measured.state),
         tests=[name for name in measured.tests if name],
@@ -493,6 +455,6 @@ def _condition_entry(
         dof=found.dof,
         converged=bool(found.converged),
         agreed=float(found.agreed),
-        verdict=None if verdict is None else _verdict_entry(measured, verdict),
+        verdict=judged,
         static=StaticFile.of(measured.loop, found, data, ranged=True),
     )

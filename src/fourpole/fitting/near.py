@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.joint.around import Likelihood
 from fourpole.fitting.measured import Measured
@@ -45,3 +46,15 @@ def near_model(measured: Sequence[Measured], model: Model, values: Sequence[Floa
         kept = {"k1": one.own.k1, "k1_std": one.own.k1_std, "amplitude": one.own.amplitude, **one.own.ramp}
         made.append(replace(one, own=replace(own, **kept), shared=effect))
     return made
+
+
+def shared_effects(measured: Sequence[Measured]) -> list[FloatArray]:
+    """Effect (2N, p) [N/m] of the shared errors on each condition."""
+    width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
+    return [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
+
+
+def known_values(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
+    """Values of known parameters, by symbol: those given, and the inflation pressure p of the condition."""
+    pressure = measured.state.get(q.PRESSURE.head)
+    return {**({"p": pressure} if pressure is not None else {}), **given}

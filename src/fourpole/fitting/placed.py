@@ -108,17 +108,13 @@ def specimens(file: ModelFile, name: str, specimen: str | None) -> list[str]:
 
 def conditions_of(file: ModelFile, specimen: str, name: str) -> list[dict[str, float]]:
     """The conditions of a specimen in a file of fits; ModelError for a map over axes."""
-    for entry in file.maps:
-        if entry.tyre == specimen and entry.axes:
-            over = ", ".join(named(axis.column) for axis in entry.axes)
-            first = "=..., ".join(named(axis.column) for axis in entry.axes)
-            raise ModelError(f'{name}: is a map over {over}: state the operating point, --at "{first}=..."')
-    return [
-        {one.column: one.value for one in each.state}
-        for entry in file.models
-        if entry.tyre == specimen
-        for each in entry.conditions
-    ] or [{}]
+    mapped, fits = file.map_entry(specimen), file.model_entry(specimen)
+    if mapped is not None and mapped.axes:
+        axes = [named(axis.column) for axis in mapped.axes]
+        raise ModelError(
+            f'{name}: is a map over {", ".join(axes)}: state the operating point, --at "{"=..., ".join(axes)}=..."'
+        )
+    return [one.coordinates for one in fits.conditions] if fits is not None and fits.conditions else [{}]
 
 
 def placed_at(
@@ -140,26 +136,18 @@ def placed_at(
     own = {**found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
     words = ", ".join(units.setting(column, value) for column, value in own.items())
     label = ", ".join(filter(None, (specimen, words))) or "the specimen"
-    values = found.parameters(point[None])[0] if (fitted := _fitted(file, specimen, own)) is None else fitted
+    fitted = file.condition_at(specimen, own)  # None for a map or a pressure between tests
+    values = found.parameters(point[None])[0] if fitted is None else np.array(fitted.values)
     return PlacedModel(specimen, label, own, found, point, values, (*remarks, *_at_reference(file, specimen)))
-
-
-def _fitted(file: ModelFile, specimen: str, state: Mapping[str, float]) -> FloatArray | None:
-    """The parameters (P,) of a fit at a condition as its file has them; None for a map or a pressure between tests."""
-    for entry in file.models:
-        for one in entry.conditions if entry.tyre == specimen else ():
-            if {each.column: each.value for each in one.state} == state:
-                return np.array(one.values)
-    return None
 
 
 def _at_reference(file: ModelFile, name: str) -> list[str]:
     """A remark for the model of a master curve, which is at the reference temperature."""
-    laws = [entry.temperature for entry in file.models if entry.tyre == name and entry.temperature is not None]
-    return [
-        f"K* {name and f'of {name} '}is that at {law.reference:.4g} °C, the reference of its master curve"
-        for law in laws
-    ]
+    entry = file.model_entry(name)
+    if entry is None or entry.temperature is None:
+        return []
+    at = f"{entry.temperature.reference:.4g} °C"
+    return [f"K* {name and f'of {name} '}is that at {at}, the reference of its master curve"]
 
 
 def named(column: str) -> str:

@@ -61,15 +61,11 @@ class PressureFile(Strict):
     def of(cls, found: OverPressures) -> PressureFile:
         """The record of a fit."""
         fit = found.fit
+        plain = ("chi2", "dof", "separate_chi2", "separate_dof", "chance", "agrees")
         return cls(
             conditions=list(found.places),
             shared=list(fit.shared),
-            chi2=fit.chi2,
-            dof=fit.dof,
-            separate_chi2=fit.separate_chi2,
-            separate_dof=fit.separate_dof,
-            chance=fit.chance,
-            agrees=fit.agrees,
+            **{name: getattr(fit, name) for name in plain},
             trend=fit.trend / 1e5,
             trend_std=fit.trend_std / 1e5,
             scatter=fit.scatter.tolist(),
@@ -150,12 +146,8 @@ def _alike(column: str, one: float, other: float) -> bool:
     return abs(one - other) <= _SAME * max(abs(one), abs(other)) if axis is None else axis.same(one, other)
 
 
-def sentences(found: Sequence[OverPressures], measured: Sequence[Measured], discrepancy: float) -> list[str]:
-    """What the fits over pressures say of the effect of the pressure, as sentences without their full stop."""
-    return [_sentence(one, measured, discrepancy) for one in found]
-
-
-def _sentence(found: OverPressures, measured: Sequence[Measured], discrepancy: float) -> str:
+def pressure_sentence(found: OverPressures, measured: Sequence[Measured], discrepancy: float) -> str:
+    """What a fit over pressures says of the effect of the pressure, as sentences without the last full stop."""
     fit = found.fit
     one = measured[found.places[0]]
     rest = replace(one, state={column: value for column, value in one.state.items() if column != _PRESSURE}).label

@@ -16,9 +16,9 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AMPLITUDE, AXES
 from fourpole.core.polar import polar
-from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.rig import Rig
 from fourpole.errors import ModelError
-from fourpole.fitting.amplitudequery import (
+from fourpole.fitting.byamplitude import (
     answer_at,
     around,
     depends_on_amplitude,
@@ -26,17 +26,16 @@ from fourpole.fitting.amplitudequery import (
     levels_of_map,
     outside_levels,
 )
-from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, RigFile, map_of, model_of
-from fourpole.fitting.modelparts import LARGEST
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, model_of
 from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
+from fourpole.fitting.stated import rig_in
 from fourpole.fitting.static import StaticFile
 from fourpole.models.linearised import Scatter
-from fourpole.models.links import link_all, unlink_all
-from fourpole.models.omitted import LeaveOneOut
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
+from fourpole.models.together import LeaveOneOut
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
 
@@ -107,28 +106,44 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         answer = answer_at(found, points, frequency, amplitude, levels)
     else:
         answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
-    static = _static_of(file, tyre, found)
-    if static is not None and far.any():
-        wider = static.wider(reduced, answer.stiffness, answer.covariance)
-        answer = Answer.of(answer.stiffness, answer.k1, wider, 2 * np.pi * frequency)
-    rig = query.rig if query.rig is not None else rig_in(file.rig)
-    tr = answer.transmissibility(rig, frequency) if rig is not None else np.full((2, frequency.size), np.nan)
-    columns = {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
+    condition = file.condition_at(tyre, found.axes.constant)
+    static = None if condition is None else condition.static  # if the static test was joined as a ramp
+    if far.any():
+        answer = _wider(answer, static, reduced, frequency)
+    columns = _columns(answer, query.rig or rig_in(file.rig), frequency)
+    apart, moved = (outside, ()) if shift is None else (max(outside, shift.outside), shift.remarks)
+    place = found.axes.constant | dict(zip(found.axes.names, point.tolist(), strict=True))
+    place |= {} if amplitude is None else {AMPLITUDE.column: amplitude}
     rows = []
     for at in range(frequency.size):
-        beyond = [f"{far[at]:.3g} octaves outside the measured band"] if far[at] else []
-        row = {"tyre": tyre, **found.axes.constant, **dict(zip(found.axes.names, point.tolist(), strict=True))}
-        row |= {} if amplitude is None else {AMPLITUDE.column: amplitude}
+        row: dict[str, Any] = {"tyre": tyre, **place}
         row |= {q.FREQUENCY.head: float(frequency[at])}
         row |= {} if shift is None else {_TEMPERATURE: shift.temperature, _REDUCED: float(reduced[at])}
         row |= {head: float(one[at]) for head, one in columns.items()}
-        apart = outside if shift is None else max(outside, shift.outside)
-        if static is not None and far[at] and reduced[at] < found.band[0]:
-            beyond.append(static.remark(float(reduced[at])))
-        every = [*remarks, *([] if shift is None else shift.remarks), *beyond]
-        row |= {q.OUTSIDE.head: apart, "remarks": "; ".join(every)}
-        rows.append({name: _finite(value) for name, value in row.items()})
+        beyond = _remarks_beyond(found, static, float(far[at]), float(reduced[at]))
+        row |= {q.OUTSIDE.head: apart, "remarks": "; ".join([*remarks, *moved, *beyond])}
+        rows.append(_finite(row))
     return rows
+
+
+def _wider(answer: Answer, static: StaticFile | None, reduced: FloatArray, frequency: FloatArray) -> Answer:
+    """An answer whose intervals reach the ends of the range of K* below the band, if there is a static test."""
+    if static is None:
+        return answer
+    covariance = static.wider(reduced, answer.stiffness, answer.covariance)
+    return Answer.of(answer.stiffness, answer.k1, covariance, 2 * np.pi * frequency)
+
+
+def _columns(answer: Answer, rig: Rig | None, frequency: FloatArray) -> dict[str, FloatArray]:
+    """Values (Q,) of an answer by column, with TR on a rig, which is not-a-number without one."""
+    tr = answer.transmissibility(rig, frequency) if rig is not None else np.full((2, frequency.size), np.nan)
+    return {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
+
+
+def _remarks_beyond(found: OperatingMap, static: StaticFile | None, far: float, frequency: float) -> list[str]:
+    """Remarks on a frequency that is so many octaves outside the band."""
+    said = [f"{far:.3g} octaves outside the measured band"] if far else []
+    return [*said, static.remark(frequency)] if said and static and frequency < found.band[0] else said
 
 
 def polar_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
@@ -182,8 +197,8 @@ class _Shift:
 
 def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     """The shift to the stated temperature; None if the model has no law, or the query states no temperature."""
-    law = next((one.temperature for one in file.models if one.tyre == tyre), None)
-    temperature = query.state.get(_TEMPERATURE)
+    entry, temperature = file.model_entry(tyre), query.state.get(_TEMPERATURE)
+    law = None if entry is None else entry.temperature
     if law is None or temperature is None:
         return None
     low, high = law.range
@@ -209,10 +224,8 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
 
 def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float], units: ShownUnits) -> OperatingMap:
     """The map of a tyre, or else its model at the condition that `state` names, as a map of one point."""
-    for entry in file.maps:
-        if entry.tyre == tyre:
-            return map_of(entry)
-    return _condition(file, next(one for one in file.models if one.tyre == tyre), state, units)
+    mapped = file.map_entry(tyre)
+    return _condition(file, tyre, state, units) if mapped is None else map_of(mapped)
 
 
 def _tyre_of(file: ModelFile, name: str | None) -> str:
@@ -227,55 +240,50 @@ def _tyre_of(file: ModelFile, name: str | None) -> str:
     return name
 
 
-def _condition(file: ModelFile, entry: ModelEntry, state: Mapping[str, float], units: ShownUnits) -> OperatingMap:
+def _condition(file: ModelFile, tyre: str, state: Mapping[str, float], units: ShownUnits) -> OperatingMap:
     """The model at the one condition that `state` names, as a map of one point."""
-    states = [{one.column: one.value for one in each.state} for each in entry.conditions]
-    good = [
-        at
-        for at, own in enumerate(states)
-        if all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
-    ]
-    if not good and (made := _between(file, entry, states, state)) is not None:
+    entry = file.model_entry(tyre)
+    assert entry is not None
+    good = [one for one in entry.conditions if _is_at(file, one, state)]
+    if not good and (made := _between(file, entry, state)) is not None:
         return made
     if len(good) != 1:
-        there = "; ".join(sorted({_words(own, units) for own in states})[:12])
+        there = "; ".join(sorted({_words(one.coordinates, units) for one in entry.conditions})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
         more = ", or a pressure between them," if entry.pressures else ""
         raise ModelError(
             f"{what} the same as the stated one: the file has fits at {there}. State one of these{more} or make a map "
             "of the results with fourpole map"
         )
-    one = entry.conditions[good[0]]
-    return _one_point(entry, one, np.array(one.values), states[good[0]])
+    return _one_point(entry, good[0], np.array(good[0].values), good[0].coordinates)
 
 
-def _between(
-    file: ModelFile, entry: ModelEntry, states: Sequence[Mapping[str, float]], state: Mapping[str, float]
-) -> OperatingMap | None:
+def _is_at(file: ModelFile, one: ConditionFile, state: Mapping[str, float]) -> bool:
+    """Whether a condition has the values of `state` within the tolerances of the axes."""
+    own = one.coordinates
+    return all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
+
+
+def _between(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap | None:
     """The model at a pressure between those that share a set of parameters, as a map of one point; else None."""
     rest = {column: value for column, value in state.items() if column != q.PRESSURE.head}
-    same = [
-        own
-        if all(column in own and file.axis(column).same(value, own[column]) for column, value in rest.items())
-        else {}
-        for own in states
-    ]
+    same = [one.coordinates if _is_at(file, one, rest) else {} for one in entry.conditions]
     found, model = between(entry.pressures, same, state), model_of(entry)
     if found is None:
         return None
-    one, own = entry.conditions[found.conditions[0]], states[found.conditions[0]]
-    pressure = state[q.PRESSURE.head]
+    one, pressure = entry.conditions[found.conditions[0]], state[q.PRESSURE.head]
     values = np.array(one.values)
     values[model.symbols.index(model.pressure)] = pressure
-    return _one_point(entry, one, values, {**own, q.PRESSURE.head: pressure})
+    return _one_point(entry, one, values, {**one.coordinates, q.PRESSURE.head: pressure})
 
 
 def _untested(file: ModelFile, tyre: str, found: OperatingMap, units: ShownUnits) -> tuple[str, ...]:
     """A remark if the pressure of an answer lies between the tested ones."""
     pressure = found.axes.constant.get(q.PRESSURE.head)
-    entry = next((one for one in file.models if one.tyre == tyre and one.pressures), None)
-    tested = [one.value for each in entry.conditions for one in each.state] if entry is not None else []
-    if pressure is None or entry is None or pressure in tested:
+    entry = file.model_entry(tyre)
+    if pressure is None or entry is None or not entry.pressures:
+        return ()
+    if any(pressure in one.coordinates.values() for one in entry.conditions):
         return ()
     errors = np.concatenate([one.predicted for one in entry.pressures])
     error, where = 100 * float(np.sqrt(np.mean(errors**2))), units.setting(q.PRESSURE.head, pressure)
@@ -283,20 +291,11 @@ def _untested(file: ModelFile, tyre: str, found: OperatingMap, units: ShownUnits
     return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
 
 
-def _static_of(file: ModelFile, tyre: str, found: OperatingMap) -> StaticFile | None:
-    """The static test of the condition of an answer, if it was joined as a ramp."""
-    entry = next((one for one in file.models if one.tyre == tyre), None)
-    for one in entry.conditions if entry is not None else ():
-        if {each.column: each.value for each in one.state} == found.axes.constant:
-            return one.static
-    return None
-
-
 def _one_point(entry: ModelEntry, one: ConditionFile, values: FloatArray, own: dict[str, float]) -> OperatingMap:
     """A set of parameters as a map of one point, with the band and the covariance of a condition."""
     model = model_of(entry)
-    linked = link_all(model, values)
-    _, slopes = unlink_all(model, linked)
+    linked = model.link(values)
+    _, slopes = model.unlink(linked)
     scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
     return OperatingMap(
         model=model,
@@ -327,10 +326,9 @@ def place_of(
             how = "; make one with --model kraus or --over amplitude" if column == AMPLITUDE.column else ""
             raise ModelError(f"the tests do not state {_name(column)}: the map is over {over} and frequency{how}")
         if not file.axis(column).same(value, known):
+            had, wanted = (_value(column, number, units) for number in (known, value))
             raise ModelError(
-                f"all tests had the {_name(column)} {_value(column, known, units)}, "
-                f"not {_value(column, value, units)}: "
-                f"the map is over {over} and frequency"
+                f"all tests had the {_name(column)} {had}, not {wanted}: the map is over {over} and frequency"
             )
     _check_stated(axes, state, units)
     point = np.array([state[column] for column in axes.names], dtype=float)
@@ -340,12 +338,8 @@ def place_of(
     near, stated = (_words(dict(zip(axes.names, one.tolist(), strict=True)), units) for one in (nearest, point))
     remark = f"{stated} is outside what was measured, by {outside:.3g} half spans; the nearest point inside is {near}"
     if not beyond:
-        ways = (
-            "state that point or measure there"
-            if beyond is None
-            else "state that point, measure there, or state --beyond"
-        )
-        raise ModelError(f"{remark}: {ways}")
+        further = " or measure there" if beyond is None else ", measure there, or state --beyond"
+        raise ModelError(f"{remark}: state that point{further}")
     return point, outside, (remark,)
 
 
@@ -378,8 +372,9 @@ def _beyond_band(found: OperatingMap, frequency: FloatArray, *, beyond: bool) ->
     return far
 
 
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+def _finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row with None in place of not-a-number."""
+    return {name: None if isinstance(one, float) and not np.isfinite(one) else one for name, one in row.items()}
 
 
 def _name(column: str) -> str:
@@ -416,17 +411,3 @@ def response(
         bend = np.stack([(above - below).real, (above - below).imag], axis=1) * share[:, None]
         covariance = covariance + bend[:, :, None] * bend[:, None, :]
     return stiffness, covariance + ((entry.discrepancy * np.abs(stiffness)) ** 2)[:, None, None] * np.eye(2)
-
-
-def rig_in(file: RigFile | None) -> Rig | None:
-    """The rig of a document, or None; ModelError if a value has another unit."""
-    if file is None:
-        return None
-    for name, one in file.values.items():
-        if name not in PARAMETERS or PARAMETERS[name] != one.unit:
-            raise ModelError(f"the model file's rig has {shown(name)} in {shown(one.unit)}: it was changed")
-    values = {name: one.value for name, one in file.values.items()}
-    std = {name: one.std for name, one in file.values.items()}
-    if max(map(abs, [*values.values(), *std.values()]), default=0.0) > LARGEST:
-        raise ModelError("the model file's rig has a number beyond all measure: it was changed")
-    return Rig(**values, std=std, blocked=file.output == "blocked")

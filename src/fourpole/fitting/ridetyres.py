@@ -16,9 +16,8 @@ from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, rea
 from fourpole.fitting.placed import PlacedModel, placed_models
 from fourpole.io.folders import model_in, resolved
 from fourpole.models.discrepancy import with_error
-from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
-from fourpole.ride.uncertainty import Tyre
+from fourpole.ride.compare import Tyre
 
 #: Largest number of tyres that one file gives.
 _MOST = 40
@@ -102,21 +101,16 @@ def _tyre(place: Path, one: PlacedModel, units: ShownUnits) -> RideTyre:
     """A model at an operating point with the errors that the file has."""
     words = ", ".join(units.setting(column, value) for column, value in one.state.items())
     source = f"{place}: {one.specimen}" + ("" if one.map.axes.names else f": {words}")
+    scatter = one.map.scatter
     tyre = Tyre(
         model=one.model,
         values=one.values,
         errors={source: one.map.errors(one.point)},
-        discrepancy=_scatter(one.map),
+        discrepancy=tuple(np.hypot(scatter.condition, scatter.frequency).tolist()),
         name=one.label,
         origin=str(place),
     )
     return RideTyre(tyre, one.label, one.specimen, one.state, one.band, place, one.remarks)
-
-
-def _scatter(found: OperatingMap) -> tuple[float, float]:
-    """Relative scatter of K* about the map, along and across K* [1]."""
-    along, across = found.scatter.frequency
-    return float(np.hypot(found.scatter.condition, along)), float(np.hypot(found.scatter.condition, across))
 
 
 def _with_common_errors(found: list[RideTyre], file: ModelFile, place: Path) -> list[RideTyre]:
@@ -124,7 +118,7 @@ def _with_common_errors(found: list[RideTyre], file: ModelFile, place: Path) -> 
 
     They are known where the file lies beside the results of which it was made.
     """
-    fitted = [one for one in found if not any(entry.tyre == one.specimen for entry in file.maps)]
+    fitted = [one for one in found if file.map_entry(one.specimen) is None]
     if len(fitted) < 2:
         return found
     try:
@@ -138,18 +132,16 @@ def _with_common_errors(found: list[RideTyre], file: ModelFile, place: Path) -> 
 
 def _split(one: RideTyre, file: ModelFile, measured: Sequence[Measured], place: Path) -> RideTyre:
     """A tyre with the errors that it shares with others apart from its own; as it is, where they are not known."""
-    for entry in file.models:
-        for condition in entry.conditions if entry.tyre == one.specimen else ():
-            state = {each.column: each.value for each in condition.state}
-            of = [each for each in measured if each.tests == tuple(condition.tests)]
-            if state == one.state and of and of[0].shared.size:
-                shared = _by_shared_errors(entry, condition, one.tyre, of[0])
-                rest = np.array(condition.covariance) - shared @ shared.T
-                values, vectors = np.linalg.eigh(rest)
-                own = vectors * np.sqrt(np.maximum(values, 0.0))
-                errors = {next(iter(one.tyre.errors)): own, f"{place.parent}: sensors and rig": shared}
-                return replace(one, tyre=replace(one.tyre, errors=errors))
-    return one
+    entry, condition = file.model_entry(one.specimen), file.condition_at(one.specimen, one.state)
+    tests = () if condition is None else tuple(condition.tests)
+    of = next((each for each in measured if each.tests == tests), None)
+    if entry is None or condition is None or of is None or not of.shared.size:
+        return one
+    shared = _by_shared_errors(entry, condition, one.tyre, of)
+    values, vectors = np.linalg.eigh(np.array(condition.covariance) - shared @ shared.T)
+    own = vectors * np.sqrt(np.maximum(values, 0.0))
+    errors = {next(iter(one.tyre.errors)): own, f"{place.parent}: sensors and rig": shared}
+    return replace(one, tyre=replace(one.tyre, errors=errors))
 
 
 def _by_shared_errors(entry: ModelEntry, condition: ConditionFile, tyre: Tyre, measured: Measured) -> FloatArray:

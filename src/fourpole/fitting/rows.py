@@ -184,11 +184,9 @@ def _name(axes: Sequence[Axis], rows: Sequence[Condition]) -> str:
 
 def axes_record(rule: Sameness) -> list[dict[str, Any]]:
     """The axes of a rule, as study.json holds them."""
-    return [{"column": axis.column, **({"text": True} if axis.text else _tolerance(axis))} for axis in rule.axes]
-
-
-def _tolerance(axis: Axis) -> dict[str, float]:
-    return {name: value for name in _TOLERANCES if (value := getattr(axis, name))}
+    tolerances = [{name: value for name in _TOLERANCES if (value := getattr(axis, name))} for axis in rule.axes]
+    pairs = zip(rule.axes, tolerances, strict=True)
+    return [{"column": axis.column, **({"text": True} if axis.text else own)} for axis, own in pairs]
 
 
 def rule_in(record: Mapping[str, Any]) -> Sameness:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import polars as pl
+from pydantic import Field
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES, Condition, Sameness
 from fourpole.errors import FileError, ModelError
-from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
-from fourpole.fitting.lawfile import TemperatureFile, VerticalFile
+from fourpole.fitting.likelihood import COVARIANCE_COLUMNS
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
-from fourpole.fitting.modelparts import NamedValue
+from fourpole.fitting.modelparts import LARGEST, NamedValue, Strict, check_covariance
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
 from fourpole.io.seal import alterations, sealed
@@ -25,7 +26,7 @@ from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.data import complex_columns
 from fourpole.models.overlap import Overlap, overlaps
-from fourpole.models.shift_law import CONSTANTS, LawChoice, fit_laws
+from fourpole.models.shift_law import CONSTANTS, LawChoice, ShiftLaw, fit_laws
 from fourpole.models.superposition import Superposition, superpose
 
 #: Largest difference of two temperatures of one isotherm [K].
@@ -34,6 +35,50 @@ APART = 1.0
 LAW, COVARIANCE = "temperature.json", "covariance.parquet"
 _MOST_BYTES = 50_000_000
 _TEMPERATURE = q.TEMPERATURE.head
+#: A temperature [degC].
+Celsius = Annotated[float, Field(ge=-273.15, le=1e4)]
+
+
+class VerticalFile(Strict):
+    """The vertical shift factor: ln(bT) is proportional to the difference from the reference temperature."""
+
+    slope: float = Field(ge=-1, le=1, description="Slope of ln(bT) over temperature [1/K].")
+    std: float = Field(ge=0, le=1, description="[1/K]")
+
+
+class TemperatureFile(Strict):
+    """The law of the shift factors: K*(f, T) = K*(f aT, reference) / bT."""
+
+    law: Literal["WLF", "Arrhenius"] = Field(
+        description="WLF: log10 aT = -C1 dT/(C2 + dT), dT = T - reference. Arrhenius: ln aT = E/R (1/T - 1/reference)."
+    )
+    reference: Celsius = Field(description="Reference temperature of the model [degC].")
+    constants: list[NamedValue] = Field(max_length=2, description="C1 [1] and C2 [K], or E [J/mol].")
+    covariance: list[list[float]] = Field(max_length=2, description="Covariance of the constants.")
+    range: tuple[Celsius, Celsius] = Field(description="Lowest and highest temperature of the isotherms [degC].")
+    vertical: VerticalFile | None = Field(default=None, description="null: bT is 1.")
+    decided: bool = Field(default=True, description="Whether the shift factors prefer this law to the other.")
+
+    @property
+    def shift_law(self) -> ShiftLaw:
+        """The law as `models` has it."""
+        values = np.array([one.value for one in self.constants], dtype=float)
+        covariance = np.array(self.covariance, dtype=float).reshape(values.size, values.size)
+        return ShiftLaw(self.law, self.reference, values, covariance)
+
+
+def check_law(where: str, law: TemperatureFile) -> None:
+    """ModelError unless a law of the temperature is consistent."""
+    if [(one.name, one.unit) for one in law.constants] != list(CONSTANTS[law.law]):
+        named = ", ".join(f"{name} [{unit}]" for name, unit in CONSTANTS[law.law])
+        raise ModelError(f"{where}: a law {law.law} has the constants {named}: it was changed")
+    if not law.range[0] <= law.reference <= law.range[1]:
+        raise ModelError(f"{where}: the reference temperature is outside the range: it was changed")
+    if max(abs(one.value) for one in law.constants) > LARGEST:
+        raise ModelError(f"{where}: a number is beyond all measure: it was changed")
+    check_covariance(where, law.covariance, len(law.constants))
+    if law.law == "WLF" and law.constants[1].value + law.range[0] - law.reference <= 0:
+        raise ModelError(f"{where}: the WLF law ends within its range, for C2 is too small: it was changed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +145,10 @@ def read_isotherms(
                 f"{Path(path).name}: has no {_TEMPERATURE} in some or all rows: add a column {_TEMPERATURE} with the "
                 "temperature of each row"
             )
-    known = all(one.known for one in sets)
     return MeasuredSet(
-        conditions=tuple(each for one in sets for each in one.conditions),
-        notes=tuple(dict.fromkeys(note for one in sets for note in one.notes)),
-        known=known,
+        conditions=tuple(chain.from_iterable(one.conditions for one in sets)),
+        notes=tuple(dict.fromkeys(chain.from_iterable(one.notes for one in sets))),
+        known=all(one.known for one in sets),
         source=", ".join(one.source for one in sets),
         sha256=sets[0].sha256 if len(sets) == 1 else "",
         rule=sets[0].rule,

@@ -3,15 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import polars as pl
+from pydantic import Field
 
 from fourpole import quantities as q
-from fourpole.core.rig import PARAMETERS
-from fourpole.fitting.modelfile import RigFile, RigValue
+from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.errors import ModelError
+from fourpole.fitting.modelparts import LARGEST, Strict
 from fourpole.models.shape import Shape, shape_of
+from fourpole.units import shown
+
+
+class RigValue(Strict):
+    """A value of the rig."""
+
+    value: float
+    unit: str
+    std: float = Field(ge=0)
+
+
+class RigFile(Strict):
+    """The rig of the tests, with which TR is computed."""
+
+    output: Literal["moving", "blocked"] = "moving"
+    values: dict[str, RigValue]
 
 
 def shapes_in(record: Mapping[str, Any]) -> dict[str, Shape]:
@@ -38,3 +56,17 @@ def rig_file(record: Mapping[str, Any], found: pl.DataFrame) -> RigFile | None:
             if value is not None and np.isfinite(value):
                 values[symbol] = RigValue(value=value, unit=unit, std=std or 0.0)
     return RigFile(output=stated.get("output", "moving"), values=values)
+
+
+def rig_in(file: RigFile | None) -> Rig | None:
+    """The rig of a document, or None; ModelError if a value has another unit."""
+    if file is None:
+        return None
+    for name, one in file.values.items():
+        if name not in PARAMETERS or PARAMETERS[name] != one.unit:
+            raise ModelError(f"the model file's rig has {shown(name)} in {shown(one.unit)}: it was changed")
+    values = {name: one.value for name, one in file.values.items()}
+    std = {name: one.std for name, one in file.values.items()}
+    if max(map(abs, [*values.values(), *std.values()]), default=0.0) > LARGEST:
+        raise ModelError("the model file's rig has a number beyond all measure: it was changed")
+    return Rig(**values, std=std, blocked=file.output == "blocked")

@@ -18,15 +18,14 @@ from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError, TableError
-from fourpole.fitting.common_errors import MOST_BYTES
+from fourpole.fitting.likelihood import MOST_BYTES
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelparts import Strict
 from fourpole.fitting.rows import checked
 from fourpole.io.published import published_beside
+from fourpole.models.causality import passive_range
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
-from fourpole.models.gap import passive_range
-from fourpole.models.interface import Model
 from fourpole.models.ramp import Loop, Ramp, static_derivative, static_stiffness
 from fourpole.units import shown
 
@@ -191,7 +190,7 @@ class _StaticTests:
 
     def ramp(self, one: Measured) -> Ramp:
         """The ramp of the static tests of a condition; ModelError if it is not known."""
-        where = " at ".join(part for part in (one.tyre, one.label) if part)
+        where = " at ".join(filter(None, (one.tyre, one.label)))
         rows = [row for row in self.rows if _is_of(row, one)]
         k1 = float(one.own.k1)
         if not rows or abs(np.mean([row[q.K1.head] for row in rows]) - k1) > _SAME_K1 * k1:
@@ -200,16 +199,7 @@ class _StaticTests:
                 f"{where}: K1 {there if rows else 'is of no static test of this condition'}: the time of its ramp is "
                 "not known; state --static rest, or add a static test at this pressure and preload"
             )
-        for row in rows:
-            name = shown(str(row[q.TEST.head]))
-            if row[q.K1_OF.head] != "mean":
-                raise ModelError(f"{where}: static test {name} is no closed loop: record loading and unloading")
-            if not row[q.BRANCH_TIME.head]:
-                raise ModelError(
-                    f"{where}: static test {name} states no time per branch: record its time, and name the channel "
-                    "`time` in campaign.toml; or state --static rest"
-                )
-        times = [float(row[q.BRANCH_TIME.head]) for row in rows]
+        times = [_branch_time(where, row) for row in rows]
         if max(times) > (1 + _SAME_TIME) * min(times):
             raise ModelError(
                 f"{where}: its static tests took {min(times):.3g} to {max(times):.3g} s per branch: --static ramp "
@@ -240,6 +230,19 @@ _COLUMNS = (
 _NUMBERS = dict.fromkeys((*(axis.column for axis in AXES), q.K1.head, q.BRANCH_TIME.head, q.CYCLE.head), pl.Float64)
 
 
+def _branch_time(where: str, row: Mapping[str, Any]) -> float:
+    """The duration of a branch [s] of a static test; ModelError if it is no closed loop, or not stated."""
+    name = shown(str(row[q.TEST.head]))
+    if row[q.K1_OF.head] != "mean":
+        raise ModelError(f"{where}: static test {name} is no closed loop: record loading and unloading")
+    if not row[q.BRANCH_TIME.head]:
+        raise ModelError(
+            f"{where}: static test {name} states no time per branch: record its time, and name the channel `time` in "
+            "campaign.toml; or state --static rest"
+        )
+    return float(row[q.BRANCH_TIME.head])
+
+
 def _is_of(row: Mapping[str, Any], one: Measured) -> bool:
     """Whether a row of static.csv is used for a condition: of its tyre, pressure and preload, and not rejected."""
     tyre, k1 = str(row[q.TYRE.head] or ""), row[q.K1.head]
@@ -251,10 +254,12 @@ def _is_of(row: Mapping[str, Any], one: Measured) -> bool:
     return all(axis.same(row.get(axis.column), value, blank=True) for axis, value in own.items())
 
 
-def factor_sentence(model: Model, files: Sequence[StaticFile], joined: bool) -> list[str]:
+def factor_sentence(fits: Sequence[Fit], loops: Sequence[Loop | None], data: Sequence[StiffnessData]) -> list[str]:
     """A sentence on the static tests that were joined and the factors found; none if no ramp was asked for."""
-    if joined and not model.relaxing:
+    model = fits[0].model
+    if any(loops) and not model.relaxing:
         return [f"{model.name} is no sum of relaxing arms: K1 is at zero frequency, with the factor's uncertainty"]
+    files = [one for row in zip(loops, fits, data, strict=True) if (one := StaticFile.of(*row)) is not None]
     if not files:
         return []
     times = sorted({f"{one.branch_time:.3g}" for one in files}, key=float)

@@ -13,13 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.confidence import CHANCE
+from fourpole.core.confidence import CHANCE, NORMAL_95
 from fourpole.errors import ModelError
-from fourpole.models.data import SCALINGS, StiffnessData, relaxation
+from fourpole.models.data import SCALINGS, StiffnessData, relaxation, spring_and_arms
+from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
 
 #: Relaxation times per decade of the grid, and decades of the grid beyond each end of the band.
 _PER_DECADE, _BEYOND = 12, 2.0
@@ -33,40 +33,64 @@ _MOST_MOVED, _MOVES, _FARTHEST_MOVE = 12, 6, 0.3
 _MOST_REMOVED = 3
 #: Residual, in standard uncertainties, above which a frequency is reported if removing frequencies does not help.
 _FAR = 3.0
+#: Decades beyond the ends of the data, for the range of all passive tyres.
+_BEYOND_RANGE = 1.0
+#: Weight, in standard uncertainties per relative change of the value, by which a value is held.
+_HELD = 1e5
 
 
 @dataclass(frozen=True, eq=False)
-class Possible(ByValue):
-    """The result of the test of K* over a band.
+class PassiveTyre(ByValue):
+    """The passive tyre with the least chi-square.
 
     Attributes
     ----------
-    possible : bool
     chi2, dof, chance : float, int, float [1]
-        Chi-square of the best passive tyre, its degrees of freedom, and the probability of a larger chi-square.
-    best, residuals : (N,), (N,) complex arrays [N/m]
-        K* of the best passive tyre, and K* of the data minus it.
-    far : (N,) float array [1]
-        Residual of each frequency in standard uncertainties.
-    impossible : (n,) float array [Hz]
-        Frequencies at which K* contradicts the other frequencies; empty if K* is possible.
-    without_k1 : bool
-        Whether K* is possible, but not together with K1.
+        Chi-square, its degrees of freedom, and the probability of a larger chi-square.
+    best : (N,) complex array [N/m]
+        Its K*.
+    whitened : (M,) float array [1]
+        Residuals in standard uncertainties, Re and Im of each frequency in turn, then K1 if it is known.
     times, spectrum : (T,), (T,) float arrays [s], [N/m]
-        Relaxation times, and the stiffness K_i >= 0 of each for the best passive tyre.
+        Relaxation times, and the stiffness K_i >= 0 of each.
     """
 
-    possible: bool
     chi2: float
     dof: int
     chance: float
     best: ComplexArray
-    residuals: ComplexArray
-    far: FloatArray
-    impossible: FloatArray
-    without_k1: bool
+    whitened: FloatArray
     times: FloatArray
     spectrum: FloatArray
+
+    @property
+    def possible(self) -> bool:
+        """Whether chance explains the misfit."""
+        return self.chance > CHANCE
+
+    @property
+    def far(self) -> FloatArray:
+        """Residual (N,) of each frequency in standard uncertainties."""
+        return np.asarray(np.sqrt(np.sum(self.whitened[: 2 * self.best.size].reshape(-1, 2) ** 2, axis=1) / 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Possible(PassiveTyre):
+    """The result of the test of K* over a band.
+
+    Attributes
+    ----------
+    residuals : (N,) complex array [N/m]
+        K* of the data minus that of the best passive tyre.
+    impossible : (n,) float array [Hz]
+        Frequencies at which K* contradicts the other frequencies; empty if K* is possible.
+    without_k1 : bool
+        Whether K* is possible, but not together with K1.
+    """
+
+    residuals: ComplexArray
+    impossible: FloatArray
+    without_k1: bool
 
 
 def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
@@ -105,22 +129,9 @@ def check_possible(data: StiffnessData, enough: float = CHANCE) -> Possible:
     if data.stiffness.ndim != 1:
         raise ModelError("the test is for one condition at a time: choose one")
     data, best = _near_best(data, enough)
-    possible = best.chance > CHANCE
-    far = best.far(data.count)
-    rows, without_k1 = (np.empty(0, dtype=int), False) if possible else _impossible(data, far)
-    return Possible(
-        possible=possible,
-        chi2=best.chi2,
-        dof=best.dof,
-        chance=best.chance,
-        best=best.stiffness,
-        residuals=data.stiffness - best.stiffness,
-        far=far,
-        impossible=data.omega[rows] / (2 * np.pi),
-        without_k1=without_k1,
-        times=best.times,
-        spectrum=best.spectrum,
-    )
+    rows, without_k1 = (np.empty(0, dtype=int), False) if best.possible else _impossible(data, best.far)
+    impossible = data.omega[rows] / (2 * np.pi)
+    return Possible(**vars(best), residuals=data.stiffness - best.best, impossible=impossible, without_k1=without_k1)
 
 
 def near_passive(data: StiffnessData) -> StiffnessData:
@@ -128,35 +139,18 @@ def near_passive(data: StiffnessData) -> StiffnessData:
     return data if data.relative is None else _near_best(data, CHANCE)[0]
 
 
-def _near_best(data: StiffnessData, enough: float) -> tuple[StiffnessData, _Best]:
+def _near_best(data: StiffnessData, enough: float) -> tuple[StiffnessData, PassiveTyre]:
     """The best passive tyre, and the data with their shared errors at its K*."""
     best = _best(data if data.reference is not None else data.eased(), enough)
     for _ in range(SCALINGS):
-        there = data.at(best.stiffness)
+        there = data.at(best.best)
         if there is data:
             break
         data, best = there, _best(there, enough)
     return data, best
 
 
-@dataclass(frozen=True, eq=False)
-class _Best:
-    """The best passive tyre: chi-square, K* (N,) [N/m], whitened residuals (M,) and relaxation spectrum."""
-
-    chi2: float
-    dof: int
-    chance: float
-    stiffness: ComplexArray
-    residuals: FloatArray
-    times: FloatArray
-    spectrum: FloatArray
-
-    def far(self, count: int) -> FloatArray:
-        """Residual of each of the frequencies (count,) in standard uncertainties."""
-        return np.asarray(np.sqrt(np.sum(self.residuals[: 2 * count].reshape(-1, 2) ** 2, axis=1) / 2))
-
-
-def _best(data: StiffnessData, enough: float) -> _Best:
+def _best(data: StiffnessData, enough: float) -> PassiveTyre:
     """The best passive tyre on a grid of times that is refined, and searched, until the probability is `enough`."""
     omega = data.omega
     low = data.lowest
@@ -172,7 +166,7 @@ def _best(data: StiffnessData, enough: float) -> _Best:
     return best if best.chance > enough else _with_best_times(data, whiten, best)
 
 
-def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> _Best:
+def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> PassiveTyre:
     """The best passive tyre with given relaxation times."""
     terms = _terms(data.omega, times, data.has_k1 and not data.ramp)
     rows, target = data.whitened(whiten, terms), data.whitened(whiten, data.stiffness[:, None])[:, 0]
@@ -181,16 +175,16 @@ def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> _
         k1[0] = 1.0 / data.k1_std
         k1[-times.size - 1 : -1] = data.static_share(times) / data.k1_std
         rows, target = np.vstack([rows, k1]), np.append(target, data.k1 / data.k1_std)
-    size = np.linalg.norm(rows, axis=0)
-    found, norm = scipy.optimize.nnls(rows / size, target, maxiter=20 * terms.shape[1])
-    chi2, weights = float(norm**2), found / size
-    dof = max(target.size - int(np.sum(found > 0)), 1)
+    weights, chi2 = least_squares(rows, target)
+    dof = max(target.size - int(np.sum(weights > 0)), 1)
     chance = float(stats.chi2.sf(chi2, dof))
-    return _Best(chi2, dof, chance, terms @ weights, target - rows @ weights, times, weights[-times.size - 1 : -1])
+    return PassiveTyre(
+        chi2, dof, chance, terms @ weights, target - rows @ weights, times, weights[-times.size - 1 : -1]
+    )
 
 
-def _with_best_times(data: StiffnessData, whiten: FloatArray, best: _Best) -> _Best:
-    """The passive tyre whose times are merged where they are close together, then optimised by Gauss-Newton steps."""
+def _with_best_times(data: StiffnessData, whiten: FloatArray, best: PassiveTyre) -> PassiveTyre:
+    """The passive tyre whose times are merged where they are close together, then moved by Gauss-Newton steps."""
     used = best.spectrum > 0
     logs, weights = np.log(best.times[used]), best.spectrum[used]
     if not logs.size:
@@ -204,12 +198,12 @@ def _with_best_times(data: StiffnessData, whiten: FloatArray, best: _Best) -> _B
         tried = _with_times(data, whiten, np.exp(place))
         if tried.chi2 < best.chi2 * (1 - 1e-9):
             best = tried
-        if best.chance > CHANCE:
+        if best.possible:
             break
         arms = relaxation(data.omega, np.exp(place))
         slopes = data.whitened(whiten, tried.spectrum * arms * (1 - arms))
         flat = data.whitened(whiten, _terms(data.omega, np.exp(place), False))
-        residuals = tried.residuals[: 2 * data.count]
+        residuals = tried.whitened[: 2 * data.count]
         step = np.linalg.lstsq(np.concatenate([slopes, flat], axis=1), residuals, rcond=1e-12)[0]
         place = place + np.clip(step[: place.size], -_FARTHEST_MOVE, _FARTHEST_MOVE)
     return best
@@ -221,15 +215,15 @@ def _impossible(data: StiffnessData, far: FloatArray) -> tuple[np.ndarray, bool]
     The frequency with the largest residual is removed first. If removing `_MOST_REMOVED` frequencies does not help, the
     places are those of all large residuals.
     """
-    if data.has_k1 and _best(replace(data, k1=np.asarray(np.nan)), CHANCE).chance > CHANCE:
+    if data.has_k1 and _best(replace(data, k1=np.asarray(np.nan)), CHANCE).possible:
         return np.empty(0, dtype=int), True
     kept, worst = np.arange(data.count), far
     for _ in range(min(_MOST_REMOVED, data.count - 2)):
         kept = np.delete(kept, int(np.argmax(worst)))
         rest = _best(data.part(kept), CHANCE)
-        if rest.chance > CHANCE:
+        if rest.possible:
             return np.setdiff1d(np.arange(data.count), kept), False
-        worst = rest.far(kept.size)
+        worst = rest.far
     return np.flatnonzero(far > _FAR), False
 
 
@@ -250,3 +244,40 @@ def _finer(times: FloatArray, active: np.ndarray) -> FloatArray:
     ends = [(max(int(i) - 1, 0), min(int(i) + 1, logs.size - 1)) for i in near.tolist()]
     more = [np.linspace(logs[low], logs[high], _MORE) for low, high in ends]
     return np.exp(np.unique(np.concatenate([logs, *more])))
+
+
+def passive_range(data: StiffnessData, omega: FloatArray) -> FloatArray:
+    """95 % intervals (F, 2, 2) [N/m] of K' and K'' over all passive linear tyres without inertia.
+
+    An end of an interval is the value at which the least chi-square over all non-negative relaxation spectra has risen
+    by 3.84. A model has a form; here only the sign of the terms is assumed.
+
+    Parameters
+    ----------
+    data : StiffnessData
+        Data of one condition, with K1 as the tangent of a ramp.
+    omega : (F,) float array [rad/s]
+        Angular frequencies.
+    """
+    (condition,) = whitened_conditions(data)
+    low, high = data.lowest / 10**_BEYOND_RANGE, float(data.omega.max()) * 10**_BEYOND_RANGE
+    times = 1.0 / np.geomspace(low, high, int(np.ceil(np.log10(high / low) * _PER_DECADE)) + 1)
+    rows = condition.rows(_spring_arms_damper(data.omega, times), np.append(data.static_share(times), 0.0))
+    found, least = least_squares(rows, condition.target)
+    ends = np.empty((omega.size, 2, 2))
+    for at, answer in enumerate(_spring_arms_damper(omega, times)):
+        step = 0.01 * float(np.abs(answer @ found))
+        for part, term in enumerate((answer.real, answer.imag)):
+
+            def height(value: float, term: FloatArray = term) -> float:
+                scale = _HELD / max(abs(value), float(np.max(term)) * 1e-3)
+                held = np.vstack([rows, scale * term])
+                return rise_of(held, np.append(condition.target, scale * value), least)
+
+            ends[at, part] = profile_ends(height, float(term @ found), step, NORMAL_95)
+    return ends
+
+
+def _spring_arms_damper(omega: FloatArray, times: FloatArray) -> ComplexArray:
+    """K* (F, T + 2) of a unit spring, of unit arms and of a damper."""
+    return np.concatenate([spring_and_arms(omega, times), 1j * omega[:, None] * times.min()], axis=1)

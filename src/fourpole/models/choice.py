@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from fourpole.models.data import SCALINGS, StiffnessData, stacked
 from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
+from fourpole.models.problem import starts_of
 from fourpole.models.ramp import takes_k1
-from fourpole.models.starts import starts_of
 
 #: Reason why a model that was not compared was left out: the user stopped the fits.
 STOPPED = "stopped by Ctrl-C"
@@ -181,27 +182,26 @@ def choose(
     if not conditions or any(one.stiffness.ndim != 1 for one in conditions):
         raise ModelError("a choice of models needs one or more conditions, each as data of its own")
     known = given if given is not None else [{}] * len(conditions)
-    tried = automatic(_decades(conditions)) if names is None else names
-    candidates, failed = _fitted(tried, conditions, known)
+    if names is None:
+        omega = np.concatenate([one.omega for one in conditions])
+        names = automatic(float(np.log10(omega.max()) - np.log10(omega.min())))
+    candidates, failed = _fitted(names, conditions, known)
     candidates.sort(key=lambda one: one.bic)
-    limit = candidates[0].bic + _WORTH * len(conditions)
-    for at, one in enumerate(candidates):
-        if one.bic < limit and not any(reason == STOPPED for _, reason in failed):
-            try:
-                candidates[at] = replace(one, cross_validation=_cross_validation_error(one, conditions, known))
-            except KeyboardInterrupt:
-                failed = (*failed, ("cross-validation", STOPPED))
-    best = candidates[0]
-    near = [one.name for one in candidates[1:] if one.bic - best.bic < _ALIKE]
-    alike = tuple(name for name in near if not contains(name, best.name))
-    unneeded = tuple(name for name in near if contains(name, best.name))
+    if not any(reason == STOPPED for _, reason in failed):
+        try:
+            _cross_validate(candidates, conditions, known)
+        except KeyboardInterrupt:
+            failed = (*failed, ("cross-validation", STOPPED))
+    alike, unneeded = _as_good(candidates)
     return Choice(tuple(candidates), alike, unneeded, failed, _text(candidates, alike, unneeded))
 
 
-def _decades(conditions: Sequence[StiffnessData]) -> float:
-    """Decades of frequency that the conditions span together."""
-    low = min(float(one.omega.min()) for one in conditions)
-    return float(np.log10(max(float(one.omega.max()) for one in conditions)) - np.log10(low))
+def _as_good(candidates: Sequence[Candidate]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of models as good as the best, of which it is not a special case, and of which it is one."""
+    best, *others = candidates
+    near = [one.name for one in others if one.bic - best.bic < _ALIKE]
+    larger = tuple(name for name in near if contains(name, best.name))
+    return tuple(name for name in near if name not in larger), larger
 
 
 def _fitted(
@@ -307,6 +307,16 @@ def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequenc
     return Candidate(fits, aicc, bic)
 
 
+def _cross_validate(
+    candidates: list[Candidate], conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
+) -> None:
+    """Give the candidates near the best one their cross-validation error."""
+    limit = candidates[0].bic + _WORTH * len(conditions)
+    for at, one in enumerate(candidates):
+        if one.bic < limit:
+            candidates[at] = replace(one, cross_validation=_cross_validation_error(one, conditions, given))
+
+
 def _cross_validation_error(
     candidate: Candidate, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
 ) -> float:
@@ -334,6 +344,7 @@ def _cross_validation_error(
 def _without(data: StiffnessData, unused: BoolArray) -> StiffnessData:
     """The conditions (B, N) once per row of `unused` (folds, N), with unused frequencies without weight."""
     folds, count = unused.shape
+    lead = (folds, *data.stiffness.shape[:-1])
     covariance = np.broadcast_to(data.covariance, (folds, *data.covariance.shape)).copy()
     huge = np.broadcast_to((_NO_WEIGHT * np.abs(data.stiffness)) ** 2, (folds, *data.stiffness.shape))
     if data.full:
@@ -343,11 +354,10 @@ def _without(data: StiffnessData, unused: BoolArray) -> StiffnessData:
         covariance[..., at, at] += np.where(both, np.repeat(huge, 2, axis=-1), 0.0)
     else:
         covariance = np.where(unused[:, None, :, None, None], huge[..., None, None] * np.eye(2), covariance)
-    lead = (folds, *data.stiffness.shape[:-1])
-    omega, k1, k1_std = (np.broadcast_to(one, (*lead, *one.shape[1:])) for one in (data.omega, data.k1, data.k1_std))
-    found = StiffnessData(omega, np.broadcast_to(data.stiffness, (*lead, count)), covariance, k1, k1_std, **data.ramp)
-    amplitude = data.amplitude
-    return found if amplitude is None else replace(found, amplitude=np.broadcast_to(amplitude, (*lead, count)))
+    names = ("omega", "stiffness", "k1", "k1_std", "amplitude")
+    held = {name: one for name in names if (one := getattr(data, name)) is not None}
+    wide: dict[str, Any] = {name: np.broadcast_to(one, (*lead, *one.shape[1:])) for name, one in held.items()}
+    return StiffnessData(**wide, covariance=covariance, **data.ramp)
 
 
 def _text(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> str:
@@ -363,11 +373,11 @@ def _text(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Seque
         first += f"; {best.on_bound} of the {which}"
     if not best.dof:
         return f"{first}: as many parameters as data, so that models cannot be compared"
-    return ". ".join([first, *_comparison(candidates, alike, unneeded), *_simulation(candidates)])
+    return ". ".join([first, *_comparison(candidates, alike, unneeded)])
 
 
 def _comparison(candidates: Sequence[Candidate], alike: Sequence[str], unneeded: Sequence[str]) -> Iterator[str]:
-    """Sentences on the models that are as good as the best, or on the next model if there is none."""
+    """Sentences on the models that are as good as the best, or on the next one, and on a simulation in time."""
     best, *others = candidates
     rivals = [one for one in others if not contains(one.name, best.name)]
     if alike:
@@ -376,12 +386,7 @@ def _comparison(candidates: Sequence[Candidate], alike: Sequence[str], unneeded:
         yield f"The BIC of the next, {rivals[0].name}, is larger by {rivals[0].bic - best.bic:.3g}"
     if unneeded:
         yield f"The data do not require the parameters that {', '.join(unneeded)} would add to it"
-
-
-def _simulation(candidates: Sequence[Candidate]) -> Iterator[str]:
-    """The model for a simulation in time, if the best is not causal."""
-    if candidates[0].fit.model.causal:
-        return
     causal = next((one for one in candidates if one.fit.model.causal), None)
-    instead = f": for a simulation take {causal.name}" if causal is not None else ""
-    yield f"It is not causal and cannot be simulated in time{instead}"
+    if causal is not best:
+        instead = f": for a simulation take {causal.name}" if causal is not None else ""
+        yield f"It is not causal and cannot be simulated in time{instead}"

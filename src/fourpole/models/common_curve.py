@@ -86,9 +86,13 @@ class SpectraFit(ByValue):
     springs: FloatArray
     model: list[ComplexArray]
     residual: FloatArray
-    active: tuple[FloatArray, FloatArray]
-    loose: tuple[FloatArray, FloatArray]
-    chi2: float
+    active: list[FloatArray]
+    loose: list[FloatArray]
+
+    @property
+    def chi2(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.residual @ self.residual)
 
     @property
     def used(self) -> int:
@@ -97,13 +101,11 @@ class SpectraFit(ByValue):
 
 
 def fit_spectra(
-    isotherms: Sequence[Isotherm], log_a: FloatArray, log_b: FloatArray, errors: Sequence[FloatArray], density: int
+    isotherms: Sequence[Isotherm], shifts: FloatArray, errors: Sequence[FloatArray], density: int
 ) -> SpectraFit:
-    """Non-negative least squares for the spectra of K' and of K'' at given shifts."""
-    times = _times(isotherms, log_a, density)
-    parts = [
-        terms(one.omega * np.exp(a), times) * np.exp(-b) for one, a, b in zip(isotherms, log_a, log_b, strict=True)
-    ]
+    """Non-negative least squares for the spectra of K' and of K'' at given shifts ln a_T and ln b_T (2, n)."""
+    times = _times(isotherms, shifts[0], density)
+    parts = [terms(one.omega * np.exp(a), times) * np.exp(-b) for one, (a, b) in zip(isotherms, shifts.T, strict=True)]
     every, std = np.concatenate(parts), np.concatenate(errors)
     measured = np.concatenate([one.stiffness for one in isotherms])
     springs, residual, active, loose = [], [], [], []
@@ -117,16 +119,8 @@ def fit_spectra(
         residual.append(right - weighted @ springs[-1])
         active.append((weighted / size)[:, found > 0])
         loose.append(weighted * _envelope(springs[-1], density))
-    whole = np.concatenate(residual)
-    return SpectraFit(
-        times=times,
-        springs=np.array(springs),
-        model=[by_spectra(part, np.array(springs)) for part in parts],
-        residual=whole,
-        active=(active[0], active[1]),
-        loose=(loose[0], loose[1]),
-        chi2=float(whole @ whole),
-    )
+    both, whole = np.array(springs), np.concatenate(residual)
+    return SpectraFit(times, both, [by_spectra(part, both) for part in parts], whole, active, loose)
 
 
 def _envelope(springs: FloatArray, density: int) -> FloatArray:
@@ -138,13 +132,12 @@ def _envelope(springs: FloatArray, density: int) -> FloatArray:
 
 def shift_rows(
     isotherms: Sequence[Isotherm],
-    log_a: FloatArray,
-    log_b: FloatArray,
+    shifts: FloatArray,
     fit: SpectraFit,
     errors: Sequence[FloatArray],
     free: np.ndarray,
-    *,
     vertical: bool,
+    *,
     loose: bool = False,
 ) -> FloatArray:
     """Weighted derivatives (2N, p) of the model by the free shifts, with the spectra projected out.
@@ -156,7 +149,7 @@ def shift_rows(
     change = np.zeros((int(ends[-1]), free.size * (2 if vertical else 1)), dtype=complex)
     for place, at in enumerate(free.tolist()):
         rows = slice(int(ends[at]), int(ends[at + 1]))
-        rising = slopes(isotherms[at].omega * np.exp(log_a[at]), fit.times) * np.exp(-log_b[at])
+        rising = slopes(isotherms[at].omega * np.exp(shifts[0, at]), fit.times) * np.exp(-shifts[1, at])
         change[rows, place] = by_spectra(rising, fit.springs)
         if vertical:
             change[rows, free.size + place] = -fit.model[at]

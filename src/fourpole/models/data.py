@@ -162,6 +162,11 @@ class StiffnessData(ByValue):
         return np.asarray(np.sum((self.static_weights[:, None] * relaxation(self.static_omega, times)).real, axis=0))
 
     @property
+    def _nominal(self) -> ComplexArray:
+        """K* (..., N) [N/m] to which the part of the covariance by shared errors belongs."""
+        return self.stiffness if self.reference is None else self.reference
+
+    @property
     def shared_variance(self) -> FloatArray:
         """Variance (..., N) of K* over its squared modulus by the shared errors [1]; 0 without them."""
         return np.zeros(self.stiffness.shape) if self.relative is None else np.sum(np.abs(self.relative) ** 2, axis=-1)
@@ -217,8 +222,7 @@ class StiffnessData(ByValue):
             return self
         if self.recorded is not None:
             return self._as_recorded(self.recorded, now, stale)
-        before = self.stiffness if self.reference is None else self.reference
-        held, there = (real_columns(self.relative * k[..., None]) for k in (before, now))
+        held, there = (real_columns(self.relative * k[..., None]) for k in (self._nominal, now))
         more = there @ np.swapaxes(there, -1, -2) - held @ np.swapaxes(held, -1, -2)
         return replace(self, covariance=self.covariance + more, reference=now)
 
@@ -246,7 +250,7 @@ class StiffnessData(ByValue):
         """
         if self.relative is None:
             return np.zeros(now.shape[:-1], dtype=bool)
-        before = self.stiffness if self.reference is None else self.reference
+        before = self._nominal
         moved = np.abs(np.divide(now, before, out=np.full(now.shape, 2.0 + 0j), where=before != 0) - 1)
         whitened = self.whitened(self.whitener(), (now * moved**2)[..., None])[..., 0]
         stale = np.any(np.abs(whitened) > _NEGLIGIBLE, axis=-1) | (self.reference is None)
@@ -265,7 +269,7 @@ class StiffnessData(ByValue):
             "stiffness": self.stiffness.copy(),
             "covariance": self.covariance.copy(),
             "relative": np.zeros((*self.stiffness.shape, width), dtype=complex),
-            "reference": (self.stiffness if self.reference is None else self.reference).copy(),
+            "reference": self._nominal.copy(),
         }
         made["relative"][..., : self.relative.shape[-1]] = self.relative
         for place, one in found.items():
@@ -320,10 +324,9 @@ class StiffnessData(ByValue):
         else:
             covariance = self.covariance[..., rows, :, :]
         relative = None if self.relative is None else self.relative[..., rows, :]
-        reference = None if self.reference is None else self.reference[..., rows]
-        amplitude = None if self.amplitude is None else self.amplitude[..., rows]
-        found = replace(self, omega=self.omega[..., rows], stiffness=self.stiffness[..., rows], covariance=covariance)
-        return replace(found, relative=relative, reference=reference, recorded=None, amplitude=amplitude)
+        held = {name: getattr(self, name) for name in ("omega", "stiffness", "reference", "amplitude")}
+        some: dict[str, Any] = {name: None if one is None else one[..., rows] for name, one in held.items()}
+        return replace(self, **some, covariance=covariance, relative=relative, recorded=None)
 
 
 def flat_rows(values: FloatArray | None) -> FloatArray | None:
@@ -334,6 +337,12 @@ def flat_rows(values: FloatArray | None) -> FloatArray | None:
 def relaxation(omega: FloatArray, times: FloatArray) -> ComplexArray:
     """Response jw tau/(1 + jw tau) (..., N, T) [1] of arms of unit stiffness with relaxation times (..., T) [s]."""
     return np.asarray(1.0 - 1.0 / (1.0 + 1j * omega[..., None] * times))
+
+
+def spring_and_arms(omega: FloatArray, times: FloatArray) -> ComplexArray:
+    """K* (..., N, T + 1) [1] of a unit spring, then of arms of unit stiffness with relaxation times (..., T) [s]."""
+    arms = relaxation(omega, times)
+    return np.concatenate([np.ones_like(arms[..., :1]), arms], axis=-1)
 
 
 def multiplication(values: ComplexArray) -> FloatArray:

@@ -23,7 +23,7 @@ FAMILIES = {
     "gehman:N": "table.GehmanLaw",
     "zener": "maxwell.Zener",
     "maxwell[:N]": "maxwell.GeneralisedMaxwell",
-    "prony[:N]": "prony.Prony",
+    "prony[:N]": "maxwell.Prony",
     "fractional": "fractional.FractionalZener",
     "fractional5": "fractional.FractionalZener5",
     "shell": "tyre_shell.Shell",
@@ -49,7 +49,9 @@ def model_named(name: str) -> Model:
     """
     family, mark, size = name.partition(":")
     key = _PLACES.get(family, ("", ""))[0]
-    sized = ":N" in key and (bool(mark) or not _has_usual_size(family))
+    # The bare name of a family with an optional size is a model, of the size that the class has by default.
+    usual = "[:N]" in key and not _class(family).sizes
+    sized = ":N" in key and (bool(mark) or not usual)
     number = size.isdecimal() and len(size) < 4
     if not key or sized != bool(mark) or (sized and not number):
         from fourpole.units import shown
@@ -57,11 +59,6 @@ def model_named(name: str) -> Model:
         raise ModelError(f"no model {shown(name)}: choose one of {NAMES}, with a number for N")
     made: Model = _class(family)(*([int(size)] if sized else []))
     return made
-
-
-def _has_usual_size(family: str) -> bool:
-    """Whether the bare name of a family with an optional size is a model, of the size that the class has by default."""
-    return "[:N]" in _PLACES[family][0] and not _class(family).sizes
 
 
 def automatic(decades: float = float("inf")) -> tuple[str, ...]:

@@ -6,17 +6,19 @@ The search is projected onto the bounds: a parameter on its bound whose step wou
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core import stats
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
+from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
-from fourpole.models.nonnegative import fit_nonnegative
-from fourpole.models.problem import FitProblem, problem_of
+from fourpole.models.nonnegative import WhitenedCondition, least_squares, whitened_conditions
+from fourpole.models.problem import FitProblem, begin_of, free_places, problem_of
+from fourpole.models.ramp import static_derivative, static_stiffness, takes_k1
 
 #: Most numbers of K* times parameters in one search from several starts, or along several profiles.
 _TOGETHER = 100_000
@@ -33,6 +35,10 @@ _MOST_DONE = 0.25
 _NO_EFFECT = 1e-4
 #: Fits from several starts have the same optimum if their chi-squares differ by less than this.
 _SAME_OPTIMUM = 1e-3
+#: Singular values of the scaled rows that are smaller than this fraction of the largest count as zero.
+_ROUND_OFF = 1e-12
+#: Attributes of a fit that have a row for each condition.
+_BY_CONDITION = ("values", "covariance", "chi2", "residuals", "on_bound", "converged", "agreed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +75,15 @@ class Fit(ByValue):
     residuals: FloatArray
     on_bound: BoolArray
     converged: BoolArray
-    steps: int
-    agreed: FloatArray
+    steps: int = 0
+    agreed: FloatArray = field(default_factory=lambda: np.ones(()))
+
+    @classmethod
+    def shaped(cls, lead: tuple[int, ...], model: Model, dof: int, steps: int, **parts: np.ndarray) -> Fit:
+        """The fit whose attributes with a row for each condition (B,) have the shape of the conditions."""
+        return cls(
+            model=model, dof=dof, steps=steps, **{n: one.reshape((*lead, *one.shape[1:])) for n, one in parts.items()}
+        )
 
     @property
     def std(self) -> FloatArray:
@@ -84,15 +97,9 @@ class Fit(ByValue):
         scale = std[..., :, None] * std[..., None, :]
         return np.divide(self.covariance, scale, out=np.zeros_like(self.covariance), where=scale > 0)
 
-    @property
-    def lead(self) -> tuple[int, ...]:
-        """Shape of the conditions."""
-        return self.values.shape[:-1]
-
     def part(self, at: int) -> Fit:
         """The fit of one of the conditions (B,)."""
-        names = ("values", "covariance", "chi2", "residuals", "on_bound", "converged", "agreed")
-        return replace(self, **{name: getattr(self, name)[at] for name in names})
+        return replace(self, **{name: getattr(self, name)[at] for name in _BY_CONDITION})
 
     @property
     def chance(self) -> FloatArray:
@@ -101,12 +108,7 @@ class Fit(ByValue):
 
 
 def fit(
-    model: Model,
-    data: StiffnessData,
-    start: ArrayLike,
-    *,
-    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
+    model: Model, data: StiffnessData, start: ArrayLike, *, fixed: Mapping[str, ArrayLike] | Sequence[str] = ()
 ) -> Fit:
     """Fit a model to each condition, from one start.
 
@@ -119,8 +121,6 @@ def fit(
         Start values; see `starts.start_of`.
     fixed : sequence of str, or mapping of str to (...,) float array
         Parameters that keep their start value, or the value of the mapping.
-    tied : mapping of str to (str, float), optional
-        Parameters that are a positive multiple of a free parameter: {"tau_2": ("tau_1", 10.0)}.
 
     Returns
     -------
@@ -143,19 +143,14 @@ def fit(
     >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3)
     array([180000., 120000.,    700.])
     """
-    if model.linear and not tied:
-        return fit_nonnegative(model, data, start, fixed)
-    problem = problem_of(model, data, start, fixed, tied or {})
+    if model.linear:
+        return _fit_nonnegative(model, data, start, fixed)
+    problem = problem_of(model, data, start, fixed)
     return _fit_of(problem, data.stiffness.shape[:-1], *_search(problem, problem.place_of(problem.fixed)))
 
 
 def best_fit(
-    model: Model,
-    data: StiffnessData,
-    starts: ArrayLike,
-    *,
-    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
+    model: Model, data: StiffnessData, starts: ArrayLike, *, fixed: Mapping[str, ArrayLike] | Sequence[str] = ()
 ) -> Fit:
     """The fit with the least chi-square of the fits from several starts (S, ..., P); see `starts.starts_of`.
 
@@ -168,32 +163,26 @@ def best_fit(
     1.0
     """
     begins = np.asarray(starts, dtype=float)
-    if model.linear and not tied:
-        return fit_nonnegative(model, data, begins[0], fixed)
+    if model.linear:
+        return _fit_nonnegative(model, data, begins[0], fixed)
     lead = data.stiffness.shape[:-1]
-    problem = problem_of(model, data, begins[0], fixed, tied or {})
+    problem = problem_of(model, data, begins[0], fixed)
     count, size = problem.fixed.shape
-    fits: list[Fit] = []
+    fits = []
     together = max(_TOGETHER // (count * data.count * size), 1)
     for first in range(0, len(begins), together):
         some = [np.broadcast_to(model.checked(one), (*lead, size)) for one in begins[first : first + together]]
         whole = np.tile(problem.fixed, (len(some), 1))
         whole[:, problem.free] = np.reshape(some, whole.shape)[:, problem.free]
-        one = problem.part(np.tile(np.arange(count), len(some))).begun(whole)
-        found = _fit_of(one, (len(some), count), *_search(one, one.place_of(one.fixed)))
-        fits += [found.part(at) for at in range(len(some))]
-    chi2 = np.where([each.converged for each in fits], [each.chi2 for each in fits], np.inf)
-    chi2 = np.where(np.all(np.isinf(chi2), axis=0), [each.chi2 for each in fits], chi2)
+        started = problem.part(np.tile(np.arange(count), len(some))).begun(whole)
+        fits.append(_fit_of(started, (len(some), count), *_search(started, started.place_of(started.fixed))))
+    parts = {name: np.concatenate([getattr(one, name) for one in fits]) for name in _BY_CONDITION}
+    chi2 = np.where(parts["converged"], parts["chi2"], np.inf)
+    chi2 = np.where(np.all(np.isinf(chi2), axis=0), parts["chi2"], chi2)
     best = np.argmin(chi2, axis=0)
     same = chi2 <= chi2.min(axis=0) * (1 + 1e-6) + _SAME_OPTIMUM
-    names = ("values", "covariance", "chi2", "residuals", "on_bound", "converged")
-    at = np.arange(best.size)
-    chosen = {name: np.stack([getattr(each, name) for each in fits])[best, at] for name in names}
-    return replace(
-        fits[0],
-        **{name: part.reshape((*lead, *part.shape[1:])) for name, part in chosen.items()},
-        agreed=np.mean(same, axis=0).reshape(lead),
-    )
+    chosen = {name: part[best, np.arange(count)] for name, part in parts.items()}
+    return Fit.shaped(lead, model, fits[0].dof, fits[0].steps, **{**chosen, "agreed": np.mean(same, axis=0)})
 
 
 def least_chi2(
@@ -238,23 +227,16 @@ def _fit_of(problem: FitProblem, lead: tuple[int, ...], place: FloatArray, steps
         values, on_bound = (np.take_along_axis(one, order, axis=1) for one in (values, on_bound))
         covariance = np.take_along_axis(covariance, order[:, :, None], axis=1)
         covariance = np.take_along_axis(covariance, order[:, None, :], axis=2)
-    return Fit(
-        model=problem.model,
-        values=values.reshape(*lead, size),
-        covariance=covariance.reshape(*lead, size, size),
-        chi2=np.sum(residuals**2, axis=1).reshape(lead),
-        dof=residuals.shape[1] - problem.free.size,
-        residuals=residuals.reshape(*lead, -1),
-        on_bound=on_bound.reshape(*lead, size),
-        converged=converged.reshape(lead),
-        steps=steps,
-        agreed=np.ones(lead),
-    )
+    return Fit.shaped(
+        lead, problem.model, residuals.shape[1] - problem.free.size, steps,
+        values=values, covariance=covariance, chi2=np.sum(residuals**2, axis=1), residuals=residuals,
+        on_bound=on_bound, converged=converged, agreed=np.ones(len(values)),
+    )  # fmt: skip
 
 
 def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, BoolArray]:
     """Levenberg-Marquardt from `place` (B, F): the last place, the number of steps, and which conditions converged."""
-    place = problem.clipped(place)
+    place = np.clip(place, *problem.ends)
     residuals = problem.residuals(place)
     chi2 = np.sum(residuals**2, axis=1)
     damping = np.full(len(place), _DAMPING)
@@ -262,7 +244,7 @@ def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, Bo
     rows, left, before = np.arange(len(place)), problem, np.full(len(place), np.inf)
     for steps in range(1, _STEPS + 1):
         step, predicted = _step(left, place[rows], residuals[rows], damping[rows])
-        tried = left.clipped(place[rows] + step)
+        tried = np.clip(place[rows] + step, *left.ends)
         found = left.residuals(tried)
         after = np.sum(found**2, axis=1)
         better = np.isfinite(after) & (after <= chi2[rows])
@@ -315,4 +297,65 @@ def _covariance(problem: FitProblem, slopes: FloatArray, held: BoolArray, values
     inverse = np.linalg.pinv(normal * scale[:, :, None] * scale[:, None, :], rcond=1e-13, hermitian=True)
     unit = problem.unit_of(values) * scale
     free = inverse * unit[:, :, None] * unit[:, None, :]
-    return np.asarray(problem.spread @ free @ problem.spread.T)
+    whole = np.zeros((len(free), values.shape[1], values.shape[1]))
+    whole[:, problem.free[:, None], problem.free] = free
+    return whole
+
+
+def _fit_nonnegative(
+    model: Model, data: StiffnessData, start: ArrayLike, fixed: Mapping[str, ArrayLike] | Sequence[str]
+) -> Fit:
+    """The fits of a linear model to conditions (...,), by non-negative least squares; see `fit`.
+
+    The degrees of freedom count the parameters that are not zero: their expected number is the number of degrees of
+    freedom of such a fit. Those of several conditions are counted with the largest number. The covariance is that of
+    the parameters that are not zero.
+
+    References
+    ----------
+    M. Meyer, M. Woodroofe, "On the degrees of freedom in shape-restricted regression", Annals of Statistics 28, 2000.
+    """
+    lead, size = data.stiffness.shape[:-1], len(model.parameters)
+    begins, free = begin_of(model, lead, start, fixed), free_places(model, fixed)
+    found = []
+    for condition, values in zip(whitened_conditions(data), begins, strict=True):
+        rows, target = linear_problem(model, condition, values, free)
+        weights, misfit = least_squares(rows, target)
+        active = weights > 0
+        covariance, held = np.zeros((size, size)), np.zeros(size, dtype=bool)
+        covariance[np.ix_(free[active], free[active])] = _inverse_normal(rows[:, active])
+        values[free], held[free] = weights, ~active
+        found.append((values, covariance, misfit, target - rows @ weights, held))
+    values, covariance, chi2, residuals, on_bound = (np.array(part) for part in zip(*found, strict=True))
+    used = free.size - int(on_bound.sum(axis=1).min())
+    if residuals.shape[1] < used:
+        raise ModelError(f"{residuals.shape[1]} numbers are too few for {used} terms of the {model.name} model")
+    return Fit.shaped(
+        lead, model, residuals.shape[1] - used, 1,
+        values=values, covariance=covariance, chi2=chi2, residuals=residuals,
+        on_bound=on_bound, converged=np.ones(len(values), dtype=bool), agreed=np.ones(len(values)),
+    )  # fmt: skip
+
+
+def linear_problem(
+    model: Model, condition: WhitenedCondition, start: FloatArray, free: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Rows (M, F) of the free parameters of a linear model, and the target (M,) without what the fixed ones give."""
+    data, values = condition.data, np.array(start)
+    values[free] = 0.0
+    rows = data.whitened(condition.whiten, model.derivative(values, data.omega)[:, free])
+    off = data.stiffness - model.stiffness(values, data.omega)
+    target = data.whitened(condition.whiten, off[:, None])[:, 0]
+    if takes_k1(model, data):
+        rows = np.vstack([rows, static_derivative(model, values, data)[free] / data.k1_std])
+        target = np.append(target, (data.k1 - static_stiffness(model, values, data)) / data.k1_std)
+    return rows, target
+
+
+def _inverse_normal(rows: FloatArray) -> FloatArray:
+    """Inverse (k, k) of the normal matrix of rows (M, k)."""
+    size = np.linalg.norm(rows, axis=0)
+    _, values, right = np.linalg.svd(rows / size, full_matrices=False)
+    kept = values > _ROUND_OFF * values.max(initial=0.0)
+    half = right[kept].T / values[kept] / size[:, None]
+    return np.asarray(half @ half.T)

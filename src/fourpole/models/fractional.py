@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, relaxation
+from fourpole.models.data import StiffnessData, spring_and_arms
 from fourpole.models.interface import Model, Parameter, columns, positive
 from fourpole.models.maxwell import GeneralisedMaxwell
-from fourpole.models.spectrum import two_springs, whitened_conditions
+from fourpole.models.nonnegative import two_springs, whitened_conditions
 
 _COMMON = (
     Parameter("K0", "N/m", 0.0, np.inf, 150e3, "stiffness at rest", log=True),
@@ -52,9 +52,11 @@ class FractionalZener(Model):
     """
 
     name = "fractional"
-    parameters = _COMMON
+    parameters: tuple[Parameter, ...] = _COMMON
     special_cases = ("zener",)
-    for_maps = ("fractional",)
+    for_maps: tuple[str, ...] = ("fractional",)
+    #: Orders beta of the grid of starts, for a model that has this parameter.
+    _betas: FloatArray | None = None
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
@@ -70,11 +72,11 @@ class FractionalZener(Model):
         return np.stack([1 - share, share, slope * alpha / tau, slope * log], axis=-1)
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:
-        """The best K0 and K_inf on a grid of tau and alpha."""
-        return _grid_starts(data, None, count)
+        """The best K0 and K_inf on a grid of tau, alpha and, where there is one, beta."""
+        return _grid_starts(data, self._betas, count)
 
 
-class FractionalZener5(Model):
+class FractionalZener5(FractionalZener):
     r"""The fractional Zener model of five parameters: a second order, beta, makes the loss peak skew.
 
     .. math:: K^* = K_0 + (K_\infty - K_0) \left(\frac{(j\omega\tau)^\alpha}{1 + (j\omega\tau)^\alpha}\right)^\beta
@@ -95,6 +97,8 @@ class FractionalZener5(Model):
     name = "fractional5"
     parameters = (*_COMMON, Parameter("beta", "1", 0.0, 1.0, 1.0, "skewness of the loss peak"))
     special_cases = ("fractional",)
+    for_maps = ()
+    _betas = _BETAS
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
@@ -110,10 +114,6 @@ class FractionalZener5(Model):
         slope = (high - low) * beta * power * (1 - share)
         by_beta = (high - low) * power * np.log(share)
         return np.stack([1 - power, power, slope * alpha / tau, slope * log, by_beta], axis=-1)
-
-    def starts(self, data: StiffnessData, count: int) -> FloatArray:
-        """The best K0 and K_inf on a grid of tau, alpha and beta."""
-        return _grid_starts(data, _BETAS, count)
 
 
 def _share(omega: FloatArray, tau: FloatArray, alpha: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -169,8 +169,7 @@ def rational(
         times = 1.0 / np.geomspace(low / 10, high * 10, arms)
         if own is not None:  # an order of nearly 1 needs an arm with exactly this relaxation time
             times[int(np.argmin(np.abs(np.log(times / own))))] = own
-        terms = np.concatenate([np.ones((omega.size, 1)), relaxation(omega, times)], axis=1)
-        rows = np.concatenate([terms, target[:, None]], axis=1) / np.abs(target)[:, None]
+        rows = np.concatenate([spring_and_arms(omega, times), target[:, None]], axis=1) / np.abs(target)[:, None]
         real = np.concatenate([rows.real, rows.imag])
         try:
             springs, _ = scipy.optimize.nnls(real[:, :-1], real[:, -1])
@@ -199,13 +198,13 @@ def _grid_starts(data: StiffnessData, betas: FloatArray | None, count: int) -> F
     omega: FloatArray = np.empty(0)
     found = []
     for condition in whitened_conditions(data):
-        if not np.array_equal(omega, condition.omega):
-            omega = condition.omega
+        if not np.array_equal(omega, condition.data.omega):
+            omega = condition.data.omega
             times, share = _shares(omega, betas)
             terms = np.stack([1 - share, share], axis=-1)
         springs, misfit = two_springs(condition.rows(terms), condition.target)
         places = _optima(misfit, count)
-        low, high = np.maximum(springs[*places.T], _LEAST_SPRING * np.mean(np.abs(condition.stiffness))).T
+        low, high = np.maximum(springs[*places.T], _LEAST_SPRING * np.mean(np.abs(condition.data.stiffness))).T
         start = [low, np.maximum(high, low * (1 + _LEAST_RISE)), times[places[:, 0]], _ORDERS[places[:, 1]]]
         found.append(np.stack(start if betas is None else [*start, betas[places[:, 2]]], axis=1))
     return np.stack(found, axis=1)

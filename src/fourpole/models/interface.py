@@ -14,6 +14,9 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 
+#: Largest modulus of a linked value: logit between two bounds, logarithm above one bound.
+_MOST_LOGIT, _MOST_LOG = 12.0, 300.0
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -41,6 +44,30 @@ class Parameter:
     default: float
     meaning: str
     log: bool = False
+
+    def link(self, values: ArrayLike) -> FloatArray:
+        """The link g of the parameter, free of bounds, so that laws over conditions can be linear.
+
+        It is a logit between two bounds, a logarithm above a lower bound, or the value itself.
+        """
+        array = np.asarray(values, dtype=float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if np.isfinite(self.high) and np.isfinite(self.low):
+                return np.clip(np.log((array - self.low) / (self.high - array)), -_MOST_LOGIT, _MOST_LOGIT)
+            if np.isfinite(self.low):
+                return np.clip(np.log(array - self.low), -_MOST_LOG, _MOST_LOG)
+        return array
+
+    def unlink(self, linked: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """The parameter of a linked value, and its derivative by the linked value."""
+        array = np.asarray(linked, dtype=float)
+        if np.isfinite(self.high) and np.isfinite(self.low):
+            share, span = 1.0 / (1.0 + np.exp(-np.clip(array, -_MOST_LOGIT, _MOST_LOGIT))), self.high - self.low
+            return self.low + span * share, span * share * (1 - share)
+        if np.isfinite(self.low):
+            size = np.exp(np.clip(array, -_MOST_LOG, _MOST_LOG))
+            return self.low + size, size
+        return array, np.ones_like(array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +245,9 @@ class Model(ABC):
         return self
 
     def energy_loss(self, values: ArrayLike, omega: ArrayLike, amplitude: ArrayLike) -> FloatArray:
-        """Energy loss per cycle (..., N) [J] at the 0-to-peak deflection X [m]: pi K'' X²."""
-        return np.asarray(np.pi * self.stiffness(values, omega).imag * np.asarray(amplitude) ** 2)
+        """Energy loss per cycle (..., N) [J] at the 0-to-peak deflection X [m]: pi K''(X) X²."""
+        there = self.at_amplitude(amplitude)
+        return np.asarray(np.pi * there.stiffness(values, omega).imag * np.asarray(amplitude) ** 2)
 
     def checked(self, values: ArrayLike) -> FloatArray:
         """Values of the parameters as an array (..., P); ModelError if one is out of bounds or the number is wrong."""
@@ -242,6 +270,15 @@ class Model(ABC):
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest values (P,) of the parameters."""
         return np.array([one.low for one in self.parameters]), np.array([one.high for one in self.parameters])
+
+    def link(self, values: FloatArray) -> FloatArray:
+        """The links (..., P) of all parameters (..., P)."""
+        return np.stack([one.link(values[..., at]) for at, one in enumerate(self.parameters)], axis=-1)
+
+    def unlink(self, linked: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """All parameters (..., P) of linked values (..., P), and their derivatives by the linked values."""
+        both = [one.unlink(linked[..., at]) for at, one in enumerate(self.parameters)]
+        return np.stack([one for one, _ in both], axis=-1), np.stack([slope for _, slope in both], axis=-1)
 
     @property
     def symbols(self) -> list[str]:

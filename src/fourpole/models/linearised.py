@@ -20,7 +20,6 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, complex_columns, multiplication, real_columns, stacked
 from fourpole.models.interface import Model
-from fourpole.models.links import unlink_all
 
 #: Least relative standard deviation of K* at a frequency: the resolution of single precision.
 _FLOOR = 1e-7
@@ -204,7 +203,7 @@ class Conditions(ByValue):
 
     def linearised(self, linked: FloatArray, errors: FloatArray) -> list[Rows]:
         """The conditions about linked parameters (B, P) and shared errors (p,), block by block."""
-        values, slopes = unlink_all(self.model, linked)
+        values, slopes = self.model.unlink(linked)
         errors = np.broadcast_to(errors, (self.count, self.shared))
         return [self._rows(one, values[one.places], slopes[one.places], errors[one.places]) for one in self.blocks]
 
@@ -231,7 +230,7 @@ class Conditions(ByValue):
 
         The shared errors are (p,), or (B, p) if each condition has others.
         """
-        values, _ = unlink_all(self.model, linked)
+        values, _ = self.model.unlink(linked)
         errors = np.broadcast_to(errors, (self.count, self.shared))
         found = []
         for block, rows in zip(self.blocks, about, strict=True):

@@ -23,11 +23,9 @@ from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.interface import Model
 from fourpole.models.laws import Laws
 from fourpole.models.linearised import Conditions, Scatter, Weights
-from fourpole.models.links import link_all, unlink_all
-from fourpole.models.omitted import LeaveOneOut, misfit_without_each
 from fourpole.models.restricted import scatter_of
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
-from fourpole.models.together import Together, assembled, search
+from fourpole.models.together import LeaveOneOut, Together, assembled, misfit_without_each, search
 
 #: Relative scatter of conditions in the comparison of surfaces.
 _SCATTER = 1e-2
@@ -146,7 +144,7 @@ class OperatingMap(ByValue):
     terms : tuple of tuples of int
         Exponents of the scaled axes, term by term.
     coefficients : (P, K) float array
-        Coefficients of each linked parameter; see `together.link`.
+        Coefficients of each linked parameter; see `Model.link`.
     covariance : (P K, P K) float array
         Covariance of all coefficients, parameter by parameter.
     scatter : Scatter
@@ -183,7 +181,7 @@ class OperatingMap(ByValue):
 
     def _unlinked(self, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Parameters (Q, P) from basis functions (Q, K), and their derivatives by the linked parameters."""
-        return unlink_all(self.model, basis @ self.coefficients.T)
+        return self.model.unlink(basis @ self.coefficients.T)
 
     def errors(self, point: ArrayLike) -> FloatArray:
         """Changes (P, E) of the parameters at a point (d,) by one standard uncertainty of each of E independent errors.
@@ -278,8 +276,14 @@ def make_map(
     """
     band = _common_band(conditions)
     candidates = list(terms) if terms is not None else term_sets(axes.levels, len(conditions))
+    spare = any(len(one) < len(conditions) for one in candidates)
     try:
-        chosen, found = _Choice.of(model, conditions, axes, shared, candidates, start).made()
+        every = Conditions.of(model, conditions, shared, common=spare)
+        most = min(_MOST_TERMS, every.known // len(model.parameters), len(conditions) - int(spare))
+        kept = [one for one in candidates if len(one) <= most] or list(candidates[:1])
+        scaled = axes.scaled(axes.points)
+        linked, middle = _started(model, np.asarray(start, dtype=float), scaled)
+        chosen, found = _Choice(every, {one: design(one, scaled) for one in kept}, linked, middle, spare).made()
     except (ModelError, np.linalg.LinAlgError) as error:
         raise ModelError(f"no surface of the {model.name} model could be fitted: {error}") from None
     return OperatingMap(
@@ -319,25 +323,6 @@ class _Choice:
     middle: FloatArray
     spare: bool
 
-    @classmethod
-    def of(
-        cls,
-        model: Model,
-        data: Sequence[StiffnessData],
-        axes: Axes,
-        shared: Sequence[FloatArray] | None,
-        candidates: Sequence[Terms],
-        start: ArrayLike,
-    ) -> _Choice:
-        """The search among candidates."""
-        spare = any(len(one) < len(data) for one in candidates)
-        conditions = Conditions.of(model, data, shared, common=spare)
-        most = min(_MOST_TERMS, conditions.known // len(model.parameters), len(data) - int(spare))
-        kept = [one for one in candidates if len(one) <= most] or list(candidates[:1])
-        scaled = axes.scaled(axes.points)
-        linked, middle = _started(model, np.asarray(start, dtype=float), scaled)
-        return cls(conditions, {one: design(one, scaled) for one in kept}, linked, middle, spare)
-
     def made(self) -> tuple[Terms, Together]:
         """The terms with the least leave-one-out error, and their fit with the scatter that it shows.
 
@@ -348,14 +333,14 @@ class _Choice:
         most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
         few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
         terms = max(few, key=len)
-        found = self._fitted(terms, self.linked, _FIRST_SCATTER, close=_ROUGHLY)
+        found = self.fitted(terms, self.linked, _FIRST_SCATTER, None, close=_ROUGHLY)
         seen, left = {terms}, tuple(self.bases)
         while len(left) > 1:
             trial = self._scatter(found, roughly=True)
             best, left = self._best(left, found, trial)
             if best == terms:
                 break
-            terms, found = best, self._fitted(best, found.linked, trial, found.errors, close=_ROUGHLY)
+            terms, found = best, self.fitted(best, found.linked, trial, found.errors, close=_ROUGHLY)
             if best in seen:
                 break
             seen.add(best)
@@ -369,14 +354,8 @@ class _Choice:
         precision = np.tile(np.where(constant, _LEVEL, _CHANGE) ** -2.0, len(self.middle))
         return Laws((basis,) * len(self.middle), few.shared, few.count, expected, precision)
 
-    def _fitted(
-        self,
-        terms: Terms,
-        linked: FloatArray,
-        scatter: Scatter,
-        errors: FloatArray | None = None,
-        *,
-        close: float = _CLOSE_FIT,
+    def fitted(
+        self, terms: Terms, linked: FloatArray, scatter: Scatter, errors: FloatArray | None, close: float = _CLOSE_FIT
     ) -> Together:
         return search(self.conditions, self._laws(terms), linked, scatter, errors, close=close)
 
@@ -408,25 +387,22 @@ class _Choice:
         If the model does not fit, its error may be the same in all conditions. It must not pass for shared errors, so
         that it becomes an unknown beside these.
         """
-        found = self._with_scatter(terms, found)
+        found = self.with_scatter(terms, found)
         moved = float(found.errors @ found.errors)
         surprising = bool(moved > stats.chi2.isf(CHANCE, max(found.errors.size, 1)))
         if not found.dof or not (surprising or any(found.scatter.frequency)):
             return found
-        return replace(self, conditions=self.conditions.with_errors_of_model()).resumed(terms, found)
+        wider = replace(self, conditions=self.conditions.with_errors_of_model())
+        last = found.errors.size - int(wider.conditions.common)
+        errors = np.insert(found.errors, last, np.zeros(2 * wider.conditions.nodes.size))
+        begin = replace(found.scatter, common=found.scatter.frequency)
+        return wider.with_scatter(terms, wider.fitted(terms, found.linked, begin, errors))
 
-    def resumed(self, terms: Terms, before: Together) -> Together:
-        """The fit with the scatter that it shows, from one without a common error of the model."""
-        last = before.errors.size - int(self.conditions.common)
-        errors = np.insert(before.errors, last, np.zeros(2 * self.conditions.nodes.size))
-        begin = replace(before.scatter, common=before.scatter.frequency)
-        return self._with_scatter(terms, self._fitted(terms, before.linked, begin, errors))
-
-    def _with_scatter(self, terms: Terms, found: Together) -> Together:
+    def with_scatter(self, terms: Terms, found: Together) -> Together:
         """The fit with the scatter that it shows."""
         for _ in range(_ROUNDS):
             before, scatter = found.scatter.variances, self._scatter(found)
-            found = self._fitted(terms, found.linked, scatter, found.errors)
+            found = self.fitted(terms, found.linked, scatter, found.errors)
             if np.all(np.abs(scatter.variances - before) <= _CLOSE * before + _SMALL**2):
                 break
         return found
@@ -435,7 +411,7 @@ class _Choice:
 def _started(model: Model, start: FloatArray, scaled: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Linked parameters (B, P) of all conditions from those of which a fit is known, and their medians (P,)."""
     known = np.flatnonzero(np.all(np.isfinite(start), axis=1))
-    linked = link_all(model, start[known])
+    linked = model.link(start[known])
     middle = np.median(linked, axis=0)
     linked = np.clip(linked, middle - _NEAR, middle + _NEAR)
     if len(known) == len(start):

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData, complex_columns
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
+from fourpole.models.problem import free_places
 
 #: A logarithm is sought within this distance from its start.
 _FARTHEST = 30.0
@@ -138,9 +140,9 @@ def fit_over_pressures(
         raise ModelError("the effect of the pressure needs conditions at two pressures at least")
     mean, inverse, scatter = _mean(problem, joint, separate)
     bent = replace(problem, bends=True).solved(joint)
-    trend = bent.unknowns[problem.free.size], float(np.sqrt(bent.inverse[problem.free.size, problem.free.size]))
+    place = problem.free.size
     return PressureFit(
-        fits=tuple(problem.fits(mean, inverse, joint)),
+        fits=tuple(problem.fit(at, mean, inverse, joint) for at in range(len(conditions))),
         pressures=np.asarray(problem.pressures, dtype=float),
         shared=tuple(model.symbols[at] for at in problem.free),
         chi2=joint.chi2,
@@ -148,8 +150,8 @@ def fit_over_pressures(
         separate_chi2=separate.chi2,
         separate_dof=separate.dof,
         scatter=scatter,
-        trend=float(trend[0]),
-        trend_std=trend[1],
+        trend=float(bent.unknowns[place]),
+        trend_std=float(np.sqrt(bent.inverse[place, place])),
         left_out=np.array([_left_out(problem, joint, at) for at in range(len(conditions))]),
         own_error=np.array([apart.error(apart.values(separate.unknowns, at), at) for at in range(len(conditions))]),
     )
@@ -194,24 +196,19 @@ def _left_out(problem: _Problem, joint: _Solved, at: int) -> float:
     rest = [one for one in range(len(problem.conditions)) if one != at]
     found = problem.part(rest).solved(joint)
     values = problem.values(found.unknowns, 0)
-    return problem.error(np.where(problem.is_pressure, problem.pressures[at], values), at)
+    values[problem.model.symbols.index(problem.model.pressure)] = problem.pressures[at]
+    return problem.error(values, at)
 
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Unknowns of a solution, their covariance, whitened residuals and slopes of the whitened model."""
+    """Unknowns of a solution, their covariance, and chi-square with that of the known errors."""
 
     unknowns: FloatArray
     inverse: FloatArray
-    residuals: FloatArray
-    slopes: FloatArray
+    chi2: float
     dof: int
     converged: bool
-
-    @property
-    def chi2(self) -> float:
-        """Sum of the squared whitened residuals, those of the known errors included."""
-        return float(self.residuals @ self.residuals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,19 +229,9 @@ class _Problem:
 
     def part(self, chosen: Sequence[int]) -> _Problem:
         """The same problem for some of the conditions."""
-        return replace(
-            self,
-            start=self.start[list(chosen)],
-            conditions=tuple(self.conditions[at] for at in chosen),
-            pressures=tuple(self.pressures[at] for at in chosen),
-            effects=tuple(self.effects[at] for at in chosen),
-            sets=tuple(self.sets[at] for at in chosen),
-        )
-
-    @property
-    def is_pressure(self) -> np.ndarray:
-        """Which of the parameters (P,) is the pressure."""
-        return np.array([symbol == self.model.pressure for symbol in self.model.symbols])
+        rows = {name: getattr(self, name) for name in ("conditions", "pressures", "effects", "sets")}
+        some: dict[str, Any] = {name: tuple(values[at] for at in chosen) for name, values in rows.items()}
+        return replace(self, start=self.start[list(chosen)], **some)
 
     @cached_property
     def whiteners(self) -> tuple[FloatArray, ...]:
@@ -283,12 +270,6 @@ class _Problem:
         found[:, self.size :] = self.effects[at]
         return found
 
-    def rest_log(self, at: int) -> FloatArray:
-        """Derivatives (size + priors,) of log K1: the trend acts on it, errors of the dynamic test do not."""
-        found = np.array(self.by_log(at)[0].real)
-        found[self.size :] = 0.0
-        return found
-
     def linearised(self, unknowns: FloatArray, at: int) -> tuple[FloatArray, FloatArray]:
         """Whitened residuals (M,), data minus model, of a condition, and derivatives (M, U) of the whitened model."""
         data, values, by_log = self.conditions[at], self.values(unknowns, at), self.by_log(at)
@@ -302,13 +283,12 @@ class _Problem:
         residuals, rows = data.whitened(whitener, (data.stiffness - shown)[:, None])[:, 0], data.whitened(whitener, by)
         if not (data.has_k1 and self.model.rests):
             return residuals, rows
-        rest_log = self.rest_log(at)
-        k1 = float(self.model.static_stiffness(values)) * float(np.exp(rest_log @ unknowns))
-        by_rest = k1 * rest_log
-        by_rest[mine] = (
-            self.model.static_derivative(values)[self.free] * values[self.free] * np.exp(rest_log @ unknowns)
-        )
-        std = float(data.k1_std)
+        by_trend = np.array(by_log[0].real)
+        by_trend[self.size :] = 0.0  # the trend acts on K1, errors of the dynamic test do not
+        grown, std = np.exp(by_trend @ unknowns), float(data.k1_std)
+        k1 = float(self.model.static_stiffness(values)) * float(grown)
+        by_rest = k1 * by_trend
+        by_rest[mine] = self.model.static_derivative(values)[self.free] * values[self.free] * grown
         return np.append(residuals, (float(data.k1) - k1) / std), np.vstack([rows, by_rest / std])
 
     def solved(self, near: _Solved | None = None) -> _Solved:
@@ -328,7 +308,8 @@ class _Problem:
         known = residuals.size - self.priors
         if known < self.size:
             raise ModelError(f"{known} numbers are too few for {self.size} parameters of the {self.model.name} model")
-        return _Solved(found, inverse * np.outer(scale, scale), residuals, slopes, known - self.size, converged)
+        chi2 = float(residuals @ residuals)
+        return _Solved(found, inverse * np.outer(scale, scale), chi2, known - self.size, converged)
 
     def _searched(
         self, u: FloatArray, low: FloatArray, high: FloatArray
@@ -373,16 +354,13 @@ class _Problem:
         high[:count] = np.minimum(ends[1], begin[:count] + _FARTHEST)
         return low, high
 
-    def fits(self, logarithms: FloatArray, inverse: FloatArray, joint: _Solved) -> list[Fit]:
-        """One fit per condition from the logarithms of the shared parameters (F,) and their covariance.
+    def fit(self, at: int, logarithms: FloatArray, inverse: FloatArray, joint: _Solved) -> Fit:
+        """The fit of one condition from the logarithms of the shared parameters (F,) and their covariance.
 
-        Shared errors are at their estimates in the joint solution.
+        Shared errors are at their estimates in the joint solution. Chi-square counts the scatter from pressure to
+        pressure in.
         """
         place = np.concatenate([logarithms, joint.unknowns[self.size :]])
-        return [self._fit(at, place, inverse, joint) for at in range(len(self.conditions))]
-
-    def _fit(self, at: int, place: FloatArray, inverse: FloatArray, joint: _Solved) -> Fit:
-        """The fit of one condition; its chi-square counts the scatter from pressure to pressure in."""
         size, count = len(self.model.parameters), self.free.size
         values = self.values(place, at)
         residuals, slopes = self.linearised(place, at)
@@ -400,8 +378,6 @@ class _Problem:
             residuals=residuals,
             on_bound=on_bound,
             converged=np.asarray(joint.converged),
-            steps=0,
-            agreed=np.asarray(1.0),
         )
 
 
@@ -418,20 +394,11 @@ def _problem(
         raise ModelError(f"the {model.name} model has no known parameter of the pressure")
     begin = np.array(model.checked(start))
     begin[:, model.symbols.index(model.pressure)] = pressures
-    free = np.array([at for at, symbol in enumerate(model.symbols) if symbol not in fixed], dtype=int)
-    if not free.size:
-        raise ModelError(f"all parameters of the {model.name} model are given: leave at least one free")
+    free = free_places(model, fixed)
     columns = shared if shared is not None else [np.zeros((2 * one.count, 0)) for one in conditions]
     effects = tuple(
         complex_columns(np.asarray(one)) / data.stiffness[:, None]
         for one, data in zip(columns, conditions, strict=True)
     )
-    return _Problem(
-        model,
-        tuple(conditions),
-        tuple(map(float, pressures)),
-        model.checked(begin),
-        free,
-        effects,
-        (0,) * len(conditions),
-    )
+    sets = (0,) * len(conditions)
+    return _Problem(model, tuple(conditions), tuple(map(float, pressures)), model.checked(begin), free, effects, sets)

@@ -97,14 +97,13 @@ def _joined(
     found: Superposition, at: int, kept: list[np.ndarray]
 ) -> tuple[FloatArray, FloatArray, ComplexArray, FloatArray]:
     """Points of both isotherms in their overlap: ln(reduced frequency), side (0 cold, 1 warm), K* and its errors."""
-    x, side, k, errors = [], [], [], []
+    parts = []
     for i, rows in enumerate(kept):
         omega, stiffness = found.reduced(at + i)
-        x.append(np.log(omega[rows]))
-        side.append(np.full(int(rows.sum()), float(i)))
-        k.append(stiffness[rows])
-        errors.append(found.errors[at + i][rows] * np.exp(found.log_b[at + i]))
-    return np.concatenate(x), np.concatenate(side), np.concatenate(k), np.concatenate(errors)
+        errors = found.errors[at + i][rows] * np.exp(found.log_b[at + i])
+        parts.append((np.log(omega[rows]), np.full(int(rows.sum()), float(i)), stiffness[rows], errors))
+    x, side, k, errors = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return x, side, k, errors
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,18 @@
-"""The least-squares problem of a fit: residuals, their derivatives, and the free, fixed and tied parameters.
+"""The least-squares problem of a fit: start values, residuals, their derivatives, and the free and fixed parameters.
 
 The search variable of a free parameter is its logarithm if `Parameter.log` is set, otherwise its ratio to a scale.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
@@ -22,6 +22,11 @@ from fourpole.models.ramp import static_derivative, static_stiffness, takes_k1
 _FARTHEST = 30.0
 #: Distance from a bound, as a fraction of the scale, within which a parameter counts as on the bound.
 _AT_BOUND = 1e-9
+#: Start of a logarithmic parameter that would be zero, as a fraction of its default.
+_SMALL = 1e-6
+#: Further starts differ from the first by at most this factor. Their factors follow the golden-ratio sequence.
+_LARGEST_FACTOR = 4.0
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +42,8 @@ class FitProblem(ByValue):
         Whitener of the data, one matrix for each condition, or one for all.
     free : (F,) int array
         Places of the free parameters.
-    spread : (P, F) float array
-        Factors of the free parameters in all parameters: 1 of a parameter in itself, or the factor of a tie.
     fixed : (B, P) float array
-        Start values; parameters that are neither free nor tied keep them.
+        Start values; parameters that are not free keep them.
     log : (F,) bool array
         Whether the search variable is the logarithm.
     scale : (B, F) float array
@@ -57,7 +60,6 @@ class FitProblem(ByValue):
     data: StiffnessData
     whiten: FloatArray
     free: np.ndarray
-    spread: FloatArray
     fixed: FloatArray
     log: BoolArray
     scale: FloatArray
@@ -68,7 +70,9 @@ class FitProblem(ByValue):
 
     def begun(self, begin: FloatArray) -> FitProblem:
         """The same problem with other start values (B, P)."""
-        return replace(self, fixed=self._tied(begin), scale=_scale(self.model, begin, self.free))
+        usual = np.array([abs(self.model.parameters[at].default) or 1.0 for at in self.free])
+        chosen = begin[:, self.free]
+        return replace(self, fixed=begin, scale=np.where(chosen != 0, np.abs(chosen), usual))
 
     def part(self, rows: np.ndarray) -> FitProblem:
         """The same problem for some of the conditions, each once or several times.
@@ -91,20 +95,6 @@ class FitProblem(ByValue):
         values = np.array(self.fixed)
         found = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
         values[:, self.free] = np.clip(found, self.low, self.high)  # round-off may step over a bound
-        return self._tied(values)
-
-    @cached_property
-    def _follows(self) -> np.ndarray:
-        """Places of the parameters that are tied to a free parameter."""
-        return np.flatnonzero(np.any(self.spread != 0, axis=1) & ~np.isin(np.arange(len(self.spread)), self.free))
-
-    def _tied(self, values: FloatArray) -> FloatArray:
-        """Values (B, P) in which each tied parameter follows its partner."""
-        follows = self._follows
-        if not follows.size:
-            return values
-        values = np.array(values)
-        values[:, follows] = values[:, self.free] @ self.spread[follows].T
         return values
 
     def place_of(self, values: FloatArray) -> FloatArray:
@@ -131,15 +121,12 @@ class FitProblem(ByValue):
         """Derivatives (B, M, F) of the whitened model by the search variables."""
         values = self.values_of(place)
         model = self.model.on(self.data)
-        tied = self._follows.size > 0
-        omega = self.data.omega
-        by = model.derivative(values, omega) @ self.spread if tied else model.derivative_by(values, omega, self.free)
         unit = self.unit_of(values)
+        by = model.derivative_by(values, self.data.omega, self.free)
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
             return rows
-        slopes = static_derivative(self.model, values, self.data, None if tied else self.free)
-        at_rest = slopes @ self.spread if tied else slopes
+        at_rest = static_derivative(self.model, values, self.data, self.free)
         return np.concatenate([rows, (at_rest * unit / self._k1_std()[:, None])[:, None, :]], axis=1)
 
     def _k1_std(self) -> FloatArray:
@@ -156,10 +143,6 @@ class FitProblem(ByValue):
         low = np.where(self.log, np.maximum(low, begun - _FARTHEST), low)
         return low, np.where(self.log, np.minimum(high, begun + _FARTHEST), high)
 
-    def clipped(self, place: FloatArray) -> FloatArray:
-        """Search variables moved into their bounds."""
-        return np.clip(place, *self.ends)
-
     def snapped(self, place: FloatArray) -> FloatArray:
         """Search variables, those within round-off of a bound moved onto it."""
         low, high = self.ends
@@ -175,73 +158,115 @@ class FitProblem(ByValue):
 
 
 def problem_of(
-    model: Model,
-    data: StiffnessData,
-    start: ArrayLike,
-    fixed: Mapping[str, ArrayLike] | Sequence[str],
-    tied: Mapping[str, tuple[str, float]],
+    model: Model, data: StiffnessData, start: ArrayLike, fixed: Mapping[str, ArrayLike] | Sequence[str]
 ) -> FitProblem:
     """The least-squares problem of `fit.fit`, checked; ModelError if it has no solution or a name is not known."""
-    symbols = model.known((*fixed, *tied, *(partner for partner, _ in tied.values())))
-    lead = data.stiffness.shape[:-1]
-    begin = np.array(np.broadcast_to(model.checked(start), (*lead, len(symbols))).reshape(-1, len(symbols)))
-    if isinstance(fixed, Mapping):
-        for name, value in fixed.items():
-            begin[:, symbols.index(name)] = np.broadcast_to(np.asarray(value, dtype=float), lead).reshape(-1)
-        model.checked(begin)
-    free = np.array([at for at, one in enumerate(symbols) if one not in fixed and one not in tied], dtype=int)
+    begin, free = begin_of(model, data.stiffness.shape[:-1], start, fixed), free_places(model, fixed)
     flat = data.flat()
     has_k1 = takes_k1(model, data)
-    _check_count(model, free.size, data.count, 2 * data.count + int(has_k1))
+    known = 2 * data.count + int(has_k1)
+    if known < free.size:
+        given = "1 frequency gives" if data.count == 1 else f"{data.count} frequencies give"
+        raise ModelError(
+            f"{given} {known} numbers, too few for {free.size} free parameters of the {model.name} model: fix some, "
+            "take a smaller model, or measure at more frequencies"
+        )
     chosen = [model.parameters[at] for at in free]
-    spread, high = _spread(model, symbols, free, tied)
     problem = FitProblem(
         model=model,
         data=flat,
         whiten=flat.whitener(),
         free=free,
-        spread=spread,
         fixed=begin,
         log=np.array([one.log for one in chosen]),
-        scale=_scale(model, begin, free),
+        scale=np.ones((len(begin), free.size)),
         low=np.array([one.low for one in chosen]),
-        high=high,
+        high=np.array([one.high for one in chosen]),
         has_k1=has_k1,
     )
     return problem.begun(begin)
 
 
-def _check_count(model: Model, free: int, frequencies: int, known: int) -> None:
-    """ModelError unless there are free parameters, and at least as many data."""
-    if free == 0:
+def begin_of(
+    model: Model, lead: tuple[int, ...], start: ArrayLike, fixed: Mapping[str, ArrayLike] | Sequence[str]
+) -> FloatArray:
+    """Start values (B, P) of conditions (...,), with the values of fixed parameters; checked."""
+    symbols = model.known(fixed)
+    begin = np.array(np.broadcast_to(model.checked(start), (*lead, len(symbols))).reshape(-1, len(symbols)))
+    if isinstance(fixed, Mapping):
+        for name, value in fixed.items():
+            begin[:, symbols.index(name)] = np.broadcast_to(np.asarray(value, dtype=float), lead).reshape(-1)
+    return model.checked(begin)
+
+
+def free_places(model: Model, held: Collection[str]) -> IntArray:
+    """Places of the parameters that are not held; ModelError if there is none."""
+    free = np.array([at for at, symbol in enumerate(model.symbols) if symbol not in held], dtype=int)
+    if not free.size:
         raise ModelError(f"all parameters of the {model.name} model are given: leave at least one free")
-    if known < free:
-        given = "1 frequency gives" if frequencies == 1 else f"{frequencies} frequencies give"
-        raise ModelError(
-            f"{given} {known} numbers, too few for {free} free parameters of the {model.name} model: fix some, take a "
-            "smaller model, or measure at more frequencies"
-        )
+    return free
 
 
-def _scale(model: Model, begin: FloatArray, free: np.ndarray) -> FloatArray:
-    """Scale (B, F) of the free parameters: the modulus of the start value, or of the default where that is zero."""
-    usual = np.array([abs(model.parameters[at].default) or 1.0 for at in free])
-    return np.where(begin[:, free] != 0, np.abs(begin[:, free]), usual)
+def start_of(model: Model, data: StiffnessData) -> FloatArray:
+    """One start (..., P) for a fit to conditions (...,), close to the best parameters.
+
+    Raises
+    ------
+    ModelError
+        If the model has no start values.
+
+    Examples
+    --------
+    >>> from fourpole.models.maxwell import Zener
+    >>> omega = 2 * np.pi * np.arange(5.0, 25.0)
+    >>> truth = Zener().stiffness([180e3, 120e3, 700.0], omega)
+    >>> start_of(Zener(), StiffnessData.of(omega, truth, 100.0)).round(3)
+    array([180000., 120000.,    700.])
+    """
+    return np.asarray(starts_of(model, data, 1)[0])
 
 
-def _spread(
-    model: Model, symbols: list[str], free: np.ndarray, tied: Mapping[str, tuple[str, float]]
-) -> tuple[FloatArray, FloatArray]:
-    """Factors (P, F) of the free parameters in all parameters, and upper bounds (F,) that keep tied ones in theirs."""
-    spread = np.zeros((len(symbols), free.size))
-    spread[free, np.arange(free.size)] = 1.0
-    high = np.array([model.parameters[at].high for at in free])
-    for name, (partner, factor) in tied.items():
-        at = np.flatnonzero(free == symbols.index(partner))
-        if not at.size:
-            raise ModelError(f"{name} is tied to {partner}, which is not free: tie it to a free parameter")
-        if not factor > 0:
-            raise ModelError(f"{name} is tied to {factor:g} times {partner}: the factor must be positive")
-        spread[symbols.index(name), at[0]] = factor
-        high[at[0]] = min(high[at[0]], model.parameters[symbols.index(name)].high / factor)
-    return spread, high
+def starts_of(model: Model, data: StiffnessData, count: int) -> FloatArray:
+    """Several starts (count, ..., P), that of `start_of` first, always the same; more starts find fewer local minima.
+
+    Parameters
+    ----------
+    model : Model
+    data : StiffnessData
+        Data of conditions (...,).
+    count : int
+        >= 1.
+
+    Raises
+    ------
+    ModelError
+        If the model has no start values.
+
+    Examples
+    --------
+    >>> from fourpole.models.maxwell import Zener
+    >>> omega = 2 * np.pi * np.arange(5.0, 25.0)
+    >>> truth = Zener().stiffness([180e3, 120e3, 700.0], omega)
+    >>> starts_of(Zener(), StiffnessData.of(omega, truth, 100.0), 4).shape
+    (4, 3)
+    """
+    flat = data.flat()
+    flat = replace(flat, omega=np.broadcast_to(flat.omega, flat.stiffness.shape))
+    inside = _inside(model, _filled(model.starts(flat, count), count))
+    return inside.reshape(count, *data.stiffness.shape[:-1], len(model.parameters))
+
+
+def _inside(model: Model, found: FloatArray) -> FloatArray:
+    """Starts moved into the bounds; the start of a logarithmic parameter is not zero."""
+    low, high = model.bounds
+    logs = np.array([parameter.log for parameter in model.parameters])
+    usual = np.abs(model.defaults)
+    inside = np.clip(np.where(np.isfinite(found), found, usual), low, high)
+    return np.where(logs & (inside <= 0), _SMALL * usual, inside)
+
+
+def _filled(found: FloatArray, count: int) -> FloatArray:
+    """Exactly `count` starts: those found, then copies of the first with a factor for each parameter."""
+    more = np.arange(1, count - len(found) + 1)
+    shares = (more[:, None] * _GOLDEN ** np.arange(1, found.shape[-1] + 1)) % 1.0
+    return np.concatenate([found[:count], found[0] * _LARGEST_FACTOR ** (2 * shares - 1)[:, None, :]])

@@ -6,7 +6,7 @@ of probability :math:`P(\chi^2_1 < q)` ends where the profile is :math:`q` above
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core import stats
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
-from fourpole.core.confidence import COVERAGE
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.confidence import COVERAGE, NORMAL_95
 from fourpole.errors import ModelError
+from fourpole.models.choice import STOPPED
 from fourpole.models.data import StiffnessData, stacked
-from fourpole.models.fit import Fit, least_chi2
+from fourpole.models.fit import Fit, least_chi2, linear_problem
 from fourpole.models.interface import Parameter
-from fourpole.models.nonnegative import nonnegative_intervals
-from fourpole.models.problem import problem_of
-from fourpole.models.starts import starts_of
+from fourpole.models.nonnegative import profile_ends, rise_of, whitened_conditions
+from fourpole.models.problem import free_places, problem_of, starts_of
 
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
 _NEAR = np.array([1.0, 1.6, 1.9, 2.2, 2.6, 3.2, 4.0])
@@ -35,15 +35,15 @@ _UNCERTAIN, _FRESH = 0.5, 3
 _SHARES, _COARSE, _BETWEEN = np.array([0.05, 0.12, 0.22, 0.35, 0.5, 0.7, 0.88]), 1.0, 4
 #: Largest distance from the best value, in ln of a logarithmic parameter.
 _FARTHEST = 12.0
+#: Largest product of the cube of the free parameters and the frequencies for intervals by profile likelihood.
+_MOST_WORK = 600_000
+#: Largest product of conditions, the square of the free parameters and the frequencies of profiles in one batch.
+_TOGETHER = 20_000
+_INSTEAD = "their intervals are from the covariance"
 
 
 def profile_intervals(
-    found: Fit,
-    data: StiffnessData,
-    level: float = COVERAGE,
-    *,
-    fixed: Mapping[str, float] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
+    found: Fit, data: StiffnessData, level: float = COVERAGE, *, fixed: Mapping[str, float] | Sequence[str] = ()
 ) -> FloatArray:
     """Profile-likelihood intervals (P, 2) of the parameters of a fit to one condition.
 
@@ -55,14 +55,14 @@ def profile_intervals(
         Data of the fit.
     level : float [1]
         Coverage probability.
-    fixed, tied
-        The fixed and tied parameters of the fit.
+    fixed
+        The fixed parameters of the fit.
 
     Returns
     -------
     (P, 2) float array
         Ends of the intervals in the units of the parameters: the bound of the parameter where the data set no end, the
-        value twice for a fixed parameter, the multiple of its partner's for a tied one.
+        value twice for a fixed parameter.
 
     Raises
     ------
@@ -82,9 +82,9 @@ def profile_intervals(
     >>> profile_intervals(fit(Spring(), data, [180e3]), data).round(-1)
     array([[178610., 181390.]])
     """
-    if found.lead:
+    if found.values.ndim > 1:
         raise ModelError("profile intervals are for one condition at a time: choose one")
-    return profiles_together([found], [data], level, fixed=fixed, tied=tied)[0]
+    return profiles_together([found], [data], level, fixed=fixed)[0]
 
 
 def profiles_together(
@@ -93,30 +93,114 @@ def profiles_together(
     level: float = COVERAGE,
     *,
     fixed: Mapping[str, float] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
 ) -> list[FloatArray]:
     """Profile-likelihood intervals (P, 2) of the fits of one model to several conditions, in their order.
 
     The values of `profile_intervals` for each, but the profiles of all conditions, parameters and sides are searched
     side by side.
     """
-    tied = tied or {}
     rise = float(np.sqrt(stats.chi2.ppf(level, 1)))
-    if fits[0].model.linear and not tied:
-        return [nonnegative_intervals(one, row, rise, [*fixed]) for one, row in zip(fits, data, strict=True)]
+    if fits[0].model.linear:
+        return [_nonnegative_intervals(one, row, rise, fixed) for one, row in zip(fits, data, strict=True)]
     ends = [np.stack([one.values, one.values], axis=1) for one in fits]
     plain = [replace(one, relative=None, reference=None, recorded=None) for one in data]
     for places, group in stacked(plain):
-        for (which, at, side), end in _ends_of(_Profiles([fits[one] for one in places], group, fixed, tied), rise):
+        for (which, at, side), end in _ends_of(_Profiles([fits[one] for one in places], group, fixed), rise):
             ends[places[which]][at, side] = end
-    symbols = fits[0].model.symbols
-    for symbol, (partner, factor) in tied.items():
-        for one in ends:
-            one[symbols.index(symbol)] = factor * one[symbols.index(partner)]
     return ends
 
 
-def _ends_of(profiles: _Profiles, rise: float) -> Iterator[tuple[tuple[int, int, int], float]]:
+def intervals(
+    fits: Sequence[Fit],
+    data: Sequence[StiffnessData],
+    fixed: Sequence[str],
+    step: Callable[[], None],
+    *,
+    shared: bool,
+    stopped: bool,
+) -> tuple[tuple[FloatArray, ...], list[str], bool]:
+    """95 % intervals (P, 2) of each condition; sentences say which of them are not by profile likelihood, and why.
+
+    Also whether the user stopped them, or `stopped` the fits before.
+
+    Intervals of fits that share parameters, and those after a stop, are from the covariance.
+    """
+    model, why = fits[0].model, []
+    free = len(model.parameters) - len(fixed)
+    ends = [normal_ends(one) for one in fits]
+    long = [not model.linear and free**3 * row.count > _MOST_WORK for row in data]
+    if any(long) and not (shared or stopped):
+        why = [f"{free} free parameters are too many for profile likelihood: {_INSTEAD}"]
+    wanted = [] if shared else [at for at, one in enumerate(long) if not one]
+    try:
+        for at, one in _profiled(fits, data, fixed, [] if stopped else wanted):
+            ends[at] = one
+            step()
+    except KeyboardInterrupt:
+        stopped = True
+    for _ in range(len(fits) - len(wanted)):
+        step()
+    if stopped:
+        why.append(f"Profile likelihood was {STOPPED}: intervals that it lacks are from the covariance")
+    return tuple(ends), why, stopped
+
+
+def _profiled(
+    fits: Sequence[Fit], data: Sequence[StiffnessData], fixed: Sequence[str], wanted: Sequence[int]
+) -> Iterator[tuple[int, FloatArray]]:
+    """The places of the wanted conditions, each with its intervals by profile likelihood, batch by batch."""
+    model = fits[0].model
+    free = len(model.parameters) - len(fixed)
+    together = max(_TOGETHER // (free**2 * max(row.count for row in data)), 1)
+    for first in range(0, len(wanted), together):
+        places = wanted[first : first + together]
+        rows = [data[at].at(model.on(data[at]).stiffness(fits[at].values, data[at].omega)) for at in places]
+        yield from zip(places, profiles_together([fits[at] for at in places], rows, fixed=fixed), strict=True)
+
+
+def normal_ends(found: Fit) -> FloatArray:
+    """95 % intervals (P, 2) for a normal distribution of the linked parameters; of a linear model, of its own."""
+    if found.model.linear:
+        half = NORMAL_95 * found.std
+        return np.stack([np.maximum(found.values - half, 0.0), found.values + half], axis=-1)
+    linked = found.model.link(found.values)
+    _, slopes = found.model.unlink(linked)
+    half = np.divide(NORMAL_95 * found.std, slopes, out=np.zeros_like(linked), where=slopes > 0)
+    ends = np.stack([found.model.unlink(linked + side * half)[0] for side in (-1, 1)], axis=-1)
+    return np.where(found.on_bound[:, None], np.stack(found.model.bounds, axis=-1), ends)
+
+
+def _nonnegative_intervals(found: Fit, data: StiffnessData, rise: float, fixed: Collection[str]) -> FloatArray:
+    """Profile-likelihood intervals (P, 2) of the parameters of a linear model fitted to one condition.
+
+    The interval of a parameter at zero is one-sided: from zero to the value at which chi-square has risen by `rise`
+    squared, all other parameters fitted anew.
+    """
+    free, (condition,) = free_places(found.model, fixed), whitened_conditions(data)
+    rows, target = linear_problem(found.model, condition, found.values, free)
+    least = float(found.chi2)
+    if rows.shape[0] > rows.shape[1]:  # fewer rows with the same problem, which lack a part of chi-square
+        whole = float(target @ target)
+        orthogonal, rows = np.linalg.qr(rows)
+        target = orthogonal.T @ target
+        least -= max(float(whole - target @ target), 0.0)
+    ends = np.stack([found.values, found.values], axis=1)
+    for at, place in enumerate(free.tolist()):
+        term, others = rows[:, at], np.delete(rows, at, axis=1)
+        step = rise * (float(found.std[place]) or 1.0 / max(float(np.linalg.norm(term)), 1e-300))
+
+        def height(value: float, term: FloatArray = term, others: FloatArray = others) -> float:
+            return rise_of(others, target - value * term, least)
+
+        ends[place] = profile_ends(height, float(found.values[place]), step, rise)
+    return ends
+
+
+#: Places of a condition, a parameter and a side.
+_Key = tuple[int, int, int]
+
+
+def _ends_of(profiles: _Profiles, rise: float) -> Iterator[tuple[_Key, float]]:
     """The ends of all intervals, each with the places of its condition, parameter and side."""
     searches = {
         (which, at, side): _Profile(one, at, 2 * side - 1).end(rise)
@@ -124,7 +208,7 @@ def _ends_of(profiles: _Profiles, rise: float) -> Iterator[tuple[tuple[int, int,
         for at in profiles.at_free
         for side in (0, 1)
     }
-    heights: dict[tuple[int, int, int], FloatArray | None] = dict.fromkeys(searches)
+    heights: dict[_Key, FloatArray | None] = dict.fromkeys(searches)
     while heights:
         wanted = {}
         for key, found in heights.items():
@@ -132,17 +216,7 @@ def _ends_of(profiles: _Profiles, rise: float) -> Iterator[tuple[tuple[int, int,
                 wanted[key] = searches[key].send(found)
             except StopIteration as done:
                 yield key, done.value
-        looks = [_Look(key[0], key[1], values) for key, values in wanted.items()]
-        heights = dict(zip(wanted, profiles.heights(looks), strict=True)) if looks else {}
-
-
-@dataclass(frozen=True, eq=False)
-class _Look(ByValue):
-    """Values (T,) of one parameter of one condition at which the profile is evaluated."""
-
-    which: int
-    at: int
-    values: FloatArray
+        heights = profiles.heights(wanted) if wanted else {}
 
 
 @dataclass(frozen=True)
@@ -221,36 +295,29 @@ class _Profile:
 class _Profiles:
     """Fits of one model to conditions (C, N), whose profiles are searched in one batch."""
 
-    def __init__(
-        self,
-        fits: Sequence[Fit],
-        data: StiffnessData,
-        fixed: Mapping[str, float] | Sequence[str],
-        tied: Mapping[str, tuple[str, float]],
-    ) -> None:
-        self.fits, self.data, self.tied = fits, data, tied
-        self.model = fits[0].model
+    def __init__(self, fits: Sequence[Fit], data: StiffnessData, fixed: Collection[str]) -> None:
+        self.fits, self.data, self.model = fits, data, fits[0].model
         self.best = np.stack([one.values for one in fits])
-        self.problem = problem_of(self.model, data, self.best, [*fixed], tied)
+        self.problem = problem_of(self.model, data, self.best, [*fixed])
         self.at_free = self.problem.free.tolist()
 
-    def heights(self, looks: Sequence[_Look]) -> list[FloatArray]:
-        """Heights (T,) of the profile at the values of each look."""
-        sizes = [one.values.size for one in looks]
-        rows = np.repeat([one.which for one in looks], sizes)
+    def heights(self, wanted: Mapping[_Key, FloatArray]) -> dict[_Key, FloatArray | None]:
+        """Heights (T,) of the profiles at the wanted values (T,) of their parameters."""
+        sizes = [values.size for values in wanted.values()]
+        rows = np.repeat([which for which, _, _ in wanted], sizes)
         least = np.array([float(one.chi2) for one in self.fits])[rows]
-        found = np.sqrt(np.maximum(self._chi2(looks, rows, sizes) - least, 0.0))
-        return np.split(found, np.cumsum(sizes)[:-1])
+        found = np.sqrt(np.maximum(self._chi2(wanted, rows, sizes) - least, 0.0))
+        return dict(zip(wanted, np.split(found, np.cumsum(sizes)[:-1]), strict=True))
 
-    def _chi2(self, looks: Sequence[_Look], rows: np.ndarray, sizes: Sequence[int]) -> FloatArray:
-        """Least chi-square (R,) for each value of the looks, over all other parameters."""
-        starts = np.concatenate([self._gaussian_starts(one) for one in looks])
-        at = np.repeat([one.at for one in looks], sizes)
+    def _chi2(self, wanted: Mapping[_Key, FloatArray], rows: np.ndarray, sizes: Sequence[int]) -> FloatArray:
+        """Least chi-square (R,) for each of the wanted values, over all other parameters."""
+        starts = np.concatenate([self._gaussian_starts(which, at, values) for (which, at, _), values in wanted.items()])
+        at = np.repeat([at for _, at, _ in wanted], sizes)
         pinned = self.problem.free == at[:, None]
         held = ~np.isin(np.arange(starts.shape[1]), self.problem.free)
 
         def least(some: np.ndarray, begins: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """Values and chi-square of some of the rows, from these starts with the parameters of the looks."""
+            """Values and chi-square of some of the rows, from these starts with the wanted parameters."""
             begins = np.where(held, self.best[rows[some]], begins)
             begins[np.arange(some.size), at[some]] = starts[some, at[some]]
             return least_chi2(self.problem, rows[some], begins, pinned[some])
@@ -269,16 +336,16 @@ class _Profiles:
         neighbours[first] = self.best[rows[first]]
         return np.minimum(chi2, least(every, neighbours)[1])
 
-    def _gaussian_starts(self, look: _Look) -> FloatArray:
+    def _gaussian_starts(self, which: int, at: int, values: FloatArray) -> FloatArray:
         """Starts (T, P): conditional means of a normal distribution of the parameters, given values of one of them."""
-        found, at = self.fits[look.which], look.at
+        found = self.fits[which]
         best, covariance = found.values, found.covariance
         low, high = self.model.bounds
         slope = covariance[:, at] / covariance[at, at] if covariance[at, at] > 0 else np.zeros(best.size)
-        means = best + np.outer(look.values - best[at], slope)
+        means = best + np.outer(values - best[at], slope)
         starts = np.clip(means, np.maximum(low, 0.2 * best), np.minimum(high, 5 * best))
         starts = np.where((slope == 0) | (best <= 0), best, starts)
-        starts[:, at] = look.values
+        starts[:, at] = values
         return starts
 
     @cached_property

@@ -174,9 +174,8 @@ def static_stiffness(model: Model, values: FloatArray, data: StiffnessData) -> F
     """K1 (...,) [N/m] of parameters (..., P) as the static test of the data has it: at rest, or as a ramp's tangent."""
     if not _ramped(model, data):
         return model.static_stiffness(values)
-    assert data.static_omega is not None
-    assert data.static_weights is not None
-    return np.asarray(np.sum((data.static_weights * model.stiffness(values, data.static_omega)).real, axis=-1))
+    weights, omega = data.ramp["static_weights"], data.ramp["static_omega"]
+    return np.asarray(np.sum((weights * model.stiffness(values, omega)).real, axis=-1))
 
 
 def static_derivative(
@@ -185,8 +184,6 @@ def static_derivative(
     """Derivatives (..., P) of `static_stiffness` by each parameter, or (..., F) by those at some places."""
     if not _ramped(model, data):
         return model.static_derivative(values) if places is None else model.static_derivative_by(values, places)
-    assert data.static_omega is not None
-    assert data.static_weights is not None
-    slopes = model.derivative(values, data.static_omega)
+    slopes = model.derivative(values, data.ramp["static_omega"])
     slopes = slopes if places is None else slopes[..., places]
-    return np.asarray(np.sum((data.static_weights[..., None] * slopes).real, axis=-2))
+    return np.asarray(np.sum((data.ramp["static_weights"][..., None] * slopes).real, axis=-2))

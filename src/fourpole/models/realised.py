@@ -82,12 +82,8 @@ class Realised(ByValue):
         a[real, real + 1], a[real + 1, real] = self.pair_rates.imag, -self.pair_rates.imag
         drive = np.concatenate([1.0 / self.times, np.ravel([self.pair_rates.real, self.pair_rates.imag], "F")])
         output = np.concatenate([-self.springs, np.ravel([-self.pair_springs.real, self.pair_springs.imag], "F")])
-        return StateSpace(
-            a=a,
-            b=np.stack([drive, np.zeros_like(drive)], axis=1),
-            c=output,
-            d=np.array([self.instantaneous, self.damper]),
-        )
+        inputs, direct = np.stack([drive, np.zeros_like(drive)], axis=1), np.array([self.instantaneous, self.damper])
+        return StateSpace(a, inputs, output, direct)
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
         """K* (...,) [N/m] at angular frequencies (...,) [rad/s]."""

@@ -128,14 +128,8 @@ def slopes(cylinder: Cylinder, n: FloatArray, across: FloatArray) -> tuple[Float
     n, across = np.broadcast_arrays(n, across)
     one, nothing = np.ones_like(n), np.zeros_like(n)
     stretch = [2 * across, (nu + g) * n, nu * one, 2 * g * across, nothing, nothing]
-    bend = [
-        nothing,
-        -0.75 * g * n,
-        -g * n * n,
-        4.5 * g * across,
-        2 * (nu + 3 * g) * n * across,
-        4 * across * (n * n + across**2),
-    ]
+    twist, whole = 2 * (nu + 3 * g) * n * across, 4 * across * (n * n + across**2)
+    bend = [nothing, -0.75 * g * n, -g * n * n, 4.5 * g * across, twist, whole]
     pull = 2 * cylinder.axial * across
     return np.stack(stretch), np.stack(bend), np.stack([pull, nothing, -one, pull, nothing, pull])
 

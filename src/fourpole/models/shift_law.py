@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import scipy
@@ -168,10 +170,12 @@ def fit_laws(temperatures: FloatArray, log_a: FloatArray, covariance: FloatArray
     names = ["Arrhenius"] if temperatures.size < 3 else ["WLF", "Arrhenius"]
     laws = [found for name in names if (found := problem.fitted(name)) is not None]
     scale = 1.0 if any(law.fits for law in laws) else min(law.chi2 / max(law.dof, 1) for law in laws)
-    ranked = sorted(laws, key=lambda law: law.chi2 / scale + law.values.size * np.log(problem.t.size))
-    gap = [law.chi2 / scale + law.values.size * np.log(problem.t.size) for law in ranked]
-    decided = len(gap) < 2 or gap[1] - gap[0] > UNDECIDED
-    return LawChoice(tuple(ranked), decided)
+
+    def bic(law: ShiftLaw) -> float:
+        return float(law.chi2 / scale + law.values.size * np.log(problem.t.size))
+
+    ranked = sorted(laws, key=bic)
+    return LawChoice(tuple(ranked), len(ranked) < 2 or bic(ranked[1]) - bic(ranked[0]) > UNDECIDED)
 
 
 def _law(name: str, values: FloatArray, reference: float, t: FloatArray) -> FloatArray:
@@ -199,119 +203,99 @@ class _Problem:
     log_a: FloatArray
     covariance: FloatArray
 
-    def _whiten(self) -> FloatArray:
+    @cached_property
+    def whiten(self) -> FloatArray:
         """W with W S W^T = 1 for the covariance S."""
-        slope = np.max(np.abs(self.log_a / (self.t - self.reference)))
+        slope = np.max(np.abs(self.log_a / self.x))
         least = (slope * _LEAST_KELVIN) ** 2 + 1e-16
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance + least * np.eye(self.t.size))))
 
+    @cached_property
+    def target(self) -> FloatArray:
+        """The shift factors in standard uncertainties."""
+        return self.whiten @ self.log_a
+
+    @property
+    def x(self) -> FloatArray:
+        """Temperatures above the reference [K]."""
+        return self.t - self.reference
+
+    @property
+    def least(self) -> float:
+        """Least C2 [K] with which the WLF law holds at all temperatures."""
+        return max(0.0, -float(self.x.min()))
+
     def fitted(self, name: str) -> ShiftLaw | None:
         """The law with the least chi-square; None if WLF has no bend that the data show."""
-        whiten = self._whiten()
-        target = whiten @ self.log_a
         if name == "Arrhenius":
-            column = whiten @ _slopes(name, np.ones(1), self.reference, self.t)[:, 0]
-            values = np.array([column @ target / (column @ column)])
-        else:
-            best = self._best_bend(whiten, target)
-            if best is None:
-                return None
-            values = best
-        return self._judged(name, values, whiten)
-
-    def _linear(self, c2: float, whiten: FloatArray, target: FloatArray) -> tuple[float, float]:
-        """C1 that fits best for a given C2, and chi-square."""
-        x = self.t - self.reference
-        column = whiten @ (-_DECADE * x / (c2 + x))
-        c1 = float(column @ target / (column @ column))
-        return c1, float(np.sum((target - c1 * column) ** 2))
-
-    def _best_bend(self, whiten: FloatArray, target: FloatArray) -> FloatArray | None:
-        """C1 and C2 with the least chi-square. The law is linear in C1, so that C2 alone is searched."""
-        least = max(0.0, self.reference - float(self.t.min()))
-
-        def chi2(log_c2: float) -> float:
-            return self._linear(least + float(np.exp(log_c2)), whiten, target)[1]
-
+            column = self.whiten @ _slopes(name, np.ones(1), self.reference, self.t)[:, 0]
+            return self._judged(name, np.array([column @ self.target / (column @ column)]))
+        # The law is linear in C1, so that C2 alone is searched.
         grid = np.linspace(np.log(0.05), np.log(1e5), 120)
-        every = np.array([chi2(one) for one in grid])
-        at = int(np.argmin(every))
+        at, found = _minimum(lambda log_c2: self._linear(self.least + float(np.exp(log_c2)))[1], grid)
         if at == grid.size - 1:
             return None  # a straight line in temperature is as good as any bend
-        found = scipy.optimize.minimize_scalar(
-            chi2, bounds=(grid[max(at - 1, 0)], grid[at + 1]), method="bounded", options={"xatol": 1e-10}
-        )
-        c2 = least + float(np.exp(found.x))
-        return np.array([self._linear(c2, whiten, target)[0], c2])
+        c2 = self.least + float(np.exp(found.x))
+        return self._judged(name, np.array([self._linear(c2)[0], c2]))
 
-    def _judged(self, name: str, values: FloatArray, whiten: FloatArray) -> ShiftLaw:
+    def _linear(self, c2: float) -> tuple[float, float]:
+        """C1 that fits best for a given C2, and chi-square."""
+        column = self.whiten @ (-_DECADE * self.x / (c2 + self.x))
+        c1 = float(column @ self.target / (column @ column))
+        return c1, float(np.sum((self.target - c1 * column) ** 2))
+
+    def _judged(self, name: str, values: FloatArray) -> ShiftLaw:
         """A law with covariance, intervals and BIC."""
-        rows = whiten @ _slopes(name, values, self.reference, self.t)
-        residual = whiten @ (self.log_a - _law(name, values, self.reference, self.t))
+        rows = self.whiten @ _slopes(name, values, self.reference, self.t)
+        residual = self.whiten @ (self.log_a - _law(name, values, self.reference, self.t))
         chi2, dof = float(residual @ residual), self.t.size - values.size
         covariance = np.linalg.inv(rows.T @ rows)
         wide = dof > 0 and stats.chi2.sf(chi2, dof) < CHANCE
         scale = chi2 / dof if wide else 1.0
         limit = float(stats.f.ppf(_LEVEL, 1, dof)) if wide else float(stats.chi2.ppf(_LEVEL, 1))
-        bound = chi2 + scale * limit
+        stds = np.sqrt(scale * np.diag(covariance))
         ends = [
-            self._interval(name, values, at, np.sqrt(scale * covariance[at, at]), bound) for at in range(values.size)
+            _interval(partial(self._profile, name, at), value, stds[at], chi2 + scale * limit)
+            for at, value in enumerate(values)
         ]
-        return ShiftLaw(
-            name=name,
-            reference=self.reference,
-            values=values,
-            covariance=scale * covariance,
-            intervals=np.array(ends),
-            chi2=chi2,
-            dof=dof,
-            bic=chi2 + values.size * float(np.log(self.t.size)),
-        )
+        bic = chi2 + values.size * float(np.log(self.t.size))
+        return ShiftLaw(name, self.reference, values, scale * covariance, np.array(ends), chi2, dof, bic)
 
-    def _interval(self, name: str, values: FloatArray, at: int, std: float, bound: float) -> tuple[float, float]:
-        """Ends at which the least chi-square for a fixed constant reaches a bound; infinite if it does not."""
-        profile = self._profile(name, at)
-
-        def end(side: float) -> float:
-            far = std
-            while far < _WIDEST * std:
-                there = values[at] + side * far
-                if profile(there) > bound:
-                    inner = values[at] + side * 0.5 * far if far > std else values[at]
-                    return float(
-                        scipy.optimize.brentq(lambda x: profile(x) - bound, min(inner, there), max(inner, there))
-                    )
-                far *= 2.0
-            return side * np.inf
-
-        return end(-1.0), end(1.0)
-
-    def _profile(self, name: str, at: int) -> Callable[[float], float]:
-        """Least chi-square as a function of one constant."""
-        whiten = self._whiten()
-        target = whiten @ self.log_a
-        x = self.t - self.reference
-        least = max(0.0, -float(x.min()))
-
-        def of_energy(value: float) -> float:
-            return float(np.sum((target - whiten @ _law(name, np.array([value]), self.reference, self.t)) ** 2))
-
-        def of_c2(value: float) -> float:
-            return self._linear(value, whiten, target)[1] if value > least * (1 + 1e-9) else np.inf
-
-        def of_c1(value: float) -> float:
-            def chi2(log_c2: float) -> float:
-                c2 = least + np.exp(log_c2)
-                return float(np.sum((target + whiten @ (_DECADE * value * x / (c2 + x))) ** 2))
-
-            # ln a_T at small differences fixes C1/C2, so that the best C2 is near value C2/C1.
-            grid = np.linspace(np.log(0.05), np.log(1e6), 60)
-            place = int(np.argmin([chi2(one) for one in grid]))
-            ends = grid[max(place - 1, 0)], grid[min(place + 1, grid.size - 1)]
-            return float(
-                scipy.optimize.minimize_scalar(chi2, bounds=ends, method="bounded", options={"xatol": 1e-10}).fun
-            )
-
+    def _profile(self, name: str, at: int, value: float) -> float:
+        """Least chi-square for a fixed constant."""
         if name == "Arrhenius":
-            return of_energy
-        return of_c1 if at == 0 else of_c2
+            law = _law(name, np.array([value]), self.reference, self.t)
+            return float(np.sum((self.target - self.whiten @ law) ** 2))
+        if at == 1:
+            return self._linear(value)[1] if value > self.least * (1 + 1e-9) else np.inf
+
+        def chi2(log_c2: float) -> float:
+            c2 = self.least + np.exp(log_c2)
+            return float(np.sum((self.target + self.whiten @ (_DECADE * value * self.x / (c2 + self.x))) ** 2))
+
+        # ln a_T at small differences fixes C1/C2, so that the best C2 is near value C2/C1.
+        return float(_minimum(chi2, np.linspace(np.log(0.05), np.log(1e6), 60))[1].fun)
+
+
+def _minimum(chi2: Callable[[float], float], grid: FloatArray) -> tuple[int, Any]:
+    """Place of the least value on a grid, and the minimum beside it as scipy gives it."""
+    at = int(np.argmin([chi2(one) for one in grid]))
+    ends = grid[max(at - 1, 0)], grid[min(at + 1, grid.size - 1)]
+    return at, scipy.optimize.minimize_scalar(chi2, bounds=ends, method="bounded", options={"xatol": 1e-10})
+
+
+def _interval(profile: Callable[[float], float], best: float, std: float, bound: float) -> tuple[float, float]:
+    """Ends at which the profile of a constant reaches a bound; infinite if it does not."""
+
+    def end(side: float) -> float:
+        far = std
+        while far < _WIDEST * std:
+            there = best + side * far
+            if profile(there) > bound:
+                inner = best + side * 0.5 * far if far > std else best
+                low, high = min(inner, there), max(inner, there)
+                return float(scipy.optimize.brentq(lambda x: profile(x) - bound, low, high))
+            far *= 2.0
+        return side * np.inf
+
+    return end(-1.0), end(1.0)

@@ -51,22 +51,23 @@ def simulate(model: StateSpace, deflection: ArrayLike, rate: ArrayLike, step: fl
     size = len(model.a)
     if not size:
         return np.asarray(direct)
-    transition, push = _discrete(model, step)
+    transition, push = cubic_step(model.a, model.b, step)
     at_rest = np.linalg.solve(-model.a, model.b[:, 0] * x[0])
     drives = push @ np.stack([x[:-1], step * v[:-1], x[1:], step * v[1:]])
     states = states_of(transition, np.vstack([at_rest, drives.T, np.zeros((1, size))]))[1:]
     return np.asarray(direct + states @ model.c)
 
 
-def _discrete(model: StateSpace, step: float) -> tuple[FloatArray, FloatArray]:
-    """Matrices of one step: (n, n) for the states, and (n, 4) for x and step·v at both ends of the cubic."""
-    size = len(model.a)
+def cubic_step(a: FloatArray, b: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Matrices of one step: (n, n) for the states, and (n, 4) for x and step·v at both ends of the cubic.
+
+    A cubic is the output of a chain of integrators, so that one exponential of the system with this chain is exact.
+    """
+    size = len(a)
     chain = np.zeros((size + 4, size + 4))
-    chain[:size, :size] = model.a * step
-    chain[:size, size] = model.b[:, 0] * step
-    chain[:size, size + 1] = model.b[
-        :, 1
-    ]  # the integrators of the cubic run over time/step, so that the slope is step · v
+    chain[:size, :size] = a * step
+    chain[:size, size] = b[:, 0] * step
+    chain[:size, size + 1] = b[:, 1]  # the integrators run over time/step, so that the slope is step·v
     chain[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
     whole = scipy.linalg.expm(chain)
     return whole[:size, :size], whole[:size, size:] @ _HERMITE

@@ -284,9 +284,8 @@ def _distance(warm: Isotherm, cold: Isotherm, size: tuple[float, float]) -> floa
     errors = [relative_errors(one.stiffness, size) for one in pair]
     best, least = 0.0, np.inf
     for step in np.arange(-1.0, decades, _STEP) * _DECADE:
-        log_a = np.array([0.0, -step])
-        if common_points(cold, warm, *log_a) >= FEWEST_POINTS:
-            chi2 = fit_spectra(pair, log_a, np.zeros(2), errors, _COARSE).chi2
+        if common_points(cold, warm, 0.0, -step) >= FEWEST_POINTS:
+            chi2 = fit_spectra(pair, np.array([[0.0, -step], [0.0, 0.0]]), errors, _COARSE).chi2
             best, least = (float(step), chi2) if chi2 < least else (best, least)
     return best
 
@@ -339,61 +338,55 @@ def _joint(
     free = np.array([i for i in range(len(isotherms)) if i != reference])
     stated = all(one.covariance is not None for one in isotherms)
     errors = [stated_errors(one) if stated else relative_errors(one.stiffness, size) for one in isotherms]
-    search = _Search(isotherms, free, vertical)
-    log_a: FloatArray = start.copy()
-    log_b: FloatArray = np.zeros(len(isotherms))
+    search, shifts = _Search(isotherms, errors, free, vertical), np.stack([start, np.zeros(len(isotherms))])
     for _ in range(1 if stated else _ROUNDS):
-        log_a, log_b, fit, converged = search.from_start(log_a, log_b, errors)
-        dof = max(fit.residual.size - fit.used - search.count, 1)
+        shifts, fit, converged = search.from_start(shifts)
         if stated:
             break
-        before, errors = errors, errors_of_misfit(isotherms, fit, dof)
-        change = [np.max(np.abs(new / old - 1)) for new, old in zip(errors, before, strict=True)]
+        before, search = search, replace(search, errors=errors_of_misfit(isotherms, fit, search.dof(fit)))
+        change = [np.max(np.abs(new / old - 1)) for new, old in zip(search.errors, before.errors, strict=True)]
         if max(change) < _STABLE:
             break
-    fit = fit_spectra(isotherms, log_a, log_b, errors, _DENSITY)
-    dof = max(fit.residual.size - fit.used - search.count, 1)
-    covariance: FloatArray = np.asarray(np.linalg.inv(search.normal(log_a, log_b, fit, errors, loose=True)[0]))
+    fit = search.fit(shifts)
+    dof = search.dof(fit)
+    covariance: FloatArray = np.asarray(np.linalg.inv(search.normal(shifts, fit, loose=True)[0]))
     if not stated or stats.chi2.sf(fit.chi2, dof) < CHANCE:
         covariance = covariance * fit.chi2 / dof
     whole = np.zeros((2, len(isotherms), len(isotherms)))
-    whole[0][np.ix_(free, free)] = covariance[: free.size, : free.size]
-    if vertical:
-        whole[1][np.ix_(free, free)] = covariance[free.size :, free.size :]
+    for at in range(search.kinds):
+        block = slice(at * free.size, (at + 1) * free.size)
+        whole[at][np.ix_(free, free)] = covariance[block, block]
     return Superposition(
-        isotherms=isotherms,
-        reference=reference,
-        log_a=log_a,
-        log_b=log_b,
-        covariance=whole[0],
-        vertical_covariance=whole[1],
-        vertical=vertical,
-        times=fit.times,
-        springs=fit.springs,
-        errors=tuple(errors),
-        chi2=fit.chi2,
-        dof=float(dof),
-        stated=stated,
-        converged=converged,
-    )
+        isotherms, reference, shifts[0], shifts[1], whole[0], whole[1], vertical, fit.times, fit.springs,
+        tuple(search.errors), fit.chi2, float(dof), stated, converged,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
     """The search for the shifts of `free` isotherms with the least chi-square.
 
-    Neighbours were chosen to overlap: the distance of two is half the longer of them, give or take as much. This
-    matters only where K* hardly depends on frequency, so that the data set no distance.
+    Shifts are ln a_T and ln b_T (2, n). Neighbours were chosen to overlap: the distance of two is half the longer of
+    them, give or take as much. This matters only where K* hardly depends on frequency: the data set no distance there.
     """
 
     isotherms: tuple[Isotherm, ...]
+    errors: Sequence[FloatArray]
     free: np.ndarray
     vertical: bool
 
     @property
-    def count(self) -> int:
-        """Number of free shifts."""
-        return int(self.free.size) * (2 if self.vertical else 1)
+    def kinds(self) -> int:
+        """Number of kinds of shifts: horizontal ones, and vertical ones if wanted."""
+        return 2 if self.vertical else 1
+
+    def fit(self, shifts: FloatArray) -> SpectraFit:
+        """The best common curve at given shifts."""
+        return fit_spectra(self.isotherms, shifts, self.errors, _DENSITY)
+
+    def dof(self, fit: SpectraFit) -> int:
+        """Degrees of freedom of a fit."""
+        return max(fit.residual.size - fit.used - self.free.size * self.kinds, 1)
 
     @property
     def _half(self) -> FloatArray:
@@ -401,70 +394,51 @@ class _Search:
         length = np.array([np.log(one.omega[-1] / one.omega[0]) for one in self.isotherms])
         return np.asarray(0.5 * np.maximum(length[1:], length[:-1]))
 
-    def _prior(self, log_a: FloatArray) -> FloatArray:
+    def _prior(self, shifts: FloatArray) -> FloatArray:
         """Departures (n - 1,) of the distances from the expected ones, in their standard uncertainties."""
-        return np.asarray(-np.diff(log_a) / self._half - 1.0)
+        return np.asarray(-np.diff(shifts[0]) / self._half - 1.0)
 
-    def _objective(self, log_a: FloatArray, fit: SpectraFit) -> float:
-        return fit.chi2 + float(np.sum(self._prior(log_a) ** 2))
+    def _objective(self, shifts: FloatArray, fit: SpectraFit) -> float:
+        return fit.chi2 + float(np.sum(self._prior(shifts) ** 2))
 
-    def normal(
-        self,
-        log_a: FloatArray,
-        log_b: FloatArray,
-        fit: SpectraFit,
-        errors: Sequence[FloatArray],
-        *,
-        loose: bool = False,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Normal matrix (p, p) of the free shifts, and the right side (p,) of the step."""
-        columns = shift_rows(self.isotherms, log_a, log_b, fit, errors, self.free, vertical=self.vertical, loose=loose)
-        expected = np.zeros((len(self.isotherms) - 1, self.count))
-        expected[:, : self.free.size] = (-np.diff(np.eye(len(self.isotherms)), axis=0) / self._half[:, None])[
-            :, self.free
-        ]
+    def normal(self, shifts: FloatArray, fit: SpectraFit, *, loose: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix (p, p) of the free shifts, and the right side (p,) of the step, which `loose` does not have."""
+        columns = shift_rows(self.isotherms, shifts, fit, self.errors, self.free, self.vertical, loose=loose)
+        distances = -np.diff(np.eye(len(self.isotherms)), axis=0) / self._half[:, None]
+        expected = np.zeros((len(distances), columns.shape[1]))
+        expected[:, : self.free.size] = distances[:, self.free]
         normal = columns.T @ columns + expected.T @ expected
         normal[np.diag_indices_from(normal)] += 1e-10 * np.trace(normal) / len(normal)
         if loose:
-            return normal, np.zeros(self.count)
-        return normal, columns.T @ fit.residual - expected.T @ self._prior(log_a)
+            return normal, np.zeros(len(normal))
+        return normal, columns.T @ fit.residual - expected.T @ self._prior(shifts)
 
-    def from_start(
-        self, log_a: FloatArray, log_b: FloatArray, errors: Sequence[FloatArray]
-    ) -> tuple[FloatArray, FloatArray, SpectraFit, bool]:
+    def from_start(self, shifts: FloatArray) -> tuple[FloatArray, SpectraFit, bool]:
         """Gauss-Newton iteration with the spectra projected out; a step that does not help is halved."""
-        fit = fit_spectra(self.isotherms, log_a, log_b, errors, _DENSITY)
+        fit = self.fit(shifts)
         for _ in range(_MOST_STEPS):
-            step, size = self._step(log_a, log_b, fit, errors)
-            now, better = self._objective(log_a, fit), None
+            step, size = self._step(shifts, fit)
+            now, better = self._objective(shifts, fit), None
             for share in 0.5 ** np.arange(_HALVINGS):
-                a, b = self._moved(log_a, log_b, share * step)
-                trial = fit_spectra(self.isotherms, a, b, errors, _DENSITY)
-                if self._objective(a, trial) < now:
-                    better = (a, b, trial)
+                tried = shifts.copy()
+                tried[: self.kinds, self.free] += (share * step).reshape(self.kinds, -1)
+                trial = self.fit(tried)
+                if self._objective(tried, trial) < now:
+                    better = tried, trial
                     break
                 if share * size < _SMALL:
                     break
             if better is None:
-                return log_a, log_b, fit, True
-            log_a, log_b, fit = better
-            if share * size < _SMALL or now - self._objective(log_a, fit) < _FLAT:
-                return log_a, log_b, fit, True
-        return log_a, log_b, fit, False
+                return shifts, fit, True
+            shifts, fit = better
+            if share * size < _SMALL or now - self._objective(shifts, fit) < _FLAT:
+                return shifts, fit, True
+        return shifts, fit, False
 
-    def _step(
-        self, log_a: FloatArray, log_b: FloatArray, fit: SpectraFit, errors: Sequence[FloatArray]
-    ) -> tuple[FloatArray, float]:
+    def _step(self, shifts: FloatArray, fit: SpectraFit) -> tuple[FloatArray, float]:
         """The step of the free shifts, at most a decade long, and its largest part in standard uncertainties."""
-        normal, right = self.normal(log_a, log_b, fit, errors)
+        normal, right = self.normal(shifts, fit)
         covariance = np.linalg.inv(normal)
         step = covariance @ right
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(covariance))))
         return step * min(1.0, _DECADE / max(float(np.max(np.abs(step))), 1e-300)), size
-
-    def _moved(self, log_a: FloatArray, log_b: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-        a, b = log_a.copy(), log_b.copy()
-        a[self.free] += step[: self.free.size]
-        if self.vertical:
-            b[self.free] += step[self.free.size :]
-        return a, b

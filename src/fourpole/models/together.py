@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
 from fourpole.models.laws import Laws, Normal
 from fourpole.models.linearised import Conditions, Rows, Scatter, Weights
-from fourpole.models.links import link_all, unlink_all
 
 #: Maximum number of steps; start, factors after a good and a bad step, and maximum of the damping.
 _STEPS, _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 100, 1e-3, 0.1, 8.0, 1e10
@@ -34,6 +34,8 @@ _STEPS, _DAMPING, _LOWER, _RAISE, _MOST_DAMPING = 100, 1e-3, 0.1, 8.0, 1e10
 _SMALL_GAIN, _FLAT, _WINDOW = 1e-11, 1e-3, 10
 #: Chi-square that a step may add by round-off, as a fraction of itself.
 _ROUND_OFF = 1e-12
+#: Least value of 1 - leverage: the leverage is 1 in directions that no other condition determines.
+_LEAST_REMAINDER = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class Together(ByValue):
     @property
     def values(self) -> FloatArray:
         """Parameters (B, P) of each condition."""
-        return unlink_all(self.model, self.linked)[0]
+        return self.model.unlink(self.linked)[0]
 
     @property
     def coefficients(self) -> list[FloatArray]:
@@ -99,21 +101,12 @@ class Together(ByValue):
         size = self.laws.coefficients
         return self.inverse[:size, :size]
 
-    @cached_property
-    def local_covariance(self) -> FloatArray:
-        """Covariance (B, P + p, P + p) of the linked parameters of each condition and of the shared errors."""
-        return self.normal.local_covariance(self.inverse)
-
-    @cached_property
-    def weights(self) -> list[Weights]:
-        """Weights of each block of conditions."""
-        return [Weights.of(one, self.scatter.variances) for one in self.rows]
-
     def fits(self) -> list[Fit]:
         """One fit per condition, with the covariance of its parameters and an equal part of the degrees of freedom."""
-        values, slopes = unlink_all(self.model, self.linked)
+        values, slopes = self.model.unlink(self.linked)
         size = values.shape[1]
-        covariance = self.local_covariance[:, :size, :size] * slopes[:, :, None] * slopes[:, None, :]
+        local = self.normal.local_covariance(self.inverse)
+        covariance = local[:, :size, :size] * slopes[:, :, None] * slopes[:, None, :]
         residuals = {
             int(place): row
             for rows in self.rows
@@ -129,8 +122,6 @@ class Together(ByValue):
                 residuals=residuals[at],
                 on_bound=np.zeros(size, dtype=bool),
                 converged=np.asarray(self.converged),
-                steps=0,
-                agreed=np.asarray(1.0),
             )
             for at in range(len(values))
         ]
@@ -190,7 +181,7 @@ def fit_together(
         every.count,
     )
     values = np.broadcast_to(model.checked(start), (every.count, len(symbols)))
-    return search(every, laws, link_all(model, values), scatter or Scatter())
+    return search(every, laws, model.link(values), scatter or Scatter())
 
 
 def search(
@@ -297,3 +288,95 @@ def _law_of(symbol: str, given: ArrayLike, count: int) -> FloatArray:
     if law.ndim != 2 or len(law) != count:
         raise ModelError(f"the law of {symbol} has the shape {law.shape}: {count} conditions need as many rows")
     return law
+
+
+@dataclass(frozen=True)
+class LeaveOneOut:
+    """Comparison of each condition with the map of the other conditions; not-a-number if no condition can be omitted.
+
+    Attributes
+    ----------
+    error : float [1]
+        Leave-one-out error: root mean square difference between measured and predicted K*, relative.
+    inside : float [1]
+        Fraction of all K' and K'' that are inside the predicted 95 % intervals.
+    conditions : float [1]
+        Fraction of the conditions whose K' and K'' at the middle frequency are both inside.
+    """
+
+    error: float = float("nan")
+    inside: float = float("nan")
+    conditions: float = float("nan")
+
+    @classmethod
+    def of(cls, found: Together) -> LeaveOneOut:
+        """The leave-one-out errors of a fit; changes of parameters and shared errors are of first order."""
+        change, covariance = without_each(found.normal, found.inverse)
+        size = found.linked.shape[1]
+        errors = found.errors + change[:, size:]
+        for part in found.conditions.errors_of_model:  # the map does not correct K* for the error of the model
+            errors[:, part] = 0.0
+            columns = slice(size + part.start, size + part.stop)
+            covariance[:, columns] = covariance[:, :, columns] = 0.0
+        variances = found.scatter.summed.variances
+        moved = found.linked + change[:, :size], errors
+        squares, scores, middle = [], [], []
+        for rows, left in zip(found.rows, found.conditions.residuals(*moved, found.rows), strict=True):
+            off, spread = _predicted(rows, variances, left, covariance[rows.places])
+            squares.append(np.sum(off**2, axis=2).ravel())
+            score = np.abs(off) / np.sqrt(spread)
+            scores.append(score.ravel())
+            middle.append(score[:, score.shape[1] // 2].max(axis=1))
+        return cls(
+            error=float(np.sqrt(np.mean(np.concatenate(squares)))),
+            inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
+            conditions=float(np.mean(np.concatenate(middle) < NORMAL_95)),
+        )
+
+
+def without_each(normal: Normal, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Changes (B, L) of the local vector of each condition when it is omitted, and its covariance (B, L, L) then.
+
+    With the local covariance C, information A and gradient g they are -(1 - C A)^-1 C g and (1 - C A)^-1 C.
+    """
+    spread = normal.local_covariance(inverse)
+    covariance = np.linalg.solve(_remainder(normal, spread), spread)
+    return -(covariance @ normal.right[..., None])[..., 0], covariance
+
+
+def _remainder(normal: Normal, spread: FloatArray) -> FloatArray:
+    """1 - C A (B, L, L)."""
+    return np.asarray((1.0 + _LEAST_REMAINDER) * np.eye(spread.shape[1]) - spread @ normal.gram)
+
+
+def misfit_without_each(rows: Sequence[Rows], weights: Sequence[Weights], normal: Normal) -> tuple[float, float]:
+    """Chi-square of each condition against the fit of the others, summed, and the leave-one-out error of K*, relative.
+
+    The fit is that of linear equations.
+    """
+    whole, _, local = normal.solved()
+    spread = normal.local_covariance(whole)
+    gradient = normal.right[..., None] - normal.gram @ local[..., None]
+    change = -np.linalg.solve(_remainder(normal, spread), spread @ gradient)[..., 0]
+    total, squares = 0.0, []
+    for one, weight in zip(rows, weights, strict=True):
+        move = (local + change)[one.places]
+        off = one.off - (one.columns @ move[..., None])[..., 0]
+        total += weight.chi2(off)
+        squares.append((off[:, : 2 * one.own.shape[1]] ** 2).ravel())
+    return total, float(np.sqrt(2 * np.mean(np.concatenate(squares))))
+
+
+def _predicted(
+    rows: Rows, variances: FloatArray, left: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals (G, N, 2) of K' and K'' without the condition, from those (G, M) along K*, and their variance."""
+    groups, count = rows.own.shape[:2]
+    columns = rows.columns[:, : 2 * count]
+    off = left[:, : 2 * count].reshape(groups, count, 2)
+    pairs = columns.reshape(groups, count, 2, -1)
+    spread = pairs @ covariance[:, None] @ np.swapaxes(pairs, 2, 3) + rows.own
+    spread = spread + np.diag(variances[1:3] + variances[0])
+    turn = multiplication(rows.scale / np.abs(rows.scale))  # along K*
+    turned = (turn @ off[..., None])[..., 0]
+    return turned, np.diagonal(turn @ spread @ np.swapaxes(turn, 2, 3), 0, 2, 3)

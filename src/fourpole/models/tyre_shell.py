@@ -167,7 +167,7 @@ class Shell(Model):
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
         sets, w = self.checked(values), positive(omega)
-        springs, shape, patch, rest = self._parts(sets)
+        springs, shape, patch, rest = self.parts(sets)
         gains = (shape[..., 2, :] ** 2 * patch.weight[..., None]).reshape(*sets.shape[:-1], 1, -1)
         kappa = springs.reshape(*sets.shape[:-1], 1, -1)
         mass, lossy = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
@@ -177,40 +177,30 @@ class Shell(Model):
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """Derivatives by R, B, S, D, p, k, mu, tau, l and beta."""
         sets, w = self.checked(values), positive(omega)
-        mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
-        answer, patch, rest = self._answers(sets, w, loss)
-        weight = patch.weight[..., None]
+        moving = _Moving.of(self, sets, w)
+        loss, answer, patch = moving.loss[..., None], moving.answer, moving.patch
         by_stiffness = self._by_stiffness(sets, self._n[self._moves], self._m[self._moves])
-        squares = np.swapaxes(weight[..., None] * answer[..., _ROW] * answer[..., _COLUMN], -2, -3)
-        change = -loss[..., None] * _contracted(squares, by_stiffness)
-        change_of_load = np.swapaxes(answer[..., 2], -1, -2) @ patch.slopes(sets)
+        weight = patch.weight[..., None, None]
+        squares = np.swapaxes(weight * answer[..., _ROW] * answer[..., _COLUMN], -2, -3)
         still, still_of_load = self._rest_slopes(sets)
-        change = change + still[..., None, :] / loss[..., None]
-        change_of_load = change_of_load + still_of_load[..., None, :] / loss[..., None]
-        kinetic = np.sum(weight * np.sum(answer**2, axis=-1), axis=-2)
-        moved_by = np.sum(weight * answer[..., 2], axis=-2)
-        by_mass = w**2 * kinetic
-        by_tau = -1j * w / loss * (moved_by + mass * by_mass) - 1j * w * rest[..., None] / loss**2
-        whole = np.concatenate([change, by_mass[..., None], by_tau[..., None], change_of_load[..., 2:]], axis=-1)
+        change = -loss * _contracted(squares, by_stiffness) + still[..., None, :] / loss
+        change_of_load = np.swapaxes(answer[..., 2], -1, -2) @ patch.slopes(sets) + still_of_load[..., None, :] / loss
+        rubber = [moving.by_mass[..., None], moving.by_tau[..., None]]
+        whole = np.concatenate([change, *rubber, change_of_load[..., 2:]], axis=-1)
         whole[..., :2] += change_of_load[..., :2]
-        receptance = moved_by + rest[..., None] / loss
-        return np.asarray(-whole / receptance[..., None] ** 2)
+        return np.asarray(-whole / moving.receptance[..., None] ** 2)
 
     def derivative_by(self, values: ArrayLike, omega: ArrayLike, places: np.ndarray) -> ComplexArray:
         """Derivatives by some of the parameters; by k, mu and tau without those of the wall's stiffness."""
         if not np.all(np.isin(places, _OF_RUBBER)):
             return super().derivative_by(values, omega, places)
         sets, w = self.checked(values), positive(omega)
-        mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
-        answer, patch, rest = self._answers(sets, w, loss)
-        weight = patch.weight[..., None]
-        moved = np.sum(weight * answer[..., 2], axis=-2)
-        by_mass = w**2 * np.sum(weight * np.sum(answer**2, axis=-1), axis=-2)
-        by_tau = -1j * w / loss * (moved + mass * by_mass) - 1j * w * rest[..., None] / loss**2
+        moving = _Moving.of(self, sets, w)
         softer = self._softer(sets, ~self._moves)[..., None]
-        by_k = -loss * np.sum(weight * answer[..., 2] ** 2, axis=-2) - softer / loss
-        whole = np.stack([by_k, by_mass, by_tau], axis=-1)[..., places - _OF_RUBBER[0]]
-        return np.asarray(-whole / (moved + rest[..., None] / loss)[..., None] ** 2)
+        squares = np.sum(moving.patch.weight[..., None] * moving.answer[..., 2] ** 2, axis=-2)
+        by_k = -moving.loss * squares - softer / moving.loss
+        whole = np.stack([by_k, moving.by_mass, moving.by_tau], axis=-1)[..., places - _OF_RUBBER[0]]
+        return np.asarray(-whole / moving.receptance[..., None] ** 2)
 
     def static_derivative_by(self, values: ArrayLike, places: np.ndarray) -> FloatArray:
         """Derivatives of the static stiffness by some of the parameters; it does not depend on mu and tau."""
@@ -252,7 +242,7 @@ class Shell(Model):
         sets = self.checked(values)
         if sets.ndim != 1:
             raise ModelError("the state space of the shell model is for one set of parameters")
-        springs, shape, patch, rest = self._parts(sets)
+        springs, shape, patch, rest = self.parts(sets)
         gain = (shape[..., 2, :] * np.sqrt(patch.weight)[:, None]).ravel()
         kappa = springs.ravel()
         share = gain**2 / kappa
@@ -269,7 +259,7 @@ class Shell(Model):
         system[size + at, size + at] -= tau * kappa
         return StateSpace(system, np.outer(push, direct), output, direct)
 
-    def _parts(self, sets: FloatArray) -> tuple[FloatArray, FloatArray, _Patch, FloatArray]:
+    def parts(self, sets: FloatArray) -> tuple[FloatArray, FloatArray, _Patch, FloatArray]:
         """Stiffness and shape of the modes with inertia, their patch, and the flexibility of the others [m/N]."""
         moves = self._moves
         elastic, patch = self._wall(sets, moves)
@@ -299,30 +289,11 @@ class Shell(Model):
         scales = (membrane / radius**2, bending / radius**4, pressure / radius)
         by_wave = sum(scale * part for scale, part in zip(scales, slopes(cylinder, n, across), strict=True)) * across
         by_size = 2 * scales[0] * stretch + 4 * scales[1] * bend + scales[2] * tension
-        springs = np.zeros_like(stretch)
-        springs[5] = 1.0
-        whole = np.stack(
-            [
-                (by_wave - by_size) / radius,
-                -by_wave / width,
-                stretch / radius**2,
-                bend / radius**4,
-                tension / radius,
-                springs,
-            ]
-        )
+        unit = np.zeros_like(stretch)
+        unit[5] = 1.0
+        of_size = [(by_wave - by_size) / radius, -by_wave / width]
+        whole = np.stack([*of_size, stretch / radius**2, bend / radius**4, tension / radius, unit])
         return np.moveaxis(whole * _TWICE.reshape(-1, *[1] * (whole.ndim - 2)), (1, 0), (-2, -1))
-
-    def _answers(self, sets: FloatArray, w: FloatArray, loss: ComplexArray) -> tuple[ComplexArray, _Patch, FloatArray]:
-        """Deflections (..., pairs, N, 3) under a unit load of the modes with inertia, their patch, and H of the others.
-
-        `w` is the angular frequency (N,) [rad/s], `loss` the complex factor (..., N) of the stiffness of the wall.
-        """
-        springs, shape, patch, rest = self._parts(sets)
-        inertia = (sets[..., 6, None] * w**2)[..., None, :, None]
-        yields = loss[..., None, :, None] * springs[..., None, :] - inertia
-        answers = (shape[..., 2, None, :] / yields) @ np.swapaxes(shape, -1, -2)
-        return np.asarray(answers), patch, rest
 
     def _rest_slopes(self, sets: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Derivatives of H_rest: by R, B, S, D, p, k of the shell, and by R, B, l, beta of the load."""
@@ -331,6 +302,34 @@ class Shell(Model):
         squares = np.moveaxis(patch.weight * answer[_ROW] * answer[_COLUMN], 0, -1)[..., None, :, :]
         shell = -_contracted(squares, self._by_stiffness(sets, patch.n, patch.m))[..., 0, :]
         return shell, (answer[2][..., None, :] @ patch.slopes(sets))[..., 0, :]
+
+
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    """The shell under a unit load at frequencies (N,).
+
+    `loss` is the complex factor (..., N) of the stiffness of the wall; `answer` are the deflections (..., pairs, N, 3)
+    of the modes with inertia, under their patch; `by_mass` and `by_tau` are derivatives of the `receptance` (..., N).
+    """
+
+    loss: ComplexArray
+    answer: ComplexArray
+    patch: _Patch
+    by_mass: ComplexArray
+    by_tau: ComplexArray
+    receptance: ComplexArray
+
+    @classmethod
+    def of(cls, shell: Shell, sets: FloatArray, w: FloatArray) -> _Moving:
+        mass, loss = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
+        springs, shape, patch, rest = shell.parts(sets)
+        yields = loss[..., None, :, None] * springs[..., None, :] - (mass * w**2)[..., None, :, None]
+        answer: ComplexArray = np.asarray((shape[..., 2, None, :] / yields) @ np.swapaxes(shape, -1, -2))
+        weight = patch.weight[..., None]
+        moved = np.sum(weight * answer[..., 2], axis=-2)
+        by_mass = w**2 * np.sum(weight * np.sum(answer**2, axis=-1), axis=-2)
+        by_tau = -1j * w / loss * (moved + mass * by_mass) - 1j * w * rest[..., None] / loss**2
+        return cls(loss, answer, patch, by_mass, by_tau, moved + rest[..., None] / loss)
 
 
 def _contracted(squares: np.ndarray, by_stiffness: FloatArray) -> np.ndarray:

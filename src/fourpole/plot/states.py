@@ -16,8 +16,9 @@ from fourpole.core.rig import Rig
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN
 from fourpole.fitting.modelfile import ModelFile
-from fourpole.fitting.query import response, rig_in
+from fourpole.fitting.query import response
 from fourpole.fitting.rows import conditions_in, rule_in
+from fourpole.fitting.stated import rig_in
 from fourpole.models.operating import Answer
 from fourpole.plot.fitted import DECADE, Drawn, conditions_of
 from fourpole.plot.names import plain_text

@@ -15,7 +15,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.interface import StateSpace
 from fourpole.ride.comfort import check_step, weighted
-from fourpole.ride.linear import LinearSystem, step_matrices
+from fourpole.ride.linear import step_matrices
 from fourpole.ride.time import TimeRide
 from fourpole.ride.vehicle import Body
 
@@ -197,10 +197,10 @@ class _Stepper:
         rest = float(tyre.stiffness(0.0).real)
         inverse, onto = np.linalg.inv(body.mass), np.eye(n)[:, n - wheels :]
         a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ body.stiffness, -inverse @ body.damping]])
-        turn, hold, slope = _step(
+        turn, hold, slope = step_matrices(
             a, np.vstack([np.zeros((n, wheels)), inverse @ onto]), np.zeros((2 * n, wheels)), step
         )
-        relax, kept, moved = _step(tyre.a, tyre.b[:, :1], tyre.b[:, 1:], step)
+        relax, kept, moved = step_matrices(tyre.a, tyre.b[:, :1], tyre.b[:, 1:], step)
         rate = float(tyre.d[1]) / step  # of a backward difference of second order
         motion, load, now, before, arms = np.split(
             np.arange(2 * n + wheels * (3 + own)), np.cumsum([2 * n, *[wheels] * 3])
@@ -247,9 +247,3 @@ class _Stepper:
                     total = 0.0
                 load[at] = total - self.weight[at]
         return np.asarray(known[: self.size] + self.by_load @ load + self.by_deflection @ x)
-
-
-def _step(a: FloatArray, b: FloatArray, e: FloatArray, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Matrices of one step of x' = a x + b u + e u', by the state, the input and the change of the input."""
-    none, inputs = np.zeros((0, len(a))), np.zeros((0, b.shape[1]))
-    return step_matrices(LinearSystem(a, b, e, none, inputs, inputs), step)

@@ -59,7 +59,7 @@ def driven(system: LinearSystem, inputs: FloatArray, step: float) -> FloatArray:
     if np.any(first):
         steady = (system.d - system.c @ np.linalg.solve(system.a, system.b)) @ first
         moves = inputs - first
-    transition, hold, slope = step_matrices(system, step)
+    transition, hold, slope = step_matrices(system.a, system.b, system.e, step)
     # The states less slope · u follow from earlier inputs alone.
     push = transition @ slope + hold - slope
     direct = system.d + system.c @ slope
@@ -71,13 +71,15 @@ def driven(system: LinearSystem, inputs: FloatArray, step: float) -> FloatArray:
     return outputs
 
 
-def step_matrices(system: LinearSystem, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def step_matrices(
+    a: FloatArray, b: FloatArray, e: FloatArray, step: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """One step: the change of the states by themselves, by the input at its start, and by the change of the input."""
-    size, inputs = len(system.a), system.b.shape[1]
+    size, inputs = b.shape
     chain = np.zeros((size + 2 * inputs, size + 2 * inputs))
-    chain[:size, :size] = system.a * step
-    chain[:size, size : size + inputs] = system.b * step
-    chain[:size, size + inputs :] = system.e
+    chain[:size, :size] = a * step
+    chain[:size, size : size + inputs] = b * step
+    chain[:size, size + inputs :] = e
     chain[size : size + inputs, size + inputs :] = np.eye(inputs)
     whole = scipy.linalg.expm(chain)
     return whole[:size, :size], whole[:size, size : size + inputs], whole[:size, size + inputs :]

@@ -67,28 +67,29 @@ class Condensed(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class Transfers(ByValue):
-    """Responses per height of the road under the first axle, and their derivatives by K*.
+    """Responses per height of the road under the first axle, or their derivatives by K* [m/N].
 
     Attributes
     ----------
-    acceleration, acceleration_by : (..., N) complex arrays [1/s²], [1/(N s²/m)]
-    load, load_by : (..., N, W) complex arrays [N/m], [1]
-    travel, travel_by : (..., N, W) complex arrays [1], [m/N]
-    deflection, deflection_by : (..., N, W) complex arrays [1], [m/N]
+    acceleration : (..., N) complex array [1/s²]
+    load : (..., N, W) complex array [N/m]
+    travel, deflection : (..., N, W) complex arrays [1]
     """
 
     acceleration: ComplexArray
-    acceleration_by: ComplexArray
     load: ComplexArray
-    load_by: ComplexArray
     travel: ComplexArray
-    travel_by: ComplexArray
     deflection: ComplexArray
-    deflection_by: ComplexArray
+
+    @classmethod
+    def of(cls, vehicle: Condensed, wheels: ComplexArray, load: ComplexArray, deflection: ComplexArray) -> Transfers:
+        """The responses with this motion of the wheels (..., N, W)."""
+        acceleration = np.sum(vehicle.acceleration * wheels, axis=-1)
+        return cls(acceleration, load, _times(vehicle.travel, wheels), deflection)
 
 
-def transfers(vehicle: Condensed, stiffness: ComplexArray, lags: FloatArray) -> Transfers:
-    r"""Responses of a vehicle on tyres of K* to a road that each axle meets later.
+def transfers(vehicle: Condensed, stiffness: ComplexArray, lags: FloatArray) -> tuple[Transfers, Transfers]:
+    r"""Responses of a vehicle on tyres of K* to a road that each axle meets later, and their derivatives by K*.
 
     With the road r and the wheels' forces D per motion, the wheels move by :math:`z = (D + K^*)^{-1} K^* r` and the
     tyres are compressed by :math:`x = r - z = (D + K^*)^{-1} D r`; so :math:`dz/dK^* = (D + K^*)^{-1} x`.
@@ -106,18 +107,8 @@ def transfers(vehicle: Condensed, stiffness: ComplexArray, lags: FloatArray) -> 
     k = np.asarray(stiffness, dtype=complex)[..., None]
     inverse = _inverse(vehicle.wheel + k[..., None] * np.eye(lags.size))
     x = _times(inverse, _times(vehicle.wheel, road))
-    z = road - x
     by = _times(inverse, x)
-    return Transfers(
-        acceleration=np.sum(vehicle.acceleration * z, axis=-1),
-        acceleration_by=np.sum(vehicle.acceleration * by, axis=-1),
-        load=k * x,
-        load_by=x - k * by,
-        travel=_times(vehicle.travel, z),
-        travel_by=_times(vehicle.travel, by),
-        deflection=x,
-        deflection_by=-by,
-    )
+    return Transfers.of(vehicle, road - x, k * x, x), Transfers.of(vehicle, by, x - k * by, -by)
 
 
 def _times(matrix: ComplexArray, vector: ComplexArray) -> ComplexArray:
@@ -237,31 +228,30 @@ def ride(
         raise ModelError("K* is zero at all frequencies: such a tyre carries no vehicle")
     omega = 2 * np.pi * frequency
     vehicle = Condensed.of(body, omega) if vehicle is None else vehicle
-    found = transfers(vehicle, stiffness, body.behind / speed)
+    found, slope = transfers(vehicle, stiffness, body.behind / speed)
     height = road.spectrum_in_time(frequency, speed)
     weight = height * _widths(frequency)
     comfort = weight * np.abs(weighting(frequency)) ** 2
     load, load_by, travel, travel_by = (
-        np.moveaxis(one, -1, -2) for one in (found.load, found.load_by, found.travel, found.travel_by)
+        np.moveaxis(one, -1, -2) for one in (found.load, slope.load, found.travel, slope.travel)
     )
+    size, change = np.abs(found.acceleration) ** 2, _change(found.acceleration, slope.acceleration)
     parts = np.concatenate([
-        (np.abs(found.acceleration) ** 2 * comfort)[..., None, :],
-        (np.abs(found.acceleration) ** 2 * weight)[..., None, :],
+        (size * comfort)[..., None, :], (size * weight)[..., None, :],
         np.abs(load) ** 2 * weight, np.abs(travel) ** 2 * weight,
     ], axis=-2)  # fmt: skip
     by = np.concatenate([
-        (comfort * _change(found.acceleration, found.acceleration_by))[..., None, :],
-        (weight * _change(found.acceleration, found.acceleration_by))[..., None, :],
+        (comfort * change)[..., None, :], (weight * change)[..., None, :],
         weight * _change(load, load_by), weight * _change(travel, travel_by),
     ], axis=-2)  # fmt: skip
     roots = np.sqrt(np.sum(parts, axis=-1))
-    power, power_by = _power(found, stiffness, omega * weight)
+    power, power_by = _power(found.deflection, slope.deflection, stiffness, omega * weight)
     return Ride(
         frequency=frequency,
         values=np.concatenate([roots, np.sum(power, axis=-1, keepdims=True)], axis=-1),
         by_stiffness=np.concatenate([by / (2.0 * roots[..., None]), power_by[..., None, :]], axis=-2),
-        spectrum=np.abs(found.acceleration) ** 2 * height,
-        spectrum_by=_change(found.acceleration, found.acceleration_by) * height,
+        spectrum=size * height,
+        spectrum_by=change * height,
         unresolved=np.max(_thinning(np.concatenate([parts, power[..., None, :]], axis=-2)), axis=-1),
     )
 
@@ -280,9 +270,11 @@ def _change(response: ComplexArray, by: ComplexArray) -> ComplexArray:
     return 2.0 * np.conj(response) * by
 
 
-def _power(found: Transfers, stiffness: ComplexArray, weight: FloatArray) -> tuple[FloatArray, ComplexArray]:
+def _power(
+    deflection: ComplexArray, deflection_by: ComplexArray, stiffness: ComplexArray, weight: FloatArray
+) -> tuple[FloatArray, ComplexArray]:
     """Parts (..., N) [W] of the mean power lost in all tyres, and the derivative (..., N) by K* of their sum."""
-    size = np.sum(np.abs(found.deflection) ** 2, axis=-1)
-    change = np.sum(_change(found.deflection, found.deflection_by), axis=-1)
+    size = np.sum(np.abs(deflection) ** 2, axis=-1)
+    change = np.sum(_change(deflection, deflection_by), axis=-1)
     power = stiffness.imag * size * weight
     return np.asarray(power), np.asarray(weight * (stiffness.imag * change - 1j * size))

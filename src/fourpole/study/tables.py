@@ -20,8 +20,7 @@ from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.demodulation.preview import BLOCKS, POINTS
 from fourpole.core.phasor import SYMBOLS
 from fourpole.errors import CampaignError, TableError
-from fourpole.fitting.common_errors import COVARIANCE_COLUMNS
-from fourpole.fitting.likelihood import LIKELIHOOD_COLUMNS
+from fourpole.fitting.likelihood import COVARIANCE_COLUMNS, LIKELIHOOD_COLUMNS
 from fourpole.fitting.rows import KEY, checked, each_once
 from fourpole.io.published import Published
 from fourpole.quantities import DERIVED, QUANTITIES, Quantity

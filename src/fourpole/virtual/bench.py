@@ -241,8 +241,3 @@ def far_end(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> complex
     s = 2j * np.pi * frequency
     states = np.linalg.solve(s * np.eye(a.shape[0]) - a, b @ np.array([1.0, s]))
     return complex(moved(states, bench.tyre_arm, bench)[0])
-
-
-def amplification(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
-    """|V2/V1| [1] of the tyre's ends at one `frequency` [Hz], from the equations of motion."""
-    return abs(far_end(tyre, bench, frequency))

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from math import ceil, inf, isfinite, isinf
 
 import numpy as np
+import scipy
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.models.interface import StateSpace
-from fourpole.virtual.bench import Bench, Zener, amplification, equations, far_end, leaf, moved, state_matrices
+from fourpole.models.step import cubic_step
+from fourpole.virtual.bench import Bench, Zener, equations, far_end, leaf, moved, state_matrices
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.march import held_force, recur, respond
 
 #: Largest deflection of a cubic tyre, relative to the amplitude that it has without its cubic force.
 _KNEE = 1.3
@@ -114,12 +115,9 @@ def run(
     >>> float((np.ptp(motion.v2) / np.ptp(motion.v1)).round(3))  # the transmissibility
     1.435
     """
-    _check_times(cam, duration, sample_rate, oversampling, guard)
-    tyre = equations(tyre)
-    bench.check()
-    bench = bench.damped_at(cam.frequency)
+    base = _Base.of(cam, bench, duration, sample_rate, oversampling, guard)
+    tyre, bench, step = equations(tyre), bench.damped_at(cam.frequency), base.step
     a, b = state_matrices(tyre, bench)
-    step = 1.0 / (sample_rate * oversampling)
     run_up = _run_up(a, step)
     laws: list[_Law] = []
     if bench.leaf_friction:
@@ -128,10 +126,8 @@ def run(
         laws.append(_hardening(tyre, bench, cam, cubic))
     for law in laws:  # the steepest slope of a law may slow the decay of transients
         run_up = max(run_up, _run_up(law.held(law.held(a)), step))
-    points = (round(duration * sample_rate) - 1) * oversampling + 1 + 2 * guard
-    time: FloatArray = np.arange(-guard - run_up, points - guard, dtype=float) * step
+    time, kept = base.times(run_up), slice(run_up, None)
     x1, v1 = cam.motion(time)
-    kept = slice(run_up, None)
     states = _iterated(a, b, laws, np.stack([x1, v1]), step)[:, kept] if laws else respond(a, b, x1, v1, step, kept)
     far = moved(states, bench.tyre_arm, bench)
     inner = states[2 : 2 + tyre.a.shape[0]]
@@ -176,20 +172,15 @@ def run_block(
     >>> float((np.ptp(motion.force) / np.ptp(motion.x1)).round(1)), (20.0 * (20.0 * np.pi) ** 2 - 12440.0).__round__(1)
     (66516.8, 66516.8)
     """
-    _check_times(cam, duration, sample_rate, oversampling, guard)
-    bench.check()
-    bench = bench.damped_at(cam.frequency)
-    k3, c3, frame = leaf(bench)
-    step = 1.0 / (sample_rate * oversampling)
+    base = _Base.of(cam, bench, duration, sample_rate, oversampling, guard)
+    k3, c3, frame = leaf(bench.damped_at(cam.frequency))
     behind = np.zeros((1, 1)) if isinf(frame) else np.array([[-(k3 + frame) / c3]])  # the motion of the frame
-    run_up = 0 if isinf(frame) else _run_up(behind, step)
-    points = (round(duration * sample_rate) - 1) * oversampling + 1 + 2 * guard
-    time: FloatArray = np.arange(-guard - run_up, points - guard, dtype=float) * step
+    run_up = 0 if isinf(frame) else _run_up(behind, base.step)
+    time, kept = base.times(run_up), slice(run_up, None)
     x1, v1 = cam.motion(time)
-    kept = slice(run_up, None)
     held = k3 * x1 + c3 * v1
     if isfinite(frame):
-        held = frame * respond(behind, np.array([[k3 / c3, 1.0]]), x1, v1, step, kept)[0]
+        held = frame * respond(behind, np.array([[k3 / c3, 1.0]]), x1, v1, base.step, kept)[0]
     time, x1, v1 = time[kept], x1[kept], v1[kept]
     force = held + (bench.mass + bench.input_mass) * cam.acceleration(time)
     if bench.leaf_friction:
@@ -198,12 +189,28 @@ def run_block(
     return Motion(time, x1, v1, x1.copy(), v1.copy(), force, np.zeros_like(x1))
 
 
-def _check_times(cam: Cam, duration: float, sample_rate: float, oversampling: int, guard: int) -> None:
-    """Raise ValueError if a value is out of its range."""
-    if not min(cam.frequency, cam.eccentricity, duration, sample_rate) > 0.0:
-        raise ValueError("frequency, eccentricity, duration and sample_rate must be > 0")
-    if oversampling < 1 or guard < 0:
-        raise ValueError("oversampling must be >= 1 and guard >= 0")
+@dataclass(frozen=True)
+class _Base:
+    """A fine time base: its step [s], and its points from `first` on, 0 being the first sample."""
+
+    step: float
+    first: int
+    points: int
+
+    @classmethod
+    def of(cls, cam: Cam, bench: Bench, duration: float, sample_rate: float, oversampling: int, guard: int) -> _Base:
+        """The time base of `run`; ValueError if a value is out of its range."""
+        if not min(cam.frequency, cam.eccentricity, duration, sample_rate) > 0.0:
+            raise ValueError("frequency, eccentricity, duration and sample_rate must be > 0")
+        if oversampling < 1 or guard < 0:
+            raise ValueError("oversampling must be >= 1 and guard >= 0")
+        bench.check()
+        points = (round(duration * sample_rate) - 1) * oversampling + 1 + 2 * guard
+        return cls(1.0 / (sample_rate * oversampling), -guard, points)
+
+    def times(self, run_up: int) -> FloatArray:
+        """Times [s], with those of a run-up before."""
+        return np.arange(self.first - run_up, self.first + self.points, dtype=float) * self.step
 
 
 def _run_up(a: FloatArray, step: float) -> int:
@@ -239,7 +246,7 @@ class _Law:
 
 def _friction(tyre: StateSpace, bench: Bench, cam: Cam) -> _Law:
     """Coulomb friction between the moving mass and the foundation."""
-    width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency * amplification(tyre, bench, cam.frequency)
+    width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency * abs(far_end(tyre, bench, cam.frequency))
     damper = 0.5 * bench.leaf_friction / width
     size = state_matrices(tyre, bench)[0].shape[0]
     column, row = np.zeros(size), np.zeros(size)
@@ -291,3 +298,55 @@ def _iterated(a: FloatArray, b: FloatArray, laws: Sequence[_Law], contact: Float
         if change <= _CONVERGED * np.abs(states[1]).max():
             return states
     raise ValueError(laws[-1].words)
+
+
+# Exact solution of z' = A z + B u in equal steps, for inputs u that are polynomials within a step
+
+
+def held_force(a: FloatArray, column: FloatArray, step: float) -> FloatArray:
+    """Change of the states in one step (n, 2) per unit of a force at both ends of the step, linear between them."""
+    size = a.shape[0]
+    chain = np.zeros((size + 2, size + 2))
+    chain[:size, :size] = a * step
+    chain[:size, size] = column[:, 0] * step
+    chain[size, size + 1] = 1.0
+    return np.asarray(scipy.linalg.expm(chain)[:size, size:] @ np.array([[1.0, 0.0], [-1.0, 1.0]]))
+
+
+def respond(a: FloatArray, b: FloatArray, x1: FloatArray, v1: FloatArray, step: float, kept: slice) -> FloatArray:
+    """States (n, kept) from rest at the first point; the input is a cubic between the points."""
+    _, push = cubic_step(a, b, step)
+    ends = np.stack([x1[:-1], step * v1[:-1], x1[1:], step * v1[1:]])
+    return recur(a, push, ends, step, kept)
+
+
+def recur(a: FloatArray, push: FloatArray, ends: FloatArray, step: float, kept: slice) -> FloatArray:
+    """States (n, kept) from rest: in each step the modes decay, and `push` times the input at its `ends` is added."""
+    values, vectors = np.linalg.eig(a)
+    if np.linalg.cond(vectors / np.abs(vectors).max(axis=1, keepdims=True)) > 1e9:
+        return march(scipy.linalg.expm(a * step), push @ ends)[:, kept]
+    keep = values.imag >= 0.0  # one mode of each conjugate pair is sufficient
+    modal_push = np.linalg.solve(vectors, push.astype(complex))[keep]
+    # einsum, because the threads that matmul starts cost more time here than they save
+    drives = np.einsum("ij,jk->ik", np.vstack([modal_push.real, modal_push.imag]), ends)
+    half = modal_push.shape[0]
+    modes, weights = [], []
+    for value, vector, re, im in zip(values[keep], vectors.T[keep], drives[:half], drives[half:], strict=True):
+        pole = np.exp(value * step)
+        if value.imag == 0.0:
+            modes.append(scipy.signal.lfilter([1.0], [1.0, -pole.real], re))
+            weights.append(vector.real)
+        else:
+            mode = scipy.signal.lfilter([1.0], [1.0, -pole], re + 1j * im)
+            modes += [mode.real, mode.imag]
+            weights += [2.0 * vector.real, -2.0 * vector.imag]
+    history = np.stack([np.concatenate([[0.0], mode])[kept] for mode in modes])
+    return np.asarray(np.einsum("ij,ik->jk", np.stack(weights), history))
+
+
+def march(transition: FloatArray, pushes: FloatArray) -> FloatArray:
+    """States (n, steps + 1) by the recursion step by step, for the rare system whose modes coincide."""
+    states = np.zeros((pushes.shape[0], pushes.shape[1] + 1))
+    for index in range(pushes.shape[1]):
+        states[:, index + 1] = transition @ states[:, index] + pushes[:, index]
+    return states

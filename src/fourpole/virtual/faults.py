@@ -159,6 +159,11 @@ def _tyre(state: Callable[[Run], tuple[float, float]]) -> _Change:
     return change
 
 
+def _real(values: Callable[[Test], Mapping[str, Any]], lies: bool = False) -> _Change:
+    """The change to other true conditions; `lies` says that the row of the test claims the former ones."""
+    return lambda this, _: replace(this, real=_with(this.real, values(this.real)), label_lies=lies or this.label_lies)
+
+
 def _at_temperature(kelvin: float) -> tuple[float, float]:
     """Factors of stiffness and loss [1] of a tyre that is warmer by `kelvin`."""
     return 1.0 + _PER_KELVIN[0] * kelvin, 1.0 + _PER_KELVIN[1] * kelvin
@@ -196,20 +201,14 @@ def tilted(channel: str, degrees: float) -> Fault:
 
 def gain_drift(channel: str, share: float) -> Fault:
     """A gain that changes by `share` [1] from the first to the last test."""
-
-    def change(this: Run, _: np.random.Generator) -> Run:
-        return this.flawed(channel, scale=1.0 + share * this.place)
-
-    return Fault(f"gain of {channel} drifts", f"{100 * share:+g} %", "sensors", _each(change))
+    apply = _each(lambda this, _: this.flawed(channel, scale=1.0 + share * this.place))
+    return Fault(f"gain of {channel} drifts", f"{100 * share:+g} %", "sensors", apply)
 
 
 def jitter(channel: str, seconds: float) -> Fault:
     """A delay that differs from test to test; `seconds` is its standard deviation."""
-
-    def change(this: Run, rng: np.random.Generator) -> Run:
-        return this.flawed(channel, delay=seconds * float(rng.standard_normal()))
-
-    return Fault(f"trigger of {channel} jitters", f"{1e3 * seconds:g} ms", "sensors", _each(change))
+    apply = _each(lambda this, rng: this.flawed(channel, delay=seconds * float(rng.standard_normal())))
+    return Fault(f"trigger of {channel} jitters", f"{1e3 * seconds:g} ms", "sensors", apply)
 
 
 def _flawed(channels: Sequence[str], **flaw: Any) -> _Change:
@@ -231,36 +230,34 @@ def one_test(name: str, size: str, channel: str, **flaw: Any) -> Fault:
 
 def mass_left_on(kilograms: float) -> Fault:
     """One test has a mass on it that its row does not have."""
-
-    def change(this: Run, _: np.random.Generator) -> Run:
-        return replace(this, real=replace(this.real, added_mass=this.real.added_mass + kilograms))
-
-    return Fault("one test: mass left on", f"{kilograms:g} kg", "tests", _one(change))
+    apply = _one(_real(lambda this: {"added_mass": this.added_mass + kilograms}))
+    return Fault("one test: mass left on", f"{kilograms:g} kg", "tests", apply)
 
 
 def mislabelled(column: str, size: str, value: float, plan: Mapping[str, Any]) -> Fault:
     """The row of one test has another value of a column than the test had."""
-
-    def change(this: Run, _: np.random.Generator) -> Run:
-        return replace(this, row=_with(this.row, {column: value}), label_lies=True)
-
-    def differs(this: Run) -> bool:
-        return bool(getattr(this.row, column) != value)
-
-    return Fault(f"one test: wrong {column} in its row", size, "tests", _one(change, differs), plan=plan)
+    apply = _one(
+        lambda this, _: replace(this, row=_with(this.row, {column: value}), label_lies=True),
+        lambda this: bool(getattr(this.row, column) != value),
+    )
+    return Fault(f"one test: wrong {column} in its row", size, "tests", apply, plan=plan)
 
 
 def swapped(column: str, plan: Mapping[str, Any], size: str = "") -> Fault:
     """The labels of two tests of the same frequency, which differ in a column, are exchanged."""
 
     def apply(runs: Sequence[Run], rng: np.random.Generator) -> list[Run]:
-        one, other = _pair(runs, rng, column)
-        changed = list(runs)
-        for at, source in ((one, other), (other, one)):
-            changed[at] = replace(runs[source], row=runs[at].row, label_lies=True)
-        return changed
+        return _exchanged(runs, *_pair(runs, rng, column))
 
     return Fault(f"two tests: labels of {column.replace('_', ' ')} swapped", size, "tests", apply, plan=plan)
+
+
+def _exchanged(runs: Sequence[Run], one: int, other: int) -> list[Run]:
+    """The runs with the labels of two of them exchanged."""
+    changed = list(runs)
+    for at, source in ((one, other), (other, one)):
+        changed[at] = replace(runs[source], row=runs[at].row, label_lies=True)
+    return changed
 
 
 def duplicated(column: str, size: str, plan: Mapping[str, Any]) -> Fault:
@@ -301,11 +298,7 @@ def _with(test: Test, values: Mapping[str, Any]) -> Test:
 
 def of_all(name: str, size: str, unseen: frozenset[str] = frozenset(), **factors: float) -> Fault:
     """A condition of all tests is the stated one times a factor."""
-
-    def change(this: Run, _: np.random.Generator) -> Run:
-        new = {column: factor * getattr(this.real, column) for column, factor in factors.items()}
-        return replace(this, real=_with(this.real, new), label_lies=True)
-
+    change = _real(lambda this: {column: factor * getattr(this, column) for column, factor in factors.items()}, True)
     return Fault(name, size, "statement", _each(change, ("static", "dynamic")), unseen=unseen)
 
 
@@ -316,12 +309,8 @@ def wrong_unit(name: str, size: str, channel: str, factor: float) -> Fault:
 
 def added_mass(share: float, unseen: frozenset[str] = frozenset()) -> Fault:
     """The added mass is the stated one times 1 + `share`."""
-
-    def change(this: Run, _: np.random.Generator) -> Run:
-        return replace(this, real=replace(this.real, added_mass=(1.0 + share) * this.real.added_mass))
-
-    plan = {"added_masses": (0.0, 10.0)}
-    return Fault("added mass", f"{100 * share:+g} %", "statement", _each(change), plan, unseen)
+    apply = _each(_real(lambda this: {"added_mass": (1.0 + share) * this.added_mass}))
+    return Fault("added mass", f"{100 * share:+g} %", "statement", apply, {"added_masses": (0.0, 10.0)}, unseen)
 
 
 # The static test
@@ -336,18 +325,15 @@ def static_swapped() -> Fault:
     """The labels of the first two static tests are exchanged."""
 
     def apply(runs: Sequence[Run], _: np.random.Generator) -> list[Run]:
-        one, other = [at for at, this in enumerate(runs) if this.row.kind == "static"][:2]
-        changed = list(runs)
-        for at, source in ((one, other), (other, one)):
-            changed[at] = replace(runs[source], row=runs[at].row, label_lies=True)
-        return changed
+        return _exchanged(runs, *[at for at, this in enumerate(runs) if this.row.kind == "static"][:2])
 
     return Fault("static test: labels of two swapped", "", "static test", apply, plan=_TWO_PRESSURES)
 
 
 def _list() -> list[Fault]:
     """The faults of docs/faults.md, in its order."""
-    of_specimen = [
+    return [
+        # The specimen
         scatter(0.01),
         drift(0.01),
         drift(0.05),
@@ -355,8 +341,7 @@ def _list() -> list[Fault]:
         other_temperature(-15.0),
         softening(0.2),
         cubic(1e4),
-    ]
-    of_rig = [
+        # The rig
         rig("moving mass", "+1 kg", mass=lambda m: m + 1.0),
         rig("preload spring", "-25 %", preload_stiffness=lambda k: 0.75 * k),
         rig("preload damping", "+200 N s/m", preload_damping=lambda c: c + 200.0),
@@ -367,8 +352,7 @@ def _list() -> list[Fault]:
         rig("rocking mass", "35 Hz", rocking=Rocking(frequency=35.0)),
         rig("guide friction", "4 N", leaf_friction=4.0),
         rig("guide friction", "15 N", leaf_friction=15.0),
-    ]
-    of_sensors = [
+        # The sensors
         channel("gain of F1", "+1.5 %", "F1", scale=1.015, unseen=_ONE),
         channel("gain of F1", "+6 %", "F1", scale=1.06),
         channel("gain of V2", "+1.5 %", "V2", scale=1.015, unseen=_ONE),
@@ -393,8 +377,7 @@ def _list() -> list[Fault]:
         channel("soft clipping of F1", "at 500 N", "F1", limit=500.0),
         gain_drift("F1", 0.04),
         jitter("V2", 0.3e-3),
-    ]
-    of_tests = [
+        # Single tests, and their labels
         one_test("gain of V1", "+20 %", "V1", scale=1.2),
         one_test("loose V2", "+30 % at half time", "V2", loose=0.3),
         one_test("drop-outs of V2", "5 %", "V2", dropouts=0.05),
@@ -406,16 +389,14 @@ def _list() -> list[Fault]:
         swapped("added_mass", {"added_masses": (0.0, 10.0)}),
         duplicated("name", "of a repeat", {"repeats": 2}),
         duplicated("preload", "of another preload", _TWO_PRELOADS),
-    ]
-    of_statement = [
+        # The statement
         wrong_unit("F1 in kgf", "stated in N", "F1", 1.0 / 9.80665),
         wrong_unit("V2 with the other sign", "", "V2", -1.0),
         of_all("pressure of all tests", "-15 %", _EITHER, pressure=0.85),
         of_all("preload of all tests", "+20 %", _EITHER, preload=1.2),
         added_mass(-0.01, _EITHER),  # sensors known to 0.5 % do not show 1 %
         added_mass(-0.05),
-    ]
-    of_static = [
+        # The static test
         static("gain of the load", "+3 %", _flawed(["F"], scale=1.03)),
         static("zero of the load", "+150 N", _flawed(["F"], offset=150.0), frozenset()),
         static("frame in the deflection", "0.5 mm/kN", _flawed(["x"], crosstalk=(("F", 0.5e-6),))),
@@ -423,7 +404,6 @@ def _list() -> list[Fault]:
         static("colder", "-15 K", _tyre(lambda _: _at_temperature(-15.0))),
         static_swapped(),
     ]
-    return [*of_specimen, *of_rig, *of_sensors, *of_tests, *of_statement, *of_static]
 
 
 #: The faults of docs/faults.md by name and size.

@@ -8,8 +8,6 @@ from itertools import product
 from math import isclose, nan
 from typing import Literal
 
-from fourpole.models.interface import StateSpace
-from fourpole.virtual.bench import Zener
 from fourpole.virtual.tyres import ModelTyre, Tyre
 
 PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
@@ -105,8 +103,3 @@ def _is_at(condition: _Condition, wanted: tuple[str, float, float]) -> bool:
     """Whether a condition has this tyre name, pressure [Pa] and preload [N]."""
     tyre, *numbers = condition
     return tyre.name == wanted[0] and all(isclose(a, b) for a, b in zip(numbers, wanted[1:], strict=True))
-
-
-def element(test: Test, frequency: float) -> Zener | StateSpace:
-    """The tyre of a dynamic test, with constants taken at the `frequency` [Hz] of the cam."""
-    return test.mounted.element(frequency, test.pressure, test.preload)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from math import ceil
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,8 @@ _DURATION = 4.096
 _STATIC_RATE = 50.0
 #: Largest relative departure of the cam's frequency from the stated one.
 _SPEED_ERROR = 3e-3
+#: A sensor of a laboratory, whose converter has 16 bits.
+_WITH_BITS = partial(Sensor, bits=16)
 
 
 def cam_frequency(test: Test, rng: np.random.Generator, clean: bool) -> float:
@@ -48,34 +51,18 @@ def record_static(
         creep=this.specimen.creep,
         creep_time=this.specimen.creep_time,
     )
-    deflection, load = Sensor(scale=1e3), Sensor()
+    sensors, gain = {"x": Sensor(scale=1e3), "F": Sensor()}, truth.gain_errors
     if not clean:
         # The deflection transducer has an arbitrary zero; the force cell is zeroed before the test.
-        deflection = Sensor(
-            scale=1e3,
-            gain_error=truth.gain_errors["x"],
-            offset=rng.uniform(2.0, 9.0),
-            noise=0.004,
-            full_scale=50.0,
-            bits=16,
-        )
-        load = Sensor(
-            gain_error=truth.gain_errors["F"],
-            offset=rng.uniform(-0.5, 0.5),
-            drift=0.3,
-            drift_period=150.0,
-            drift_phase=rng.uniform(0.0, 2.0 * np.pi),
-            noise=0.8,
-            full_scale=5000.0,
-            bits=16,
-        )
+        zero, offset, phase = rng.uniform(2.0, 9.0), rng.uniform(-0.5, 0.5), rng.uniform(0.0, 2.0 * np.pi)
+        drift: dict[str, Any] = {"drift": 0.3, "drift_period": 150.0, "drift_phase": phase}
+        sensors = {
+            "x": _WITH_BITS(scale=1e3, gain_error=gain["x"], offset=zero, noise=0.004, full_scale=50.0),
+            "F": _WITH_BITS(gain_error=gain["F"], offset=offset, noise=0.8, full_scale=5000.0, **drift),
+        }
     signals = {"x": cycles.deflection, "F": cycles.load}
-    sensors = {"x": deflection, "F": load}
     base = (0.0, 1.0 / _STATIC_RATE)
-    return [("t", cycles.time)] + [
-        (channel, _recorded(sensors[channel], channel, signals, base, cycles.time, rng, this, chance))
-        for channel in signals
-    ]
+    return _recorded(this, sensors, signals, base, cycles.time, rng, chance)
 
 
 def record_dynamic(
@@ -105,35 +92,29 @@ def record_dynamic(
     times = np.arange(round(_DURATION * _SAMPLE_RATE)) / _SAMPLE_RATE
     signals = {"F1": motion.force, "V1": motion.v1, "V2": motion.v2}
     base = (float(motion.time[0]), float((motion.time[-1] - motion.time[0]) / (motion.time.size - 1)))
-    return [("t", times)] + [
-        (channel, _recorded(sensors[channel], channel, signals, base, times, rng, this, chance)) for channel in signals
-    ]
+    return _recorded(this, sensors, signals, base, times, rng, chance)
 
 
 def _recorded(
-    sensor: Sensor,
-    channel: str,
+    this: Run,
+    sensors: Mapping[str, Sensor],
     signals: Mapping[str, FloatArray],
     base: tuple[float, float],
     times: FloatArray,
     rng: np.random.Generator,
-    this: Run,
     chance: np.random.Generator,
-) -> FloatArray:
-    """The record of a channel; `base` is start and step [s] of the `signals`."""
-    start, step = base
-    flaw = this.flaws.get(channel)
-    if flaw is None:
-        return sensor.record(signals[channel], start=start, step=step, times=times, rng=rng)
-    record = sensor.record(
-        flaw.heard(channel, signals),
-        start=start,
-        step=step,
-        times=flaw.times(times),
-        rng=rng,
-        disturbance=flaw.disturbance(times, chance),
-    )
-    return flaw.interrupted(record, chance)
+) -> list[tuple[str, FloatArray]]:
+    """The time and the record of each channel; `base` is start and step [s] of the `signals`."""
+    columns, (start, step) = [("t", times)], base
+    for channel, signal in signals.items():
+        flaw, record = this.flaws.get(channel), partial(sensors[channel].record, start=start, step=step, rng=rng)
+        if flaw is None:
+            columns.append((channel, record(signal, times=times)))
+            continue
+        heard, disturbance = flaw.heard(channel, signals), flaw.disturbance(times, chance)
+        found = record(heard, times=flaw.times(times), disturbance=disturbance)
+        columns.append((channel, flaw.interrupted(found, chance)))
+    return columns
 
 
 def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:
@@ -149,40 +130,16 @@ def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:
     )
 
 
-#: Sensors of a dynamic test in a laboratory, in the units of the file; their offset is the largest one.
+#: Sensors of a dynamic test in a laboratory, in the units of the file [kN], [m/s], [m/s]; their offset is the largest.
 _SENSORS = {
-    "F1": Sensor(  # kN
-        scale=1e-3 / F1_GAIN,
-        offset=4e-3,
-        drift=8e-4,
-        drift_period=17.0,
-        hum=6e-4,
-        noise=2.0e-4,
-        pink=1.0e-4,
-        full_scale=1.0,
-        bits=16,
+    "F1": _WITH_BITS(
+        scale=1e-3 / F1_GAIN, offset=4e-3, drift=8e-4, drift_period=17.0, hum=6e-4, noise=2e-4, pink=1e-4, full_scale=1
     ),
-    "V1": Sensor(  # m/s
-        delay=V1_DELAY,
-        offset=1e-3,
-        drift=1e-4,
-        drift_period=13.0,
-        hum=2e-4,
-        noise=1.0e-4,
-        pink=0.5e-4,
-        full_scale=0.25,
-        bits=16,
+    "V1": _WITH_BITS(
+        delay=V1_DELAY, offset=1e-3, drift=1e-4, drift_period=13.0, hum=2e-4, noise=1e-4, pink=0.5e-4, full_scale=0.25
     ),
-    "V2": Sensor(  # m/s
-        invert=True,
-        offset=2e-3,
-        drift=2e-4,
-        drift_period=19.0,
-        hum=2e-4,
-        noise=1.5e-4,
-        pink=0.7e-4,
-        full_scale=0.5,
-        bits=16,
+    "V2": _WITH_BITS(
+        invert=True, offset=2e-3, drift=2e-4, drift_period=19.0, hum=2e-4, noise=1.5e-4, pink=0.7e-4, full_scale=0.5
     ),
 }
 

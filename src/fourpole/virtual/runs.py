@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from fourpole.models.interface import StateSpace
-from fourpole.virtual.bench import Bench, Zener, far_end
+from fourpole.virtual.bench import Bench, Zener, equations, far_end
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.flaws import Flaw
-from fourpole.virtual.plan import Test, element
+from fourpole.virtual.plan import Test
+from fourpole.virtual.sensors import Flaw
 from fourpole.virtual.truth import Truth
 
 #: Iterations for the amplitude of an amplitude-dependent tyre, each of which gains more than one digit.
@@ -104,7 +104,9 @@ def runs_of(tests: Sequence[Test], truth: Truth) -> list[Run]:
 
 def tyre_of(this: Run, frequency: float) -> Zener | StateSpace:
     """The element of a dynamic test at the true `frequency` of the cam [Hz], at the amplitude of the test."""
-    tyre = _repeated(element(this.real, frequency), this.specimen.repeat, frequency)
+    real = this.real
+    mounted = real.mounted.element(frequency, real.pressure, real.preload)
+    tyre = _repeated(mounted, this.specimen.repeat, frequency)
     if not this.specimen.softening:
         return tyre
     bench = this.loaded_bench.damped_at(frequency)
@@ -136,7 +138,7 @@ def _repeated(tyre: Zener | StateSpace, factor: complex, frequency: float) -> Ze
     """
     if factor == 1.0:
         return tyre
-    model = tyre if isinstance(tyre, StateSpace) else tyre.state_space()
+    model = equations(tyre)
     omega = 2.0 * np.pi * frequency
     wanted = factor * complex(model.stiffness(omega))
     rest = wanted - factor.real * complex(model.stiffness(omega))

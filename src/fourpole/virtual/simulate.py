@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.virtual.faults import Fault
-from fourpole.virtual.folder import finish, prepare, write_recording
+from fourpole.virtual.folder import finish, prepare, truth_rows, write_recording
 from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests
 from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_static
-from fourpole.virtual.rows import truth_rows
 from fourpole.virtual.runs import runs_of
 from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state
 from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, ModelTyre, Tyre
@@ -139,12 +138,8 @@ def simulate_campaign(
         mounts=mounts,
     )
     statement = state(clean=clean, sensors=sensors, rig_std=rig_std, declared=declared)
-    truth = draw_truth(
-        statement,
-        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,))),
-        rig_error=rig_error,
-        undeclared=undeclared,
-    )
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
+    truth = draw_truth(statement, rng, rig_error=rig_error, undeclared=undeclared)
     runs = runs_of(tests, truth)
     for at, fault in enumerate(faults):
         runs = fault.apply(runs, np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2, at))))

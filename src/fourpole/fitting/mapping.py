@@ -1,0 +1,98 @@
+"""The operating map of one model for one tyre, its mean uncertainty, and the map in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fourpole.errors import ModelError
+from fourpole.fitting.amplitude import COLUMN
+from fourpole.fitting.measured import Measured
+from fourpole.fitting.modelparts import split_column
+from fourpole.fitting.near import known_values, near_model, shared_effects
+from fourpole.models.choice import fit_conditions
+from fourpole.models.discrepancy import with_error
+from fourpole.models.families import model_named
+from fourpole.models.operating import OperatingMap, make_map
+from fourpole.models.surface import Axes
+
+#: Relative error that is added to each condition before the fits that start a map, so that none dominates.
+_EVEN = 0.01
+#: Largest number of conditions that are fitted for the start of a map.
+_MOST_STARTS = 24
+
+
+def map_axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Axes:
+    """The axes on which all conditions of a tyre have a value."""
+    everywhere = [column for column in measured[0].state if all(column in one.state for one in measured)]
+    lacking = [column for column in over if column not in everywhere]
+    if lacking:
+        raise ModelError(f"{lacking[0]} is not known of every condition of the tyre {tyre!r}: a map cannot go over it")
+    points = [[one.state[column] for column in everywhere] for one in measured]
+    positive = all(one.state.get(COLUMN, 1.0) > 0 for one in measured)
+    axes = Axes.of(everywhere, points, [COLUMN] if positive else [])
+    if not axes.names and len(measured) > 1:
+        raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} have the same values on all axes")
+    return axes
+
+
+def map_of_model(name: str, measured: Sequence[Measured], axes: Axes, *, alone: bool) -> OperatingMap:
+    """The map of one model, which starts from fits to each condition, or to some of very many.
+
+    One of several models must have no more parameters than frequencies: it would fit the noise.
+    """
+    model, few = model_named(name), min(one.own.count for one in measured)
+    if model.linear:
+        raise ModelError(f"the terms of {name} are no smooth functions of the condition: take zener or fractional")
+    if not alone and len(model.parameters) > few:
+        raise ModelError(f"its {len(model.parameters)} parameters are too many for {few} frequencies")
+    order = np.random.default_rng(0).permutation(len(measured))
+    some = np.sort(order[:_MOST_STARTS]).tolist()
+    even = [with_error(measured[at].data, _EVEN) for at in some]
+    fits = fit_conditions(model, even, [known_values(measured[at], {}) for at in some])
+    start = np.full((len(measured), len(model.parameters)), np.nan)
+    start[some] = [one.values for one in fits]
+
+    def made(rows: Sequence[Measured]) -> OperatingMap:
+        return make_map(model, [one.own for one in rows], axes, start, shared_effects(rows))
+
+    found = made(measured)
+    values = found.parameters(axes.points if axes.names else np.zeros((len(measured), 0)))
+    near = near_model(measured, model, list(values))
+    return found if near is measured else made(near)
+
+
+def mean_uncertainty(found: OperatingMap) -> float:
+    """Mean relative uncertainty of K* over the conditions, at the middle of the band."""
+    points = found.axes.points if found.axes.names else np.zeros((1, 0))
+    answer = found.ask(points, np.full(len(points), float(np.sqrt(found.band[0] * found.band[1]))))
+    variance = answer.covariance[:, 0, 0] + answer.covariance[:, 1, 1]
+    return float(np.mean(np.sqrt(variance) / np.abs(answer.stiffness)))
+
+
+def map_text(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
+    """The model of a map, its leave-one-out error, and what to take for a simulation in time."""
+    over = ", ".join(split_column(name)[0] for name in best.axes.names) or "one condition"
+    many = f"{len(best.terms)} terms" if len(best.terms) > 1 else "one value"
+    parts = [f"{best.model.name} over {over}, {many} for each parameter"]
+    errors = best.leave_one_out
+    if np.isfinite(errors.error):
+        inside = f"{100 * errors.inside:.0f} % of K' and K'' inside their 95 % intervals"
+        parts.append(f"leave-one-out error {100 * errors.error:.2g} %, {inside}")
+    elif len(best.axes.points) > 1:
+        parts.append("linear between the conditions, which are too few for a leave-one-out error or a scatter")
+    for axis in best.axes.straight:
+        name = split_column(best.axes.names[axis])[0]
+        parts.append(f"the uncertainty between the two tested values of {name} includes a bend")
+    text = "; ".join(parts)
+    if best.model.causal:
+        return text
+    text += ". It is not causal" if best.model.by_amplitude else ". It describes K2 and C and is not causal"
+    causal = [one for one in good if one.model.causal]
+    if causal:
+        first = min(causal, key=lambda one: one.leave_one_out.error)
+        error = first.leave_one_out.error
+        text += f": for a simulation in time take {first.model.name}"
+        text += f" ({100 * error:.2g} %)" if np.isfinite(error) else ""
+    return text
