@@ -27,9 +27,9 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.families import model_named
 from fourpole.models.fit import fit
 from fourpole.models.interface import Model
-from fourpole.models.prony import Prony
+from fourpole.models.maxwell import Prony
+from fourpole.models.problem import start_of
 from fourpole.models.shift_law import ShiftLaw, fit_laws
-from fourpole.models.starts import start_of
 from fourpole.models.step import simulate
 from fourpole.units import quantity
 
