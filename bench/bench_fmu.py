@@ -18,8 +18,8 @@ from pythonfmu.builder import FmuBuilder
 from pythonfmu_tyre import INPUTS, REST, SPRINGS, TIMES
 from side_by_side import agree
 
+from fourpole.export.fmi import fmu
 from fourpole.export.fmi.variables import Point
-from fourpole.export.fmu import fmu
 from fourpole.models.maxwell import GeneralisedMaxwell
 from fourpole.models.realised import realised
 

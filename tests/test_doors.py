@@ -42,7 +42,6 @@ MAY = {
     "io/formats/uff_responses.py": "its own copies of data sets",
     "io/writers/parquet.py": "its own parts",
     "io/writers/mdf.py": "makes an empty one",
-    "export/fmi/compiler.py": "what the compiler made",
     "report/pdf.py": "what the browser printed",
     "export/uff.py": "what it writes",
     "virtual/folder.py": "truth.csv of the folder that it made",
@@ -54,7 +53,9 @@ MAY = {
     "report/selftest/cases.py": "the reference data",
     "report/selftest/calculated.py": "the calls of the reference cases",
     "served/site.py": "scripts and styles",
-    "export/fmi/csource.py": "the source of FMUs",
+    "export/fmi/csource.py": "the source of FMUs, and what the compiler made",
+    "plot/catalogue.py": "names and captions of figures",
+    "plot/schemes.py": "strokes of line art",
     "words/__init__.py": "the sentences of checks",
     "io/origin.py": "the package's own repository",
     # the user's own

@@ -18,7 +18,7 @@ OWN = {
     "guess/words._patterns": "compiles IN_HEADERS",
     "io/origin._reference": "the checkout of Fourpole itself",
     "lab/dataset._unused": "names of files, of at most 255 characters",
-    "plot/links._LINK": "a drawing of our own, in which matplotlib has escaped all names",
+    "plot/figure._LINK": "a drawing of our own, in which matplotlib has escaped all names",
     "report/html._STYLE_SHEET": "a drawing of our own",
     "report/page._compact": "a drawing of our own",
     "served/pages/run.routes": "options of a command, by patterns of two lengths",

@@ -15,7 +15,7 @@ from tests.processes import environment
 from tests.served.server import Server, serving
 
 from fourpole.errors import FileError
-from fourpole.export.fmi.compiler import COMPILERS
+from fourpole.export.fmi.csource import COMPILERS
 from fourpole.report.pdf import browser
 from fourpole.virtual import simulate_campaign
 

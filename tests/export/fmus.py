@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fourpole.export.fmi.compiler import COMPILERS
-from fourpole.export.fmi.csource import common_source, model_source
+from fourpole.export.fmi import fmu
+from fourpole.export.fmi.csource import COMPILERS, common_source, model_source
 from fourpole.export.fmi.variables import Point, states_in
-from fourpole.export.fmu import fmu
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
 from fourpole.models.tyre_shell import RADIAL_PLY, Shell

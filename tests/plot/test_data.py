@@ -391,7 +391,7 @@ def test_data_needs_no_matplotlib():
     code = (
         "import sys, polars\n"
         "from fourpole.study.study import Study\n"
-        "from fourpole.plot import states, frequency, loops, fields, chain, budget, residuals, part, rig, choice\n"
+        "from fourpole.plot import states, frequency, loops, fields, chain, budget, part, rig, choice\n"
         "from fourpole.plot import spectrum, amplitude, operating, carpet, properties, motion, stiffness\n"
         "assert not [name for name in sys.modules if name.startswith('matplotlib')]\n"
     )

@@ -8,8 +8,7 @@ import pytest
 
 from fourpole import quantities as q
 from fourpole.core.checks import Code
-from fourpole.plot.cardids import dynamic_cards
-from fourpole.plot.strided import shown_rows, strided
+from fourpole.plot.cards import dynamic_cards, shown_rows, strided
 from fourpole.report.cards import make_cards
 from fourpole.report.page import render_report
 from fourpole.study.study import Study

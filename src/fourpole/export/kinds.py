@@ -37,8 +37,8 @@ class ExportKind:
         Default name of the file or folder.
     module : str
         Name of a module of `fourpole.export`; its `write(source, path)` writes the file and returns notes on what is
-        left out. The source is an `ExportTables` of results, a `ModelFile` of a model or map, or a `Campaign`. With a
-        dot, the name of another function of the module: lsdyna.write_springs.
+        left out. The source is an `ExportTables` of results, or a `ModelFile` of a model or map. With a
+        dot, the name of another function of the module: fe.write_springs.
     about : str
         Description of the file for the help.
     takes : Takes
@@ -90,18 +90,18 @@ KINDS = {
     "tydex": ExportKind("tydex", "tydex", "folder of TYDEX 1.3 files, one per condition"),
     "uff": ExportKind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
     "netcdf": ExportKind("results.nc", "netcdf", "NetCDF: the grid of conditions and frequencies", extra="maps"),
-    "abaqus": _material("prony.inp", "abaqus", "of a model: Abaqus *VISCOELASTIC, TIME=PRONY"),
-    "ansys": _material("prony.mac", "ansys", "of a model: ANSYS TB,PRONY"),
-    "lsdyna": _material("prony.k", "lsdyna", "of a model: LS-DYNA *MAT_GENERAL_VISCOELASTIC"),
-    "lsdyna-springs": _material("springs.k", "lsdyna.write_springs", "of a model: LS-DYNA discrete springs"),
+    "abaqus": _material("prony.inp", "fe.write_abaqus", "of a model: Abaqus *VISCOELASTIC, TIME=PRONY"),
+    "ansys": _material("prony.mac", "fe.write_ansys", "of a model: ANSYS TB,PRONY"),
+    "lsdyna": _material("prony.k", "fe.write_lsdyna", "of a model: LS-DYNA *MAT_GENERAL_VISCOELASTIC"),
+    "lsdyna-springs": _material("springs.k", "fe.write_springs", "of a model: LS-DYNA discrete springs"),
     "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
-    "fmu": _vehicle("specimen.fmu", "fmu", "of a model or a map: FMU of FMI 2.0, with C source", "points"),
-    "fmu3": _vehicle("specimen-fmi3.fmu", "fmu.write_fmi3", "the same of FMI 3.0", "points"),
+    "fmu": _vehicle("specimen.fmu", "fmi", "of a model or a map: FMU of FMI 2.0, with C source", "points"),
+    "fmu3": _vehicle("specimen-fmi3.fmu", "fmi.write_fmi3", "the same of FMI 3.0", "points"),
     "statespace": _vehicle(
-        "statespace.json", "statespace", "of a model or a map: matrices A, B, C, D as JSON", "points"
+        "statespace.json", "systems.write_json", "of a model or a map: matrices A, B, C, D as JSON", "points"
     ),
     "statespace-mat": _vehicle(
-        "statespace.mat", "statespace.write_matlab", "of a model or a map: matrices A, B, C, D for MATLAB", "points"
+        "statespace.mat", "systems.write_matlab", "of a model or a map: matrices A, B, C, D for MATLAB", "points"
     ),
     "modelica": _vehicle("FourpoleModels.mo", "modelica", "of a model or a map: Modelica source", "points"),
     "tir": _vehicle(
@@ -211,7 +211,7 @@ def export_results(
 
 def _source(place: Path, takes: Takes) -> Path:
     """The results or the model file that the folder of a campaign or of results stands for."""
-    if takes is not Takes.CAMPAIGN and not (place / "model.json").is_file():
+    if not (place / "model.json").is_file():
         place = results_in(place)
     if takes is Takes.EITHER and place.is_dir():
         return model_in(place)
@@ -237,10 +237,6 @@ def _read(path: Path, takes: Takes) -> Any:
         from fourpole.export.source import read_source
 
         return read_source(path)
-    if takes is Takes.CAMPAIGN:
-        from fourpole.campaign.folder import read_campaign
-
-        return read_campaign(path)
     from fourpole.fitting.modelfile import read_model_file
 
     return read_model_file(path)

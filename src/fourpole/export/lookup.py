@@ -37,7 +37,7 @@ ERROR = "interpolation error [1]"
 
 def write(source: ModelFile, path: Path, specimen: str | None = None) -> tuple[str, ...]:
     """Write a row per operating point and frequency; returns notes on the error of interpolation and on blank rows."""
-    sheets = [one for name in specimens(source, MODEL_FILE, specimen) for one in _sheets(source, MODEL_FILE, name)]
+    sheets = [one for name in specimens(source, MODEL_FILE, specimen) for one in _sheets(source, name)]
     table = pl.concat([one.rows() for one in sheets], how="diagonal_relaxed")
     write_table(path.with_suffix(path.suffix or ".csv"), table)
     return (*_notes(table), *dict.fromkeys(remark for one in sheets for remark in one.remarks))
@@ -137,13 +137,13 @@ class _Sheet:
         return answer_at(self.map, points, frequency, amplitude, self.levels)
 
 
-def _sheets(file: ModelFile, name: str, specimen: str) -> Iterator[_Sheet]:
+def _sheets(file: ModelFile, specimen: str) -> Iterator[_Sheet]:
     """A sheet for the map of a specimen, or for each condition of its fits."""
     mapped = any(one.tyre == specimen and one.axes for one in file.maps)
-    for state in [{}] if mapped else conditions_of(file, specimen, name):
+    for state in [{}] if mapped else conditions_of(file, specimen, MODEL_FILE):
         found = maps_of(file, specimen, state, ShownUnits())
         levels = levels_of_map(file, specimen, found) if depends_on_amplitude(file, specimen) else []
-        yield _Sheet(specimen, found, levels, () if mapped else placed_at(file, name, specimen, state).remarks)
+        yield _Sheet(specimen, found, levels, () if mapped else placed_at(file, MODEL_FILE, specimen, state).remarks)
 
 
 def _side(ends: tuple[float, float, bool], count: int) -> FloatArray:

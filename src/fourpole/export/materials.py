@@ -50,9 +50,11 @@ class Material(ByValue):
         return np.asarray(self.arms.springs / self.arms.instantaneous)
 
     @property
-    def has_moduli(self) -> bool:
-        """Whether the moduli of an isotropic material follow: the shape and Poisson's ratio are stated."""
-        return self.shape is not None and self.shape.poisson is not None
+    def elastic(self) -> tuple[float, float] | None:
+        """Instantaneous Young's modulus [Pa] and Poisson's ratio, if both the shape and that ratio are stated."""
+        if self.shape is None or self.shape.poisson is None:
+            return None
+        return self.shape.young * self.arms.instantaneous, self.shape.poisson
 
     @property
     def bulk_shares(self) -> FloatArray:
@@ -94,7 +96,7 @@ def materials_of(file: ModelFile, shape: Shape | None = None) -> tuple[list[Mate
 
 def no_moduli(materials: Sequence[Material]) -> tuple[str, ...]:
     """A note that the moduli of some materials are not known, with the remedy."""
-    lacking = [one for one in materials if not one.has_moduli]
+    lacking = [one for one in materials if one.elastic is None]
     if not lacking:
         return ()
     what = "Poisson's ratio" if all(one.shape is not None for one in lacking) else "height, area, mode and poisson"

@@ -5,14 +5,14 @@ The blocks use the language alone, not the Modelica Standard Library. Their conn
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from fourpole.core.arrays import FloatArray
-from fourpole.export.source import MODEL_FILE, identifiers
-from fourpole.export.systems import System, systems_of
+from fourpole.export.source import identifiers
+from fourpole.export.systems import Points, System, systems_of
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.io.write import write_text
 
@@ -32,11 +32,9 @@ _RESERVED = frozenset((
 _IN_LINE = 4
 
 
-def write(
-    source: ModelFile, path: Path, points: Sequence[Mapping[str, float]] = (), specimen: str | None = None
-) -> tuple[str, ...]:
+def write(source: ModelFile, path: Path, points: Points = (), specimen: str | None = None) -> tuple[str, ...]:
     """Write the package, whose name is that of the file; returns notes."""
-    systems, notes = systems_of(source, MODEL_FILE, points, specimen, reserved=_RESERVED)
+    systems, notes = systems_of(source, points, specimen, reserved=_RESERVED)
     (package,) = identifiers([path.stem], {*_RESERVED, *(one.name for one in systems)})
     lines = [
         "within ;",

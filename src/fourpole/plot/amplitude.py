@@ -12,13 +12,11 @@ from fourpole.core.condition import FREQUENCY
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.query import response
-from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.cards import linked
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, shade
-from fourpole.plot.fitted import Drawn, conditions_of
-from fourpole.plot.residuals import models_said, title_of
-from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
-from fourpole.plot.spec import FigureSpec
-from fourpole.plot.states import place_text
+from fourpole.plot.fitted import Drawn, conditions_of, models_said, title_of
+from fourpole.plot.sheet import Sheet, leading, read_sheet, spread
+from fourpole.plot.states import stated_text
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 
@@ -35,9 +33,8 @@ def over_amplitude(results: Study) -> FigureData | None:
     found = list({(one.entry.tyre, one.at): one for one in every if one.amplitude is not None}.values())
     if not found:
         return None
-    shown, notes = found[:_MOST_COLUMNS], []
-    if len(shown) < len(found):
-        notes.append(f"{len(shown)} of {len(found)} conditions shown")
+    notes: list[str] = []
+    shown = leading(found, _MOST_COLUMNS, "conditions", notes)
     groups = _frequencies(shown, sheet)
     panels = [_panel(results, sheet, one, groups, quantity) for quantity in _QUANTITIES for one in shown]
     notes = [*models_said(results, sheet, list(dict.fromkeys(one.tyre for one in shown))), *notes]
@@ -65,7 +62,6 @@ def _panel(results: Study, sheet: Sheet, one: Drawn, groups: Sequence[float], qu
     moved, shown = results.shown.of(q.DEFLECTION_AMPLITUDE), results.shown.of(quantity)
     tested, amplitude = sheet.values(q.FREQUENCY.head), amplitudes_of(sheet.table)
     values, std = (sheet.values(head) / shown.scale for head in (quantity.head, quantity.u_head))
-    cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
     part, grid, series = _QUANTITIES.index(quantity), np.geomspace(*_range(one), _GRID), []
     low, high = one.band
     here = [f for f in groups if low * (1 - FREQUENCY.relative) <= f <= high * (1 + FREQUENCY.relative)]
@@ -77,15 +73,15 @@ def _panel(results: Study, sheet: Sheet, one: Drawn, groups: Sequence[float], qu
         series.append(Series(Role.MODEL, grid / moved.scale, (line.real, line.imag)[part] / shown.scale, half,
                              label=f"{frequency:.3g} Hz", tyre=one.tyre, shade=tone))  # fmt: skip
         rows = np.flatnonzero(own & (np.abs(tested - frequency) <= FREQUENCY.relative * frequency))
-        series.append(Series(Role.POINTS, amplitude[rows] / moved.scale, values[rows], std[rows], tyre=one.tyre,
-                             shade=tone, tests=tuple(names[i] for i in rows),
-                             cards=tuple(cards[i] for i in rows)))  # fmt: skip
-    place = {each.column: each.value for each in one.entry.conditions[one.at].state}
+        x = amplitude[rows] / moved.scale
+        points = Series(Role.POINTS, x, values[rows], std[rows], tyre=one.tyre, shade=tone)
+        series.append(linked(results, points, rows))
+    place = {axis.column: axis.value for axis in one.entry.conditions[one.at].state}
     headed = quantity is _QUANTITIES[0]
     return Panel(
         AxisData.of(moved, log=True), AxisData.of(shown), tuple(series),
         title_of(results, sheet, one.tyre) if headed else "",
-        ", ".join(place_text(results, column, value) for column, value in place.items()) if headed else "",
+        stated_text(results, place) if headed else "",
         one.tyre if headed else -1,
     )  # fmt: skip
 
@@ -97,13 +93,5 @@ def _range(one: Drawn) -> tuple[float, float]:
     return tested[0], tested[-1]
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "amplitude",
-        "The model over the amplitude of the deflection",
-        "K' and K'' of a condition over the 0-to-peak amplitude of the deflection: the model's line with its 95 % "
-        "band, and the tests with standard uncertainties, at a few frequencies.",
-        data=over_amplitude,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"amplitude": over_amplitude}

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import FloatArray, IntArray
 from fourpole.core.sources import Source
 from fourpole.fitting.rows import KEY, keyed, keys_of
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
 from fourpole.plot.names import value_label
 from fourpole.plot.sheet import Sheet, read_sheet
-from fourpole.plot.spec import FigureSpec
 from fourpole.study.study import Study
 
 _QUANTITIES = {one.column: one.name for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
@@ -25,15 +22,6 @@ _LEAST = 0.01
 _FLOOR = 0.1
 #: Height of a row, and distance of the specimens in it as a share of the row.
 _ROW, _APART = 0.17, 0.17
-
-
-@dataclass(frozen=True, eq=False)
-class _Shares(ByValue):
-    """Shares of the variance of one quantity (tests, sources), with the sources and the specimen of each test."""
-
-    sources: tuple[str, ...]
-    tyre: np.ndarray
-    table: FloatArray
 
 
 def budget(results: Study) -> FigureData | None:
@@ -48,12 +36,15 @@ def budget(results: Study) -> FigureData | None:
     if rows.is_empty():
         return None
     there = set(rows["quantity"].to_list())
-    every = {name: _shares(rows.filter(pl.col("quantity") == name)) for name in _QUANTITIES if name in there}
     tyres = sorted(rows["tyre"].unique().to_list())
     notes = ["points: median over the tests, lines: their range; sources below 1 % are joined as others"]
     if len(tyres) > _MOST_TYRES:
         notes.append(f"tests of all {len(tyres)} specimens together")
-    panels = [_panel(_QUANTITIES[name], one, tyres) for name, one in every.items()]
+    panels = [
+        _panel(name, rows.filter(pl.col("quantity") == column), tyres)
+        for column, name in _QUANTITIES.items()
+        if column in there
+    ]
     keyed_tyres = tuple(tyres) if 1 < len(tyres) <= _MOST_TYRES else ()
     most = max(len(panel.names) for panel in panels)
     return FigureData(
@@ -78,52 +69,45 @@ def _rows(table: pl.DataFrame, sheet: Sheet) -> pl.DataFrame:
     )
 
 
-def _shares(rows: pl.DataFrame) -> _Shares:
-    """The shares of one quantity; a source that a test does not have has the share 0."""
-    sources, keys = list(dict.fromkeys(rows["source"].to_list())), keys_of(rows)
-    tests = {key: at for at, key in enumerate(dict.fromkeys(keys))}
+def _shares(rows: pl.DataFrame) -> tuple[list[str], IntArray, FloatArray]:
+    """Sources, specimen of each test, and shares (tests, sources); 0 where a test does not have a source."""
+    sources, keys = rows["source"].unique(maintain_order=True).to_list(), keys_of(rows)
+    tests = {key: index for index, key in enumerate(dict.fromkeys(keys))}
     table, tyre = np.zeros((len(tests), len(sources))), np.zeros(len(tests), dtype=np.int64)
-    lines, columns = [tests[key] for key in keys], [sources.index(one) for one in rows["source"].to_list()]
+    lines, columns = [tests[key] for key in keys], [sources.index(source) for source in rows["source"].to_list()]
     np.add.at(table, (lines, columns), rows["share"].to_numpy())
     tyre[lines] = rows["tyre"].to_numpy()
-    return _Shares(tuple(sources), tyre, table)
+    return sources, tyre, table
 
 
-def _panel(name: str, shares: _Shares, tyres: list[int]) -> Panel:
+def _panel(name: str, rows: pl.DataFrame, tyres: list[int]) -> Panel:
     """The sources of one quantity in falling order, the joined ones last."""
-    groups = tyres if len(tyres) <= _MOST_TYRES else [-1]
-    masks = {tyre: shares.tyre == tyre if tyre >= 0 else np.ones(shares.tyre.size, dtype=bool) for tyre in groups}
-    medians = np.array([np.median(shares.table[mask], axis=0) for mask in masks.values() if mask.any()]).max(axis=0)
+    sources, tyre_of, table = _shares(rows)
+    masks = {tyre: tyre_of == tyre for tyre in tyres}
+    if len(tyres) > _MOST_TYRES:
+        masks = {-1: np.ones(tyre_of.size, dtype=bool)}
+    medians = np.array([np.median(table[mask], axis=0) for mask in masks.values() if mask.any()]).max(axis=0)
     order = [int(at) for at in np.argsort(-medians, kind="stable") if medians[at] >= _LEAST][:_MOST_SOURCES]
-    rest = [at for at in range(len(shares.sources)) if at not in order]
-    columns = [shares.table[:, at] for at in order] + ([shares.table[:, rest].sum(axis=1)] if rest else [])
-    names = [value_label(Source.read(shares.sources[at])) for at in order]
-    names += (
-        [f"{len(rest)} others" if len(rest) > 1 else value_label(Source.read(shares.sources[rest[0]]))] if rest else []
-    )
+    rest = [at for at in range(len(sources)) if at not in order]
+    shares, names = table[:, order], [value_label(Source.read(sources[at])) for at in order]
+    if rest:
+        shares = np.column_stack([shares, table[:, rest].sum(axis=1)])
+        names.append(f"{len(rest)} others" if len(rest) > 1 else value_label(Source.read(sources[rest[0]])))
     series = []
     for place, (tyre, mask) in enumerate(masks.items()):
         if not mask.any():
             continue
-        own = [100 * column[mask] for column in columns]
-        middle, low, high = (np.array([pick(one) for one in own]) for pick in (np.median, np.min, np.max))
-        y = np.arange(len(own)) + _APART * (place - 0.5 * (len(masks) - 1))
-        for x_low, x_high, at in zip(low, high, y, strict=True):
-            if x_high > _FLOOR:
-                ends = np.array([max(x_low, _FLOOR), x_high])
-                series.append(Series(Role.LINE, ends, np.full(2, at), tyre=tyre, label=""))
+        own = 100 * shares[mask]
+        middle, low, high = np.median(own, axis=0), own.min(axis=0), own.max(axis=0)
+        y = np.arange(len(names)) + _APART * (place - 0.5 * (len(masks) - 1))
+        for row in np.flatnonzero(high > _FLOOR):
+            ends = np.array([max(low[row], _FLOOR), high[row]])
+            series.append(Series(Role.LINE, ends, np.full(2, y[row]), tyre=tyre))
         shown = middle >= _FLOOR
         series.append(Series(Role.POINTS, middle[shown], y[shown], tyre=tyre))
     axis = AxisData("share of the variance", "%", log=True)
     return Panel(axis, AxisData("source", "1"), tuple(series), title=name, names=tuple(names))
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "budget",
-        "What is the uncertainty made of?",
-        "Shares of the variance of K2, C, K' and K'' by source, the largest first.",
-        data=budget,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"budget": budget}

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.checks import Verdict
-from fourpole.plot.cardids import static_cards
+from fourpole.plot.cards import static_cards
 from fourpole.plot.data import AxisData, FigureData, Panel, Place, Role, Series, Tone
 from fourpole.plot.names import counted, plain_text
-from fourpole.plot.notes import Notes
 from fourpole.plot.sheet import read_sheet
-from fourpole.plot.spec import FigureSpec
 from fourpole.plot.statics import LoadLine, load_lines
 from fourpole.study.study import Study
 
@@ -27,15 +25,15 @@ def load_deflection(results: Study) -> FigureData | None:
     lines = load_lines(results, sheet)
     if not lines:
         return None
-    notes = Notes()
+    notes: list[str] = []
     rejected = results.static.filter(results.static["verdict"] == Verdict.REJECTED)["test"].n_unique()
     missing = len(set(results.static["test"].to_list()) - {line.test for line in lines})
     if rejected:
         count = counted(rejected, "static test")
-        notes.say(f"{count} rejected" + (f", {missing} without a curve" if missing else ""))
+        notes.append(f"{count} rejected" + (f", {missing} without a curve" if missing else ""))
     grey = sum(line.rejected for line in lines)
     if grey:
-        notes.say(f"dotted grey: {grey} curves without K1" if grey > 1 else "dotted grey: a curve without K1")
+        notes.append(f"dotted grey: {grey} curves without K1" if grey > 1 else "dotted grey: a curve without K1")
     tyres, offset, cards = sorted({line.tyre for line in lines}), _Offset.of(lines), static_cards(results)
     several = offset.per_bar > 0
     axes = AxisData("deflection + offset" if several else "deflection", "mm"), AxisData("load", "kN", zero=True)
@@ -49,12 +47,12 @@ def load_deflection(results: Study) -> FigureData | None:
             series += _cross_lines(knots, offset)
         panels.append(Panel(*axes, tuple(series), sheet.labels[tyre], "", tyre))
     if several:
-        notes.say(f"the offset is {offset.per_bar:.3g} mm per bar above {offset.start:.3g} bar")
-        notes.say("each coloured curve is a pressure, each dark line a deflection: read the load at their crossing")
-    notes.say("deflection counts from the point of zero load")
+        notes.append(f"the offset is {offset.per_bar:.3g} mm per bar above {offset.start:.3g} bar")
+        notes.append("each coloured curve is a pressure, each dark line a deflection: read the load at their crossing")
+    notes.append("deflection counts from the point of zero load")
     columns = min(3, len(tyres))
     return FigureData(
-        tuple(panels), columns, sheet.labels, notes=tuple(notes.lines), aligned=True,
+        tuple(panels), columns, sheet.labels, notes=tuple(notes), aligned=True,
         panel_height=3.4 if len(tyres) <= columns else 2.8,
     )  # fmt: skip
 
@@ -119,14 +117,5 @@ def _round_levels(reach: float) -> list[float]:
     return [step * at for at in range(1, int(reach / step) + 1)]
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "fig05",
-        "static load against deflection",
-        "Lattice of mean load-deflection curves: each curve is one pressure, each cross-line one deflection.",
-        data=load_deflection,
-        apart=True,
-        number=5,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"fig05": load_deflection}

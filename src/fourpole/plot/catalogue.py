@@ -6,56 +6,46 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import replace
 from difflib import get_close_matches
-from importlib import import_module
+from importlib import import_module, resources
 from pathlib import Path
 
 import polars as pl
 from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
+from fourpole.io.documents import toml_of
 from fourpole.io.folders import make_folder
 from fourpole.io.write import write_bytes
-from fourpole.plot.data import FigureData
+from fourpole.plot.cards import strided
+from fourpole.plot.data import FigureData, FigureSpec
 from fourpole.plot.figure import FORMATS, figure_bytes
-from fourpole.plot.frequency import FIRST
 from fourpole.plot.over import spec_over
 from fourpole.plot.part import own_colours, part_of
 from fourpole.plot.sheet import read_sheet
-from fourpole.plot.spec import FigureSpec
-from fourpole.plot.strided import strided
 from fourpole.plot.style import Style, drawing
 from fourpole.study.study import Study
 
-#: Modules with figures by question, in the order of a report. A new figure is a module with `FIGURES` in this list.
-_MODULES = (
-    "frequency",
-    "fields",
-    "statics",
-    "loops",
-    "chain",
-    "rig",
-    "budget",
-    "choice",
-    "spectrum",
-    "amplitude",
-    "operating",
-)
-#: Modules with the figures of the 1982 paper, and those that go with them.
-_OF_PAPER = ("schemes", "carpet", "properties", "motion", "stiffness")
 #: Number of tasks into which the figures are divided for workers; each task has its own copy of the tables.
 _GROUPS = 6
 #: Figures of model.json.
 _OF_MODELS = {"model-choice", "spectrum", "amplitude"}
 
 
-def _specs(names: Sequence[str]) -> dict[str, FigureSpec]:
-    return {spec.key: spec for name in names for spec in import_module(f"fourpole.plot.{name}").FIGURES}
+def _specs(part: str) -> dict[str, FigureSpec]:
+    """The figures of a part of catalogue.toml, with the functions that make them."""
+    text = resources.files("fourpole.plot").joinpath("catalogue.toml").read_text(encoding="utf-8")
+    specs = {}
+    for key, entry in toml_of(text, "catalogue.toml")[part].items():
+        make = import_module(f"fourpole.plot.{entry.pop('module')}").FIGURES[key]
+        how = {"draw" if entry.pop("line_art", False) else "data": make}
+        specs[key] = FigureSpec(key, **entry, **how)
+    return specs
 
 
 #: The paper's figures by their keys, in its order.
-PAPER: dict[str, FigureSpec] = _specs(_OF_PAPER)
+PAPER: dict[str, FigureSpec] = _specs("paper")
 #: All figures by their keys: those of the first page of a report, those by question, those of the paper.
-FIGURES: dict[str, FigureSpec] = {spec.key: spec for spec in FIRST} | _specs(_MODULES) | PAPER
+FIGURES: dict[str, FigureSpec] = _specs("report") | PAPER
 
 
 #: Figures that are drawn where they are named, not in a report, whose cards show the same.

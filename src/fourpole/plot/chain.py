@@ -5,7 +5,7 @@ Only what is stated is shown.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from fourpole import quantities as q
 from fourpole.core.rig import PARAMETERS
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, floats, read_sheet
-from fourpole.plot.spec import FigureSpec
 from fourpole.quantities import RIG_VALUES, Quantity, ShownUnits
 from fourpole.study.record import section
 from fourpole.study.study import Study
@@ -155,8 +154,7 @@ def own_rig(results: Study, style: Style) -> Figure | None:
     for at, (name, links) in enumerate(shown):
         x, y = (3.6 if len(shown) == 1 else 1.5 + 5.0 * at), 0.55
         for link in links:
-            _DRAWN[link.kind](pen, x, y, link)
-            _named(pen, x, y, link)
+            _draw(pen, x, y, link)
             y += _HEIGHTS[link.kind]
         if len(shown) > 1:
             pen.text(x, high + 0.4, f"rig {plain_text(name)}" if name else "rig", ha="center")
@@ -170,73 +168,36 @@ _HEIGHTS = {Kind.SENSOR: 0.42, Kind.MASS: 0.75, Kind.SPECIMEN: 1.0, Kind.SPRING:
 _BESIDE = 1.35
 
 
-def _named(pen: Pen, x: float, y: float, link: Link) -> None:
-    """Write what is stated of a link on its right."""
-    middle = y + 0.5 * _HEIGHTS[link.kind]
-    for at, text in enumerate(link.stated):
-        pen.text(x + _BESIDE, middle + 0.26 * (0.5 * (len(link.stated) - 1) - at), plain_text(text, 60), size=8.0)
+def _draw(pen: Pen, x: float, y: float, link: Link) -> None:
+    """One link from the height y upwards, with what is stated of it on its right."""
+    high = _HEIGHTS[link.kind]
+    top, middle = y + high, y + 0.5 * high
+    if link.kind is Kind.SENSOR:  # a point of the chain with an arrow for what is measured there
+        pen.line([x, x], [y, top])
+        pen.mark(x, middle)
+        pen.line([x, x + 0.55], [middle, middle], 0.6)
+        pen.up(x + 0.55, middle - 0.17, middle + 0.2)
+        pen.text(x + 0.68, middle, link.name)
+    elif link.kind is Kind.FIXED:
+        pen.ground(x - 0.9, x + 0.9, y, up=True)
+        pen.text(x + _BESIDE, y + 0.08, link.name, size=8.0)
+    elif link.kind is Kind.SPRING and link.damped:
+        pen.line([x - 0.4, x + 0.4], [y, y])
+        pen.line([x - 0.4, x + 0.4], [top, top])
+        pen.spring(x - 0.4, y, top)
+        pen.damper(x + 0.4, y, top)
+    elif link.kind is Kind.SPRING:
+        pen.spring(x, y, top)
+    else:  # a body, with lines that join it to its neighbours
+        mass = link.kind is Kind.MASS
+        half, stub = (0.8, 0.1) if mass else (0.95, 0.12)
+        pen.line([x, x], [y, y + stub])
+        pen.line([x, x], [top - stub, top])
+        pen.box(x - half, y + stub, 2 * half, high - 2 * stub, "grid" if mass else "paper")
+        pen.text(x, middle, link.name, "center", 9.0 if mass else 10.0)
+    for row, text in enumerate(link.stated):
+        pen.text(x + _BESIDE, middle + 0.26 * (0.5 * (len(link.stated) - 1) - row), plain_text(text, 60), size=8.0)
 
 
-def _draw_sensor(pen: Pen, x: float, y: float, link: Link) -> None:
-    """A point of the chain with an arrow for what is measured there."""
-    middle = y + 0.5 * _HEIGHTS[Kind.SENSOR]
-    pen.line([x, x], [y, y + _HEIGHTS[Kind.SENSOR]])
-    pen.ax.plot([x], [middle], marker="o", markersize=3.5, color=pen.style.look.ink)
-    pen.line([x, x + 0.55], [middle, middle], 0.6)
-    pen.up(x + 0.55, middle - 0.17, middle + 0.2)
-    pen.text(x + 0.68, middle, link.name)
-
-
-def _stubs(pen: Pen, x: float, y: float, high: float, long: float) -> None:
-    """Lines that join a body to its neighbours."""
-    pen.line([x, x], [y, y + long])
-    pen.line([x, x], [y + high - long, y + high])
-
-
-def _draw_mass(pen: Pen, x: float, y: float, link: Link) -> None:
-    high = _HEIGHTS[Kind.MASS]
-    _stubs(pen, x, y, high, 0.1)
-    pen.mass(x - 0.8, y + 0.1, 1.6, high - 0.2)
-    pen.text(x, y + 0.5 * high, link.name, ha="center")
-
-
-def _draw_specimen(pen: Pen, x: float, y: float, link: Link) -> None:
-    high = _HEIGHTS[Kind.SPECIMEN]
-    _stubs(pen, x, y, high, 0.12)
-    pen.box(x - 0.95, y + 0.12, 1.9, high - 0.24)
-    pen.text(x, y + 0.5 * high, link.name, ha="center", size=10.0)
-
-
-def _draw_spring(pen: Pen, x: float, y: float, link: Link) -> None:
-    high = y + _HEIGHTS[Kind.SPRING]
-    if not link.damped:
-        pen.spring(x, y, high)
-        return
-    pen.line([x - 0.4, x + 0.4], [y, y])
-    pen.line([x - 0.4, x + 0.4], [high, high])
-    pen.spring(x - 0.4, y, high)
-    pen.damper(x + 0.4, y, high)
-
-
-def _draw_fixed(pen: Pen, x: float, y: float, link: Link) -> None:
-    pen.ground(x - 0.9, x + 0.9, y, up=True)
-    pen.text(x + _BESIDE, y + 0.08, link.name, size=8.0)
-
-
-_DRAWN: dict[Kind, Callable[[Any, float, float, Link], None]] = {
-    Kind.SENSOR: _draw_sensor,
-    Kind.MASS: _draw_mass,
-    Kind.SPECIMEN: _draw_specimen,
-    Kind.SPRING: _draw_spring,
-    Kind.FIXED: _draw_fixed,
-}
-
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "rig",
-        "What was the rig?",
-        "The chain from the contact to the foundation as campaign.toml states it, with the sensors that were read.",
-        own_rig,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"rig": own_rig}

@@ -10,10 +10,9 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.fitting.modelfile import CandidateFile, ModelEntry
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, look
+from fourpole.plot.fitted import title_of
 from fourpole.plot.names import plain_text
-from fourpole.plot.residuals import title_of
-from fourpole.plot.sheet import read_sheet
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.sheet import leading, read_sheet
 from fourpole.study.study import Study
 
 #: Difference of BIC within which models are equally good, and difference up to which its axis is linear.
@@ -35,9 +34,8 @@ def choice(results: Study) -> FigureData | None:
     entries = [one for one in results.models.models if len(one.candidates) > 1 and one.tyre in sheet.names]
     if not entries:
         return None
-    shown, notes = entries[:_MOST_TYRES], []
-    if len(shown) < len(entries):
-        notes.append(f"{len(shown)} of {len(entries)} specimens shown")
+    notes: list[str] = []
+    shown = leading(entries, _MOST_TYRES, "specimens", notes)
     most = max(len(one.candidates) for one in shown)
     if most > _MOST_CANDIDATES:
         notes.append(f"the best {_MOST_CANDIDATES} models shown")
@@ -106,13 +104,5 @@ def _panel(entry: ModelEntry, axis: AxisData, criterion: int, tyre: int) -> Pane
     )  # fmt: skip
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "model-choice",
-        "Which model, and why",
-        "Models that were tried on each specimen, the best first: BIC less the best, chi-square per degree of freedom, "
-        "and the cross-validation error over the frequencies.",
-        data=choice,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"model-choice": choice}

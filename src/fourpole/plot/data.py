@@ -5,14 +5,21 @@ A figure is made of results without matplotlib; `fourpole.plot.drawn` draws it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.quantities import Quantity
+from fourpole.study.study import Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fourpole.plot.style import Style
 
 #: Largest number of curves in a panel that have a label each; more curves have a colour scale.
 MOST_LABELLED = 6
@@ -241,11 +248,43 @@ class FigureData(ByValue):
     block: int = 1
 
     @property
-    def has_band(self) -> bool:
-        """Whether a curve has a band."""
-        return any(one.role is Role.MODEL and one.spread is not None for panel in self.panels for one in panel.series)
+    def rows(self) -> list[tuple[Panel, ...]]:
+        """The panels of each row."""
+        return [self.panels[first : first + self.columns] for first in range(0, len(self.panels), self.columns)]
 
     @property
-    def rejected(self) -> bool:
-        """Whether a rejected test is shown."""
-        return any(one.role is Role.REJECTED for panel in self.panels for one in panel.series)
+    def series(self) -> list[Series]:
+        """The series of all panels."""
+        return [series for panel in self.panels for series in panel.series]
+
+
+@dataclass(frozen=True)
+class FigureSpec:
+    """One figure: its key, its name, its caption, and the function that makes its data or draws it.
+
+    `data` makes the figure of results as data; `draw` draws line art of a rig, which has no axes. Either returns None
+    if the results hold nothing that the figure shows. `apart`: whether specimens at several temperatures have a colour
+    each. `number`: that of a figure of the paper; 0 for another one.
+    """
+
+    key: str
+    name: str
+    caption: str
+    draw: Callable[[Study, Style], Figure | None] | None = None
+    data: Callable[[Study], FigureData | None] | None = None
+    apart: bool = False
+    number: int = 0
+
+    @property
+    def title(self) -> str:
+        """The name, after the number of a figure of the paper."""
+        return f"Figure {self.number}: {self.name}" if self.number else self.name
+
+    def drawn(self, results: Study, style: Style) -> Figure | None:
+        """The figure; None if the results hold nothing that it shows."""
+        if self.draw is not None:
+            return self.draw(results, style)
+        from fourpole.plot.drawn import figure_of
+
+        data = self.data(results) if self.data is not None else None
+        return None if data is None else figure_of(data, style)

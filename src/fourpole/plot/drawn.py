@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -18,7 +18,6 @@ from fourpole.core.arrays import FloatArray
 from fourpole.plot.data import AxisData, Field, FigureData, Panel, Place, Role, Series, look
 from fourpole.plot.layout import Grid, Key
 from fourpole.plot.names import counted, plain_text
-from fourpole.plot.notes import Notes
 from fourpole.plot.panels import (
     ALIKE,
     Extent,
@@ -37,6 +36,8 @@ from fourpole.plot.style import Style, load_dashes, pressure_marker
 _MOST_LINKS = 1500
 #: Least width of a panel of several in a row [in], height of a row of names, and least height of other panels [in].
 _LEAST_WIDTH, _NAME_HEIGHT, _LEAST_HEIGHT = 1.3, 0.135, 0.5
+#: Distance of panels that share their ordinate [in].
+_GAP = 0.16
 #: Least height of a panel with labels above its curves [in], and room for them as a share of its ordinate.
 _LEAST_HIGH, _HEADROOM = 1.3, 0.08
 #: Length of a letter of a label [pt].
@@ -61,15 +62,15 @@ class _Beyond:
     cut: int = 0
     lost: Counter[str] = field(default_factory=Counter)
 
-    def say(self, notes: Notes, what: str, *, chosen: bool) -> None:
-        """Add them to the notes; `chosen`: whether the limits are the reader's."""
+    def said(self, what: str, *, chosen: bool) -> Iterator[str]:
+        """The notes on them; `chosen`: whether the limits are the reader's."""
         for name, count in self.lost.items():
-            notes.say(f"{name} of {counted(count, what)} beyond the axes")
+            yield f"{name} of {counted(count, what)} beyond the axes"
         if self.values:
             why = "" if chosen else ": they are known to no better than 100 %"
-            notes.say(f"{counted(self.values, 'value')} beyond the axes{why}")
+            yield f"{counted(self.values, 'value')} beyond the axes{why}"
         if self.cut:
-            notes.say(f"{counted(self.cut, 'uncertainty bar')} {'leaves' if self.cut == 1 else 'leave'} the axes")
+            yield f"{counted(self.cut, 'uncertainty bar')} {'leaves' if self.cut == 1 else 'leave'} the axes"
 
 
 def figure_of(data: FigureData, style: Style) -> Figure:
@@ -77,12 +78,9 @@ def figure_of(data: FigureData, style: Style) -> Figure:
 
     A narrow one has fewer panels in a row; one of a stated height has as many rows of panels as there is room for.
     """
-    beside = 0.16 if data.shared else data.left * style.size.font
-    margins = style.font(data.left + data.right)
-    free = style.width - (margins if data.shared else style.font(data.right))
-    least = _LEAST_WIDTH * style.size.font
-    columns = int((free + (0.16 if data.shared else 0.0)) / (least + beside))
-    data = _narrowed(data, max(1, columns))
+    gap = _gap(data, style)
+    free = style.width - style.font(data.right) + (gap - style.font(data.left) if data.shared else 0.0)
+    data = _narrowed(data, max(1, int(free / (style.font(_LEAST_WIDTH) + gap))))
     figure = _figure(data, style)
     while style.size.height is not None and figure.get_size_inches()[1] > style.size.height + 1e-6:
         fewer = _shorter(data)
@@ -103,54 +101,64 @@ def _shorter(data: FigureData) -> FigureData:
     return replace(data, panels=panels, notes=notes)
 
 
+def _gap(data: FigureData, style: Style) -> float:
+    """Distance of the panels of a row [in]."""
+    return _GAP if data.shared else style.font(data.left)
+
+
 def _figure(data: FigureData, style: Style) -> Figure:
     named = max((len(panel.names) for panel in data.panels), default=0)
     high = data.panel_height * (style.size.font if named else 1.0)
     grid = Grid.of(len(data.panels), data.columns, panel_height=high, style=style)
-    notes, beyond = Notes(list(data.notes)), _Beyond()
-    linked = sum(len(one.cards) for panel in data.panels for one in panel.series) <= _MOST_LINKS
-    ends = _joined_ends(data.panels)
-    left_right = style.font(data.left + data.right)
-    gaps = (data.columns - 1) * (0.16 if data.shared else style.font(data.left))
-    width = (style.width - left_right - gaps) / data.columns
-    for row in range(0, len(data.panels), data.columns):
-        panels = data.panels[row : row + data.columns]
+    margins = style.font(data.left + data.right) + (data.columns - 1) * _gap(data, style)
+    beyond = _draw_panels(grid.panels, data, style, (style.width - margins) / data.columns)
+    above = any(map(_labelled_above, data.panels))
+    figure = grid.finish(
+        key=_key(data, style), notes=(*data.notes, *beyond.said(data.lost, chosen=style.ylim is not None)),
+        x_label=data.panels[0].x.label,
+        y_labels=["" if row[0].names or not data.shared else row[0].y.label for row in data.rows],
+        share_x=_same_abscissa(grid.panels, data), share_y=data.shared,
+        headings=_headings(data), scale=data.scale, height=data.height, left=data.left, right=data.right,
+        least=style.font(max(_LEAST_HIGH if above else _LEAST_HEIGHT, _NAME_HEIGHT * (named + 0.2))),
+    )  # fmt: skip
+    for ax, panel in zip(grid.panels, data.panels, strict=True):
+        _label_panel(ax, panel, style, 72 * figure.get_size_inches(), shared=data.shared)
+    return figure
+
+
+def _draw_panels(axes: Sequence[Axes], data: FigureData, style: Style, width: float) -> _Beyond:
+    """Draw the content of all panels of some width [in]; returns what lies beyond their axes."""
+    beyond, ends, free = _Beyond(), _joined_ends(data.panels), iter(axes)
+    linked = sum(len(series.cards) for series in data.series) <= _MOST_LINKS
+    for panels in data.rows:
         extents = [_extent(panel) for panel in panels]
         if data.shared:
             extents = [_joined(extents)] * len(panels)
-        for at, (panel, extent) in enumerate(zip(panels, extents, strict=True)):
-            ax = grid.panels[row + at]
+        for panel, extent, ax in zip(panels, extents, free, strict=False):
             # The reader's limits of the ordinate are in the unit of the first panel.
             own = style if panel.y == data.panels[0].y else replace(style, ylim=None)
-            _limit(
-                ax, panel, extent, own, beyond, ends=ends[panel.x.label] if data.aligned else _ends(panel), width=width
-            )
+            reach = ends[panel.x.label] if data.aligned else _ends(panel)
+            _limit(ax, panel, extent, own, beyond, ends=reach, width=width)
             if panel.field is not None:
                 _draw_field(ax, panel.field, style, _levels(panels))
             draw_series(ax, panel, data, style, linked=linked)
             _head(ax, panel, style, int(72 * width / style.font(5.0)))
-    beyond.say(notes, data.lost, chosen=style.ylim is not None)
-    figure = grid.finish(
-        key=_key(data, style), notes=notes, x_label=data.panels[0].x.label,
-        y_labels=["" if panel.names or not data.shared else panel.y.label for panel in data.panels[:: data.columns]],
-        share_x=_same_abscissa(grid.panels, data), share_y=data.shared,
-        headings=_headings(data), scale=data.scale, height=data.height, left=data.left, right=data.right,
-        least=style.font(max(_LEAST_HIGH if any(map(_labelled_above, data.panels)) else _LEAST_HEIGHT,
-                             _NAME_HEIGHT * (named + 0.2))),
-    )  # fmt: skip
-    for ax, panel in zip(grid.panels, data.panels, strict=True):
-        if ax.get_xlabel():
-            ax.set_xlabel(panel.x.label)
-        if panel.names:
-            _name_rows(ax, panel, style)
-        elif not data.shared:
-            ax.set_ylabel(panel.y.label)
-        place, (wide, high) = ax.get_position(), 72 * figure.get_size_inches()
-        ax.set_ylabel(_wrapped(ax.get_ylabel(), int(place.height * high / style.font(_LABEL_LETTER))))
-        end_labels(ax, panel, style, place.width * wide, place.height * high)
-        if panel.field is not None:
-            _part_numbers(ax)
-    return figure
+    return beyond
+
+
+def _label_panel(ax: Axes, panel: Panel, style: Style, size: FloatArray, *, shared: bool) -> None:
+    """Write the labels of a panel and of its curves, once the figure has its size [pt]."""
+    if ax.get_xlabel():
+        ax.set_xlabel(panel.x.label)
+    if panel.names:
+        _name_rows(ax, panel, style)
+    elif not shared:
+        ax.set_ylabel(panel.y.label)
+    place, (wide, high) = ax.get_position(), size
+    ax.set_ylabel(_wrapped(ax.get_ylabel(), int(place.height * high / style.font(_LABEL_LETTER))))
+    end_labels(ax, panel, style, place.width * wide, place.height * high)
+    if panel.field is not None:
+        _part_numbers(ax)
 
 
 def _wrapped(label: str, letters: int) -> str:
@@ -203,21 +211,16 @@ def _narrowed(data: FigureData, columns: int) -> FigureData:
     """
     if data.columns <= columns:
         return data
-    first = range(0, len(data.panels), data.columns)
-    if any(data.panels[at].title for at in first) and not any(
-        panel.title for at, panel in enumerate(data.panels) if at not in first
-    ):
+    if any(row[0].title for row in data.rows) and not any(panel.title for row in data.rows for panel in row[1:]):
         return replace(data, columns=1, height=None, block=data.block * data.columns)
-    rows = [data.panels[at : at + data.columns] for at in range(0, len(data.panels), data.columns)]
     groups = range(0, data.columns, columns)
-    panels = tuple(panel for at in groups for row in rows for panel in row[at : at + columns])
+    panels = tuple(panel for first in groups for row in data.rows for panel in row[first : first + columns])
     return replace(data, panels=panels, columns=columns, height=None)
 
 
 def _headings(data: FigureData) -> str:
     """Which rows of panels have headings."""
-    headed = [any(panel.title for panel in data.panels[at : at + data.columns])
-              for at in range(0, len(data.panels), data.columns)]  # fmt: skip
+    headed = [any(panel.title for panel in row) for row in data.rows]
     return "all" if any(headed[1:]) else "top" if headed[0] else "none"
 
 
@@ -381,8 +384,8 @@ def _key(data: FigureData, style: Style) -> Key:
             key.line(text, colour, 3.0 if one.role is Role.RANGE else None, linestyle=load_dashes(one.dash))
         else:
             key.marker(text, pressure_marker(one.marker), colour, face_of(one, colour, style))
-    if data.has_band:
+    if any(series.role is Role.MODEL and series.spread is not None for series in data.series):
         key.band(style)
-    if data.rejected:
+    if any(series.role is Role.REJECTED for series in data.series):
         key.marker(data.lost, "X", muted, style.look.paper, markersize=6.0)
     return key

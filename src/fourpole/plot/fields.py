@@ -11,12 +11,11 @@ from scipy.interpolate import PchipInterpolator
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.cards import linked
 from fourpole.plot.data import AxisData, Field, FigureData, Panel, Role, Series
 from fourpole.plot.fitted import DECADE
-from fourpole.plot.sheet import Sheet, means, read_sheet, spread, texts
-from fourpole.plot.spec import FigureSpec
-from fourpole.plot.states import State, curve_of, place_text, states, values_of
+from fourpole.plot.sheet import Sheet, few, means, read_sheet
+from fourpole.plot.states import State, by_tyre, curve_of, stated_text, tested, values_of
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 
@@ -35,21 +34,15 @@ def over_pressure_and_frequency(results: Study, quantities: Sequence[Quantity]) 
     sheet = read_sheet(results, texts_only=True)
     frequency, (first, _) = sheet.values(q.FREQUENCY.head), values_of(sheet, quantities[0])
     known = np.isfinite(frequency) & np.isfinite(first) & ~sheet.rejected
-    found = [one for one in states(results) if np.any(known & one.rows)]
-    every = {tyre: _at_one_load([one for one in found if one.tyre == tyre]) for tyre in sorted({s.tyre for s in found})}
+    every = {tyre: _at_one_load(own) for tyre, own in by_tyre(tested(results, known)).items()}
     each = {tyre: own for tyre, own in every.items() if len(own) >= _FEWEST}
     each = {tyre: own for tyre, own in each.items() if _fields(results, sheet, own, quantities[0], known) is not None}
     if not each:
         return None
-    notes = ["between the tested pressures: monotone cubic interpolation"]
-    tyres = [list(each)[at] for at in spread(len(each), _MOST_TYRES)]
-    if len(tyres) < len(each):
-        notes.insert(0, f"{len(tyres)} of {len(each)} specimens shown")
-    panels = []
-    for quantity in quantities:
-        for tyre in tyres:
-            made = _panel(results, sheet, each[tyre], quantity, known)
-            panels.append(made)
+    notes: list[str] = []
+    tyres = few(list(each), _MOST_TYRES, "specimens", notes)
+    notes.append("between the tested pressures: monotone cubic interpolation")
+    panels = [_panel(results, sheet, each[tyre], quantity, known) for quantity in quantities for tyre in tyres]
     return FigureData(tuple(panels), len(tyres), sheet.labels, notes=tuple(notes), panel_height=1.9)
 
 
@@ -99,28 +92,20 @@ def _panel(results: Study, sheet: Sheet, found: Sequence[State], quantity: Quant
     pressures, seen = results.shown.of(q.PRESSURE), results.shown.of(quantity)
     bar = q.PRESSURE.scale / pressures.scale
     rows = np.flatnonzero(known & np.any([one.rows for one in found], axis=0))
-    cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
     frequency, pressure = sheet.values(q.FREQUENCY.head)[rows], sheet.values(q.PRESSURE.head)[rows] / pressures.scale
-    tests = Series(Role.POINTS, frequency, pressure, tests=tuple(names[at] for at in rows),
-                   cards=tuple(cards[at] for at in rows))  # fmt: skip
-    place = {k: v for k, v in found[0].place.items() if k != q.PRESSURE.head and not np.isnan(v)}
+    tests = linked(results, Series(Role.POINTS, frequency, pressure), rows)
+    others = {column: value for column, value in found[0].place.items() if column != q.PRESSURE.head}
+    place = stated_text(results, others)
     return Panel(
         AxisData.of(q.FREQUENCY, log=bool(x[-1] > DECADE * x[0])),
         AxisData.of(pressures),
         (tests,),
         title=sheet.labels[tyre],
-        right=", ".join([seen.label, *(place_text(results, column, value) for column, value in place.items())]),
+        right=f"{seen.label}, {place}" if place else seen.label,
         tyre=tyre,
         field=Field(x, bar * y, quantity.scale / seen.scale * z, seen.name, seen.shown),
     )
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "pressure-frequency",
-        "Where is it stiff, where does it lose?",
-        "|K*| and the loss angle over frequency and pressure, with lines of equal value; the points are the tests.",
-        data=partial(over_pressure_and_frequency, quantities=(q.MODULUS, q.LOSS_ANGLE)),
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"pressure-frequency": partial(over_pressure_and_frequency, quantities=(q.MODULUS, q.LOSS_ANGLE))}

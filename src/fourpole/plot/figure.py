@@ -1,4 +1,4 @@
-"""The bytes that a figure is written as."""
+"""The bytes that a figure is written as, and the links from its points to the cards of their tests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
-from fourpole.plot.links import with_titles
+from fourpole.plot.names import plain_text
 from fourpole.plot.style import Style, drawing
 
 #: File formats of a figure.
@@ -19,6 +19,9 @@ _DIGITS = re.compile(rb"(\d\.\d\d)\d+")
 #: A line with text, or as many lines without as follow each other.
 _OF_TEXT = re.compile(rb"([^\n]*(?:<text|title>)[^\n]*\n?)|(?:(?![^\n]*(?:<text|title>))[^\n]*\n)+|[^\n]+")
 _GROUP_NAME = re.compile(rb'<g id="[^"]*"')
+#: Sign between the id of a card and the name of a test; it occurs in no name that figures show.
+_MARK = "\u2063"
+_LINK = re.compile(rf"""<a xlink:href=(["'])(#[-a-z0-9]+){_MARK}(.*?)\1[^>]*>""".encode())
 
 
 def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style | None = None) -> bytes:
@@ -55,3 +58,19 @@ def _lean(svg: bytes) -> bytes:
 def _lean_part(part: re.Match[bytes]) -> bytes:
     """A line with text as it is, other lines with short numbers and without ids of groups."""
     return part[0] if part[1] else _GROUP_NAME.sub(b"<g", _DIGITS.sub(rb"\1", part[0]))
+
+
+def link(card: str, test: str) -> str:
+    """The address of a point; `with_titles` makes a link and a tooltip of it.
+
+    Examples
+    --------
+    >>> with_titles(f'<a xlink:href="{link("dynamic-3", "D3")}">'.encode())
+    b'<a xlink:href="#dynamic-3"><title>D3</title>'
+    """
+    return f"#{card}{_MARK}{plain_text(test, 60).replace(_MARK, '')}"
+
+
+def with_titles(svg: bytes) -> bytes:
+    """The SVG with the name of the test as the title of each link."""
+    return _LINK.sub(rb'<a xlink:href="\2"><title>\3</title>', svg)

@@ -1,27 +1,36 @@
-"""The conditions of a model file as figures show them: their tests, the model's curve with its band, the residuals."""
+"""The conditions of a model file as figures show them: their tests, and what the model leaves of these."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
-from fourpole.core.confidence import NORMAL_95
+from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
 from fourpole.fitting.amplitude import COLUMN, amplitudes_of, levels_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile
 from fourpole.fitting.query import response
 from fourpole.fitting.rows import keys_of
-from fourpole.plot.sheet import Sheet, texts
+from fourpole.plot.cards import linked
+from fourpole.plot.data import AxisData, Panel, Role, Series
+from fourpole.plot.names import plain_text
+from fourpole.plot.sheet import Sheet, read_sheet, texts
+from fourpole.quantities import Quantity
+from fourpole.study.study import Study
 
 #: Amplitudes of the deflection within this ratio are one series.
 _LEVEL = 1.3
 #: Ratio of the ends of the axis of frequency beyond which it is logarithmic.
 DECADE = 10.0
-#: Number of points of a model's line over more than a decade of frequency, and over less.
-_GRID_WIDE, _GRID = 121, 51
+#: Residuals of K' and K'', in this order.
+RESIDUALS = tuple(Quantity("", "", f"residual {part.name}", "1") for part in (q.STORAGE, q.LOSS))
+#: Bound that about 95 % of residuals lie within [standard uncertainties].
+_USUAL = 2.0
+#: The unit in which the residuals are computed [N/m].
+_SCALE = q.STORAGE.scale
 _STATED = (q.PRESSURE.head, q.PRELOAD.head)
 
 
@@ -39,27 +48,9 @@ class Drawn(ByValue):
     amplitude: float | None = None
 
     @property
-    def series(self) -> tuple[int, tuple[float, ...]]:
-        """Index of the pressure and values on further axes, in which the conditions of a panel differ."""
-        return self.pressure, tuple(value for _, value in self.others)
-
-    @property
     def band(self) -> tuple[float, float]:
         """Lowest and highest frequency fitted [Hz]."""
         return self.entry.conditions[self.at].band
-
-
-@dataclass(frozen=True, eq=False)
-class Curves(ByValue):
-    """One condition: points, line and half-width of the band of the model in the units of the axes; residuals."""
-
-    frequency: FloatArray
-    values: tuple[FloatArray, FloatArray]
-    stds: tuple[FloatArray, FloatArray]
-    residuals: tuple[FloatArray, FloatArray]
-    grid: FloatArray
-    line: tuple[FloatArray, FloatArray]
-    half: tuple[FloatArray, FloatArray]
 
 
 def conditions_of(entry: ModelEntry, sheet: Sheet, file: ModelFile) -> list[Drawn]:
@@ -116,34 +107,59 @@ def _rows(one: ConditionFile, state: dict[str, float], sheet: Sheet, file: Model
     return np.asarray(mask)
 
 
-def curves_of(one: Drawn, sheet: Sheet) -> Curves:
-    """Points, line, band and residuals of a condition."""
-    rows = np.flatnonzero(one.rows)
-    frequency = sheet.values(q.FREQUENCY.head)
-    rows = rows[np.argsort(frequency[rows], kind="stable")]
-    frequency = frequency[rows]
-    (real, real_std), (imag, imag_std) = (
-        (value[rows], std[rows]) for value, std in (sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS))
-    )
-    low, high = one.band
-    grid = np.geomspace(low, high, _GRID_WIDE) if high > DECADE * low else np.linspace(low, high, _GRID)
-    moved = None if one.amplitude is None else np.full(grid.size, one.amplitude)
-    line, line_covariance = response(one.entry, one.at, grid, moved)
-    own = None if one.amplitude is None else amplitudes_of(sheet.table)[rows]
-    predicted, covariance = response(one.entry, one.at, frequency, own)
-    correlation = np.nan_to_num(sheet.values(q.CORR_K.head)[rows])
-    off = np.stack([real - predicted.real / q.STORAGE.scale, imag - predicted.imag / q.STORAGE.scale], axis=1)
-    residuals = whitened(off, covariance / q.STORAGE.scale**2 + _data_covariance(real_std, imag_std, correlation))
-    half = NORMAL_95 / q.STORAGE.scale * np.sqrt(np.diagonal(line_covariance, axis1=1, axis2=2))
-    return Curves(
-        frequency=frequency,
-        values=(real, imag),
-        stds=(real_std, imag_std),
-        residuals=(residuals[:, 0], residuals[:, 1]),
-        grid=grid,
-        line=(line.real / q.STORAGE.scale, line.imag / q.STORAGE.scale),
-        half=(half[:, 0], half[:, 1]),
-    )
+def residual_points(results: Study, fitted: Drawn, which: Quantity, like: Series) -> Series:
+    """The residuals of K' or K'' of the tests of a condition by rising frequency, with the look of another series."""
+    rows, frequency, residuals = _residuals(results, fitted)
+    own = residuals[:, RESIDUALS.index(which)]
+    known = np.isfinite(own)
+    points = Series(
+        Role.POINTS, frequency[known], own[known], tyre=like.tyre, shade=like.shade, marker=like.marker,
+        level=like.level,
+    )  # fmt: skip
+    return linked(results, points, rows[known])
+
+
+def residual_panel(which: Quantity, series: Sequence[Series], *, log: bool) -> Panel:
+    """A panel of residuals with lines at zero and at the bounds that about 95 % lie within."""
+    every = np.concatenate([points.x for points in series]) if series else np.array([1.0, 2.0])
+    ends = np.array([every.min(), every.max()])
+    lines = [
+        Series(Role.LINE, ends, np.full(2, level), dash=0 if level == 0 else 1) for level in (0.0, -_USUAL, _USUAL)
+    ]
+    return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(which), (*lines, *series))
+
+
+def residuals_said(results: Study, conditions: Sequence[Drawn]) -> list[str]:
+    """How many residuals of some conditions are beyond the usual bounds."""
+    every = [_residuals(results, fitted)[2] for fitted in conditions]
+    residuals = np.concatenate([np.zeros((0, 2)), *every])
+    residuals = residuals[np.isfinite(residuals)]
+    if not residuals.size:
+        return []
+    outside = int(np.sum(np.abs(residuals) > _USUAL))
+    said = "residuals are in standard uncertainties of measurement and model together"
+    return [f"{said}; {outside} of {residuals.size} are beyond ±{_USUAL:g}"]
+
+
+def _residuals(results: Study, fitted: Drawn) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Rows of the tests of a condition by rising frequency, frequencies [Hz], and what the model leaves of K' and K''.
+
+    The residuals (N, 2) are in standard uncertainties; they are made once for some results.
+    """
+    key = ("residuals", fitted.entry.tyre, fitted.at, fitted.amplitude)
+    if key not in results.derived:
+        sheet, rows = read_sheet(results, texts_only=True), np.flatnonzero(fitted.rows)
+        frequency = sheet.values(q.FREQUENCY.head)
+        rows = rows[np.argsort(frequency[rows], kind="stable")]
+        amplitude = None if fitted.amplitude is None else amplitudes_of(sheet.table)[rows]
+        predicted, covariance = response(fitted.entry, fitted.at, frequency[rows], amplitude)
+        (real, u_real), (imag, u_imag) = (sheet.shown(quantity) for quantity in (q.STORAGE, q.LOSS))
+        off = np.stack([real[rows], imag[rows]], axis=1) - np.stack([predicted.real, predicted.imag], 1) / _SCALE
+        measured = _data_covariance(u_real[rows], u_imag[rows], np.nan_to_num(sheet.values(q.CORR_K.head)[rows]))
+        residuals = whitened(off, covariance / _SCALE**2 + measured)
+        results.derived[key] = (rows, frequency[rows], residuals)
+    made: tuple[IntArray, FloatArray, FloatArray] = results.derived[key]
+    return made
 
 
 def _data_covariance(first: FloatArray, second: FloatArray, correlation: FloatArray) -> FloatArray:
@@ -168,3 +184,23 @@ def whitened(off: FloatArray, covariance: FloatArray) -> FloatArray:
         both = (own[:, 0] + own[:, 1]) / np.sqrt(1 + rho)
         between = (own[:, 0] - own[:, 1]) / np.sqrt(1 - rho)
     return np.asarray(np.stack([both + between, both - between], axis=1) / 2)
+
+
+def models_said(results: Study, sheet: Sheet, tyres: Sequence[int]) -> list[str]:
+    """The models of some specimens, each with its model discrepancy."""
+    entries = {one.tyre: one for one in (results.models.models if results.models is not None else ())}
+    parts = {}
+    for tyre in tyres:
+        if (entry := entries.get(sheet.names[tyre])) is not None:
+            more = f" (model discrepancy {100 * entry.discrepancy:.2g} %)" if entry.discrepancy > 0 else ""
+            parts[tyre] = f"{plain_text(entry.model)}{more}"
+    if len(set(parts.values())) == 1:
+        return [f"model: {next(iter(parts.values()))}"]
+    return ["models: " + ", ".join(f"{text} of {sheet.labels[tyre]}" for tyre, text in parts.items())]
+
+
+def title_of(results: Study, sheet: Sheet, tyre: int) -> str:
+    """The name of a specimen, or that of the model of a table without names."""
+    if sheet.names[tyre] or results.models is None:
+        return sheet.labels[tyre]
+    return next((one.model for one in results.models.models if not one.tyre), sheet.labels[tyre])

@@ -6,27 +6,37 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import TypeAlias
 
 import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray
-from fourpole.plot.cardids import dynamic_cards
-from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, shade
-from fourpole.plot.fitted import DECADE
-from fourpole.plot.names import counted
-from fourpole.plot.residuals import RESIDUALS, models_said, residual_panel, residual_points, residuals_said, title_of
-from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, look, shade
+from fourpole.plot.fitted import (
+    DECADE,
+    RESIDUALS,
+    models_said,
+    residual_panel,
+    residual_points,
+    residuals_said,
+    title_of,
+)
+from fourpole.plot.marks import points_of
+from fourpole.plot.names import counted, lacking
+from fourpole.plot.sheet import Sheet, few, not_all, read_sheet, spread
 from fourpole.plot.states import (
     State,
     axis_shown,
+    by_tyre,
     curve_of,
     differing,
     model_rig,
     place_text,
+    stated_text,
     states,
+    tested,
     values_of,
     values_on,
 )
@@ -54,6 +64,12 @@ class Shown:
     dash: int = 0
     level: float = np.nan
 
+    @property
+    def look(self) -> Series:
+        """Colour, marker and line style of its points and its curve."""
+        tyre, marker = self.state.tyre, self.state.pressure
+        return look(tyre=tyre, shade=self.shade, marker=marker, dash=self.dash, level=self.level)
+
 
 #: The curves of each specimen, the colour scale, and the line styles that the key explains.
 Chosen: TypeAlias = tuple[dict[int, list[Shown]], Scale | None, tuple[tuple[int, str], ...]]
@@ -66,26 +82,21 @@ def by_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData |
     """
     sheet = read_sheet(results, texts_only=True)
     known, notes = _known(sheet, quantities)
-    found = [one for one in states(results) if np.any(known & one.rows)]
-    if not found:
+    groups = by_tyre(tested(results, known))
+    if not groups:
         return None
-    tyres = sorted({one.tyre for one in found})
-    shown = [tyres[at] for at in spread(len(tyres), _MOST_TYRES)]
-    if len(shown) < len(tyres):
-        notes.append(f"{len(shown)} of {len(tyres)} specimens shown")
-    by_tyre = {tyre: [one for one in found if one.tyre == tyre] for tyre in shown}
-    chosen, scale, dashes = chosen_curves(results, by_tyre, notes)
-    log = _logarithmic([one for each in chosen.values() for one in each], sheet)
+    shown = few(list(groups), _MOST_TYRES, "specimens", notes)
+    chosen, scale, dashes = chosen_curves(results, {tyre: groups[tyre] for tyre in shown}, notes)
+    curves = list(chain(*chosen.values()))
+    log = _logarithmic(curves, sheet)
     columns = next((n for n in (_MOST_COLUMNS, 2) if len(shown) % n == 0), min(len(shown), _MOST_COLUMNS))
-    panels = []
-    for at in range(0, len(shown), columns):
-        for quantity in quantities:
-            for tyre in shown[at : at + columns]:
-                made = condition_panel(results, quantity, chosen[tyre], known, log=log)
-                headed = quantity is quantities[0]
-                panels.append(replace(made, title=title_of(results, sheet, tyre), tyre=tyre) if headed else made)
-    alike = common(results, [one.state for each in chosen.values() for one in each])
-    said = [*([f"at {alike}"] if alike else []), *_models_said(results, sheet, panels, shown), *notes]
+    panels: list[Panel] = []
+    for start in range(0, len(shown), columns):
+        row = shown[start : start + columns]
+        block = [condition_panel(results, one, chosen[tyre], known, log=log) for one in quantities for tyre in row]
+        panels += headed(results, block, row)
+    alike = common(results, [curve.state for curve in curves])
+    said = [*alike, *_models_said(results, sheet, panels, shown), *notes]
     return FigureData(
         panels=tuple(panels), columns=columns, names=sheet.labels, scale=scale, dashes=dashes,
         notes=(*said, *_tests_said(sheet, known, quantities[0])), panel_height=2.1 if len(shown) <= columns else 1.6,
@@ -93,54 +104,57 @@ def by_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData |
     )  # fmt: skip
 
 
+def headed(results: Study, panels: Sequence[Panel], tyres: Sequence[int]) -> list[Panel]:
+    """The panels, with the names of these specimens above the first ones."""
+    sheet = read_sheet(results, texts_only=True)
+    first_row = zip(panels, tyres, strict=False)
+    heads = [replace(panel, title=title_of(results, sheet, tyre), tyre=tyre) for panel, tyre in first_row]
+    return [*heads, *panels[len(heads) :]]
+
+
 def first(results: Study, quantities: Sequence[Quantity]) -> FigureData | None:
     """Quantities against frequency beside each other, with at most six curves of all specimens together."""
     sheet = read_sheet(results, texts_only=True)
     known, left_out = _known(sheet, quantities)
-    found = [one for one in states(results) if np.any(known & one.rows & ~sheet.rejected)]
+    known = known & ~sheet.rejected
+    found = tested(results, known)
     if not found:
         return None
-    chosen, notes = _few(found), []
-    if len(chosen) < len(found):
-        notes.append(f"{len(chosen)} of {len(found)} conditions shown")
-    tyres = list(dict.fromkeys(one.tyre for one in chosen))
-    alone = len(tyres) == len(chosen) > 1
-    curves = []
-    for tyre in tyres:
-        own = [one for one in chosen if one.tyre == tyre]
+    chosen = _few(found)
+    tyres, curves = by_tyre(chosen), []
+    for tyre, own in tyres.items():
         columns = _reading(differing(own))
-        for at, one in enumerate(own):
-            label = words(results, one, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
-            curves.append(Shown(one, label, shade(at, len(own))))
+        for rank, state in enumerate(own):
+            label = words(results, state, columns) or (sheet.labels[tyre] if len(tyres) > 1 else "")
+            curves.append(Shown(state, label, shade(rank, len(own))))
     log = _logarithmic(curves, sheet)
-    panels = [condition_panel(results, quantity, curves, known & ~sheet.rejected, log=log) for quantity in quantities]
-    alike = common(results, chosen)
+    panels = [condition_panel(results, quantity, curves, known, log=log) for quantity in quantities]
     # The page has the models in words; a hint stands where there is none.
-    hint = (
-        [] if any(one.role is Role.MODEL for one in panels[0].series) else _models_said(results, sheet, panels, tyres)
-    )
-    bare = ["without the tests with an added mass"] if left_out else []
-    said = [*([f"at {alike}"] if alike else []), *hint, *notes, *bare]
+    drawn = any(one.role is Role.MODEL for one in panels[0].series)
+    said = [*common(results, chosen), *([] if drawn else _models_said(results, sheet, panels, list(tyres)))]
+    said += not_all(len(chosen), len(found), "conditions")
+    said += ["without the tests with an added mass"] if left_out else []
     return FigureData(
         panels=tuple(panels), columns=len(panels), names=sheet.labels, shared=False, notes=tuple(said),
-        keyed=tuple(tyres) if len(tyres) > 1 and not alone else (), height=_COMPACT,
+        keyed=tuple(tyres) if 1 < len(tyres) < len(chosen) else (), height=_COMPACT,
     )  # fmt: skip
 
 
 def parts(results: Study) -> FigureData | None:
     """K' and K'', and below them what the models leave, if there are any."""
-    if results.models is None or not any(one.model is not None for one in states(results)):
+    found = [state.model for state in states(results) if state.model is not None]
+    if results.models is None or not found:
         return by_frequency(results, _PARTS)
     data = by_frequency(results, (*_PARTS, *RESIDUALS))
-    found = [one.model for one in states(results) if one.model is not None]
     return data and replace(data, notes=(*data.notes, *residuals_said(results, found)), panel_height=1.5)
 
 
-def common(results: Study, found: Sequence[State]) -> str:
-    """The stated values that all conditions share."""
+def common(results: Study, found: Sequence[State]) -> list[str]:
+    """The note with the stated values that all conditions share, if there are any."""
     differ = set(differing(found))
-    place = {column: value for column, value in found[0].place.items() if column not in differ and not np.isnan(value)}
-    return ", ".join(place_text(results, column, place[column]) for column in _reading(list(place)))
+    alike = _reading([column for column in found[0].place if column not in differ])
+    shared = stated_text(results, {column: found[0].place[column] for column in alike})
+    return [f"at {shared}"] if shared else []
 
 
 def _known(sheet: Sheet, quantities: Sequence[Quantity]) -> tuple[BoolArray, list[str]]:
@@ -150,7 +164,7 @@ def _known(sheet: Sheet, quantities: Sequence[Quantity]) -> tuple[BoolArray, lis
     if not {q.TR_MEASURED, q.TR_PREDICTED} & set(quantities):
         return np.asarray(known), []
     bare, said = sheet.bare("TR")
-    return np.asarray(known & bare), [said] if said else []
+    return np.asarray(known & bare), said
 
 
 def condition_panel(
@@ -159,45 +173,39 @@ def condition_panel(
     """The panel of one quantity: for each condition the model's curve, the tests and the rejected tests."""
     sheet = read_sheet(results, texts_only=True)
     frequency, (values, stds) = sheet.values(q.FREQUENCY.head), values_of(sheet, quantity)
-    cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
     seen = results.shown.of(_NAMED.get(quantity, quantity))
-    unit, series = quantity.scale / seen.scale, []
+    unit, series = quantity.scale / seen.scale, list[Series]()
     for one in curves:
-        state, none = one.state, np.zeros(0)
-        look = Series(Role.POINTS, none, none, tyre=state.tyre, shade=one.shade, marker=state.pressure, dash=one.dash,
-                      level=one.level)  # fmt: skip
+        state, marks = one.state, one.look
         if quantity in RESIDUALS:
-            series += [residual_points(results, state.model, quantity, look)] if state.model is not None else []
+            series += [residual_points(results, state.model, quantity, marks)] if state.model is not None else []
             continue
         line = curve_of(results, state, quantity)
         if line is not None:
             x, y, half = line
-            series.append(replace(look, role=Role.MODEL, x=x, y=unit * y, spread=unit * half, label=one.label))
-        for role, mask in ((Role.POINTS, ~sheet.rejected), (Role.REJECTED, sheet.rejected)):
-            at = np.flatnonzero(mask & known & state.rows & np.isfinite(values))
-            at = at[np.argsort(frequency[at], kind="stable")]
-            if at.size:
-                label = one.label if line is None and role is Role.POINTS else ""
-                tests, ids = tuple(names[i] for i in at), tuple(cards[i] for i in at)
-                points = replace(
-                    look, role=role, x=frequency[at], y=unit * values[at], spread=unit * stds[at], label=label
-                )
-                series.append(replace(points, label=label, tests=tests, cards=ids))
+            series.append(replace(marks, role=Role.MODEL, x=x, y=unit * y, spread=unit * half, label=one.label))
+        label = one.label if line is None else ""
+        for like, mask in (
+            (replace(marks, label=label), ~sheet.rejected),
+            (replace(marks, role=Role.REJECTED), sheet.rejected),
+        ):
+            rows = mask & known & state.rows
+            series += points_of(results, rows, (frequency, unit * values), like, stds=(None, unit * stds))
     if quantity in RESIDUALS:
         return residual_panel(quantity, series, log=log)
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(seen), tuple(series))
 
 
-def chosen_curves(results: Study, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
+def chosen_curves(results: Study, groups: dict[int, list[State]], notes: list[str]) -> Chosen:
     """The curves of each specimen: few with the condition at their ends, many on a colour scale."""
-    many = max(map(len, by_tyre.values())) > MOST_LABELLED
-    return _scaled(results, by_tyre, notes) if many else _labelled(results, by_tyre)
+    many = max(map(len, groups.values())) > MOST_LABELLED
+    return _scaled(results, groups, notes) if many else _labelled(results, groups)
 
 
-def _labelled(results: Study, by_tyre: dict[int, list[State]]) -> Chosen:
+def _labelled(results: Study, groups: dict[int, list[State]]) -> Chosen:
     """Few curves per panel: the colour of the specimen, and the condition at the end of each curve."""
     made = {}
-    for tyre, each in by_tyre.items():
+    for tyre, each in groups.items():
         columns = _reading(differing(each))
         loads = sorted({one.load for one in each})
         made[tyre] = [
@@ -207,28 +215,25 @@ def _labelled(results: Study, by_tyre: dict[int, list[State]]) -> Chosen:
     return made, None, ()
 
 
-def _scaled(results: Study, by_tyre: dict[int, list[State]], notes: list[str]) -> Chosen:
+def _scaled(results: Study, groups: dict[int, list[State]], notes: list[str]) -> Chosen:
     """Many curves per panel: a colour scale over the axis with the most values, line styles over the next axis."""
-    every = [one for each in by_tyre.values() for one in each]
+    every = list(chain(*groups.values()))
     colour, *others = differing(every)
     dash, kept = "", every
     for column in others[1:]:
-        counts = Counter(one.place.get(column, np.nan) for one in kept)
-        usual = max(counts, key=lambda value: counts[value])
-        kept = [one for one in kept if _equal(one.place.get(column, np.nan), usual)]
+        ((usual, _),) = Counter(state.on(column) for state in kept).most_common(1)
+        kept = [state for state in kept if _equal(state.on(column), usual)]
     dashes: list[float] = []
     if others:
         dash, (dashes, kept) = others[0], _some(kept, others[0], _MOST_DASHES)
     _, kept = _some(kept, colour, max(_MOST_CURVES // max(len(dashes), 1), 4))
-    if len(kept) < len(every):
-        notes.append(f"{len(kept)} of {len(every)} conditions shown")
+    notes += not_all(len(kept), len(every), "conditions")
     name, unit, size = axis_shown(colour, results.shown)
-    levels = [one.place.get(colour, np.nan) / size for one in kept]
-    known = [value for value in levels if not np.isnan(value)]
-    made: dict[int, list[Shown]] = {tyre: [] for tyre in by_tyre}
-    for one, level in zip(kept, levels, strict=True):
-        rank = next((at for at, value in enumerate(dashes) if _equal(value, one.place.get(dash, np.nan))), 0)
-        made[one.tyre].append(Shown(one, dash=rank, level=level))
+    known = [state.on(colour) / size for state in kept if not np.isnan(state.on(colour))]
+    made: dict[int, list[Shown]] = {tyre: [] for tyre in groups}
+    for state in kept:
+        rank = next((rank for rank, value in enumerate(dashes) if _equal(value, state.on(dash))), 0)
+        made[state.tyre].append(Shown(state, dash=rank, level=state.on(colour) / size))
     explained = tuple((at, place_text(results, dash, value)) for at, value in enumerate(dashes))
     return made, Scale(name, unit, min(known), max(known)), explained
 
@@ -237,7 +242,7 @@ def _some(found: Sequence[State], column: str, most: int) -> tuple[list[float], 
     """Some values on an axis, evenly spaced, and the conditions that have them."""
     values = values_on(found, column)
     values = [values[at] for at in spread(len(values), most)]
-    return values, [one for one in found if any(_equal(one.place.get(column, np.nan), value) for value in values)]
+    return values, [state for state in found if any(_equal(state.on(column), value) for value in values)]
 
 
 def _equal(one: float, other: float) -> bool:
@@ -251,18 +256,18 @@ def _few(found: Sequence[State]) -> list[State]:
     """
     if len(found) <= MOST_LABELLED:
         return list(found)
-    tyres = sorted({one.tyre for one in found})
-    tyres = [tyres[at] for at in spread(len(tyres), MOST_LABELLED)]
+    groups = by_tyre(found)
+    tyres = [list(groups)[index] for index in spread(len(groups), MOST_LABELLED)]
     each = MOST_LABELLED // len(tyres)
     columns = differing(found)
     chosen = []
     for tyre in tyres:
-        own = [one for one in found if one.tyre == tyre]
+        own = groups[tyre]
         for column in columns[1:]:
-            counts = Counter(str(one.place.get(column)) for one in own)
+            counts = Counter(str(state.place.get(column)) for state in own)
             top = max(counts.values())
             usual = next(value for value in values_on(own, column) if counts[str(value)] == top)
-            own = [one for one in own if _equal(one.place.get(column, np.nan), usual)]
+            own = [state for state in own if _equal(state.on(column), usual)]
         at = spread(len(own), each) if each > 1 else [len(own) // 2]
         chosen += [own[i] for i in at]
     return chosen
@@ -270,7 +275,7 @@ def _few(found: Sequence[State]) -> list[State]:
 
 def words(results: Study, one: State, columns: Sequence[str]) -> str:
     """The values of a condition on some axes."""
-    return ", ".join(place_text(results, column, one.place.get(column, np.nan)) for column in columns)
+    return ", ".join(place_text(results, column, one.on(column)) for column in columns)
 
 
 def _reading(columns: Sequence[str]) -> list[str]:
@@ -300,9 +305,8 @@ def _models_said(results: Study, sheet: Sheet, panels: Sequence[Panel], tyres: S
 def _tests_said(sheet: Sheet, known: BoolArray, quantity: Quantity) -> list[str]:
     """The numbers of rejected tests and of tests without a value."""
     said = [f"{counted(int(sheet.rejected.sum()), 'test')} rejected"] if sheet.rejected.any() else []
-    lacking = int(np.sum(~known & ~sheet.rejected))
     what = {q.MODULUS: "K*", q.STORAGE: "K*", q.K2: "K2 and C"}.get(quantity, "TR")
-    return said + ([f"{counted(lacking, 'test')} {'has' if lacking == 1 else 'have'} no {what}"] if lacking else [])
+    return said + lacking(int(np.sum(~known & ~sheet.rejected)), what)
 
 
 def transmissibility(results: Study, make: Callable[..., FigureData | None]) -> FigureData | None:
@@ -314,46 +318,12 @@ def transmissibility(results: Study, make: Callable[..., FigureData | None]) -> 
     return found and replace(found, notes=(*found.notes, "predicted from K* and the rig: V2 was not measured"))
 
 
-_THROUGH = "the model's curve with its 95 % band through the tests with their standard uncertainties"
-#: The two figures of the first page of a report.
-FIRST = (
-    FigureSpec(
-        "first-stiffness",
-        "Stiffness and loss",
-        f"|K*| and the loss angle against frequency, {_THROUGH}.",
-        data=partial(first, quantities=_STIFFNESS),
-    ),
-    FigureSpec(
-        "first-tr",
-        "Transmissibility",
-        f"TR, the ratio of the motions above and below the specimen, against frequency, {_THROUGH}.",
-        data=partial(transmissibility, make=first),
-    ),
-)
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "stiffness",
-        "How stiff is it, and how much does it lose?",
-        f"|K*| and the loss angle against frequency, {_THROUGH}.",
-        data=partial(by_frequency, quantities=_STIFFNESS),
-    ),
-    FigureSpec(
-        "storage-loss",
-        "What stores, what loses?",
-        f"K' and K'' against frequency, {_THROUGH}; below, what the model leaves, with lines at ±2.",
-        data=parts,
-    ),
-    FigureSpec(
-        "arm",
-        "Which spring and damper?",
-        f"K2 and C against frequency, {_THROUGH}; those of the curve follow from K* of the model and K1 of the tests.",
-        data=partial(by_frequency, quantities=_ARM),
-    ),
-    FigureSpec(
-        "tr",
-        "What passes through?",
-        f"TR, the ratio of the motions above and below the specimen, against frequency, {_THROUGH}.",
-        data=partial(transmissibility, make=by_frequency),
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {
+    "first-stiffness": partial(first, quantities=_STIFFNESS),
+    "first-tr": partial(transmissibility, make=first),
+    "stiffness": partial(by_frequency, quantities=_STIFFNESS),
+    "storage-loss": parts,
+    "arm": partial(by_frequency, quantities=_ARM),
+    "tr": partial(transmissibility, make=by_frequency),
+}

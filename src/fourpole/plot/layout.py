@@ -17,7 +17,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from fourpole.plot.data import Scale
-from fourpole.plot.notes import Notes
 from fourpole.plot.style import Marker, Style
 
 #: Width of a figure in a report [in].
@@ -47,13 +46,9 @@ class Key:
 
     entries: list[tuple[Artist, str]] = field(default_factory=list)
 
-    def add(self, handle: Artist, label: str) -> None:
-        """Add an entry."""
-        self.entries.append((handle, label))
-
     def line(self, label: str, colour: str, width: float | None = None, **look: Any) -> None:
         """Add an entry with a line; `look` has further properties of matplotlib's line."""
-        self.add(Line2D([], [], color=colour, linewidth=width, **look), label)
+        self.entries.append((Line2D([], [], color=colour, linewidth=width, **look), label))
 
     def marker(self, label: str, marker: Marker, colour: str, face: str, **look: Any) -> None:
         """Add an entry with a marker and its fill; `look` has further properties of matplotlib's line."""
@@ -61,7 +56,7 @@ class Key:
 
     def band(self, style: Style) -> None:
         """Add the 95 % band of a model or a map."""
-        self.add(Patch(facecolor=style.look.muted, alpha=0.35, linewidth=0.0), "95 % band")
+        self.entries.append((Patch(facecolor=style.look.muted, alpha=0.35, linewidth=0.0), "95 % band"))
 
 
 @dataclass
@@ -91,7 +86,7 @@ class Grid:
         self,
         *,
         key: Key,
-        notes: Notes,
+        notes: Sequence[str],
         x_label: str,
         y_labels: Sequence[str],
         share_x: bool = True,
@@ -115,7 +110,7 @@ class Grid:
         unit = size.font
         between = unit * ((0.36 if headings == "all" else 0.14) + (0.0 if share_x else 0.42))
         beside = 0.16 if share_y else left * unit
-        note_lines = _wrapped(notes.lines, int(_LETTERS * size.width / unit))
+        note_lines = _wrapped(notes, int(_LETTERS * size.width / unit))
         key_columns, key_rows = _key_shape([label for _, label in key.entries], size.width / unit)
         notes_height = unit * (_NOTE_LINE * len(note_lines) + (0.06 if note_lines else 0.0))
         key_height = unit * (_KEY_LINE * key_rows + (0.1 if key_rows else 0.0))
@@ -164,16 +159,8 @@ def _draw_notes(figure: Figure, lines: Sequence[str], style: Style) -> None:
     """The notes at the foot of a figure that has its size."""
     width, height = figure.get_size_inches()
     x, y = 0.1 * style.size.font / width, 0.05 * style.size.font / height
-    figure.text(
-        x,
-        y,
-        "\n".join(lines),
-        va="bottom",
-        ha="left",
-        fontsize=style.font(7.0),
-        linespacing=1.25,
-        color=style.look.muted,
-    )
+    size, colour = style.font(7.0), style.look.muted
+    figure.text(x, y, "\n".join(lines), va="bottom", ha="left", fontsize=size, linespacing=1.25, color=colour)
 
 
 def _wrapped(lines: Sequence[str], letters: int) -> list[str]:

@@ -10,12 +10,11 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.fitting.rows import keys_of
-from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.cards import linked
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, shade
 from fourpole.plot.part import part_of
-from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
-from fourpole.plot.spec import FigureSpec
-from fourpole.plot.states import place_text, states
+from fourpole.plot.sheet import Sheet, few, present, read_sheet, spread, texts
+from fourpole.plot.states import by_tyre, stated_text, tested
 from fourpole.study.record import section, stated_blocked
 from fourpole.study.study import Study
 
@@ -34,11 +33,8 @@ def loops(results: Study) -> FigureData | None:
     known = np.isfinite(force) & np.isfinite(deflection) & (np.abs(deflection) > 0) & ~sheet.rejected & ~sheet.massed
     if not known.any():
         return None
-    notes = []
-    tyres = [int(at) for at in np.unique(sheet.tyre[known])]
-    shown = [tyres[at] for at in spread(len(tyres), _MOST_TYRES)]
-    if len(shown) < len(tyres):
-        notes.append(f"{len(shown)} of {len(tyres)} specimens shown")
+    notes: list[str] = []
+    shown = few(list(present(sheet.tyre, known)), _MOST_TYRES, "specimens", notes)
     panels = [_loop_panel(results, sheet, tyre, known, force, deflection) for tyre in shown]
     if sum(len(panel.series) for panel in panels) < known[np.isin(sheet.tyre, shown)].sum():
         notes.append("of each specimen the condition with the most tests; --pressure, --preload or --test name others")
@@ -60,22 +56,19 @@ def _amplitudes(results: Study, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
 def _loop_panel(
     results: Study, sheet: Sheet, tyre: int, known: np.ndarray, force: np.ndarray, deflection: np.ndarray
 ) -> Panel:
-    own = [one for one in states(results) if one.tyre == tyre and np.any(known & one.rows)]
+    own = by_tyre(tested(results, known))[tyre]
     state = max(own, key=lambda one: int(np.sum(known & one.rows)))
     rows = np.flatnonzero(known & sheet.where(tyre=tyre) & (state.rows if part_of(results) is None else True))
     rows = rows[np.argsort(sheet.values(q.FREQUENCY.head)[rows], kind="stable")]
     rows = rows[spread(rows.size, MOST_LABELLED)]
     moved, pushed = results.shown.of(q.DEFLECTION_AMPLITUDE), results.shown.of(q.F1)
     turn = np.exp(1j * np.linspace(0, 2 * np.pi, _POINTS))
-    cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
     series = []
     for at, row in enumerate(rows.tolist()):
         x, y = (amplitude[row] * turn for amplitude in (deflection / moved.scale, force / pushed.scale))
-        label = _label(sheet, row)
-        line = Series(Role.LINE, x.real, y.real, label=label, tyre=tyre, shade=shade(at, rows.size))
-        series.append(replace(line, tests=(names[row],), cards=(cards[row],)))
-    place = {column: value for column, value in state.place.items() if not np.isnan(value)}
-    right = ", ".join(place_text(results, column, value) for column, value in place.items()) if len(own) > 1 else ""
+        line = Series(Role.LINE, x.real, y.real, label=_label(sheet, row), tyre=tyre, shade=shade(at, rows.size))
+        series.append(linked(results, line, [row]))
+    right = stated_text(results, state.place) if len(own) > 1 else ""
     x_axis = AxisData("deflection", moved.shown)
     return Panel(x_axis, AxisData.of(pushed), tuple(series), sheet.labels[tyre], right, tyre)
 
@@ -96,39 +89,29 @@ def signals(results: Study) -> FigureData | None:
     shown = [key for key in keys if any(_has(table, found[key], f"{s} fit") for s, _ in _SIGNALS)][:_MOST_SIGNALS]
     if not shown:
         return None
-    every, cards = keys_of(sheet.table), dynamic_cards(results)
+    every = keys_of(sheet.table)
     stated = section(results.record, "stated", "channels")
     symbols = [(s, role) for s, role in _SIGNALS if any(_has(table, found[key], s) for key in shown)]
     panels = []
     for symbol, role in symbols:
         unit = _UNITS.get(str(section(stated, role).get("quantity", "")), "N" if symbol == "F1" else "SI")
         for key in shown:
-            row, at = found[key], every.index(key)
-            time = _array(table, row, q.TIME.head)
-            panels.append(
-                Panel(
-                    AxisData("time", "s"),
-                    AxisData(symbol, unit),
-                    _signal(table, row, symbol, time, (int(sheet.tyre[at]), key[0], cards[at])),
-                    title=f"{key[0]}: {_label(sheet, at)}" if symbol == symbols[0][0] else "",
-                    tyre=int(sheet.tyre[at]),
-                )
-            )  # fmt: skip
+            at = every.index(key)
+            tyre, (recorded, fit) = int(sheet.tyre[at]), _signal(table, found[key], symbol)
+            series = (recorded, linked(results, replace(fit, tyre=tyre), [at]))
+            title = f"{key[0]}: {_label(sheet, at)}" if symbol == symbols[0][0] else ""
+            panels.append(Panel(AxisData("time", "s"), AxisData(symbol, unit), series, title, tyre=tyre))
     notes = ["points: recorded, less their mean; line: fitted sinusoid"]
     if len(shown) < len(keys):
         notes.append(f"{len(shown)} of {len(keys)} tests shown; --test names others")
     return FigureData(tuple(panels), len(shown), sheet.labels, notes=tuple(notes), panel_height=1.3, shared=False)
 
 
-def _signal(
-    table: pl.DataFrame, row: int, symbol: str, time: FloatArray, look: tuple[int, str, str]
-) -> tuple[Series, ...]:
-    """The recorded samples of a channel and the fit; `look` has number of the specimen, test and card."""
-    tyre, test, card = look
-    recorded, fit = _array(table, row, symbol), _array(table, row, f"{symbol} fit")
+def _signal(table: pl.DataFrame, row: int, symbol: str) -> tuple[Series, Series]:
+    """The recorded samples of a channel, and the fit."""
+    time, recorded, fit = (_array(table, row, column) for column in (q.TIME.head, symbol, f"{symbol} fit"))
     count = min(time.size, recorded.size, fit.size)
-    line = Series(Role.LINE, time[:count], fit[:count], tyre=tyre, tests=(test,), cards=(card,))
-    return Series(Role.POINTS, time[:count], recorded[:count]), line
+    return Series(Role.POINTS, time[:count], recorded[:count]), Series(Role.LINE, time[:count], fit[:count])
 
 
 def _array(table: pl.DataFrame, row: int, column: str) -> FloatArray:
@@ -142,18 +125,5 @@ def _has(table: pl.DataFrame, row: int, column: str) -> bool:
     return _array(table, row, column).size > 1
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "loops",
-        "How wide is the loop?",
-        "Force F1 over the deflection of each specimen in one cycle, at several frequencies.",
-        data=loops,
-    ),
-    FigureSpec(
-        "signals",
-        "What was recorded?",
-        "Some cycles of each channel of a test, with the sinusoids that were fitted.",
-        data=signals,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"loops": loops, "signals": signals}

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray, IntArray
-from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.cards import linked
 from fourpole.plot.data import Role, Series, Tone, look
-from fourpole.plot.sheet import Groups, Sheet, means, spread, texts
+from fourpole.plot.sheet import Groups, Sheet, means, spread
 from fourpole.study.study import Study
 
 #: Number of pressures in the key of a figure.
@@ -20,7 +19,6 @@ MOST_NAMED = 8
 
 def points_of(
     results: Study,
-    sheet: Sheet,
     rows: BoolArray,
     values: tuple[FloatArray, FloatArray],
     like: Series,
@@ -31,23 +29,32 @@ def points_of(
 
     `values` and `stds` are those of all tests along the abscissa and the ordinate, in the units of the axes.
     """
-    at = np.flatnonzero(rows & np.isfinite(values[0]) & np.isfinite(values[1]))
+    x, y = values
+    at = np.flatnonzero(rows & np.isfinite(x) & np.isfinite(y))
     if not at.size:
         return []
-    at = at[np.argsort(values[0][at], kind="stable")]
-    cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
-    across, spreads = (None if one is None else one[at] for one in stds)
-    return [
-        replace(
-            like, x=values[0][at], y=values[1][at], spread=spreads, across=across,
-            tests=tuple(names[i] for i in at), cards=tuple(cards[i] for i in at),
-        )
-    ]  # fmt: skip
+    at = at[np.argsort(x[at], kind="stable")]
+    across, spread = (None if std is None else std[at] for std in stds)
+    return [linked(results, replace(like, x=x[at], y=y[at], spread=spread, across=across), at)]
 
 
-def rejected_of(results: Study, sheet: Sheet, rows: BoolArray, values: tuple[FloatArray, FloatArray]) -> list[Series]:
+def rejected_of(results: Study, rows: BoolArray, values: tuple[FloatArray, FloatArray]) -> list[Series]:
     """The rejected tests of a mask."""
-    return points_of(results, sheet, rows, values, look(Role.REJECTED))
+    return points_of(results, rows, values, look(Role.REJECTED))
+
+
+def curve_of(
+    results: Study,
+    rows: BoolArray,
+    values: tuple[FloatArray, FloatArray],
+    std: FloatArray,
+    keys: IntArray,
+    like: Series,
+) -> list[Series]:
+    """The tests of a mask with bars, and the line through the means of those of equal key."""
+    x, y = values
+    line = line_of(x[rows], y[rows], keys[rows], like, std[rows])
+    return [*line, *points_of(results, rows, values, like, stds=(None, std))]
 
 
 def line_of(x: FloatArray, y: FloatArray, keys: IntArray, like: Series, std: FloatArray | None = None) -> list[Series]:

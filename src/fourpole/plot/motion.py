@@ -11,7 +11,7 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, Tone
 from fourpole.plot.marks import (
     MOST_NAMED,
-    line_of,
+    curve_of,
     load_key,
     points_of,
     pressure_key,
@@ -19,9 +19,7 @@ from fourpole.plot.marks import (
     tyre_look,
     zero_line,
 )
-from fourpole.plot.notes import Notes
-from fourpole.plot.sheet import Sheet, means, present, read_sheet
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.sheet import Sheet, leading, means, not_all, present, read_sheet, tests_said
 from fourpole.study.study import Study
 
 #: The two pressures of the paper's figure 14 [Pa].
@@ -53,26 +51,26 @@ def crossings(first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, Fl
 
 def transmissibility(results: Study) -> FigureData | None:
     """TR against frequency at the pressures nearest to 1.00 and 1.68 bar, a panel per preload and setting."""
-    sheet, notes = read_sheet(results), Notes()
+    sheet, notes = read_sheet(results), list[str]()
     quantity = q.TR_MEASURED
     y, std = sheet.shown(quantity)
     if not np.any(np.isfinite(y)):
         quantity = q.TR_PREDICTED
         y, std = sheet.shown(quantity)
-        notes.say("predicted from K* and the rig: V2 was not measured")
+        notes.append("predicted from K* and the rig: V2 was not measured")
     x, _ = sheet.shown(q.FREQUENCY)
     bare, said = sheet.bare("TR")
     visible = np.isfinite(x) & np.isfinite(y) & bare
     if not np.any(visible):
         return None
-    notes.say(said)
+    notes += said
     pressures = _pressures(sheet, visible)
     concerned = np.isin(sheet.pressure, pressures) & bare
-    notes.chosen(len(pressures), len(list(present(sheet.pressure, visible))), "pressures")
+    notes += not_all(len(pressures), len(list(present(sheet.pressure, visible))), "pressures")
     visible &= concerned
     used, lost = visible & ~sheet.rejected, visible & sheet.rejected
     places = sorted(set(zip(sheet.load[visible].tolist(), sheet.setting[visible].tolist(), strict=True)))
-    places = notes.first(places, _MOST_PANELS, "settings")
+    places = leading(places, _MOST_PANELS, "settings", notes)
     settings = len({setting for _, setting in places})
     tyres, panels = list(present(sheet.tyre, visible)), []
     for load, setting in places:
@@ -80,9 +78,8 @@ def transmissibility(results: Study) -> FigureData | None:
         for tyre, pressure in product(tyres, pressures):
             mask = used & here & sheet.where(tyre=tyre, pressure=pressure)
             marks = tyre_look(tyre, pressure, load)
-            series += line_of(x[mask], y[mask], sheet.frequency[mask], marks, std[mask])
-            series += points_of(results, sheet, mask, (x, y), marks, stds=(None, std))
-        series += rejected_of(results, sheet, here & lost, (x, y))
+            series += curve_of(results, mask, (x, y), std, sheet.frequency, marks)
+        series += rejected_of(results, here & lost, (x, y))
         found = _crossings(sheet, x, y, used & here, tyres, pressures)
         series += [Series(Role.LINE, np.full(2, at), np.array([0.0, top]), tone=Tone.INK, dash=2)
                    for at, top, _ in found]  # fmt: skip
@@ -92,11 +89,11 @@ def transmissibility(results: Study) -> FigureData | None:
         title = ", ".join(part for part in parts if part)
         axis = AxisData(quantity.name, quantity.shown, zero=True)
         panels.append(Panel(AxisData.of(q.FREQUENCY), axis, tuple(series), title, corner=corner))
-    notes.tests(sheet.rejected[concerned], visible[concerned], "TR")
+    notes += tests_said(sheet.rejected[concerned], visible[concerned], "TR")
     columns = min(3, settings if settings > 1 else len(places) if len(places) != 4 else 2)
     loads = list(dict.fromkeys(load for load, _ in places))
     return FigureData(
-        tuple(panels), columns, sheet.labels, keyed=tuple(tyres), notes=tuple(notes.lines), aligned=True,
+        tuple(panels), columns, sheet.labels, keyed=tuple(tyres), notes=tuple(notes), aligned=True,
         key=(*pressure_key(sheet, pressures), *load_key(sheet, loads)),
         panel_height=2.9 if len(places) <= columns else 2.2,
     )  # fmt: skip
@@ -148,40 +145,22 @@ def measured_against_predicted(results: Study) -> FigureData | None:
     left, right = [Series(Role.LINE, ends, ends, tone=Tone.INK)], [zero_line(frequency[shown])]
     for tyre, pressure in product(tyres, pressures):
         mask, marks = used & sheet.where(tyre=tyre, pressure=pressure), tyre_look(tyre, pressure, 0)
-        left += points_of(results, sheet, mask, (predicted, measured), marks)
-        right += points_of(results, sheet, mask, (frequency, difference), marks, stds=(None, difference_std))
-    left += rejected_of(results, sheet, lost, (predicted, measured))
-    right += rejected_of(results, sheet, lost, (frequency, difference))
-    notes = Notes()
-    notes.tests(sheet.rejected, visible, "TR measured and predicted")
+        left += points_of(results, mask, (predicted, measured), marks)
+        right += points_of(results, mask, (frequency, difference), marks, stds=(None, difference_std))
+    left += rejected_of(results, lost, (predicted, measured))
+    right += rejected_of(results, lost, (frequency, difference))
+    notes = tests_said(sheet.rejected, visible, "TR measured and predicted")
     if len(pressures) > MOST_NAMED:
-        notes.say("the key names some of the pressures")
+        notes.append("the key names some of the pressures")
     panels = (
         Panel(AxisData.of(q.TR_PREDICTED), AxisData.of(q.TR_MEASURED), tuple(left)),
         Panel(AxisData.of(q.FREQUENCY), AxisData("difference from predicted", "%", signed=True), tuple(right)),
     )
     return FigureData(
         panels, 2, sheet.labels, keyed=tuple(tyres), key=tuple(pressure_key(sheet, pressures)),
-        notes=tuple(notes.lines), panel_height=2.75, shared=False,
+        notes=tuple(notes), panel_height=2.75, shared=False,
     )  # fmt: skip
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "fig14",
-        "transmissibility against frequency",
-        "The ratio TR of the motions above and below the tyre at two pressures, with the frequencies at which "
-        "the tyres' curves cross.",
-        data=transmissibility,
-        apart=True,
-        number=14,
-    ),
-    FigureSpec(
-        "tr-measured-predicted",
-        "Transmissibility measured and predicted",
-        "TR from V2 and V1 against TR from K* and the rig as stated, and their difference against frequency.",
-        data=measured_against_predicted,
-        apart=True,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"fig14": transmissibility, "tr-measured-predicted": measured_against_predicted}

@@ -67,6 +67,17 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def lacking(number: int, what: str) -> list[str]:
+    """The note that some tests have no value, if there are any.
+
+    Examples
+    --------
+    >>> lacking(2, "TR"), lacking(0, "TR")
+    (['2 tests have no TR'], [])
+    """
+    return [f"{counted(number, 'test')} {'has' if number == 1 else 'have'} no {what}"] if number else []
+
+
 def value_label(source: Source) -> str:
     """A shared value, or a source of uncertainty, as figures name it.
 

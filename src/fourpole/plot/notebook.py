@@ -68,7 +68,7 @@ def draw(what: Study | Recording, figure: str = "stiffness", *, style: Style | N
 
     Parameters
     ----------
-    what : Study, Study or Recording
+    what : Study or Recording
     figure : str
         Of results: a quantity, as "K2", "C", "K'", "TR", "loss angle", or one of `fourpole.plot.FIGURES`.
     style : Style, optional
@@ -93,12 +93,11 @@ def draw(what: Study | Recording, figure: str = "stiffness", *, style: Style | N
     """
     if isinstance(what, Recording):
         return _recording(what, style or Style())
-    results = what if isinstance(what, Study) else what.results
     key = OF_QUANTITY.get(figure, figure)
     if key not in FIGURES:
         quantities, figures = ", ".join(OF_QUANTITY), ", ".join(FIGURES)
         raise CampaignError(f"no figure {figure!r}: name a quantity, {quantities}, or one of {figures}")
-    found = figure_of(results, key, style)
+    found = figure_of(what, key, style)
     if found is None:
         raise CampaignError(f"the results hold no data for {figure}: {FIGURES[key].title}")
     return Drawn(found, key, FIGURES[key].title)

@@ -15,12 +15,11 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
 from fourpole.models.operating import Answer, OperatingMap
-from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.cards import linked
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, shade
 from fourpole.plot.names import plain_text
 from fourpole.plot.part import part_of
-from fourpole.plot.sheet import Sheet, read_sheet, spread, texts
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.sheet import Sheet, few, leading, read_sheet
 from fourpole.plot.states import axis_shown, place_text
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
@@ -95,10 +94,12 @@ def operating(results: Study) -> FigureData | None:
         every = [one for one in every if one.tests(sheet).any()]
     if not every:
         return None
-    cuts = sorted(every, key=lambda one: (one.rank, one.tyre))[:_MOST_COLUMNS]
-    notes = [f"{len(cuts)} of {len(every)} pairs of specimen and condition shown"] if len(cuts) < len(every) else []
+    notes: list[str] = []
+    every = sorted(every, key=lambda cut: (cut.rank, cut.tyre))
+    cuts = leading(every, _MOST_COLUMNS, "pairs of specimen and condition", notes)
     pair = (q.K2, q.C) if _has_arm(sheet, cuts) else (q.STORAGE, q.LOSS)
-    groups, said = _frequencies(sheet, cuts)
+    said: list[str] = []
+    groups = _frequencies(sheet, cuts, said)
     panels = [_panel(results, sheet, one, groups, pair, at) for at in range(2) for one in cuts]
     notes = [*_maps_said(sheet, cuts), *said, *notes, *_said(results, cuts, pair)]
     return FigureData(tuple(panels), len(cuts), sheet.labels, notes=tuple(notes), panel_height=2.2, aligned=True,
@@ -142,15 +143,13 @@ def _has_arm(sheet: Sheet, panels: Sequence[_Cut]) -> bool:
     return all(np.mean(np.isfinite(one.k2)) > 0.5 for one in middle)
 
 
-def _frequencies(sheet: Sheet, panels: Sequence[_Cut]) -> tuple[list[float], list[str]]:
-    """A few frequencies that were tested [Hz], within the bands of the maps, and a note on the others."""
+def _frequencies(sheet: Sheet, panels: Sequence[_Cut], notes: list[str]) -> list[float]:
+    """A few frequencies that were tested [Hz], within the bands of the maps; adds a note on the others."""
     low, high = min(one.found.band[0] for one in panels), max(one.found.band[1] for one in panels)
     tested = [value for value in sheet.frequencies.values if _in_band(value, (low, high))]
     if not tested:
-        return list(dict.fromkeys([low, float(np.sqrt(low * high)), high])), []
-    shown = [tested[at] for at in spread(len(tested), _FREQUENCIES)]
-    said = [f"{len(shown)} of {len(tested)} frequencies shown"] if len(shown) < len(tested) else []
-    return shown, said
+        return list(dict.fromkeys([low, float(np.sqrt(low * high)), high]))
+    return few(tested, _FREQUENCIES, "frequencies", notes)
 
 
 def _in_band(frequency: float, band: tuple[float, float]) -> bool:
@@ -168,7 +167,6 @@ def _panel(results: Study, sheet: Sheet, cut: _Cut, groups: Sequence[float], pai
     points, tests = cut.points(), cut.tests(sheet) & ~sheet.rejected & ~sheet.massed
     frequency, place = sheet.values(q.FREQUENCY.head), sheet.values(cut.column)
     values, stds = (sheet.values(head) / shown.scale for head in shown.heads)
-    cards, names = dynamic_cards(results), texts(sheet.table, q.TEST.head)
     low, high = cut.found.band
     series = []
     for at, group in enumerate(groups):
@@ -183,8 +181,7 @@ def _panel(results: Study, sheet: Sheet, cut: _Cut, groups: Sequence[float], pai
         near = np.abs(frequency - group) <= FREQUENCY.relative * group
         rows = np.flatnonzero(tests & near & np.isfinite(values) & np.isfinite(place))
         marks = replace(curve, role=Role.POINTS, x=place[rows] / scale, y=values[rows], spread=stds[rows], label="")
-        linked = replace(marks, tests=tuple(names[i] for i in rows), cards=tuple(cards[i] for i in rows))
-        series += [curve, linked]
+        series += [curve, linked(results, marks, rows)]
     held = [place_text(results, cut.found.axes.names[at], value) for at, value in cut.held.items()]
     head = (sheet.labels[cut.tyre] if sheet.names[cut.tyre] else cut.entry.model) if which == 0 else ""
     return Panel(
@@ -224,13 +221,5 @@ def _said(results: Study, cuts: Sequence[_Cut], pair: _Pair) -> list[str]:
     return [*said, "curves end where the tests do"]
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "map",
-        "The operating map against the tests",
-        "Values of the map over the tested conditions, with their 95 % band, and the tests with their standard "
-        "uncertainties, at a few frequencies.",
-        data=operating,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"map": operating}

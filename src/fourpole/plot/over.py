@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
+from itertools import chain
 
 import numpy as np
 import polars as pl
@@ -16,14 +17,13 @@ from fourpole.core.checks import Verdict
 from fourpole.core.condition import AMPLITUDE, AXES, FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import rule_in
-from fourpole.plot.cardids import dynamic_cards, static_cards
-from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, look
+from fourpole.plot.cards import dynamic_cards, static_cards
+from fourpole.plot.data import AxisData, FigureData, FigureSpec, Panel, Role, Series
 from fourpole.plot.frequency import Shown, by_frequency, chosen_curves, common
 from fourpole.plot.marks import line_of
 from fourpole.plot.names import counted
-from fourpole.plot.sheet import Sheet, floats, read_sheet, spread, texts
-from fourpole.plot.spec import FigureSpec
-from fourpole.plot.states import State, axis_shown, values_of
+from fourpole.plot.sheet import Sheet, few, floats, read_sheet, texts
+from fourpole.plot.states import State, axis_shown, by_tyre, values_of
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 from fourpole.units import shown as quoted
@@ -134,17 +134,16 @@ def quantity_over(results: Study, *, quantity: Quantity, over: str) -> FigureDat
     if not found:
         return None
     notes: list[str] = []
-    tyres = sorted({one.tyre for one in found})
-    tyres = [tyres[at] for at in spread(len(tyres), _MOST_TYRES)]
-    if len(tyres) < len({one.tyre for one in found}):
-        notes.append(f"{len(tyres)} of {len({one.tyre for one in found})} specimens shown")
-    curves, scale, dashes = chosen_curves(results, {n: [one for one in found if one.tyre == n] for n in tyres}, notes)
+    groups = by_tyre(found)
+    tyres = few(list(groups), _MOST_TYRES, "specimens", notes)
+    curves, scale, dashes = chosen_curves(results, {tyre: groups[tyre] for tyre in tyres}, notes)
     panels = [_panel(results, tests, quantity, curves[tyre], over, joined=joined) for tyre in tyres]
-    headed = tuple(replace(one, title=sheet.labels[tyre], tyre=tyre) for one, tyre in zip(panels, tyres, strict=True))
-    at = common(results, [one.state for each in curves.values() for one in each])
+    headed = tuple(
+        replace(panel, title=sheet.labels[tyre], tyre=tyre) for panel, tyre in zip(panels, tyres, strict=True)
+    )
+    said = [*common(results, [curve.state for curve in chain(*curves.values())]), *notes]
     lost, lacking = int(tests.rejected.sum()), int(np.sum(~tests.known & ~tests.rejected))
-    said = [f"at {at}"] if at else []
-    said += [*notes, *([f"{counted(lost, 'test')} rejected"] if lost else [])]
+    said += [f"{counted(lost, 'test')} rejected"] if lost else []
     said += [f"{counted(lacking, 'test')} without a value on both axes"] if lacking else []
     return FigureData(
         headed, min(_MOST_COLUMNS, len(headed)), sheet.labels, scale=scale, dashes=dashes if joined else (),
@@ -258,9 +257,7 @@ def _panel(
     x, y, std = tests.x / unit, tests.y * scale, tests.std * scale
     series: list[Series] = []
     for one in curves:
-        state = one.state
-        marks = look(tyre=state.tyre, shade=one.shade, marker=state.pressure, dash=one.dash, level=one.level)
-        here = tests.known & state.rows
+        marks, here = one.look, tests.known & one.state.rows
         used, lost = here & ~tests.rejected, here & tests.rejected
         lines: list[Series] = []
         if joined and axis is not None and used.any():

@@ -174,7 +174,7 @@ def numbered(ax: Axes, which: str, most: int) -> None:
     few = high < 100 * low
     axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=most + 2))
     long = not few and (high > _LONG or low < 1 / _LONG)
-    axis.set_major_formatter(FuncFormatter(_power_of_ten if long else lambda value, _: f"{value:g}"))
+    axis.set_major_formatter(FuncFormatter(power_of_ten if long else lambda value, _: f"{value:g}"))
     axis.set_minor_locator(LogLocator(10.0, subs=tuple(range(2, 10)), numticks=200))
     if high > _MANY * low:
         axis.set_minor_locator(NullLocator())
@@ -183,9 +183,9 @@ def numbered(ax: Axes, which: str, most: int) -> None:
 
 def power_or_plain(value: float, place: int) -> str:
     """A power of ten that would be long as a plain number, or else a plain number."""
-    return _power_of_ten(value, place) if value > _LONG else f"{value:g}"
+    return power_of_ten(value, place) if value > _LONG else f"{value:g}"
 
 
-def _power_of_ten(value: float, _: int) -> str:
+def power_of_ten(value: float, _: int) -> str:
     """A power of ten with a raised exponent."""
     return f"10{str(round(np.log10(value))).translate(_RAISED)}"

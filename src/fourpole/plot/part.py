@@ -88,10 +88,7 @@ def select(results: Study, selection: Selection) -> Study:
     specimens = list(dict.fromkeys([*_texts(static, "tyre"), *_texts(dynamic, "tyre")]))
     for name in (*selection.specimens, *selection.labels, *selection.colours):
         _check_name(name, specimens, "specimen")
-    rows, statics = (
-        _chosen_specimens(table, selection) & _chosen_values(table, selection, results.shown)
-        for table in (dynamic, static)
-    )
+    rows, statics = (_chosen(table, selection, results.shown) for table in (dynamic, static))
     found = bool(rows.any())
     if selection.tests:
         tests = [*_texts(dynamic, "test"), *_texts(static, "test")]
@@ -160,14 +157,12 @@ def _listed(names: Sequence[str]) -> str:
     return f"{shown}, … ({len(names)} in all)" if len(names) > _NAMED else shown or "none"
 
 
-def _chosen_specimens(table: pl.DataFrame, selection: Selection) -> np.ndarray:
-    names = np.array(_texts(table, "tyre"), dtype=object)
-    return np.isin(names.astype(str), selection.specimens) if selection.specimens else np.ones(names.size, dtype=bool)
+def _chosen(table: pl.DataFrame, selection: Selection, units: ShownUnits) -> np.ndarray:
+    """True for rows of a wanted specimen with one of the wanted values on each axis.
 
-
-def _chosen_values(table: pl.DataFrame, selection: Selection, units: ShownUnits) -> np.ndarray:
-    """True for rows with one of the wanted values on each axis; a static test needs none of preload and temperature."""
-    mask = np.ones(table.height, dtype=bool)
+    A static test needs none of preload and temperature.
+    """
+    mask = np.array([not selection.specimens or name in selection.specimens for name in _texts(table, "tyre")], bool)
     dynamic = q.FREQUENCY.head in table.columns
     for axis, wanted in (
         (PRESSURE, selection.pressures),

@@ -34,20 +34,29 @@ class Pen:
         """A dashed line of a signal."""
         self.ax.plot(x, y, color=self.style.look.muted, linewidth=0.8, linestyle=(0, (3, 2)))
 
-    def fill(self, shape: type[Patch], *where: Any, face: str = "", width: float = 1.2, **how: Any) -> None:
-        """A closed shape in ink, filled with a colour or with paper."""
+    def fill(self, shape: type[Patch], *where: Any, face: str = "paper", width: float = 1.2) -> None:
+        """A closed shape in ink, filled with a colour of the theme."""
         look = self.style.look
-        self.ax.add_patch(shape(*where, facecolor=face or look.paper, edgecolor=look.ink, linewidth=width, **how))
+        self.ax.add_patch(shape(*where, facecolor=getattr(look, face), edgecolor=look.ink, linewidth=width))
 
-    def box(self, x: float, y: float, wide: float, high: float, face: str = "") -> None:
+    def box(self, x: float, y: float, wide: float, high: float, face: str = "paper") -> None:
         """A rectangle by its lower left corner."""
         self.fill(Rectangle, (x, y), wide, high, face=face)
 
+    def disc(self, x: float, y: float, radius: float, face: str = "paper", width: float = 1.2) -> None:
+        """A disc about its centre."""
+        self.fill(Circle, (x, y), radius, face=face, width=width)
+
     def mass(self, x: float, y: float, wide: float, high: float) -> None:
         """A rigid mass by its lower left corner."""
-        self.box(x, y, wide, high, self.style.look.grid)
+        self.box(x, y, wide, high, "grid")
 
-    def text(self, x: float, y: float, text: str, *, ha: str = "left", size: float = 9.0) -> None:
+    def mark(self, x: float, y: float, marker: str = "o", size: float = 3.5, face: str = "ink") -> None:
+        """A marker at a point."""
+        look = self.style.look
+        self.ax.plot([x], [y], marker=marker, markersize=size, color=look.ink, markerfacecolor=getattr(look, face))
+
+    def text(self, x: float, y: float, text: str, ha: str = "left", size: float = 9.0) -> None:
         """A text at half its height."""
         self.ax.text(x, y, text, ha=ha, va="center", fontsize=size * self.style.width / 7.0)  # type: ignore[arg-type]
 
@@ -75,18 +84,32 @@ class Pen:
         for x in np.arange(low + 0.08, high, 0.2):
             self.line([x, x + 0.13 * sign], [y, y + 0.16 * sign], 0.7)
 
-    def arrow(self, start: tuple[float, float], end: tuple[float, float], size: float = 9, **how: Any) -> None:
+    def arrow(self, start: Sequence[float], end: Sequence[float], size: float = 9, **how: Any) -> None:
         """An arrow; `how` has further properties of matplotlib's arrow."""
         look = {"arrowstyle": "-|>", "mutation_scale": size, "color": self.style.look.ink, "linewidth": 1.0, **how}
-        self.ax.add_patch(FancyArrowPatch(start, end, **look))
+        self.ax.add_patch(FancyArrowPatch((start[0], start[1]), (end[0], end[1]), **look))
 
     def up(self, x: float, low: float, high: float) -> None:
         """An arrow upwards."""
         self.arrow((x, low), (x, high), shrinkA=0, shrinkB=0)
 
+    def turn(self, start: Sequence[float], end: Sequence[float]) -> None:
+        """An arrow along an arc, for the direction in which a shaft turns."""
+        self.arrow(start, end, 8, connectionstyle="arc3,rad=0.35")
+
+    def shaft(self, left: float, right: float, y: float) -> None:
+        """The centre line of a shaft."""
+        self.ax.plot([left, right], [y, y], color=self.style.look.ink, linewidth=1.0, linestyle=(0, (6, 2, 1, 2)))
+
+    def leaf(self, x: float, eye: float, reach: float) -> None:
+        """A leaf of a semi-elliptical spring: its lowest point is at x, its ends as far to both sides as it reaches."""
+        across = np.linspace(-reach, reach, 61)
+        along = eye - 0.42 * np.sqrt(1 - (across / 1.7) ** 2)
+        self.ax.plot(x + across, along, color=self.style.look.ink, linewidth=1.6)
+
     def pair(self, x: float, y: float, force: str, velocity: str) -> None:
         """Force and velocity at a point of the chain, both positive upwards."""
-        self.ax.plot([x], [y], marker="o", markersize=3.5, color=self.style.look.ink)
+        self.mark(x, y)
         self.up(x + 1.55, y - 0.22, y + 0.22)
         self.line([x, x + 1.75], [y, y], 0.6)
         self.text(x + 1.85, y, f"{force}, {velocity}")
@@ -114,9 +137,9 @@ class Pen:
         """A tyre in side view, flat at the contact."""
         angle = np.linspace(-0.5 * np.pi, 1.5 * np.pi, 181)
         outer = np.column_stack([radius * np.cos(angle), np.maximum(radius * np.sin(angle), -0.955 * radius)])
-        self.fill(Polygon, outer + np.array([x, y]), face=self.style.look.grid, width=1.3)
-        self.fill(Circle, (x, y), 0.62 * radius, width=1.0)
-        self.fill(Circle, (x, y), 0.16 * radius)
+        self.fill(Polygon, outer + np.array([x, y]), face="grid", width=1.3)
+        self.disc(x, y, 0.62 * radius, width=1.0)
+        self.disc(x, y, 0.16 * radius)
 
     def frame(self, left: float, right: float, low: float, high: float) -> None:
         """A portal frame on the ground."""

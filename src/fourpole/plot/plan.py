@@ -16,7 +16,6 @@ from fourpole.core.plan import PLAN_ROUTES
 from fourpole.io.write import write_bytes
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.layout import Grid, Key
-from fourpole.plot.notes import Notes
 from fourpole.plot.panels import numbered
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 
@@ -70,7 +69,7 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
     style = style or Style()
     with drawing(style, _KEY):
         grid = Grid.of(len(_COLUMNS), len(_COLUMNS), panel_height=2.9, style=style)
-        key, notes = Key(), Notes()
+        key, notes = Key(), list[str]()
         curves = list(_curves(frame, style))
         one_condition = ["plan", "rig", "route", q.FREQUENCY.head, q.ADDED_MASS.head]
         several = bool(frame.select(one_condition).is_duplicated().any())
@@ -92,7 +91,7 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
         if wanted is not None:
             key.line(f"wanted: {100 * wanted:g} %", style.look.ink, 0.9, linestyle=_WANTED)
         if several:
-            notes.say("curves are medians over the conditions of the tyres, the band their range by the joint route")
+            notes.append("curves are medians over the conditions of the tyres, the band their range by the joint route")
         labels = ["standard uncertainty to expect (%)"]
         return grid.finish(key=key, notes=notes, x_label="frequency (Hz)", y_labels=labels)
 

@@ -11,10 +11,8 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, look
-from fourpole.plot.marks import line_of, points_of, pressure_key, rejected_of, tyre_look
-from fourpole.plot.notes import Notes
-from fourpole.plot.sheet import Sheet, present, read_sheet
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.marks import curve_of, pressure_key, rejected_of, tyre_look
+from fourpole.plot.sheet import Sheet, few, leading, present, read_sheet, tests_said
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 
@@ -38,10 +36,10 @@ def property_figure(results: Study, *, quantity: Quantity, against: Quantity, hi
     concerned = np.isin(sheet.load, chosen) | ~np.isin(sheet.load, loads)
     visible &= concerned
     used, lost = visible & ~sheet.rejected, visible & sheet.rejected
-    notes = Notes()
+    notes: list[str] = []
     tyres = list(present(sheet.tyre, visible))
-    places = notes.first([(load, tyre) for load in chosen for tyre in tyres], _MOST_PANELS,
-                         "pairs of tyre and preload are")  # fmt: skip
+    pairs = [(load, tyre) for load in chosen for tyre in tyres]
+    places = leading(pairs, _MOST_PANELS, "pairs of tyre and preload are", notes)
     by_frequency = against is q.PRESSURE
     keys = sheet.pressure if by_frequency else sheet.frequency
     groups = _groups(sheet, used, notes, by_frequency=by_frequency)
@@ -51,26 +49,25 @@ def property_figure(results: Study, *, quantity: Quantity, against: Quantity, hi
         here, series = sheet.where(load=load, tyre=tyre), []
         for group, marks in _looks(sheet, groups, load, tyre, by_frequency=by_frequency):
             mask = here & used & group
-            series += line_of(x[mask], y[mask], keys[mask], marks, std[mask])
-            series += points_of(results, sheet, mask, (x, y), marks, stds=(None, std))
-        series += rejected_of(results, sheet, here & lost, (x, y))
+            series += curve_of(results, mask, (x, y), std, keys, marks)
+        series += rejected_of(results, here & lost, (x, y))
         axes, right = (AxisData.of(against), AxisData.of(quantity)), sheet.name_of_load(load)
         panels.append(Panel(*axes, tuple(series), sheet.labels[tyre], right, tyre))
-    notes.tests(sheet.rejected[concerned], visible[concerned], quantity.name)
+    notes += tests_said(sheet.rejected[concerned], visible[concerned], quantity.name)
     columns = min(3, len(tyres))
     rows = -(-len(places) // columns)
     return FigureData(
-        tuple(panels), columns, sheet.labels, scale=scale, notes=tuple(notes.lines), aligned=True,
+        tuple(panels), columns, sheet.labels, scale=scale, notes=tuple(notes), aligned=True,
         key=() if by_frequency else tuple(pressure_key(sheet, groups)), panel_height=2.35 if rows == 1 else 1.9,
     )  # fmt: skip
 
 
-def _groups(sheet: Sheet, used: BoolArray, notes: Notes, *, by_frequency: bool) -> list[int]:
+def _groups(sheet: Sheet, used: BoolArray, notes: list[str], *, by_frequency: bool) -> list[int]:
     """The frequencies, or the pressures, that have a curve."""
     if by_frequency:
         found = list(present(sheet.frequency, used & (sheet.frequency >= 0)))
-        return notes.some(found, _MOST_FREQUENCIES, "frequencies")
-    return notes.some(list(present(sheet.pressure, used)), MOST_LABELLED, "pressures")
+        return few(found, _MOST_FREQUENCIES, "frequencies", notes)
+    return few(list(present(sheet.pressure, used)), MOST_LABELLED, "pressures", notes)
 
 
 def _scale(sheet: Sheet, groups: Sequence[int]) -> Scale:
@@ -91,23 +88,11 @@ def _looks(
             yield sheet.pressure == group, tyre_look(tyre, group, load)
 
 
-#: Figures 6 to 13 plot C and then K2, each against pressure and then frequency, each at low and then high preload.
-FIGURES = tuple(
-    FigureSpec(
-        f"fig{number:02d}",
-        f"{words} against {against.name}, {'high' if high else 'low'} preload",
-        f"The {words} of each tyre against {against.name}, each curve at {curves}; "
-        f"{'the higher preloads' if high else 'the lowest preload'}, bars of one standard uncertainty.",
-        data=partial(property_figure, quantity=quantity, against=against, high=high),
-        apart=True,
-        number=number,
+#: The figures of this module by their keys in catalogue.toml: C and then K2, each against pressure and then frequency,
+#: each at low and then high preload.
+FIGURES = {
+    f"fig{number:02d}": partial(property_figure, quantity=quantity, against=against, high=high)
+    for number, (quantity, against, high) in enumerate(
+        product((q.C, q.K2), (q.PRESSURE, q.FREQUENCY), (False, True)), start=6
     )
-    for number, ((quantity, words), (against, curves), high) in enumerate(
-        product(
-            ((q.C, "damping coefficient C"), (q.K2, "dynamic stiffness K2")),
-            ((q.PRESSURE, "constant frequency"), (q.FREQUENCY, "constant pressure")),
-            (False, True),
-        ),
-        start=6,
-    )
-)
+}

@@ -8,17 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.sources import Kind
 from fourpole.core.sources import Role as Part
 from fourpole.fitting.rows import keys_of
-from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.cards import dynamic_cards
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, Tone, look
 from fourpole.plot.marks import zero_line
-from fourpole.plot.names import counted, plain_text, value_label
-from fourpole.plot.sheet import Sheet, floats, grouped, means, read_sheet, texts
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.names import lacking, plain_text, value_label
+from fourpole.plot.sheet import Sheet, floats, grouped, leading, means, read_sheet, texts
 from fourpole.plot.stiffness import phasors, rigs_stated
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
@@ -78,7 +77,8 @@ def residual(results: Study) -> FigureData | None:
     if not known.any():
         return None
     rigs = [at for at in range(len(tests.rigs)) if np.any(known & (tests.rig == at))]
-    shown, panels, notes = rigs[:_MOST_RIGS], [], _chosen(rigs)
+    notes: list[str] = []
+    shown, panels = leading(rigs, _MOST_RIGS, "rigs are", notes), []
     for at in shown:
         estimate, here = results.rig_named(tests.rigs[at]), known & (tests.rig == at)
         name = f"rig {plain_text(tests.rigs[at])}" if tests.rigs[at] else ""
@@ -90,9 +90,7 @@ def residual(results: Study) -> FigureData | None:
     here = known & np.isin(tests.rig, shown)
     if np.any(here & tests.outlier):
         notes.append("an outlier is a test that does not go with the others")
-    lacking = int(np.sum(~known))
-    if lacking:
-        notes.append(f"{counted(lacking, 'test')} {'has' if lacking == 1 else 'have'} no F1 or no V2")
+    notes += lacking(int(np.sum(~known)), "F1 or no V2")
     key = [(look(marker=int(mass), hollow=bool(mass)), f"{results.shown.text(q.ADDED_MASS, tests.masses[mass])} added")
            for mass in np.unique(tests.mass[here])]  # fmt: skip
     if not all(results.rig_named(tests.rigs[at]).fits for at in shown):
@@ -101,10 +99,6 @@ def residual(results: Study) -> FigureData | None:
         tuple(panels), 2, sheet.labels, keyed=tuple(int(at) for at in np.unique(tests.tyre[here]) if at >= 0),
         key=tuple(key), lost="outlier", notes=tuple(notes), panel_height=2.6 if len(shown) == 1 else 1.9, shared=False,
     )  # fmt: skip
-
-
-def _chosen(rigs: Sequence[object]) -> list[str]:
-    return [f"{_MOST_RIGS} of {len(rigs)} rigs are shown"] if len(rigs) > _MOST_RIGS else []
 
 
 def _fit_said(rig: RigEstimate) -> list[str]:
@@ -120,30 +114,31 @@ def _fit_said(rig: RigEstimate) -> list[str]:
 
 def _tests(results: Study, sheet: Sheet) -> _Tests:
     """The rows of residuals.csv as arrays."""
-    rows, keys = results.residuals, keys_of(results.residuals)
-    names = texts(rows, "rig")
-    rigs = tuple(dict.fromkeys(names))
-    tyre_of = dict(zip(keys_of(sheet.table), sheet.tyre, strict=True))
-    card_of = dict(zip(keys_of(sheet.table), dynamic_cards(results), strict=True))
+    rows, names = results.residuals, texts(results.residuals, "rig")
+    rigs, keys = tuple(dict.fromkeys(names)), keys_of(rows)
+    place = {key: row for row, key in enumerate(keys_of(sheet.table))}
+    # A row whose test is not among the dynamic ones takes what is appended to their arrays.
+    at, cards = np.array([place.get(key, len(place)) for key in keys], dtype=np.int64), [*dynamic_cards(results), ""]
+    stated = np.append(_as_stated(results, sheet), np.nan)[at]
     masses, mass = grouped(np.nan_to_num(floats(rows, q.ADDED_MASS.head)), _MASS, lambda value, n: f"{value:.{n}g}")
     return _Tests(
         rigs=rigs,
         rig=np.array([rigs.index(name) for name in names], dtype=np.int64),
-        tyre=np.array([tyre_of.get(key, -1) for key in keys], dtype=np.int64),
+        tyre=np.append(sheet.tyre, -1)[at],
         mass=mass,
         masses=masses.values,
         frequency=floats(rows, q.FREQUENCY.head),
         parts=(floats(rows, q.RESIDUAL_RE.head), floats(rows, q.RESIDUAL_IM.head)),
         stds=(floats(rows, q.RESIDUAL_RE.u_head), floats(rows, q.RESIDUAL_IM.u_head)),
         outlier=floats(rows, q.OUTLIER.head) > 1,
-        as_stated=_as_stated(results, sheet),
+        as_stated=(stated.real, stated.imag),
         tests=tuple(key[0] for key in keys),
-        cards=tuple(card_of.get(key, "") for key in keys),
+        cards=tuple(cards[row] for row in at),
     )
 
 
-def _as_stated(results: Study, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
-    """F1/V2 - Zr [N s/m] of each row of residuals.csv with rig and sensors as stated; not-a-number if not stated."""
+def _as_stated(results: Study, sheet: Sheet) -> ComplexArray:
+    """F1/V2 - Zr [N s/m] of each dynamic test with rig and sensors as stated; not-a-number if not stated."""
     omega = 2 * np.pi * sheet.values(q.FREQUENCY.head)
     names = np.array(sheet.rigs, dtype=object)
     residuals = np.full(omega.size, np.nan, dtype=complex)
@@ -153,9 +148,7 @@ def _as_stated(results: Study, sheet: Sheet) -> tuple[FloatArray, FloatArray]:
                 at = np.flatnonzero(names == name)
                 f1, _, v2 = phasors(sheet, rig, at)
                 residuals[at] = f1 / v2 - rig.impedance(omega[at], sheet.added[at])
-    of_test = dict(zip(keys_of(sheet.table), residuals.tolist(), strict=True))
-    rows = np.array([of_test.get(key, np.nan) for key in keys_of(results.residuals)], dtype=complex)
-    return rows.real, rows.imag
+    return residuals
 
 
 def _residuals(tests: _Tests, column: int, here: BoolArray, shown: Quantity, *, fits: bool) -> tuple[Series, ...]:
@@ -186,11 +179,12 @@ def found(results: Study) -> FigureData | None:
     rigs = [rig for rig in results.rigs if rig.values]
     if not rigs:
         return None
-    shown = rigs[:_MOST_RIGS]
+    notes: list[str] = []
+    shown = leading(rigs, _MOST_RIGS, "rigs are", notes)
     panels = [_found_panel(rig, results.shown) for rig in shown]
     present = {value.finding for rig in shown for value in rig.values}
     key = [(replace(one, role=Role.POINTS), text) for finding, (one, text) in _FINDINGS.items() if finding in present]
-    notes = [*_chosen(rigs), "dashed: the stated value ± its u", "on the right: u found over u stated"]
+    notes += ["dashed: the stated value ± its u", "on the right: u found over u stated"]
     most = max(len(panel.names) for panel in panels)
     return FigureData(
         tuple(panels), 1, key=tuple(key), notes=tuple(notes), panel_height=_ROW * (most + 1), left=_NAMES, right=0.5,
@@ -256,13 +250,13 @@ def mass_gain(results: Study) -> FigureData | None:
     rigs = [one for one in results.rigs if one.mass_gain]
     if not rigs:
         return None
-    shown = rigs[:_MOST_RIGS]
-    panels = [_gain_panel(one) for one in shown]
+    notes: list[str] = []
+    panels = [_gain_panel(rig) for rig in leading(rigs, _MOST_RIGS, "rigs are", notes)]
     key = ((look(), "without the weighed mass"), (look(tone=Tone.SURE), "with it"))
     most = max(len(panel.names) for panel in panels)
     return FigureData(
         tuple(panels), min(2, len(panels)), key=key, panel_height=0.2 + 0.36 * most, shared=False, left=1.0,
-        notes=(*_chosen(rigs), "of the tests without the mass, from these alone and from all tests"),
+        notes=(*notes, "of the tests without the mass, from these alone and from all tests"),
     )  # fmt: skip
 
 
@@ -281,26 +275,5 @@ def _gain_panel(rig: RigEstimate) -> Panel:
     )  # fmt: skip
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "rig-found",
-        "The rig and the sensors, as stated and as found",
-        "Each value that the tests share, from what is stated of it, in its stated uncertainty; whiskers are the "
-        "standard uncertainty after the tests.",
-        data=found,
-    ),
-    FigureSpec(
-        "rig-residual",
-        "What the rig leaves unexplained",
-        "F1/V2 less the rig's impedance Zr, with the gains found taken out, test by test with standard uncertainties "
-        "of the noise: no tyre can explain it, so it should be zero.",
-        data=residual,
-    ),
-    FigureSpec(
-        "mass-gain",
-        "What the weighed mass gained",
-        "Median standard uncertainties in the tests without an added mass, from these alone and from all tests.",
-        data=mass_gain,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"rig-found": found, "rig-residual": residual, "mass-gain": mass_gain}

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from fourpole.core.arrays import FloatArray, IntArray
 from fourpole.plot.data import FigureData, Panel, Place, Role, Series, Tone
-from fourpole.plot.links import link
+from fourpole.plot.figure import link
 from fourpole.plot.names import plain_text
 from fourpole.plot.panels import band, bars
 from fourpole.plot.style import Style, load_dashes, mixed, pressure_marker

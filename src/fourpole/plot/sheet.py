@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
@@ -14,12 +15,13 @@ from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
-from fourpole.plot.names import short_names
+from fourpole.plot.names import counted, lacking, short_names
 from fourpole.plot.part import Part, part_of, shown_name
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 
 IntArray = NDArray[np.int64]
+_T = TypeVar("_T")
 #: Fields of a sheet with an entry for each test.
 _BY_TEST = ("tyre", "pressure", "load", "frequency", "setting", "rejected")
 
@@ -117,10 +119,11 @@ class Sheet(ByValue):
             least[place] = min(mass, least.get(place, np.inf))
         return np.array([mass > least[place] for place, mass in zip(places, added, strict=True)], dtype=bool)
 
-    def bare(self, what: str) -> tuple[BoolArray, str]:
-        """True for tests that are not `massed`, and a note on the others; the added mass changes `what`."""
+    def bare(self, what: str) -> tuple[BoolArray, list[str]]:
+        """True for tests that are not `massed`, and a note on the others, if any; the added mass changes `what`."""
         massed = self.massed
-        return ~massed, f"tests with an added mass have another {what} and are left out" if np.any(massed) else ""
+        said = f"tests with an added mass have another {what} and are left out"
+        return ~massed, [said] if np.any(massed) else []
 
     def name_of_load(self, at: int) -> str:
         """A load as a heading; empty if the tests state none."""
@@ -262,6 +265,31 @@ def spread(count: int, most: int) -> list[int]:
     if count <= most:
         return list(range(count))
     return sorted({round(i * (count - 1) / (most - 1)) for i in range(most)})
+
+
+def few(values: Sequence[_T], most: int, what: str, notes: list[str]) -> list[_T]:
+    """At most `most` of some values, evenly spaced; adds a note if these are not all."""
+    shown = [values[index] for index in spread(len(values), most)]
+    notes += not_all(len(shown), len(values), what)
+    return shown
+
+
+def leading(values: Sequence[_T], most: int, what: str, notes: list[str]) -> list[_T]:
+    """The first of some values, at most `most`; adds a note if these are not all."""
+    notes += not_all(min(most, len(values)), len(values), what)
+    return list(values[:most])
+
+
+def not_all(shown: int, number: int, what: str) -> list[str]:
+    """The note that only some of several conditions are drawn, if so."""
+    return [f"{shown} of {number} {what} shown"] if shown < number else []
+
+
+def tests_said(rejected: BoolArray, visible: BoolArray, what: str) -> list[str]:
+    """The numbers of rejected tests and of tests without a value; both masks have all tests of the figure."""
+    count, hidden = int(rejected.sum()), int(np.sum(rejected & ~visible))
+    lost = f"{counted(count, 'test')} rejected" + (f", {hidden} not shown: no value" if hidden else "")
+    return [*([lost] if count else []), *lacking(int(np.sum(~rejected & ~visible)), what)]
 
 
 def present(groups: IntArray, mask: BoolArray) -> Iterator[int]:

@@ -16,6 +16,7 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.shifting import TyreShift
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.names import plain_text
+from fourpole.plot.panels import power_of_ten
 from fourpole.plot.style import Style, drawing
 
 #: Key of the figure in its files.
@@ -89,18 +90,9 @@ def _finish(ax: Axes, x: str, y: str, title: str) -> None:
     ax.set_title(title, loc="left", fontsize="medium")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(numticks=6))
-        axis.set_major_formatter(FuncFormatter(_power))
+        axis.set_major_formatter(FuncFormatter(power_of_ten))
         axis.set_minor_locator(NullLocator())
     ax.grid(visible=True, alpha=0.5)
-
-
-#: Digits and the minus sign as superscripts.
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def _power(value: float, _: int) -> str:
-    """A power of ten as it is written: 10⁵."""
-    return "10" + f"{np.log10(value):.0f}".translate(_RAISED)
 
 
 def _shift_factors(ax: Axes, one: TyreShift, colours: list[str], style: Style) -> None:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
 from fourpole.fitting.modelfile import model_of
+from fourpole.models.interface import Arms
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, look
-from fourpole.plot.fitted import Drawn
-from fourpole.plot.frequency import Shown, condition_panel, words
-from fourpole.plot.residuals import models_said, title_of
-from fourpole.plot.sheet import read_sheet
-from fourpole.plot.spec import FigureSpec
-from fourpole.plot.states import State, states
+from fourpole.plot.fitted import Drawn, models_said
+from fourpole.plot.frequency import Shown, condition_panel, headed
+from fourpole.plot.sheet import leading, read_sheet
+from fourpole.plot.states import State, stated_text, states
 from fourpole.quantities import ShownUnits
 from fourpole.study.study import Study
 
@@ -29,43 +28,32 @@ _DEEP = 5.0
 _DOWN = 4
 
 
-@dataclass(frozen=True, eq=False)
-class _Spectrum(ByValue):
-    """Arms of one condition: 1/(2 pi tau) [Hz], stiffness and the ends of its 95 % interval [N/m]."""
-
-    frequency: FloatArray
-    springs: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
 def spectrum(results: Study) -> FigureData | None:
     """K', K'' and the relaxation spectrum of the first condition of each specimen whose model is a Prony series."""
     if results.models is None:
         return None
     sheet = read_sheet(results, texts_only=True)
-    firsts: dict[int, tuple[State, _Spectrum]] = {}
-    fitted = [one for one in states(results) if one.model is not None]
-    for one in fitted:
-        if one.tyre not in firsts and one.model is not None and (arms := _arms(one.model)) is not None:
-            firsts[one.tyre] = (one, arms)
+    fitted = [state for state in states(results) if state.model is not None]
+    firsts: dict[int, tuple[State, Arms, FloatArray]] = {}
+    for state in fitted:
+        if state.tyre not in firsts and (series := _arms(state.model)) is not None:
+            firsts[state.tyre] = (state, *series)
     if not firsts:
         return None
-    tyres, notes = list(firsts)[:_MOST_COLUMNS], []
-    if len(tyres) < len(firsts):
-        notes.append(f"{len(tyres)} of {len(firsts)} specimens shown")
-    if any(sum(one.tyre == tyre for one in fitted) > 1 for tyre in tyres):
+    notes: list[str] = []
+    tyres = leading(list(firsts), _MOST_COLUMNS, "specimens", notes)
+    if any(sum(state.tyre == tyre for state in fitted) > 1 for tyre in tyres):
         notes.append("the first condition of each specimen is shown")
-    axis, panels = AxisData("frequency, or 1/(2π τ)", "Hz", log=True), []
-    known = np.ones(sheet.tyre.size, dtype=bool)
-    for quantity in (q.STORAGE, q.LOSS):
-        for tyre in tyres:
-            state = firsts[tyre][0]
-            made = replace(condition_panel(results, quantity, [Shown(state)], known, log=True), x=axis)
-            place = words(results, state, [column for column, value in state.place.items() if not np.isnan(value)])
-            headed = replace(made, title=title_of(results, sheet, tyre), right=place, tyre=tyre)
-            panels.append(headed if quantity is q.STORAGE else made)
-    panels += [_arm_panel(firsts[tyre][1], tyre, axis, results.shown) for tyre in tyres]
+    axis, every = AxisData("frequency, or 1/(2π τ)", "Hz", log=True), np.ones(sheet.tyre.size, dtype=bool)
+    panels = [
+        replace(condition_panel(results, quantity, [Shown(firsts[tyre][0])], every, log=True), x=axis)
+        for quantity in (q.STORAGE, q.LOSS)
+        for tyre in tyres
+    ]
+    panels = headed(results, panels, tyres)
+    for column, tyre in enumerate(tyres):
+        panels[column] = replace(panels[column], right=stated_text(results, firsts[tyre][0].place))
+    panels += [_arm_panel(*firsts[tyre][1:], tyre, axis, results.shown) for tyre in tyres]
     key = [(look(Role.RANGE), "95 % interval of K_i")]
     if any((firsts[tyre][1].springs == 0).any() for tyre in tyres):
         key.append((look(marker=_DOWN, hollow=True), "K_i = 0: upper end of its interval"))
@@ -76,49 +64,36 @@ def spectrum(results: Study) -> FigureData | None:
     )  # fmt: skip
 
 
-def _arms(one: Drawn) -> _Spectrum | None:
-    """The arms of a condition with their intervals; None if its model is no Prony series of several arms."""
-    model, condition = model_of(one.entry), one.entry.conditions[one.at]
+def _arms(fitted: Drawn | None) -> tuple[Arms, FloatArray] | None:
+    """The arms of a condition with their 95 % intervals (n, 2) [N/m]; None without a Prony series of several arms."""
+    if fitted is None:
+        return None
+    model, condition = model_of(fitted.entry), fitted.entry.conditions[fitted.at]
     try:
         arms = model.prony(condition.values)
     except ModelError:
         return None
     if np.sum(arms.springs > 0) < _FEWEST:
         return None
-    places = [model.symbols.index(f"K_{at + 1}") for at in range(arms.springs.size)]
-    ends = [condition.intervals[place] for place in places]
-    return _Spectrum(
-        1.0 / (2.0 * np.pi * arms.times),
-        arms.springs,
-        np.array([0.0 if low is None else low for low, _ in ends]),
-        np.array([np.nan if high is None else high for _, high in ends]),
-    )
+    intervals = [condition.intervals[model.symbols.index(f"K_{arm + 1}")] for arm in range(arms.springs.size)]
+    ends = [(0.0 if low is None else low, np.nan if high is None else high) for low, high in intervals]
+    return arms, np.array(ends)
 
 
-def _arm_panel(arms: _Spectrum, tyre: int, axis: AxisData, units: ShownUnits) -> Panel:
+def _arm_panel(arms: Arms, ends: FloatArray, tyre: int, axis: AxisData, units: ShownUnits) -> Panel:
     """The arms as points with their intervals; those of zero stiffness at the upper end of theirs."""
     shown = units.of(q.STORAGE)
-    floor = arms.springs.max() / 10**_DEEP
-    active = arms.springs > 0
-    low, high = np.maximum(arms.low, floor) / shown.scale, np.maximum(arms.high, floor) / shown.scale
-    known = active & np.isfinite(high)
+    frequency, active = 1.0 / (2.0 * np.pi * arms.times), arms.springs > 0
+    low, high = np.maximum(ends, arms.springs.max() / 10**_DEEP).T / shown.scale
+    known, none = active & np.isfinite(high), ~active & np.isfinite(high)
     series = [
-        Series(Role.RANGE, arms.frequency[known], 0.5 * (high + low)[known], 0.5 * (high - low)[known], tyre=tyre),
-        Series(Role.POINTS, arms.frequency[active], arms.springs[active] / shown.scale, tyre=tyre),
+        Series(Role.RANGE, frequency[known], 0.5 * (high + low)[known], 0.5 * (high - low)[known], tyre=tyre),
+        Series(Role.POINTS, frequency[active], arms.springs[active] / shown.scale, tyre=tyre),
     ]
-    none = ~active & np.isfinite(high)
     if none.any():
-        series.append(Series(Role.POINTS, arms.frequency[none], high[none], tyre=tyre, marker=_DOWN, hollow=True))
+        series.append(Series(Role.POINTS, frequency[none], high[none], tyre=tyre, marker=_DOWN, hollow=True))
     return Panel(axis, AxisData("K_i", shown.shown, log=True), tuple(series))
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "spectrum",
-        "The relaxation spectrum",
-        "K' and K'' of a condition with the Prony series and its 95 % band, and the stiffness K_i of each arm at its "
-        "relaxation time with its 95 % interval.",
-        data=spectrum,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"spectrum": spectrum}

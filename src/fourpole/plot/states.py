@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,6 +52,23 @@ class State(ByValue):
     place: Mapping[str, float]
     rows: BoolArray
     model: Drawn | None = None
+
+    def on(self, column: str) -> float:
+        """Value on an axis in SI; not-a-number where it is not stated."""
+        return self.place.get(column, np.nan)
+
+
+def tested(results: Study, tests: BoolArray) -> list[State]:
+    """The conditions that have some of these tests."""
+    return [state for state in states(results) if np.any(tests & state.rows)]
+
+
+def by_tyre(conditions: Iterable[State]) -> dict[int, list[State]]:
+    """The conditions of each specimen by its number, rising."""
+    groups: dict[int, list[State]] = {}
+    for state in sorted(conditions, key=lambda state: state.tyre):
+        groups.setdefault(state.tyre, []).append(state)
+    return groups
 
 
 def states(results: Study) -> list[State]:
@@ -130,7 +147,7 @@ def differing(found: Sequence[State]) -> list[str]:
 
 def values_on(found: Sequence[State], column: str) -> list[float]:
     """The distinct values of some conditions on an axis, rising; not-a-number last."""
-    values = {one.place.get(column, np.nan) for one in found}
+    values = {state.on(column) for state in found}
     known = sorted(value for value in values if not np.isnan(value))
     return [*known, *([np.nan] if len(known) < len({str(value) for value in values}) else [])]
 
@@ -157,6 +174,12 @@ def place_text(results: Study, column: str, value: float) -> str:
         if quantity.head == column and quantity.unit not in results.shown.wanted and value in groups.values:
             return groups.labels[groups.values.index(value)]
     return plain_text(results.shown.setting(column, value), 40)
+
+
+def stated_text(results: Study, place: Mapping[str, float]) -> str:
+    """The values on some axes that are stated."""
+    stated = ((column, value) for column, value in place.items() if not np.isnan(value))
+    return ", ".join(place_text(results, column, value) for column, value in stated)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,9 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import PRESSURE
-from fourpole.plot.cardids import static_cards
+from fourpole.plot.cards import static_cards
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, shade
-from fourpole.plot.sheet import Sheet, read_sheet, spread
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.sheet import Sheet, few, read_sheet
 from fourpole.quantities import ShownUnits
 from fourpole.study.study import Study
 
@@ -83,17 +82,13 @@ def over_deflection(results: Study) -> FigureData | None:
     lines = load_lines(results, sheet)
     if not lines:
         return None
-    notes = ["curves: mean of loading and unloading, from the point of zero load", "points: K1 is the slope there"]
-    tyres = sorted({line.tyre for line in lines})
-    shown = [tyres[at] for at in spread(len(tyres), _MOST_TYRES)]
-    if len(shown) < len(tyres):
-        notes.insert(0, f"{len(shown)} of {len(tyres)} specimens shown")
+    notes: list[str] = []
+    shown = few(sorted({line.tyre for line in lines}), _MOST_TYRES, "specimens", notes)
+    notes += ["curves: mean of loading and unloading, from the point of zero load", "points: K1 is the slope there"]
     chosen = {}
     for tyre in shown:
         own = sorted((one for one in lines if one.tyre == tyre), key=lambda one: (np.isnan(one.pressure), one.pressure))
-        chosen[tyre] = [own[at] for at in spread(len(own), _MOST_CURVES)]
-        if len(chosen[tyre]) < len(own):
-            notes.append(f"{len(chosen[tyre])} of {len(own)} tests of {sheet.labels[tyre]} shown")
+        chosen[tyre] = few(own, _MOST_CURVES, f"tests of {sheet.labels[tyre]}", notes)
     units = results.shown
     pressures = [one.pressure for each in chosen.values() for one in each if not np.isnan(one.pressure)]
     many = max(map(len, chosen.values())) > MOST_LABELLED and len(set(pressures)) > 1
@@ -143,12 +138,5 @@ def _preloads(static: pl.DataFrame, one: LoadLine) -> FloatArray:
     return np.asarray(values[(values >= one.load.min() / _KN) & (values <= one.load.max() / _KN)], dtype=float)
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "static",
-        "How stiff is it at rest?",
-        "Load against deflection of the static tests, and the preloads at which K1 is their slope.",
-        data=over_deflection,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"static": over_deflection}

@@ -17,9 +17,7 @@ from fourpole.core.tyre import zener_stiffness
 from fourpole.errors import RigError
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, look
 from fourpole.plot.marks import line_of, load_key, points_of, pressure_key, rejected_of, tyre_look, zero_line
-from fourpole.plot.notes import Notes
-from fourpole.plot.sheet import IntArray, Sheet, means, present, read_sheet, texts
-from fourpole.plot.spec import FigureSpec
+from fourpole.plot.sheet import IntArray, Sheet, few, leading, means, present, read_sheet, tests_said, texts
 from fourpole.quantities import Quantity
 from fourpole.study.record import section
 from fourpole.study.study import Study
@@ -29,79 +27,60 @@ _MOST_LOADS, _MOST_TYRES, _MOST_COLUMNS = 2, 12, 4
 _ROUTE_RANKS = {"mobility": (0, 0), "relative": (2, 1), "transmissibility": (1, 2)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Choice:
-    """Tyres, pressures and preloads that a figure of many curves shows."""
+    """What a figure of many curves shows: tyres, pairs of pressure and preload, their tests, entries of the key."""
 
     tyres: list[int]
-    pressures: list[int]
-    loads: list[int]
-
-    def conditions(self) -> list[tuple[int, int]]:
-        """Pairs of each pressure with each preload."""
-        return [(pressure, load) for load in self.loads for pressure in self.pressures]
-
-    def tests(self, sheet: Sheet) -> BoolArray:
-        """True for tests of these conditions."""
-        here = np.isin(sheet.tyre, self.tyres) & np.isin(sheet.pressure, self.pressures)
-        return here & np.isin(sheet.load, self.loads)
+    conditions: list[tuple[int, int]]
+    tests: BoolArray
+    key: tuple[tuple[Series, str], ...]
 
 
-def _choose(sheet: Sheet, visible: BoolArray, notes: Notes) -> _Choice:
+def _choose(sheet: Sheet, visible: BoolArray, notes: list[str]) -> _Choice:
     """The conditions to show among those of the visible tests: as many curves as a panel may have."""
-    loads = notes.some(list(present(sheet.load, visible)), _MOST_LOADS, "preloads")
-    pressures = list(present(sheet.pressure, visible))
-    return _Choice(
-        notes.some(list(present(sheet.tyre, visible)), _MOST_TYRES, "tyres"),
-        notes.some(pressures, MOST_LABELLED // len(loads), "pressures"),
-        loads,
-    )
+    loads = few(list(present(sheet.load, visible)), _MOST_LOADS, "preloads", notes)
+    tyres = few(list(present(sheet.tyre, visible)), _MOST_TYRES, "tyres", notes)
+    pressures = few(list(present(sheet.pressure, visible)), MOST_LABELLED // len(loads), "pressures", notes)
+    here = np.isin(sheet.tyre, tyres) & np.isin(sheet.pressure, pressures) & np.isin(sheet.load, loads)
+    conditions = [(pressure, load) for load in loads for pressure in pressures]
+    return _Choice(tyres, conditions, visible & here, (*pressure_key(sheet, pressures), *load_key(sheet, loads)))
 
 
 def mobility(results: Study) -> FigureData | None:
     """R and I as measured, with the curve that K1, K2 and C and the rig as stated give; a column per specimen."""
     sheet = read_sheet(results)
     frequency, _ = sheet.shown(q.FREQUENCY)
-    bare, said = sheet.bare("mobility")
+    bare, notes = sheet.bare("mobility")
     visible = np.isfinite(frequency) & np.isfinite(sheet.shown(q.R)[0]) & bare
     if not np.any(visible):
         return None
-    rigs, notes = rigs_stated(results, sheet), Notes()
-    notes.say(said)
+    rigs = rigs_stated(results, sheet)
     choice = _choose(sheet, visible, notes)
-    chosen = visible & choice.tests(sheet)
-    tyres = notes.first(choice.tyres, _MOST_COLUMNS, "tyres")
-    panels = [_mobility_panel(results, sheet, rigs, choice, chosen, tyre, quantity)
-              for quantity in (q.R, q.I) for tyre in tyres]  # fmt: skip
-    notes.tests(sheet.rejected[bare], visible[bare], "R and I")
-    key = (*pressure_key(sheet, choice.pressures), *load_key(sheet, choice.loads))
-    return FigureData(tuple(panels), len(tyres), sheet.labels, key=key, notes=tuple(notes.lines), panel_height=1.95,
+    tyres = leading(choice.tyres, _MOST_COLUMNS, "tyres", notes)
+    panels = [_mobility_panel(results, sheet, rigs, choice, tyre, part) for part in (q.R, q.I) for tyre in tyres]
+    notes += tests_said(sheet.rejected[bare], visible[bare], "R and I")
+    return FigureData(tuple(panels), len(tyres), sheet.labels, key=choice.key, notes=tuple(notes), panel_height=1.95,
                       aligned=True, block=2)  # fmt: skip
 
 
 def _mobility_panel(
-    results: Study,
-    sheet: Sheet,
-    rigs: Mapping[str, Rig | None],
-    choice: _Choice,
-    chosen: BoolArray,
-    tyre: int,
-    quantity: Quantity,
+    results: Study, sheet: Sheet, rigs: Mapping[str, Rig | None], choice: _Choice, tyre: int, quantity: Quantity
 ) -> Panel:
     """R or I of one specimen."""
     frequency, (values, stds) = sheet.shown(q.FREQUENCY)[0], sheet.shown(quantity)
     series: list[Series] = []
-    for pressure, load in choice.conditions():
-        here = chosen & ~sheet.rejected & sheet.where(tyre=tyre, pressure=pressure, load=load)
+    for pressure, load in choice.conditions:
+        here = choice.tests & ~sheet.rejected & sheet.where(tyre=tyre, pressure=pressure, load=load)
         marks = tyre_look(tyre, pressure, load)
         for setting in present(sheet.setting, here):
             found = _model_curve(sheet, rigs, here & (sheet.setting == setting))
             if found is not None:
                 x, both = found
                 series.append(Series(Role.MODEL, x, both[0 if quantity is q.R else 1], tyre=tyre, dash=load))
-        series += points_of(results, sheet, here, (frequency, values), marks, stds=(None, stds))
-    lost = chosen & sheet.rejected & (sheet.tyre == tyre)
-    series += rejected_of(results, sheet, lost, (frequency, values))
+        series += points_of(results, here, (frequency, values), marks, stds=(None, stds))
+    lost = choice.tests & sheet.rejected & (sheet.tyre == tyre)
+    series += rejected_of(results, lost, (frequency, values))
     title, head = (sheet.labels[tyre], tyre) if quantity is q.R else ("", -1)
     return Panel(AxisData.of(q.FREQUENCY), AxisData.of(quantity), tuple(series), title, "", head)
 
@@ -138,28 +117,27 @@ def nyquist(results: Study) -> FigureData | None:
     visible = np.isfinite(real) & np.isfinite(imag)
     if not np.any(visible):
         return None
-    notes = Notes()
+    notes: list[str] = []
     choice = _choose(sheet, visible, notes)
-    chosen = visible & choice.tests(sheet)
-    used, lost = chosen & ~sheet.rejected, chosen & sheet.rejected
+    used, lost = choice.tests & ~sheet.rejected, choice.tests & sheet.rejected
     panels = []
     for tyre in choice.tyres:
         series: list[Series] = []
-        for pressure, load in choice.conditions():
+        for pressure, load in choice.conditions:
             here = used & sheet.where(tyre=tyre, pressure=pressure, load=load)
             marks = tyre_look(tyre, pressure, load)
             series += _along_frequency(sheet, real, imag, here, marks)
-            series += points_of(results, sheet, here, (real, imag), marks, stds=(real_std, std))
-        series += rejected_of(results, sheet, lost & (sheet.tyre == tyre), (real, imag))
+            series += points_of(results, here, (real, imag), marks, stds=(real_std, std))
+        series += rejected_of(results, lost & (sheet.tyre == tyre), (real, imag))
         right = _frequency_range(sheet, used, tyre)
         panels.append(
             Panel(AxisData.of(q.STORAGE), AxisData.of(q.LOSS), tuple(series), sheet.labels[tyre], right, tyre)
         )
-    notes.tests(sheet.rejected, visible, "K*")
+    notes += tests_said(sheet.rejected, visible, "K*")
     columns = min(3, len(panels))
     return FigureData(
-        tuple(panels), columns, sheet.labels, notes=tuple(notes.lines), aligned=True,
-        key=(*pressure_key(sheet, choice.pressures), *load_key(sheet, choice.loads)),
+        tuple(panels), columns, sheet.labels, notes=tuple(notes), aligned=True,
+        key=choice.key,
         panel_height=2.6 if len(panels) <= columns else 2.1,
     )  # fmt: skip
 
@@ -239,8 +217,8 @@ def routes(results: Study) -> FigureData | None:
     used = visible & ~sheet.rejected
     if len(found) < 2 or not np.any(used):
         return None
-    notes = Notes()
-    tyres = notes.first(list(present(sheet.tyre, used)), _MOST_COLUMNS, "tyres")
+    notes: list[str] = []
+    tyres = leading(list(present(sheet.tyre, used)), _MOST_COLUMNS, "tyres", notes)
     panels = [_route_panel(results, sheet, found, used & (sheet.tyre == tyre), tyre) for tyre in tyres]
     for name, part in (("K'", np.real), ("K''", np.imag)):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -251,9 +229,9 @@ def routes(results: Study) -> FigureData | None:
     for route in found:
         in_use = np.mean([text == route for text in names]) > 0.5
         key.append((look(marker=_ROUTE_RANKS[route][0]), f"{route} route" + (" (in use)" if in_use else "")))
-    notes.say("ΔK' and ΔK'': difference from the K* in use, median and range over all conditions")
-    notes.tests(sheet.rejected, used, "K*")
-    return FigureData(tuple(panels), len(tyres), sheet.labels, key=tuple(key), notes=tuple(notes.lines),
+    notes.append("ΔK' and ΔK'': difference from the K* in use, median and range over all conditions")
+    notes += tests_said(sheet.rejected, used, "K*")
+    return FigureData(tuple(panels), len(tyres), sheet.labels, key=tuple(key), notes=tuple(notes),
                       panel_height=1.8, aligned=True, block=3)  # fmt: skip
 
 
@@ -266,7 +244,7 @@ def _route_panel(results: Study, sheet: Sheet, found: Mapping[str, ComplexArray]
         marker, dash = _ROUTE_RANKS[route]
         marks, y = look(tyre=tyre, marker=marker, dash=dash), value.real / q.STORAGE.scale
         series += line_of(frequency[here], y[here], sheet.frequency[here], marks)
-        series += points_of(results, sheet, here, (frequency, y), marks)
+        series += points_of(results, here, (frequency, y), marks)
     where = [sheet.pressures.labels[pressure], sheet.loads.labels[load]]
     right = ", ".join(part for part in where if part[0].isdigit())
     return Panel(AxisData.of(q.FREQUENCY), AxisData.of(q.STORAGE), tuple(series), sheet.labels[tyre], right, tyre)
@@ -296,28 +274,5 @@ def _fullest(sheet: Sheet, own: BoolArray) -> tuple[int, int]:
     return lowest[len(lowest) // 2], alike[0][0]
 
 
-#: Figures of this module, in the order of a report.
-FIGURES = (
-    FigureSpec(
-        "nyquist",
-        "Nyquist plot of the dynamic stiffness",
-        "Loss stiffness K'' against storage stiffness K', each curve along frequency.",
-        data=nyquist,
-        apart=True,
-    ),
-    FigureSpec(
-        "routes",
-        "Routes side by side",
-        "K' by each route at one condition, and how far K' and K'' by each route lie from the K* in use.",
-        data=routes,
-        apart=True,
-    ),
-    FigureSpec(
-        "mobility",
-        "Mobility measured and modelled",
-        "Real part R and imaginary part I of V1/F1, points measured, lines from K1 and the interpolated K2 and C "
-        "on the rig as stated.",
-        data=mobility,
-        apart=True,
-    ),
-)
+#: The figures of this module by their keys in catalogue.toml.
+FIGURES = {"nyquist": nyquist, "routes": routes, "mobility": mobility}

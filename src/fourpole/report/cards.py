@@ -17,7 +17,7 @@ from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
 from fourpole.findings.verdicts import CheckRow, checks_by_point
 from fourpole.fitting.rows import KEY, Key, key_of, keyed
-from fourpole.plot.cardids import dynamic_cards
+from fourpole.plot.cards import dynamic_cards
 from fourpole.report.digits import known, number, shown_as
 from fourpole.report.linecards import band_words, extremes, line_body, lines_of, packed
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words

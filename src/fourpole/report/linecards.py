@@ -14,7 +14,7 @@ from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.verdicts import CheckRow, kind_of
 from fourpole.fitting.rows import KEY, Key, keyed, keys_of
-from fourpole.plot.strided import in_equal_ratios
+from fourpole.plot.cards import in_equal_ratios
 from fourpole.quantities import Quantity
 from fourpole.report.digits import known, number, shown_as
 from fourpole.report.rows import texts, words

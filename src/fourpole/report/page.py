@@ -16,7 +16,7 @@ from markupsafe import Markup
 from fourpole.core.checks import VERDICTS
 from fourpole.findings.verdicts import CheckRow, checks_by_test
 from fourpole.io.write import write_text
-from fourpole.plot.strided import shown_rows
+from fourpole.plot.cards import shown_rows
 from fourpole.report.cards import embedded, make_cards
 from fourpole.report.digits import in_units, number
 from fourpole.report.front import front_page

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from fourpole import quantities as q
 from fourpole.plot import FIGURES, draw, figure_data, render
-from fourpole.plot.cardids import dynamic_cards, static_cards
+from fourpole.plot.cards import dynamic_cards, static_cards
 from fourpole.plot.catalogue import spec_of
 from fourpole.plot.data import Panel, Role, Series
 from fourpole.plot.sheet import texts

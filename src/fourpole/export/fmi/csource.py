@@ -1,12 +1,17 @@
-"""The C source of an FMU: the files of `fmi/c`, and the numbers of the model."""
+"""The C source of an FMU: the files of `fmi/c`, the numbers of the model, and the binary for this platform."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+import platform
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
+from pathlib import Path
 
 from fourpole.export.fmi.variables import Point, Variable, states_in, variables_of
+from fourpole.io.processes import output_of, program_path
 
 #: Files that are compiled and headers, by version of FMI; the headers of FMI are those of the standard, unchanged.
 COMPILED = {2: ("branches.c", "instance.c", "fmi2.c", "model.c"), 3: ("branches.c", "instance.c", "fmi3.c", "model.c")}
@@ -15,6 +20,19 @@ _HEADERS = {
     3: ("fmi3FunctionTypes.h", "fmi3Functions.h", "fmi3PlatformTypes.h"),
 }
 _OWN_HEADERS = ("branches.h", "instance.h")
+#: Commands that are tried, in this order.
+COMPILERS = ("gcc", "cc", "clang")
+#: Time that the compiler may take [s].
+_LONGEST = 120.0
+#: Variables by which a user says where the compiler finds its headers and libraries.
+_OF_COMPILER = ("C_INCLUDE_PATH", "CPATH", "DEVELOPER_DIR", "GCC_EXEC_PREFIX", "LIBRARY_PATH", "SDKROOT")
+_ENDINGS = {"win32": ".dll", "darwin": ".dylib"}
+_SYSTEMS = {"win32": ("win", "windows"), "darwin": ("darwin", "darwin")}
+_MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
+
+
+class NoBinaryError(Exception):
+    """There is no binary; the message says why and what to do."""
 
 
 def common_source(version: int) -> dict[str, str]:
@@ -54,3 +72,34 @@ def parameters_of(variables: Sequence[Variable]) -> list[Variable]:
 
 def _array(kind: str, name: str, values: Iterable[str]) -> str:
     return f"const {kind} {name} = {{\n" + "".join(f"    {one},\n" for one in values) + "};"
+
+
+def binary_place(identifier: str, version: int) -> str:
+    """Path of the binary of this platform inside an FMU."""
+    short, long = _SYSTEMS.get(sys.platform, ("linux", "linux"))
+    if version == 2:
+        folder = f"{short}{64 if sys.maxsize > 2**32 else 32}"
+    else:
+        machine = platform.machine().lower()
+        folder = f"{_MACHINES.get(machine, machine)}-{long}"
+    return f"binaries/{folder}/{identifier}{_ENDINGS.get(sys.platform, '.so')}"
+
+
+def compiled(source: Mapping[str, str], version: int) -> bytes:
+    """The shared library of the files of a source; `NoBinaryError` if there is no compiler or it fails."""
+    compiler = next((found for name in COMPILERS if (found := program_path(name))), None)
+    if compiler is None:
+        raise NoBinaryError(f"no C compiler was found ({', '.join(COMPILERS)}): install one, as gcc, and export again")
+    flags = ["-std=c99", "-O2", "-shared", "-fvisibility=hidden", *([] if sys.platform == "win32" else ["-fPIC"])]
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in source.items():
+            Path(folder, name).write_text(text, encoding="utf-8")
+        command = [compiler, *flags, "-o", "binary", *COMPILED[version]]
+        try:
+            code, _, said = output_of(command, seconds=_LONGEST, folder=folder, also=_OF_COMPILER)
+        except OSError as error:
+            raise NoBinaryError(f"{compiler} could not be run ({error})") from None
+        if code or not Path(folder, "binary").is_file():
+            first = next(iter(said.decode(errors="replace").strip().splitlines()), f"exit code {code}")
+            raise NoBinaryError(f"{compiler} failed: {first}")
+        return Path(folder, "binary").read_bytes()

@@ -12,6 +12,19 @@ from fourpole.version import VERSION
 
 _INPUTS = range(1, 5)
 _FORCE, _POINT, _FIRST_STATE = 5, 6, 8
+_TWO = 2
+#: What an FMU can do by version of FMI, and what it can besides in co-simulation.
+_CAN = {
+    2: (
+        *("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate"),
+        "providesDirectionalDerivative",
+    ),
+    3: ("canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives"),
+}
+_CAN_STEP = {
+    2: ("canHandleVariableCommunicationStepSize", "canInterpolateInputs"),
+    3: ("canHandleVariableCommunicationStepSize",),
+}
 _BASES = ("kg", "m", "s", "rad")
 
 
@@ -28,7 +41,29 @@ class Model:
 
 def model_description(model: Model, version: int) -> bytes:
     """The file modelDescription.xml of a version of FMI, 2 or 3."""
-    return _bytes(_fmi2(model) if version == 2 else _fmi3(model))
+    root = ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{version}.0",
+            "modelName": model.name,
+            "guid" if version == _TWO else "instantiationToken": model.token,
+            "description": model.about,
+            "generationTool": f"Fourpole {VERSION}",
+            "variableNamingConvention": "structured",
+            **({"numberOfEventIndicators": "0"} if version == _TWO else {}),
+        },
+    )
+    _interfaces(root, model, version)
+    listed = _child(root, "UnitDefinitions")
+    for name, exponents in UNITS.items():
+        bases = {base: str(power) for base, power in zip(_BASES, exponents, strict=True) if power}
+        _child(_child(listed, "Unit", name=name), "BaseUnit", **bases)
+    categories = _child(root, "LogCategories")
+    _child(categories, "Category", name="logStatusError", description="What was wrong in a call that ended in an error")
+    _child(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+    _variables(_child(root, "ModelVariables"), model, version)
+    _structure(_child(root, "ModelStructure"), model, version)
+    return _bytes(root)
 
 
 def build_description(model: Model) -> bytes:
@@ -41,106 +76,57 @@ def build_description(model: Model) -> bytes:
     return _bytes(root)
 
 
-def _fmi2(model: Model) -> ET.Element:
-    root = _root(model, "2.0", "guid", numberOfEventIndicators="0")
+def _interfaces(root: ET.Element, model: Model, version: int) -> None:
+    """What the FMU can do in model exchange and in co-simulation; FMI 2.0 also has its sources there."""
     for kind in ("ModelExchange", "CoSimulation"):
-        can = {"canNotUseMemoryManagementFunctions": "true", "canGetAndSetFMUstate": "true"}
-        can |= {"canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}
-        if kind == "CoSimulation":
-            can |= {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"}
-        files = _child(_child(root, kind, modelIdentifier=model.identifier, **can), "SourceFiles")
-        for name in COMPILED[2]:
-            _child(files, "File", name=name)
-    _units(root)
-    _log_categories(root)
-    _child(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
-    variables = variables_of(model.points)
-    listed = _child(root, "ModelVariables")
-    for at, one in enumerate(variables):
-        common = {"name": one.name, "valueReference": str(at), "causality": one.causality}
-        scalar = _child(listed, "ScalarVariable", **common, variability=one.variability, **_optional(one))
-        if at == _POINT:
-            _child(scalar, "Integer", start="1", min="1", max=str(len(model.points)))
+        can = _CAN[version] + (_CAN_STEP[version] if kind == "CoSimulation" else ())
+        interface = _child(root, kind, modelIdentifier=model.identifier, **dict.fromkeys(can, "true"))
+        if version == _TWO:
+            sources = _child(interface, "SourceFiles")
+            for name in COMPILED[version]:
+                _child(sources, "File", name=name)
+
+
+def _variables(listed: ET.Element, model: Model, version: int) -> None:
+    """A variable is an element of its type in FMI 3.0, and in FMI 2.0 one that holds its type, which counts from 1."""
+    most = str(len(model.points))
+    for place, variable in enumerate(variables_of(model.points)):
+        common = {"name": variable.name, "valueReference": str(place), "causality": variable.causality}
+        words = {"description": variable.about, "initial": variable.initial}
+        common |= {"variability": variable.variability, **{key: text for key, text in words.items() if text}}
+        value = _value(variable)
+        if variable.derivative is not None:
+            value["derivative"] = str(variable.derivative + (1 if version == _TWO else 0))
+        if version == _TWO:
+            scalar = _child(listed, "ScalarVariable", **common)
+            if place == _POINT:
+                _child(scalar, "Integer", start="1", min="1", max=most)
+            else:
+                _child(scalar, "Real", **value)
+        elif place == _POINT:
+            _child(listed, "Int32", **common, min="1", max=most, start="1")
         else:
-            derivative = {} if one.derivative is None else {"derivative": str(one.derivative + 1)}
-            _child(scalar, "Real", **_value(one), **derivative)
-    structure = _child(root, "ModelStructure")
-    states = states_in(model.points)
-    dependencies = _dependencies(model.points)
-    outputs = _child(structure, "Outputs")
-    _child(outputs, "Unknown", index=str(_FORCE + 1), dependencies=_joined(dependencies[_FORCE], 1))
-    rates = [at for at, one in enumerate(variables) if one.derivative is not None]
-    if rates:
-        derivatives = _child(structure, "Derivatives")
-        for at in rates:
-            _child(derivatives, "Unknown", index=str(at + 1), dependencies=_joined(dependencies[at], 1))
-    initial = _child(structure, "InitialUnknowns")
-    for at in [_FORCE, *range(_FIRST_STATE, _FIRST_STATE + 2 * states)]:
-        _child(initial, "Unknown", index=str(at + 1))
-    return root
+            _child(listed, "Float64", **common, **value)
 
 
-def _fmi3(model: Model) -> ET.Element:
-    root = _root(model, "3.0", "instantiationToken")
-    for kind in ("ModelExchange", "CoSimulation"):
-        can = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
-        if kind == "CoSimulation":
-            can |= {"canHandleVariableCommunicationStepSize": "true"}
-        _child(root, kind, modelIdentifier=model.identifier, **can)
-    _units(root)
-    _log_categories(root)
-    _child(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
-    variables = variables_of(model.points)
-    listed = _child(root, "ModelVariables")
-    for at, one in enumerate(variables):
-        common = {"name": one.name, "valueReference": str(at), "causality": one.causality}
-        common |= {"variability": one.variability, **_optional(one)}
-        if at == _POINT:
-            _child(listed, "Int32", **common, min="1", max=str(len(model.points)), start="1")
-        else:
-            derivative = {} if one.derivative is None else {"derivative": str(one.derivative)}
-            _child(listed, "Float64", **common, **_value(one), **derivative)
-    structure = _child(root, "ModelStructure")
-    dependencies = _dependencies(model.points)
-    _child(structure, "Output", valueReference=str(_FORCE), dependencies=_joined(dependencies[_FORCE]))
-    states = states_in(model.points)
-    for at in range(_FIRST_STATE + states, _FIRST_STATE + 2 * states):
-        _child(structure, "ContinuousStateDerivative", valueReference=str(at), dependencies=_joined(dependencies[at]))
-    for at in [_FORCE, *range(_FIRST_STATE, _FIRST_STATE + 2 * states)]:
-        _child(structure, "InitialUnknown", valueReference=str(at))
-    return root
-
-
-def _root(model: Model, version: str, token: str, **more: str) -> ET.Element:
-    return ET.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": version,
-            "modelName": model.name,
-            token: model.token,
-            "description": model.about,
-            "generationTool": f"Fourpole {VERSION}",
-            "variableNamingConvention": "structured",
-            **more,
-        },
-    )
-
-
-def _units(root: ET.Element) -> None:
-    listed = _child(root, "UnitDefinitions")
-    for name, exponents in UNITS.items():
-        bases = {base: str(power) for base, power in zip(_BASES, exponents, strict=True) if power}
-        _child(_child(listed, "Unit", name=name), "BaseUnit", **bases)
-
-
-def _log_categories(root: ET.Element) -> None:
-    listed = _child(root, "LogCategories")
-    _child(listed, "Category", name="logStatusError", description="What was wrong in a call that ended in an error")
-
-
-def _optional(one: Variable) -> dict[str, str]:
-    found = {"description": one.about, "initial": one.initial}
-    return {name: text for name, text in found.items() if text}
+def _structure(structure: ET.Element, model: Model, version: int) -> None:
+    """What depends on what; FMI 2.0 names a variable by its index from 1, FMI 3.0 by its value reference."""
+    states, dependencies = states_in(model.points), _dependencies(model.points)
+    rates = range(_FIRST_STATE + states, _FIRST_STATE + 2 * states)
+    reference, base = ("index", 1) if version == _TWO else ("valueReference", 0)
+    for group, tag, places in (
+        ("Outputs", "Output", [_FORCE]),
+        ("Derivatives", "ContinuousStateDerivative", [*rates]),
+        ("InitialUnknowns", "InitialUnknown", [_FORCE, *range(_FIRST_STATE, rates.stop)]),
+    ):
+        if not places:
+            continue
+        parent = _child(structure, group) if version == _TWO else structure
+        for place in places:
+            unknown = {reference: str(place + base)}
+            if group != "InitialUnknowns":
+                unknown["dependencies"] = " ".join(str(other + base) for other in dependencies[place])
+            _child(parent, "Unknown" if version == _TWO else tag, **unknown)
 
 
 def _value(one: Variable) -> dict[str, str]:
@@ -163,10 +149,6 @@ def _dependencies(points: Sequence[Point]) -> dict[int, list[int]]:
         together = {other for point in points for group in point.states if at in group for other in group}
         found[_FIRST_STATE + states + at] = [1, 3, *(_FIRST_STATE + other for other in sorted(together))]
     return found
-
-
-def _joined(places: Sequence[int], base: int = 0) -> str:
-    return " ".join(str(at + base) for at in places)
 
 
 def _child(parent: ET.Element, tag: str, **attributes: str) -> ET.Element:

@@ -1,7 +1,9 @@
-"""Some lines of the tests with many, so that a figure or a table has hundreds of marks, not thousands."""
+"""The card that the report has of each test, to which its points lead, and the lines shown of tests with many."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +13,54 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray, IntArray
 from fourpole.core.checks import Verdict
 from fourpole.fitting.rows import KEY, keyed
-from fourpole.plot.cardids import MANY, dynamic_cards, of_lines
-from fourpole.plot.part import parted_rows
+from fourpole.plot.data import Series
+from fourpole.plot.part import part_of, parted_rows
+from fourpole.plot.sheet import floats, texts
 from fourpole.study.study import Study
 
+#: Number of rows of a test, lines of its spectrum, above which they share a card.
+MANY = 12
 #: Number of lines that all tests with lines show together; each of them shows at least `MANY`.
 _TOGETHER = 300
-_KEY = "strided"
+_STRIDED, _CARDS = "strided", "cards"
+
+
+def dynamic_cards(results: Study) -> list[str]:
+    """The id of the card of each row of dynamic.csv; rows of a part have the ids that the whole results give.
+
+    A test with more rows than `MANY` has one card, that of its first row.
+
+    Examples
+    --------
+    >>> import polars as pl
+    >>> dynamic_cards(Study(dynamic=pl.DataFrame({"test": ["D1", "D2"]})))
+    ['dynamic-1', 'dynamic-2']
+    """
+    if _CARDS in results.derived:
+        cards: list[str] = results.derived[_CARDS]
+        return cards
+    part = part_of(results)
+    whole = results if part is None else part.whole
+    tests = texts(whole.dynamic, "test")
+    counts = Counter(tests)
+    first: dict[str, int] = {}
+    for at, test in enumerate(tests):
+        first.setdefault(test, at)
+    rows = range(len(tests)) if part is None else part.rows.tolist()
+    return [f"dynamic-{(first[tests[at]] if counts[tests[at]] > MANY else at) + 1}" for at in rows]
+
+
+def static_cards(results: Study) -> dict[str, str]:
+    """The id of the card of each static test by its name."""
+    part = part_of(results)
+    whole = results if part is None else part.whole
+    return {test: f"static-{at}" for at, test in enumerate(dict.fromkeys(texts(whole.static, "test")), 1)}
+
+
+def linked(results: Study, series: Series, rows: Sequence[int] | IntArray) -> Series:
+    """The series with the name and the card of the test of each of its points, by their rows of dynamic.csv."""
+    cards, names = dynamic_cards(results), texts(results.dynamic, q.TEST.head)
+    return replace(series, tests=tuple(names[row] for row in rows), cards=tuple(cards[row] for row in rows))
 
 
 def strided(results: Study) -> Study:
@@ -25,9 +68,9 @@ def strided(results: Study) -> Study:
 
     Lines that are rejected are left out where the test has others. The ids of the cards are those of the whole results.
     """
-    if _KEY not in results.derived:
-        results.derived[_KEY] = _strided(results)
-    found: Study = results.derived[_KEY]
+    if _STRIDED not in results.derived:
+        results.derived[_STRIDED] = _strided(results)
+    found: Study = results.derived[_STRIDED]
     return found
 
 
@@ -45,7 +88,7 @@ def _strided(results: Study) -> Study:
     made = replace(results, tables=tables)
     parted_rows(results, made, rows)
     cards = dynamic_cards(results)
-    of_lines(made, [cards[at] for at in rows.tolist()])
+    made.derived[_CARDS] = [cards[row] for row in rows.tolist()]
     return made
 
 
@@ -57,7 +100,7 @@ def shown_rows(results: Study) -> IntArray:
     starts: dict[str, list[int]] = {}
     for at, test in enumerate(table[q.TEST.head].to_list()):
         starts.setdefault(test, []).append(at)
-    frequency = table[q.FREQUENCY.head].cast(pl.Float64).fill_null(np.nan).to_numpy()
+    frequency = floats(table, q.FREQUENCY.head)
     usable = (table[q.VERDICT.head] != Verdict.REJECTED).to_numpy() & np.isfinite(frequency)
     many = sum(len(rows) > MANY for rows in starts.values())
     most = max(MANY, _TOGETHER // max(many, 1))
