@@ -5,7 +5,7 @@ import pytest
 
 from fourpole import quantities as q
 from fourpole.findings.compared import Compared
-from fourpole.report.words.compared import shown_rows
+from fourpole.report.compared import shown_rows
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ import pytest
 
 from fourpole.findings.conformity import judged
 from fourpole.quantities import K1, ShownUnits
-from fourpole.report.conformity import conformity_table, verdict_line
 from fourpole.report.digits import in_units
-from fourpole.report.front import front_page, load_of_index
+from fourpole.report.front import conformity_table, front_page, load_of_index, verdict_line
 from fourpole.report.page import render_report
 from fourpole.report.rows import condition, words
 from fourpole.report.words.phrases import bar, newton, shown

@@ -23,8 +23,8 @@ from fourpole.app.options import DataOptions
 from fourpole.findings.compared import compare
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.query import Query, ask
+from fourpole.report.compared import outcome
 from fourpole.report.digits import cell
-from fourpole.report.words.compared import outcome
 from fourpole.study.results import read_results
 
 pytestmark = pytest.mark.thorough

@@ -9,7 +9,7 @@ from fourpole.app.console import out, print_json, print_table, say
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared, compare
 from fourpole.io.write import write_table, write_text
-from fourpole.report.words.compared import outcome, shown_rows
+from fourpole.report.compared import outcome, shown_rows
 
 #: Rows that the terminal shows of each verdict.
 _MOST = 20

@@ -189,8 +189,7 @@ def counted(count: int, noun: str) -> str:
 def counted_tests(counts: Mapping[str, int], rejected: str = "rejected") -> str:
     """The number of tests, and how many have each verdict."""
     listed = f"{counts['ok']} ok, {counts['warning']} with a warning, {counts['rejected']} {rejected}"
-    number = sum(counts.values())
-    return f"{number} test{'s' * (number != 1)}, {listed}"
+    return f"{counted(sum(counts.values()), 'test')}, {listed}"
 
 
 def without_controls(text: str) -> str:

@@ -163,11 +163,6 @@ class _Layout:
     large: bool
     dots: bool
 
-    @property
-    def _room(self) -> int:
-        """Width that remains for an outline, in characters."""
-        return max(_LEAST_PLOT, min(_MOST_PLOT, self.width - 2 - self.name - 2 - self.unit - 4 * _NUMBER - 2))
-
     def head(self, *, quick: bool) -> str:
         first = f"  {'channel':{self.name}}  {'unit':{self.unit}}"
         if quick:
@@ -194,7 +189,8 @@ class _Layout:
     def _numbers(self, found: ChannelSummary) -> str:
         line_at = "" if found.frequency is None else f"{found.frequency:.5g}"
         cells = (*(_digits(value) for value in (found.least, found.greatest, found.std)), line_at)
-        outline = f"  {line(found.outline, self._room, dots=self.dots)}" if self.plot else ""
+        room = max(_LEAST_PLOT, min(_MOST_PLOT, self.width - 2 - self.name - 2 - self.unit - 4 * _NUMBER - 2))
+        outline = f"  {line(found.outline, room, dots=self.dots)}" if self.plot else ""
         return "".join(f"{cell:>{_NUMBER}}" for cell in cells) + outline
 
 

@@ -252,6 +252,7 @@ def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
     names = automatic() if model == "auto" else (model,)
     largest = [f"{name}:{sizes[-1]}" if (sizes := sizes_of(name)) else name for name in names]
     known = {one.symbol: one.unit for name in largest for one in model_named(name).parameters}
+    kinds = {units.si_unit(kind): kind for kind in reversed(list(units.KINDS))}  # the first kind of a unit
     found = {}
     for text in texts:
         symbol, mark, value = (part.strip() for part in text.partition("="))
@@ -264,13 +265,8 @@ def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
         try:
             found[symbol] = float(digits if unit == known[symbol] else value)
         except ValueError:
-            found[symbol] = option(value, _kind(known[symbol]), f"--fix {symbol}")
+            found[symbol] = option(value, kinds.get(known[symbol], "ratio"), f"--fix {symbol}")
     return found
-
-
-def _kind(unit: str) -> str:
-    """Kind of quantity of a parameter's SI unit; "ratio" if no kind has this unit."""
-    return next((kind for kind in units.KINDS if units.si_unit(kind) == unit), "ratio")
 
 
 def _notes(measured: MeasuredSet) -> None:

@@ -47,9 +47,7 @@ def make_report(
     return page
 
 
-def run_report(
-    results: Study, folder: Path, theme: str, *, png: bool = False, paper: bool = False, pdf: bool = False
-) -> None:
+def run_report(results: Study, folder: Path, theme: str, *, png: bool, paper: bool, pdf: bool) -> None:
     """Make figures and report from the tables of a results folder, and print the path of the report."""
     if pdf:
         browser()  # before the work, so that a missing one is said at once

@@ -9,8 +9,8 @@ from fourpole import quantities as q
 from fourpole.findings.conformity import Judged
 from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
-from fourpole.report.conformity import verdict_line
 from fourpole.report.digits import in_unit, with_interval
+from fourpole.report.front import verdict_line
 from fourpole.study.study import Study
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)

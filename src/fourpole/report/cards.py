@@ -31,6 +31,7 @@ _UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": 
 _SYMBOLS = {"displacement": "x", "velocity": "V", "acceleration": "a"}
 
 _SEEN = (q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE)
+_NONE: NDArray[np.float64] = np.empty(0)
 _TOGETHER = (q.CORR_R_I, q.CORR_K, q.CORR_K2_C)
 
 
@@ -109,8 +110,8 @@ def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, NDArra
         facts += [[one.symbol + at, said] for one in STATIC[2:4] if (said := words(one, row))]
     facts += [[one.symbol, said] for one in STATIC[4:] if (said := words(one, rows[0]))]
     body: dict[str, Any] = {"facts": facts, "remarks": _remarks(rows)}
-    x, load = _floats(preview.get(q.DEFLECTION.head)), _floats(preview.get(q.LOAD.head))
-    mean_x, mean_load = _floats(preview.get(q.MEAN_DEFLECTION.head)), _floats(preview.get(q.MEAN_LOAD.head))
+    x, load = preview.get(q.DEFLECTION.head, _NONE), preview.get(q.LOAD.head, _NONE)
+    mean_x, mean_load = preview.get(q.MEAN_DEFLECTION.head, _NONE), preview.get(q.MEAN_LOAD.head, _NONE)
     if x.size > 1 and x.size == load.size:
         body["curve"] = {"x": packed(x), "y": packed(load)}
         if mean_x.size > 1 and mean_x.size == mean_load.size:
@@ -197,12 +198,12 @@ def _dynamic_body(
 def _signals(preview: Mapping[str, NDArray[np.float64]], quantities: Mapping[str, str]) -> dict[str, Any]:
     """The signals of a preview with their times; empty if there are none."""
     signals = [found for symbol, _ in _SIGNALS if (found := _signal(symbol, preview, quantities[symbol]))]
-    time, blocks = _floats(preview.get(q.TIME.head)), _floats(preview.get(q.RESIDUAL_TIME.head))
+    time, blocks = preview.get(q.TIME.head, _NONE), preview.get(q.RESIDUAL_TIME.head, _NONE)
     return {"t": packed(time), "rt": packed(blocks), "signals": signals} if signals and time.size > 1 else {}
 
 
 def _signal(symbol: str, preview: Mapping[str, NDArray[np.float64]], quantity: str) -> dict[str, Any]:
-    signal, fit, residual = (_floats(preview.get(f"{symbol}{what}")) for what in ("", " fit", " residual"))
+    signal, fit, residual = (preview.get(f"{symbol}{what}", _NONE) for what in ("", " fit", " residual"))
     if signal.size < 2 or fit.size not in (0, signal.size):
         return {}
     low, high = extremes(np.concatenate([signal, fit]))
@@ -235,7 +236,7 @@ def _loop(row: Mapping[str, Any], preview: Mapping[str, NDArray[np.float64]], *,
         return {}
     lag = cmath.phase(cmath.rect(f1, ahead) / deflection)
     loop = {"d": _short(abs(deflection)), "f": _short(f1), "lag": _short(lag), "w": _short(omega), "across": across}
-    time, fit = _floats(preview.get(q.TIME.head)), _floats(preview.get("F1 fit"))
+    time, fit = preview.get(q.TIME.head, _NONE), preview.get("F1 fit", _NONE)
     if time.size > 3 and time.size == fit.size and np.all(np.isfinite(fit)):
         waves = np.stack([np.cos(omega * time), np.sin(omega * time), np.ones_like(time)], axis=1)
         a, b, _ = np.linalg.lstsq(waves, fit, rcond=None)[0]
@@ -245,10 +246,6 @@ def _loop(row: Mapping[str, Any], preview: Mapping[str, NDArray[np.float64]], *,
 
 def _remarks(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(str(row["remarks"]) for row in rows if row["remarks"]))
-
-
-def _floats(values: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    return np.empty(0) if values is None else values
 
 
 def _short(value: float) -> float:

@@ -1,20 +1,101 @@
-"""compare.html: one file that opens offline, with two results compared."""
+"""Two results compared, in words and as a page: each row with its units, what the rows show together, a figure."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import erfc, sqrt
 from typing import Any
 
 import polars as pl
-from markupsafe import Markup
 
 from fourpole import quantities as q
-from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared
-from fourpole.plot.compared import draw_compared
-from fourpole.plot.figure import figure_bytes
-from fourpole.quantities import LOSS_ANGLE, MODULUS
-from fourpole.report.html import packaged, rendered, svg_address
-from fourpole.report.words.compared import outcome, shown_rows, where
+from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, RATIO, Compared
+from fourpole.quantities import LOSS_ANGLE, MODULUS, ShownUnits
+from fourpole.report.digits import decimals_of, rounded
+from fourpole.report.words.phrases import counted
 from fourpole.version import VERSION
+
+_OF = {one.column: one for one in COMPARED}
+
+
+@dataclass(frozen=True)
+class ShownRow:
+    """One row as text.
+
+    Attributes
+    ----------
+    where : str
+        Specimen and condition, with the frequency.
+    quantity : str
+        Symbol and unit.
+    first, second : str
+    difference : str
+        The second less the first with U (k = 2).
+    z : str
+        Difference over its standard uncertainty.
+    seen : bool
+        Whether the difference is beyond U.
+    """
+
+    where: str
+    quantity: str
+    first: str
+    second: str
+    difference: str
+    z: str
+    seen: bool
+
+
+def shown_rows(compared: Compared, most: int | None = None) -> list[ShownRow]:
+    """The rows as text in the units that the first results want, the largest ratio first; at most `most` of them."""
+    several = compared.rows["specimen"].n_unique() > 1
+    return [_shown(row, compared.shown, several=several) for row in compared.rows[:most].rows(named=True)]
+
+
+def _shown(row: Mapping[str, Any], units: ShownUnits, *, several: bool) -> ShownRow:
+    quantity = units.of(_OF[row["quantity"]])
+    first, second, difference, u = (
+        row[head] / quantity.scale for head in ("first", "second", "difference", "u(difference)")
+    )
+    decimals = decimals_of(COVERAGE_FACTOR * u)
+    sign = "+" if difference > 0 else ""
+    return ShownRow(
+        where=where(row, units, specimen=several),
+        quantity=f"{quantity.symbol} {quantity.suffix}".rstrip(),
+        first=rounded(first, decimals),
+        second=rounded(second, decimals),
+        difference=f"{sign}{rounded(difference, decimals)}±{rounded(COVERAGE_FACTOR * u, decimals)}",
+        z=_ratio(row[RATIO]),
+        seen=abs(row[RATIO]) > COVERAGE_FACTOR,
+    )
+
+
+def where(row: Mapping[str, Any], units: ShownUnits, *, specimen: bool) -> str:
+    """The condition of a row: "1.7 bar, 1000 N, 10 Hz"."""
+    parts = [str(row["specimen"])] if specimen else []
+    for one, digits in ((q.PRESSURE, 3), (q.PRELOAD, 4), (q.TEMPERATURE, 3), (q.FREQUENCY, 3)):
+        if row[one.head] is not None:
+            parts.append(units.text(one, row[one.head], digits))
+    return ", ".join(parts) or str(row["specimen"])
+
+
+def _ratio(z: float) -> str:
+    return (f"{z:+.1f}" if abs(z) < 99.5 else f"{z:+.0f}").replace("-", "−")
+
+
+def outcome(compared: Compared) -> str:
+    """How many differences are seen, and how many chance alone would show, as a sentence."""
+    count = compared.rows.height
+    chance = erfc(COVERAGE_FACTOR / sqrt(2.0)) * count
+    few = f"about {chance:.0f}" if chance >= 1.5 else "one" if chance >= 0.5 else "none"
+    return (
+        f"{compared.beyond} of {counted(count, 'difference')} {'is' if compared.beyond == 1 else 'are'} beyond U = "
+        f"{COVERAGE_FACTOR:g} u; {few} would be by chance if nothing differed. Rows of one campaign share errors, so "
+        "several ratios of one sign may have one cause."
+    )
+
 
 #: The quantities of the figure, and the columns of a condition.
 _FIGURE = (MODULUS, LOSS_ANGLE)
@@ -25,6 +106,10 @@ _MOST = 1000
 
 def render_compared(compared: Compared) -> str:
     """The page as text; whatever the results state is escaped, and the page loads and runs nothing."""
+    from markupsafe import Markup  # this and the room of figures take a second, which words do not need
+
+    from fourpole.report.html import packaged, rendered
+
     return rendered(
         {"page": packaged("compared.html"), "compared": packaged("parts/compared.html")},
         compared=compared_parts(compared),
@@ -63,6 +148,10 @@ def _most_different(compared: Compared) -> pl.DataFrame:
 
 def _figure(shown: pl.DataFrame, compared: Compared) -> dict[str, str]:
     """The figure as a data: URL, and its condition without a frequency."""
+    from fourpole.plot.compared import draw_compared
+    from fourpole.plot.figure import figure_bytes
+    from fourpole.report.html import svg_address
+
     figure = draw_compared(shown, [compared.shown.of(one) for one in _FIGURE], compared.names)
     row = {**shown.row(0, named=True), q.FREQUENCY.head: None}
     several = compared.rows["specimen"].n_unique() > 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from fourpole.errors import FileError
@@ -35,22 +35,15 @@ def browser() -> str:
     FileError
         If there is none.
     """
-    for place in _places():
-        return place
+    roots = [root for name in _WINDOWS_ROOTS if (root := os.environ.get(name))]
+    places = (*_MAC, *(f"{root}\\{rest}" for root in roots for rest in _WINDOWS))
+    for place in chain(map(program_path, _NAMES), (place for place in places if Path(place).is_file())):
+        if place:
+            return place
     raise FileError(
         "no Chromium, Chrome or Edge is on this machine, which --pdf needs: install one, or open report.html in your "
         "browser and print it to a file"
     )
-
-
-def _places() -> Iterator[str]:
-    yield from (found for name in _NAMES if (found := program_path(name)))
-    roots = [root for name in _WINDOWS_ROOTS if (root := os.environ.get(name))]
-    yield from (place for place in (*_MAC, *(f"{root}\\{rest}" for root in roots for rest in _WINDOWS)) if _is(place))
-
-
-def _is(place: str) -> bool:
-    return Path(place).is_file()
 
 
 def print_page(page: Path, path: Path) -> None:
@@ -69,12 +62,14 @@ def print_page(page: Path, path: Path) -> None:
         If there is no browser, or it did not print the page.
     """
     program = browser()
+    # Chromium cannot set up its sandbox for the root user; the page has no script of others.
+    root = hasattr(os, "geteuid") and os.geteuid() == 0
     with tempfile.TemporaryDirectory(prefix="fourpole-") as folder:
         printed = Path(folder, "report.pdf")
         command = [
             program, "--headless", "--disable-gpu", "--no-first-run", "--disable-extensions", "--no-pdf-header-footer",
             "--disable-background-networking", "--disable-sync", f"--user-data-dir={Path(folder, 'profile')}",
-            *(["--no-sandbox"] if _is_root() else []), f"--print-to-pdf={printed}", page.resolve().as_uri(),
+            *(["--no-sandbox"] if root else []), f"--print-to-pdf={printed}", page.resolve().as_uri(),
         ]  # fmt: skip
         try:
             code, _, said = output_of(command, seconds=_SECONDS)
@@ -87,8 +82,3 @@ def print_page(page: Path, path: Path) -> None:
             why = f": {lines[-1][:200]}" if lines else f", exit code {code}"
             raise FileError(f"{program} did not print {page.name}{why}")
         shutil.copyfile(printed, path)
-
-
-def _is_root() -> bool:
-    """Whether this is the root user, for whom Chromium cannot set up its sandbox; the page has no script of others."""
-    return hasattr(os, "geteuid") and os.geteuid() == 0

@@ -60,13 +60,13 @@ class ResultTable:
 
 def result_rows(frame: pl.DataFrame, columns: tuple[Quantity, ...], cards: list[str]) -> ResultTable:
     """All rows of static.csv or dynamic.csv; `cards` has the card of each."""
-    used = tuple(column for column in columns if column not in _SELDOM or _has_value(frame, column.head))
+    used = tuple(column for column in columns if column not in _SELDOM or any(map(known, _values(frame, column.head))))
     rows = [_row(row, used, card) for row, card in zip(frame.rows(named=True), cards, strict=True)]
     return ResultTable(tuple(map(shown_as, used)), rows, any(row.rig for row in rows), any(row.remarks for row in rows))
 
 
-def _has_value(frame: pl.DataFrame, name: str) -> bool:
-    return name in frame.columns and any(known(value) for value in frame[name].to_list())
+def _values(frame: pl.DataFrame, name: str) -> list[Any]:
+    return frame[name].to_list() if name in frame.columns else []
 
 
 def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str) -> SimpleNamespace:
@@ -128,7 +128,7 @@ def _tested(results: Study, tyre: str, construction: str, stated: Mapping[str, A
     static, dynamic = (frame.filter(pl.col("tyre") == tyre) for frame in (results.static, results.dynamic))
 
     def values(name: str) -> list[Any]:
-        return [value for frame in (static, dynamic) if name in frame.columns for value in frame[name].to_list()]
+        return [*_values(static, name), *_values(dynamic, name)]
 
     pressure, preload = shown_as(q.PRESSURE), shown_as(q.PRELOAD)
     return SimpleNamespace(

@@ -14,13 +14,13 @@ from starlette.routing import Route
 from fourpole.errors import FourpoleError
 from fourpole.served.guard import Guard
 from fourpole.served.jobs import Jobs
-from fourpole.served.pages import compare, explore, home, model, plan, recording, results, run, statement, watch
+from fourpole.served.pages import compare, explore, home, model, plan, recording, run, statement, watch
 from fourpole.served.site import Site, static
 from fourpole.served.uploads import Uploads
 from fourpole.served.workspace import Workspace
 from fourpole.study.workers import processors
 
-_PAGES = (home, run, results, recording, statement, explore, model, plan, compare, watch)
+_PAGES = (home, run, recording, statement, explore, model, plan, compare, watch)
 
 
 def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Starlette:

@@ -120,7 +120,7 @@ class Workspace:
     def listed(self) -> list[Place | LeftOut]:
         """The campaigns, and the folders that are left out, by their names."""
         there = islice(_campaigns(self.root, _DEPTH), _MOST)
-        listed = [LeftOut(self._name(folder), reason) if reason else self._place(folder) for folder, reason in there]
+        listed = [LeftOut(self._name(folder), reason) if reason else self.place_of(folder) for folder, reason in there]
         return sorted(listed, key=lambda one: one.name.casefold())
 
     def find(self, key: str) -> Place:
@@ -147,9 +147,6 @@ class Workspace:
 
     def place_of(self, folder: Path) -> Place:
         """The place of a folder that lies in the workspace."""
-        return self._place(folder)
-
-    def _place(self, folder: Path) -> Place:
         name = self._name(folder)
         return Place(_key(name), name, folder)
 

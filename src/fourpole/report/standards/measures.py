@@ -347,11 +347,6 @@ def _with_expanded(row: SummaryRow, quantity: Quantity, scale: float | None = No
     return f"{value} ± {u}" if u else value
 
 
-def _omega(row: SummaryRow) -> float:
-    """Angular frequency of a row [rad/s]."""
-    return 2.0 * pi * row.at
-
-
 def _double_amplitude(results: Study, row: SummaryRow) -> str:
     """Lowest to highest double amplitude of the tests of a row [mm]."""
     table = results.dynamic.filter(pl.col(q.TEST.head).is_in(list(row.tests)))
@@ -377,7 +372,7 @@ def _spring_rates(results: Study) -> ValueTable:
                 _double_amplitude(results, row),
                 _with_expanded(row, MODULUS),
                 _with_expanded(row, q.STORAGE),
-                _with_expanded(row, q.LOSS, _omega(row)),
+                _with_expanded(row, q.LOSS, 2.0 * pi * row.at),
                 _with_expanded(row, LOSS_ANGLE),
                 "" if angle is None else number(tan(angle[0].value), 3),
             )
@@ -402,7 +397,7 @@ def _mobility_values(results: Study) -> ValueTable:
             continue
         re, im = (float(own[one.head].mean()) for one in (q.R, q.I))  # type: ignore[arg-type]
         size = hypot(re, im)
-        phase, mass = degrees(atan2(im, re)), 1.0 / (_omega(row) * size)
+        phase, mass = degrees(atan2(im, re)), 1.0 / (2.0 * pi * row.at * size)
         rows.append((*_place(row), number(1e3 * size, 4), number(phase, 4), number(mass, 4)))
     return ValueTable(heads, tuple(rows))
 

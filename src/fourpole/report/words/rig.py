@@ -11,7 +11,7 @@ from fourpole.findings.facts import natural
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, joined, number, percent
-from fourpole.report.words.shared_values import DECLARED, ShownValue, shown_values
+from fourpole.report.words.shared_values import DECLARED, ShownValue
 from fourpole.report.words.sources import source_in_words
 from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding
 from fourpole.study.study import Study
@@ -74,7 +74,7 @@ def rigs_in_words(results: Study) -> list[RigInWords]:
 
 
 def _in_words(found: RigEstimate, units: ShownUnits) -> RigInWords:
-    values = shown_values(found, units)
+    values = tuple(ShownValue.of(value, units) for value in found.values)
     return RigInWords(
         found,
         values,

@@ -10,7 +10,7 @@ from fourpole.core.sources import Role, Source
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, with_std
 from fourpole.report.words.sources import in_words
-from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
+from fourpole.study.rig_estimate import RigFinding, SharedValue
 
 DASH = "–"
 #: Groups of values with their headings.
@@ -137,8 +137,3 @@ class ShownValue:
             return True
         most = _MOST.get(self.unit, abs(self.stated or 0.0) or inf)
         return self.detection_limit > max(most, DECLARED * (self.stated_std or 0.0))
-
-
-def shown_values(found: RigEstimate, units: ShownUnits | None = None) -> tuple[ShownValue, ...]:
-    """The shared values of one rig in the units that are wanted, in the order of rig.csv."""
-    return tuple(ShownValue.of(value, units) for value in found.values)

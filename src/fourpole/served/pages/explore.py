@@ -1,4 +1,4 @@
-"""Figures: any quantity over any axis, and the figures of the catalogue, of all tests or of some; with their values."""
+"""Results and figures: components of the report, the report as a file; any quantity over any axis, with its values."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from starlette.routing import Route
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, Axis
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.io.published import published_beside
 from fourpole.plot import FIGURES, PAPER, figures_of
 from fourpole.plot.catalogue import spec_of
 from fourpole.plot.figure import FORMATS
@@ -23,12 +24,14 @@ from fourpole.plot.over import ORDER, OVER, SHOWN, key_over
 from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import floats
 from fourpole.plot.states import place_text
-from fourpole.served.figures import drawn, figure_of, values_of
+from fourpole.served.figures import LinkedFigure, drawn, figure_of, values_of
 from fourpole.served.site import Site, attachment
 from fourpole.served.workspace import Place
 from fourpole.study.study import Study
 from fourpole.units import quantity
 
+#: Files of the results that a page offers, with their kinds.
+_FILES = {"report.html": "text/html", "report.pdf": "application/pdf"}
 #: The axes by which tests are selected, with the kind of quantity of their values.
 _SELECTED = dict(zip(("pressure", "preload", "temperature"), ("pressure", "force", "temperature"), strict=True))
 _KINDS = {"svg": "image/svg+xml", "png": "image/png", "pdf": "application/pdf"}
@@ -36,7 +39,18 @@ _NAMES = {"amplitude": "deflection amplitude", ORDER: "order of the tests"}
 
 
 def routes(site: Site) -> list[Route]:
-    """The page, and the figure as a file."""
+    """Both pages, the files of the report, and a figure as a file."""
+
+    async def report(request: Request) -> Response:
+        place, name = site.place(request), request.path_params["name"]
+
+        def read() -> bytes:
+            if name in _FILES and (files := published_beside(place.results / name)).has(name):
+                return files.read(name)
+            raise CampaignError("there is no such file yet: run the analysis")
+
+        content = await run_in_threadpool(read)
+        return attachment(content, _FILES[name], f"{place.key}-{name}")
 
     async def file(request: Request) -> Response:
         place, form = site.place(request), request.path_params["form"]
@@ -46,9 +60,20 @@ def routes(site: Site) -> list[Route]:
         return attachment(content, _KINDS[form], f"{place.key}-{key}.{form}")
 
     return [
+        site.page_route("/c/{key}", "results.html", partial(_shown_results, site), of_results=True),
+        Route("/c/{key}/files/{name}", report),
         site.page_route("/c/{key}/explore", "explore.html", partial(_shown, site), of_results=True),
         Route("/c/{key}/figure.{form}", file),
     ]
+
+
+def _shown_results(site: Site, place: Place, _: Request) -> dict[str, Any]:
+    shown = site.results(place)
+    return {
+        **shown.parts,
+        "front_figures": [LinkedFigure(one, shown) for one in shown.parts["front_figures"]],
+        "figures": [(heading, LinkedFigure(one, shown)) for heading, one in shown.parts["figures"]],
+    }
 
 
 def _file(site: Site, place: Place, asked: QueryParams, form: str) -> tuple[str, bytes]:
