@@ -82,7 +82,6 @@ def run_ride(models: Sequence[Path], road: str, speed: float | None, options: Ri
     check_speed(speed)
     stated, way = vehicle_named(options.vehicle), _road(road, _columns(options, of_road=True))
     step = _step(options, way, speed)
-    body = stated.vehicle.body
     states = [operating_point(text) for text in options.at or ()]
     wanted = units_beside(model_in(models[0]))
     tyres = [
@@ -92,21 +91,9 @@ def run_ride(models: Sequence[Path], road: str, speed: float | None, options: Ri
     ]
     labels = _labels(tyres, wanted)
     matched = [float(np.sqrt(low * high)) for low, high in (one.band for one in tyres)]
-    over_time = way.spectrum is None or options.duration is not None
     curve = _curve(options.curve, _columns(options, of_road=False))
-    if not over_time and (options.lift_off or curve is not None):
-        raise UnitError('--lift-off and --curve need a ride in time: state --duration, as "60 s"')
-    with progress("riding") as advance:
-        if over_time:
-            heights = _heights(way, body, speed, step, options)
-            found = compare_in_time(
-                body, [one.tyre for one in tyres], heights, step, matched,
-                lift=options.lift_off, curve=curve, progress=advance,
-            )  # fmt: skip
-        else:
-            assert way.spectrum is not None
-            found = compare_on_class(body, [one.tyre for one in tyres], way.spectrum, speed, matched)
     asked = _Asked(stated, way.words, speed, labels, tyres, matched, wanted, curve)
+    found = _ridden(asked, way, step, options)
     notes = list(_notes(asked, found))
     files = _written(options.folder, asked, found, notes) if options.folder is not None else []
     if as_json:
@@ -135,6 +122,21 @@ class _Asked:
     @property
     def said(self) -> str:
         return f"{self.vehicle.name}, {self.road}, {3.6 * self.speed:.4g} km/h"
+
+
+def _ridden(asked: _Asked, way: _Road, step: float, options: RideOptions) -> Compared:
+    """The rides of all tyres: in time, or else by the spectrum of a road class."""
+    body, tyres = asked.vehicle.vehicle.body, [one.tyre for one in asked.tyres]
+    if way.spectrum is not None and options.duration is None:
+        if options.lift_off or asked.curve is not None:
+            raise UnitError('--lift-off and --curve need a ride in time: state --duration, as "60 s"')
+        with progress("riding"):
+            return compare_on_class(body, tyres, way.spectrum, asked.speed, asked.matched)
+    with progress("riding") as advance:
+        heights = _heights(way, body, asked.speed, step, options)
+        return compare_in_time(
+            body, tyres, heights, step, asked.matched, lift=options.lift_off, curve=asked.curve, progress=advance
+        )
 
 
 def _step(options: RideOptions, way: _Road, speed: float) -> float:
@@ -258,6 +260,13 @@ def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
         )
     if asked.curve is not None:
         yield from _curve_notes(asked, asked.curve)
+    yield from _contact_notes(found, loads)
+    if (duration := too_short(found)) is not None:
+        yield f"the ride lasts {duration:.2g} s, less than one cycle at 0.4 Hz, the lowest frequency of Wk"
+
+
+def _contact_notes(found: Compared, loads: FloatArray) -> Iterator[str]:
+    """Whether wheels leave the road or tyres their curve, or would leave the road."""
     if found.contact:
         air, beyond = (max(float(np.max(getattr(one, name))) for one in found.contact) for name in ("in_air", "beyond"))
         if air > 0:
@@ -269,8 +278,6 @@ def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
             "a wheel would leave the road, which pulls it down in this ride: state --lift-off, on a road class with "
             "--duration, and check the unit of the road's height"
         )
-    if (duration := too_short(found)) is not None:
-        yield f"the ride lasts {duration:.2g} s, less than one cycle at 0.4 Hz, the lowest frequency of Wk"
 
 
 def _curve_notes(asked: _Asked, curve: LoadDeflection) -> Iterator[str]:

@@ -54,15 +54,19 @@ def verdict_line(results: Study, held: Sequence[Judged]) -> SimpleNamespace:
             text += f", {number_of[one]} {words}"
     worst = next((each for each in held if each.outcome is outcome), None)
     if worst is not None and outcome is not Conformity.PASS:
-        row = _judged_row(worst, results.shown)
-        measured = f"is {row.value} {row.about} {row.unit}".rstrip() if row.value else "was not measured"
-        within = f"{row.low or '−∞'} to {row.high or '∞'} {row.unit}".rstrip()
-        text += f". {row.quantity} of {row.condition} {measured}; the limits are {within}"
+        text += f". {_against_limits(_judged_row(worst, results.shown))}"
     if resting := sum(bool(each.warned) for each in held):
         text += f". {counted(resting, 'result')} {'rests' if resting == 1 else 'rest'} on tests with a warning"
     if counts[Verdict.WARNING] or counts[Verdict.REJECTED]:
         text += f". {counted(counts['warning'], 'test')} with a warning, {counts['rejected']} rejected"
     return SimpleNamespace(kind=_KINDS[outcome], word=outcome.value.upper(), text=f"{text}.")
+
+
+def _against_limits(row: SimpleNamespace) -> str:
+    """A result and its limits in words."""
+    measured = f"is {row.value} {row.about} {row.unit}".rstrip() if row.value else "was not measured"
+    within = f"{row.low or '−∞'} to {row.high or '∞'} {row.unit}".rstrip()
+    return f"{row.quantity} of {row.condition} {measured}; the limits are {within}"
 
 
 def conformity_table(results: Study, held: Sequence[Judged]) -> SimpleNamespace | None:

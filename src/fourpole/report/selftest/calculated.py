@@ -78,17 +78,21 @@ def _result(call: Any, inputs: Inputs) -> Any:
         return inputs if call == "inputs" else call[1:] if call.startswith("=") else inputs[call]
     if not isinstance(call, list):
         return call
-    path, *given = call
+    path, *stated = call
     if path == "of":
-        owner = _result(given[0], inputs)
-        return [getattr(owner, name) for name in given[1:]]
+        owner = _result(stated[0], inputs)
+        return [getattr(owner, name) for name in stated[1:]]
+    named = _named(stated.pop(), inputs) if isinstance(stated[-1], dict) else {}
+    given = [_result(argument, inputs) for argument in stated]
     if path == "list":
-        return [_result(argument, inputs) for argument in given]
-    named = given.pop() if isinstance(given[-1], dict) else {}
-    function = resolve_name(f"{__name__}:{path[1:]}" if path.startswith(".") else f"fourpole.{path}")
-    missing = [key for key, name in named.items() if isinstance(name, str) and name[:1] != "=" and name not in inputs]
-    stated = {key: _result(name, inputs) for key, name in named.items() if key not in missing}
-    return function(*(_result(argument, inputs) for argument in given), **stated)
+        return given
+    return resolve_name(f"{__name__}:{path[1:]}" if path.startswith(".") else f"fourpole.{path}")(*given, **named)
+
+
+def _named(stated: Mapping[str, Any], inputs: Inputs) -> Values:
+    """Named arguments without those that a case does not state."""
+    missing = [key for key, name in stated.items() if isinstance(name, str) and name[:1] != "=" and name not in inputs]
+    return {key: _result(name, inputs) for key, name in stated.items() if key not in missing}
 
 
 def _flat(result: Any) -> Iterator[Any]:
