@@ -9,7 +9,7 @@ from fourpole.app.console import out, print_json, print_table, say
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared, compare
 from fourpole.io.write import write_table, write_text
-from fourpole.report.compared import outcome, shown_rows
+from fourpole.report.compared import outcome, render_compared, shown_rows
 
 #: Rows that the terminal shows of each verdict.
 _MOST = 20
@@ -32,8 +32,6 @@ def run_compare(
     if file is not None:
         write_table(file, compared.rows)
     if page is not None:
-        from fourpole.report.compared import render_compared  # matplotlib and jinja2 take a second to load
-
         write_text(page, render_compared(compared))
     if as_json:
         print_json(_document(compared))

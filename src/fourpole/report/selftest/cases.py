@@ -85,7 +85,8 @@ def _compared(check: str, study: Study, row: dict[str, str]) -> Compared:
     """One row of expected.csv: the table, the value of its key column, and the column with the expected value."""
     function, value = f"{row['table']}, {row['row']}", row["column"]
     table = study.tables[row["table"]]
-    found = [one for one in table.iter_rows(named=True) if _is_row(one, row)]
+    wanted = [part.split("=", 1) for part in row["row"].split("; ")]  # "test=D1", or several
+    found = [one for one in table.iter_rows(named=True) if all(str(one.get(head)) == text for head, text in wanted)]
     if not found or value not in table.columns:
         return failed(check, function, value, "no such row or column")
     if not row["tolerance"]:
@@ -94,9 +95,3 @@ def _compared(check: str, study: Study, row: dict[str, str]) -> Compared:
         return failed(check, function, value, "blank")
     unit = value.rpartition("[")[2].rstrip("]") if "[" in value else ""
     return number(check, function, value, unit, row["expected"], float(found[0][value]), float(row["tolerance"]))
-
-
-def _is_row(one: dict[str, Any], row: dict[str, str]) -> bool:
-    """Whether a row of a table is the one that is meant: "test=D1", or several with blanks between them."""
-    wanted = (part.split("=", 1) for part in row["row"].split("; "))
-    return all(str(one.get(head)) == value for head, value in wanted)

@@ -317,8 +317,7 @@ def linearity(results: Study) -> Found:
     ]
     if not changes:
         return _unknown("no condition was tested at two levels 10 dB apart")
-    pairs = counted(len(changes), "pair")
-    text = f"force over deflection changes by up to {number(max(changes), 2)} dB in {pairs}"
+    text = f"force over deflection changes by up to {number(max(changes), 2)} dB in {counted(len(changes), 'pair')}"
     return _judged(text, max(changes) <= _LINEAR)
 
 
