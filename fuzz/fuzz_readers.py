@@ -31,6 +31,7 @@ import numpy as np
 
 from fourpole.errors import FourpoleError
 from fourpole.io.formats import famos, lvm, rpc, text, tydex, wav
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import FileInfo, Format, Request, Signal
 
 MAX_BYTES = 20_000_000
@@ -217,7 +218,8 @@ def mutated(seed: bytes, chance: random.Random) -> bytes:
 def tried(reader: Format, content: bytes, path: Path) -> str:
     """What a reader makes of a content: read, or refused with an error of ours."""
     path.write_bytes(content)
-    reader.recognises(content[:4096])
+    for begins in BEGINS.values():
+        begins(content[:4096])
     said = "refused"
     for names in ((), ("F1",), ("Zeit", "F1"), ("F1.2",)):
         try:

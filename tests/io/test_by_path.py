@@ -16,7 +16,8 @@ import pytest
 from fourpole.errors import FileError
 from fourpole.io import door
 from fourpole.io.convert import convert
-from fourpole.io.recordings import _MODULES, BY_PATH
+from fourpole.io.known import BEGINS
+from fourpole.io.recordings import BY_PATH
 from fourpole.io.signals import Request
 
 pytestmark = pytest.mark.thorough
@@ -88,7 +89,7 @@ class Watched:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="another system counts otherwise")
-@pytest.mark.parametrize("module", _MODULES)
+@pytest.mark.parametrize("module", BEGINS)
 def test_a_library_opens_a_file_by_its_path_only_if_its_format_is_in_the_list(tmp_path, monkeypatch, module):
     path = sample(module, tmp_path)
     read(module, path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fourpole.errors import FileError, TableError
-from fourpole.io.tables.profile import read_profile
+from fourpole.io.tables.pair import read_profile
 
 
 def test_distance_and_height_are_known_by_their_names_and_units(tmp_path):

@@ -11,8 +11,8 @@ import pytest
 
 from fourpole.errors import TableError
 from fourpole.fitting.measured import read_measured
-from fourpole.io.tables.curve import read_curve
 from fourpole.io.tables.kstar import TableOptions, read_k_star
+from fourpole.io.tables.pair import read_curve
 
 pyuff = pytest.importorskip("pyuff")
 

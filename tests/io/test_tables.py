@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fourpole.errors import FileError, TableError
-from fourpole.io.tables.curve import CurveTable, read_curve
 from fourpole.io.tables.kstar import KStarTable, TableOptions, read_k_star
+from fourpole.io.tables.pair import CurveTable, read_curve
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 F = np.array([10.0, 25.0])

@@ -52,7 +52,7 @@ def test_every_layout_gives_the_same_curve(tmp_path: Path, content: str) -> None
     assert curve.column("x").tolist() == [0.0, 1.5]
     assert curve.column("F").tolist() == [0.0, 0.25]
     assert curve.unit("F") == "kN"
-    assert (len(curve.lines), curve.bad, curve.skipped) == (2, [], [])
+    assert (len(curve.lines), curve.skipped) == (2, [])
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252", "latin-1"])
@@ -83,28 +83,22 @@ def test_a_table_like_the_polymer_bench_writes_it(tmp_path: Path) -> None:
     assert reduced.units == ["#", "°C", "Hz", "N", "µm", "rad", "1", "MPa"]
     assert (len(reduced.lines), reduced.lines[0]) == (24, 3)
     assert reduced.skipped == [(27, r"'£]8[JJA01-02\x1b'")]
-    assert reduced.bad == []
     np.testing.assert_array_equal(reduced.column("x"), [float(row[4]) for row in rows])
     assert [quantity(1, "length", default_unit=reduced.unit("x"))] == [1e-6]
 
 
-def test_a_bad_cell_is_kept_and_told(tmp_path: Path) -> None:
+def test_a_bad_cell_is_not_a_number(tmp_path: Path) -> None:
     curve = table(tmp_path, "x [mm],F [N],who\n0,1,a\n1,1.2.3,b\n2,,c\n\n3,inf,d\n4,5,e\n5,6,f\n")
     np.testing.assert_array_equal(curve.column("F"), [1.0, NAN, NAN, NAN, 5.0, 6.0])
-    assert [str(cell) for cell in curve.bad] == [
-        "row 3, column 'F': '1.2.3' is no number",
-        "row 6, column 'F': 'inf' is no number",
-    ]
     assert curve.lines == [2, 3, 4, 6, 7, 8]
     with pytest.raises(TableError, match=r"curve\.csv row 2, column 'who': 'a' is no number, nor is any other"):
         curve.column("who")
 
 
 @pytest.mark.parametrize("word", ["", "NaN", "nan", "NA", "n/a", "-", "null"])
-def test_what_is_missing_is_nan_and_not_bad(tmp_path: Path, word: str) -> None:
+def test_what_is_missing_is_nan(tmp_path: Path, word: str) -> None:
     curve = table(tmp_path, f"x,F\n0,1\n1,{word}\n2,3\n")
     np.testing.assert_array_equal(curve.column("F"), [1.0, NAN, 3.0])
-    assert curve.bad == []
 
 
 @pytest.mark.parametrize(

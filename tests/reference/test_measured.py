@@ -10,8 +10,8 @@ from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.reduced import identify_mobility
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
-from fourpole.io.tables.curve import read_curve
 from fourpole.io.tables.kstar import TableOptions, read_k_star
+from fourpole.io.tables.pair import read_curve
 from fourpole.io.text import read_table
 from fourpole.models.choice import choose
 from fourpole.models.discrepancy import model_discrepancy, with_error

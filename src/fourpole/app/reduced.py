@@ -21,8 +21,8 @@ from fourpole.core.recordingchecks import check_resonance
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict, stiffness_std
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError
-from fourpole.io.tables.curve import read_curve
 from fourpole.io.tables.kstar import KStarTable, read_k_star
+from fourpole.io.tables.pair import read_curve
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import PLUS_MINUS, number, with_u
 from fourpole.study.static import branch_check

@@ -23,8 +23,7 @@ from fourpole.fitting.placed import operating_point
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
 from fourpole.io.folders import model_in
 from fourpole.io.staging import staged
-from fourpole.io.tables.curve import read_curve
-from fourpole.io.tables.profile import read_profile
+from fourpole.io.tables.pair import read_curve, read_profile
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
 from fourpole.report.digits import PLUS_MINUS, number, with_u

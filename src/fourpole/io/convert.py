@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from itertools import chain
 from pathlib import Path
 
@@ -20,10 +19,18 @@ from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Signal
 from fourpole.io.stream import Chunk, Stream, by_halves, surveyed_stream, times_of
 from fourpole.io.write import beside, why
+from fourpole.io.writers import hdf5, matlab, mdf, tables, tdms, tydex, uff, wav
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
 
-_MODULES = ("text", "parquet", "mdf", "tdms", "uff", "matlab", "hdf5", "wav", "tydex")
+#: The writers of all formats, by kind.
+WRITERS = {
+    one.kind: one
+    for one in (
+        *(tables.CSV, tables.PARQUET, mdf.WRITER, tdms.WRITER, uff.WRITER),
+        *(matlab.WRITER, hdf5.WRITER, wav.WRITER, tydex.WRITER),
+    )
+}
 #: Tolerance at the ends of a window, and largest drift of a rate that is rounded to whole Hz; fractions of a time step.
 _INTO_STEP, _DRIFT = 1e-6, 0.1
 #: Largest number of groups in a message.
@@ -77,12 +84,6 @@ class Converted:
     format: str
     groups: tuple[str, ...]
     lost: tuple[str, ...]
-
-
-def writers() -> dict[str, Writer]:
-    """The writers of all formats, by kind."""
-    found = [import_module(f"fourpole.io.writers.{module}").WRITER for module in _MODULES]
-    return {one.kind: one for one in found}
 
 
 def convert(
@@ -185,10 +186,10 @@ def _write(
 ) -> None:
     done = 0
     try:
-        with writer.open(new, plan.groups, remarks) as sink:
+        with writer.open(new, plan.groups, remarks) as add:
             for chunk in chunks:
                 for at, block in plan.blocks(chunk):
-                    sink.add(at, block)
+                    add(at, block)
                 done += sum(signal.samples.size for signal in chunk)
                 if progress is not None:
                     progress(done, plan.total)
@@ -201,15 +202,14 @@ def _write(
 
 def _writer(target: Path, kind: str) -> Writer:
     """The writer of this kind; if it is empty, the writer for the ending of the file's name."""
-    known = writers()
     if kind:
-        if kind not in known:
-            raise TableError(f"--to {shown(kind)} is no format that is written; known are {', '.join(known)}")
-        return known[kind]
-    for one in known.values():
+        if kind not in WRITERS:
+            raise TableError(f"--to {shown(kind)} is no format that is written; known are {', '.join(WRITERS)}")
+        return WRITERS[kind]
+    for one in WRITERS.values():
         if target.suffix.lower() in one.endings:
             return one
-    endings = ", ".join(ending for one in known.values() for ending in one.endings)
+    endings = ", ".join(ending for one in WRITERS.values() for ending in one.endings)
     raise TableError(f"{target.name}: its ending is none of those that are written ({endings}); or state --to")
 
 

@@ -9,16 +9,11 @@ from pathlib import Path
 
 from fourpole.errors import TableError
 from fourpole.io.door import open_regular
-from fourpole.io.known import named_by_ending, named_by_start
+from fourpole.io.known import BEGINS, KINDS_BY_ENDING, named_by_start
 from fourpole.io.names import in_group, matching
 from fourpole.io.signals import HEAD_BYTES, FileInfo, Format
 from fourpole.io.source import name_of
 
-#: Modules of `fourpole.io.formats` in the order in which they are tried; text is last, for it accepts any text.
-_MODULES = (
-    *("mdf", "tdms", "hdf5", "matlab", "npz", "parquet", "arrow", "famos"),
-    *("rpc", "uff", "wav", "tydex", "lvm", "workbook", "json_columns", "text"),
-)
 #: The formats whose library opens the file once more, by its path; see `fourpole.io.door.path_for_library`. All others
 #: get the open file, or its bytes.
 BY_PATH = ("parquet", "arrow", "workbook")
@@ -28,21 +23,20 @@ def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> 
     """The format of a file by its content; TableError, which names what it is, if no format recognises it."""
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
         head = file.read(HEAD_BYTES)
-    for module in _MODULES:
-        found: Format = import_module(f"fourpole.io.formats.{module}").FORMAT
-        says = named_by_start(head) if found.name == "text" else None
-        if says is not None:
-            raise TableError(f"{name_of(path, label)}: {says}")
-        if found.recognises(head):
-            return found
-    says = named_by_ending(Path(path).suffix) or "is binary, not text; export it as CSV, in UTF-8 (no reader knows it)"
-    raise TableError(f"{name_of(path, label)}: {says}")
+    module = next((module for module, begins in BEGINS.items() if begins(head)), None)
+    says = named_by_start(head) if module in ("text", None) else None
+    if module is None or says is not None:
+        by_ending = KINDS_BY_ENDING.get(Path(path).suffix.lower())
+        says = says or by_ending or "is binary, not text; export it as CSV, in UTF-8 (no reader knows it)"
+        raise TableError(f"{name_of(path, label)}: {says}")
+    found: Format = import_module(f"fourpole.io.formats.{module}").FORMAT
+    return found
 
 
 @cache
 def endings() -> frozenset[str]:
     """Usual endings of the names of recordings, in lower case, with the dot."""
-    formats: list[Format] = [import_module(f"fourpole.io.formats.{module}").FORMAT for module in _MODULES]
+    formats: list[Format] = [import_module(f"fourpole.io.formats.{module}").FORMAT for module in BEGINS]
     return frozenset(ending for one in formats for ending in one.endings)
 
 

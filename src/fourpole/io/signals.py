@@ -147,7 +147,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format and its reader.
+    """A file format and its reader. By which first bytes it is recognised, `fourpole.io.known` says.
 
     Attributes
     ----------
@@ -155,15 +155,10 @@ class Format:
         The name of the format for messages.
     endings : tuple of str
         Usual endings of a file's name, in lower case, with the dot.
-    recognises : callable
-        Takes the first `HEAD_BYTES` bytes of a file, and returns whether they are of this format. The content decides,
-        not the ending of the name.
     survey : callable
         Takes path, label and max_bytes, and returns a FileInfo; samples are not read if the format allows it.
     read : callable
         Takes a Request, and returns one Signal per name, in the order of the request.
-    extra : str
-        Extra of the package that must be installed for this format; empty if none.
     blocks : callable or None
         Takes a Request and a number of rows, and yields the recording in chunks. A chunk has one Signal per name, in
         the order of the request, with its next samples (at most `rows`), their `start` and `time`. Channels of
@@ -179,10 +174,8 @@ class Format:
 
     name: str
     endings: tuple[str, ...]
-    recognises: Callable[[bytes], bool]
     survey: Callable[[Path, str, int], FileInfo]
     read: Callable[[Request], Sequence[Signal]]
-    extra: str = ""
     blocks: Callable[[Request, int], Iterator[Sequence[Signal]]] | None = None
     by_library: bool = False
     memory: int = 0

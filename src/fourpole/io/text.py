@@ -9,7 +9,6 @@ import io
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,18 +42,6 @@ _HEAD = 32_768
 _SUMMARY, _MOST_SHOWN = 2, 8
 #: First lines among which a header is sought that does not fit its rows, and largest number of lines of a table.
 _UNEVEN, _MOST_LINES = 200, 500_000
-
-
-@dataclass(frozen=True)
-class BadCell:
-    """A cell with text in a column of numbers."""
-
-    line: int
-    column: str
-    value: str
-
-    def __str__(self) -> str:
-        return f"row {self.line}, column {shown(self.column)}: {shown(self.value)} is no number"
 
 
 @dataclass(frozen=True)
@@ -109,7 +96,7 @@ class TextTable:
         Returns
         -------
         (rows,) float array [the column's unit]
-            NaN where a cell is blank or has text (`bad` lists the cells with text).
+            NaN where a cell is blank or has text.
 
         Raises
         ------
@@ -121,24 +108,9 @@ class TextTable:
         if np.isnan(values).all():
             for line, cell in zip(self.lines, self.columns[index], strict=True):
                 if not is_missing(cell):
-                    bad = BadCell(line, self.names[index], cell)
-                    raise TableError(f"{self.label} {bad}, nor is any other in that column")
+                    where = f"{self.label} row {line}, column {shown(self.names[index])}"
+                    raise TableError(f"{where}: {shown(cell)} is no number, nor is any other in that column")
         return values
-
-    @cached_property
-    def bad(self) -> list[BadCell]:
-        """Cells with text in columns of numbers, in the order of the file."""
-        found = []
-        for name, cells in zip(self.names, self.columns, strict=True):
-            wrong = [
-                (line, cell)
-                for line, cell, value in zip(self.lines, cells, _numbers(cells, self.decimal), strict=True)
-                if np.isnan(value) and not is_missing(cell)
-            ]
-            filled = sum(not is_missing(cell) for cell in cells)
-            if 2 * len(wrong) < filled:
-                found += [BadCell(line, name, cell) for line, cell in wrong]
-        return sorted(found, key=lambda cell: cell.line)
 
 
 def read_table(
@@ -184,35 +156,20 @@ def read_table(
     >>> curve.skipped
     [(4, "'end of test'")]
     """
-    tables = read_tables(path, group=group, max_bytes=max_bytes, label=label)
+    name = name_of(path, label)
+    tables = tables_of(decode(read_bytes(path, max_bytes=max_bytes, label=label), name)[0], name, group)
     long = [one for _, one in tables if len(one.lines) > _SUMMARY] if len(tables) > 1 else [tables[0][1]]
     if len(long) == 1:
         return long[0]
     titles = first_of([shown(one) for one, _ in tables], _MOST_SHOWN)
-    name = long[0].label if long else tables[0][1].label
     raise TableError(f"{name}: holds {len(tables)} tables: {titles}; name one, as in {name}#{tables[0][0]}")
 
 
-def read_tables(
-    path: str | os.PathLike[str], *, group: str = "", max_bytes: int = 64_000_000, label: str | None = None
-) -> list[tuple[str, TextTable]]:
-    """The tables of a file of text, each with its title or number; one without a name if the file has one header.
-
-    See `read_table`; only the table of the name `group`, if one is given.
-    """
-    name = name_of(path, label)
-    text, _ = decode(read_bytes(path, max_bytes=max_bytes, label=label), name)
-    return tables_of(text, name, group)
-
-
-def table_of(text: str, name: str) -> TextTable:
-    """The table that a text holds as its only one, see `read_table`; `name` is that of its file in messages."""
-    lines = split_lines(text)
-    return _table(lines, find_layout(lines, name), name)
-
-
 def tables_of(text: str, name: str, group: str = "") -> list[tuple[str, TextTable]]:
-    """The tables that a text holds, see `read_tables`; `name` is that of its file in messages."""
+    """The tables that a text holds, each with its title or number, which is empty if the text has one header.
+
+    See `read_table`; only the table of the name `group`, if one is given. `name` is that of the file in messages.
+    """
     lines, content = split_lines(text), text.encode()
     if len(lines) > _MOST_LINES:
         raise TableError(f"{name}: has {len(lines)} lines; a table has at most {_MOST_LINES}: keep the rows that count")

@@ -17,6 +17,7 @@ from fourpole.io import child as children
 from fourpole.io.child import read_apart
 from fourpole.io.convert import Choice, convert
 from fourpole.io.formats import arrow, famos, hdf5, matlab, mdf, npz, parquet, tdms, uff, wav
+from fourpole.io.known import BEGINS
 from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, Format, Request, SignalInfo
@@ -192,7 +193,8 @@ def test_what_is_empty_or_something_else_is_refused(kind: str, tmp_path: Path) -
 def test_each_format_knows_its_own_files_only(kind: str, tmp_path: Path) -> None:
     WRITERS[kind](tmp_path / f"a.{kind}")
     head = (tmp_path / f"a.{kind}").read_bytes()[:4096]
-    assert [name for name, one in FORMATS.items() if one.recognises(head)] == [kind]
+    modules = {"mat": "matlab", "h5": "hdf5", "mf4": "mdf", "pq": "parquet", "raw": "famos"}
+    assert [name for name in FORMATS if BEGINS[modules.get(name, name)](head)] == [kind]
 
 
 def test_a_library_that_is_missing_is_named(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

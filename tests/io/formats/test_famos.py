@@ -10,6 +10,7 @@ import pytest
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.famos import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request, Signal
 
 LIMIT = 10**9
@@ -75,7 +76,7 @@ def test_each_kind_of_number_is_scaled(tmp_path: Path, kind: str, order: str) ->
         stored.astype(f"{order}{kind}"), scale="1,2.5E-1, -3.0", start=1.5
     )
     path = written(tmp_path / "a.dat", content)
-    assert FORMAT.recognises(content[:4096])
+    assert BEGINS["famos"](content[:4096])
     (force,) = read(path, "f1")
     np.testing.assert_array_equal(force.samples, stored * 0.25 - 3.0)
     assert (force.name, force.unit, force.rate, force.start, force.time) == ("F1", "N", 2000.0, 1.5, None)

@@ -12,6 +12,7 @@ import pytest
 from fourpole.errors import FileError, TableError
 from fourpole.io import child as children
 from fourpole.io.formats.hdf5 import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request
 
 h5py = pytest.importorskip("h5py")
@@ -51,7 +52,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_the_layout_comes_back(path: Path) -> None:
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["hdf5"](path.read_bytes()[:4096])
     info = FORMAT.survey(path, "a.h5", LIMIT)
     assert "title: Rig 2" in info.notes
     assert any("table" in note for note in info.notes)

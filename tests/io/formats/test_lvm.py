@@ -9,6 +9,7 @@ import pytest
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.lvm import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request, Signal
 
 
@@ -48,7 +49,7 @@ PLAIN = header() + segment(ROWS)
 def read(folder: Path, content: str | bytes, *names: str, group: str = "", max_bytes: int = 10**8) -> list[Signal]:
     path = folder / "D1.lvm"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["lvm"](path.read_bytes()[:4096])
     return list(FORMAT.read(Request(path, names, group, path.name, max_bytes)))
 
 
@@ -137,8 +138,8 @@ def test_memory_is_bounded(tmp_path: Path) -> None:
 
 
 def test_other_text_is_not_taken_for_it() -> None:
-    assert not FORMAT.recognises(b"t,F1\n0,1\n")
-    assert not FORMAT.recognises(b"")
+    assert not BEGINS["lvm"](b"t,F1\n0,1\n")
+    assert not BEGINS["lvm"](b"")
 
 
 @pytest.mark.parametrize("rate", [3000.0, 2048.0, 2000.0, 2999.7])

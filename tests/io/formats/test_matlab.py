@@ -13,6 +13,7 @@ from scipy.io import savemat
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.matlab import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request
 
 Outcome = Callable[[Path, str], list[str]]
@@ -52,7 +53,7 @@ def contents() -> dict[str, object]:
 def test_vectors_columns_and_fields_come_back(tmp_path: Path, packed: bool) -> None:
     path = tmp_path / "a.mat"
     savemat(path, contents(), do_compression=packed)
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["matlab"](path.read_bytes()[:4096])
     info = FORMAT.survey(path, "a.mat", LIMIT)
     assert info.format == "MATLAB 5"
     assert {"fs: 2048.0", "title: Rig 2"} <= set(info.notes)
@@ -132,7 +133,7 @@ def test_version_7_3(tmp_path: Path) -> None:
     head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
     with path.open("r+b") as file:
         file.write(head)
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["matlab"](path.read_bytes()[:4096])
     info = FORMAT.survey(path, "a.mat", LIMIT)
     assert info.format == "MATLAB 7.3"
     assert "title: Rig 2" in info.notes

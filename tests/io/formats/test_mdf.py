@@ -13,6 +13,7 @@ import pytest
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.mdf import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request
 
 with warnings.catch_warnings():
@@ -74,7 +75,7 @@ VERSIONS = [("3.00", 0), ("3.30", 0), ("4.00", 0), ("4.10", 0), ("4.10", 1), ("4
 @pytest.mark.parametrize(("version", "compression"), VERSIONS)
 def test_groups_times_units_and_scaling_come_back(tmp_path: Path, version: str, compression: int) -> None:
     path = example(tmp_path / ("a.mf4" if version >= "4" else "a.mdf"), version, compression)
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["mdf"](path.read_bytes()[:4096])
     info = FORMAT.survey(path, path.name, LIMIT)
     assert info.format == f"ASAM MDF {version}"
     found = {(one.group, one.name): one for one in info.signals}

@@ -15,6 +15,7 @@ import pytest
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats import columnar, parquet
 from fourpole.io.formats.parquet import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request, Signal
 
 Outcome = Callable[[Path, str], list[str]]
@@ -50,7 +51,7 @@ def test_columns_come_back_with_units_and_time(tmp_path: Path, compression: str)
     frame = frame.cast({one: kind for one, kind in kinds.items() if one in frame.columns})
     path = tmp_path / "a.parquet"
     frame.write_parquet(path, compression=compression, row_group_size=700)
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["parquet"](path.read_bytes()[:4096])
     info = FORMAT.survey(path, path.name, LIMIT)
     found = {one.name: one for one in info.signals}
     force = found["F1 [N]"]

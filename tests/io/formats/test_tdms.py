@@ -10,6 +10,7 @@ import pytest
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.tdms import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request
 
 nptdms = pytest.importorskip("nptdms")
@@ -58,7 +59,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_groups_rates_units_and_scaling_come_back(path: Path) -> None:
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["tdms"](path.read_bytes()[:4096])
     info = FORMAT.survey(path, "a.tdms", LIMIT)
     assert info.format.startswith("NI TDMS")
     assert "operator: me" in info.notes

@@ -10,6 +10,7 @@ import pytest
 from fourpole.errors import FileError, TableError
 from fourpole.io import rows as room
 from fourpole.io.formats.text import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request, Signal
 from fourpole.units import column_unit
 
@@ -219,8 +220,8 @@ def test_groups_and_memory(tmp_path: Path) -> None:
 
 
 def test_any_text_is_known_and_nothing_else() -> None:
-    assert FORMAT.recognises(b"t,F1\n0,1\n")
-    assert FORMAT.recognises("Zeit;Größe".encode("latin-1"))
-    assert FORMAT.recognises("Zeit;Größe".encode("utf-16"))
-    assert not FORMAT.recognises(b"PAR1\x00\x00")
-    assert not FORMAT.recognises(b"")
+    assert BEGINS["text"](b"t,F1\n0,1\n")
+    assert BEGINS["text"]("Zeit;Größe".encode("latin-1"))
+    assert BEGINS["text"]("Zeit;Größe".encode("utf-16"))
+    assert not BEGINS["text"](b"PAR1\x00\x00")
+    assert not BEGINS["text"](b"")

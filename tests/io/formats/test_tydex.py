@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.tydex import FORMAT, read_tydex
 from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, meaning, write_tydex
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request
 
 NAN = float("nan")
@@ -284,7 +285,7 @@ def test_limits_groups_and_missing_channels(tmp_path: Path) -> None:
 
 
 def test_it_is_known_by_its_content() -> None:
-    assert FORMAT.recognises(RIG.encode())
-    assert FORMAT.recognises(RIG.encode("utf-16"))
-    assert not FORMAT.recognises(b"# **HEADER in a comment\nt,F1\n")
-    assert not FORMAT.recognises(b"")
+    assert BEGINS["tydex"](RIG.encode())
+    assert BEGINS["tydex"](RIG.encode("utf-16"))
+    assert not BEGINS["tydex"](b"# **HEADER in a comment\nt,F1\n")
+    assert not BEGINS["tydex"](b"")

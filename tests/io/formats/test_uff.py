@@ -10,6 +10,7 @@ import pytest
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.uff import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request
 
 pyuff = pytest.importorskip("pyuff")
@@ -58,7 +59,7 @@ def test_signals_come_back(tmp_path: Path, binary: int) -> None:
         signal(FORCE, 2048.0, binary=binary, id1="Force front"),
         signal(SPEED, 100.0, binary=binary, id1="Speed", ordinate_spec_data_type=11, start=0.5),
     )
-    assert FORMAT.recognises(path.read_bytes()[:4096])
+    assert BEGINS["uff"](path.read_bytes()[:4096])
     info = FORMAT.survey(path, "a.uff", LIMIT)
     assert info.format == ("UFF 58b" if binary else "UFF 58")
     assert [(one.name, one.unit, one.count, one.rate) for one in info.signals] == [

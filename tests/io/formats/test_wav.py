@@ -12,6 +12,7 @@ from scipy.io import wavfile
 
 from fourpole.errors import FileError, TableError
 from fourpole.io.formats.wav import FORMAT
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import Request
 
 LIMIT = 10**9
@@ -33,7 +34,7 @@ def test_samples_come_back_to_full_scale_one(tmp_path: Path, table: np.ndarray, 
     full = {"u1": 128, "i2": 2**15, "i4": 2**31}.get(kind, 1)
     raw = (np.round(table * full) + (128 if kind == "u1" else 0) if full > 1 else table).astype(kind)
     wavfile.write(tmp_path / "a.wav", 2048, raw)
-    assert FORMAT.recognises((tmp_path / "a.wav").read_bytes()[:4096])
+    assert BEGINS["wav"]((tmp_path / "a.wav").read_bytes()[:4096])
     info = FORMAT.survey(tmp_path / "a.wav", "a.wav", LIMIT)
     assert [(one.name, one.count, one.rate, one.start) for one in info.signals] == [
         (name, 1000, 2048.0, 0.0) for name in "123"

@@ -14,8 +14,7 @@ import pytest
 from fourpole.errors import FileError, TableError
 from fourpole.io import child as children
 from fourpole.io import recordings as formats
-from fourpole.io.formats.sheets import check_cells
-from fourpole.io.formats.workbook import FORMAT
+from fourpole.io.formats.workbook import FORMAT, check_cells
 from fourpole.io.recordings import format_of
 from fourpole.io.signals import Request, Signal
 

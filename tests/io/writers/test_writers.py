@@ -12,7 +12,7 @@ import pytest
 from fourpole.errors import FileError, TableError
 from fourpole.io import convert as converting
 from fourpole.io import stream as streaming
-from fourpole.io.convert import Choice, convert, writers
+from fourpole.io.convert import WRITERS, Choice, convert
 from fourpole.io.recordings import survey
 
 RATE = 2048.0
@@ -390,7 +390,7 @@ def test_an_unknown_ending_is_told_with_the_known(tmp_path):
 
 
 def test_all_kinds_are_tested():
-    assert set(KINDS) == set(writers())
+    assert set(KINDS) == set(WRITERS)
 
 
 @pytest.mark.parametrize("kind", KINDS)

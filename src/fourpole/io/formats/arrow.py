@@ -15,11 +15,10 @@ from typing import BinaryIO
 from fourpole.errors import TableError
 from fourpole.io.formats.columnar import Columns, arrow_schema, caught, stated_units
 from fourpole.io.formats.tracks import OpenFile, track_format
+from fourpole.io.known import LONGEST_SCHEMA
 
 _KIND = "an Arrow file"
-_FILE, _STREAM, _OLD = b"ARROW1", b"\xff\xff\xff\xff", b"FEA1"
-#: Longest description of the columns [byte].
-_LONGEST_SCHEMA = 10_000_000
+_FILE, _OLD = b"ARROW1", b"FEA1"
 
 
 def _schema(file: BinaryIO, at: int) -> bytes:
@@ -27,7 +26,7 @@ def _schema(file: BinaryIO, at: int) -> bytes:
     file.seek(at)
     head = file.read(8)
     length = struct.unpack("<I", head[4:])[0] if len(head) == 8 else 0
-    return head + file.read(length) if length <= _LONGEST_SCHEMA else b""
+    return head + file.read(length) if length <= LONGEST_SCHEMA else b""
 
 
 def _columns(opened: OpenFile) -> Columns:
@@ -50,11 +49,4 @@ def _columns(opened: OpenFile) -> Columns:
     return Columns(scan, opened, "Arrow" if is_file else "Arrow stream", notes, stated_units(notes) | units)
 
 
-def _recognises(head: bytes) -> bool:
-    if not head.startswith(_STREAM) or len(head) < 12:
-        return head.startswith((_FILE, _OLD))
-    length, root = struct.unpack("<II", head[4:12])
-    return 0 < length <= _LONGEST_SCHEMA and 4 <= root <= 64
-
-
-FORMAT = track_format("Arrow", (".arrow", ".feather", ".ipc", ".arrows"), _recognises, _KIND, _columns, by_library=True)
+FORMAT = track_format("arrow", "Arrow", (".arrow", ".feather", ".ipc", ".arrows"), _KIND, _columns, by_library=True)

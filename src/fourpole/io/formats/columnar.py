@@ -24,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.attributes import RATES, STEPS, UNITS
-from fourpole.io.formats.guard import afford, find, is_time, of_name, tidy, time_scale
-from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered
+from fourpole.io.formats.guard import RATES, STEPS, UNITS, find, is_time, of_name, tidy, time_scale
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
@@ -151,7 +150,7 @@ class _Column:
     """Units of a stored moment or duration per second."""
 
 
-class Columns:
+class Columns(Content):
     """The columns of an open file.
 
     Parameters
@@ -167,12 +166,16 @@ class Columns:
         Units by column.
     """
 
+    sample_bytes = 24
+
     def __init__(self, scan: Any, opened: OpenFile, format_: str, notes: dict[str, str], units: dict[str, str]) -> None:
         import polars as pl
 
-        self._pl, self._name, self._max_bytes = pl, opened.name, opened.max_bytes
+        super().__init__(opened)
+        self._pl = pl
         self._scan, self._format, self._notes = scan, format_, notes
         self._columns = [self._column(one, kind, units) for one, kind in caught(self._scan.collect_schema).items()]
+        self.places = [("", one.name) for one in self._columns]
         times = [one for one in self._columns if one.kind in ("moments", "durations")]
         times = times or [one for one in self._columns if one.kind == "numbers" and is_time(one.name)]
         self._time = times[0] if len(times) == 1 else None
@@ -237,6 +240,7 @@ class Columns:
                 f"{self._name}: is damaged: declares {self.rows} rows and has {there}; copy or export it again"
             )
 
+    @cached_property
     def _seconds(self) -> Part | None:
         """The function that reads times of all channels [s]; None if no column states them."""
         time = self._time
@@ -245,7 +249,10 @@ class Columns:
         scale = time_scale(time.unit, time.name, self._name)
         return remembered(lambda first, last: scale * self._part(time, first, last))
 
-    def _track(self, one: _Column, time: Part | None) -> Track:
+    def track(self, index: int) -> Track:
+        """A column as a channel."""
+        one, time = self._columns[index], self._seconds
+
         def samples(first: int, last: int) -> NDArray[np.float64]:
             return self._part(one, first, last) if last > first else np.empty(0)
 
@@ -256,7 +263,7 @@ class Columns:
 
     def info(self) -> FileInfo:
         """The description of the file and its columns."""
-        rows, time, ends = self.rows, self._seconds(), None
+        rows, time, ends = self.rows, self._seconds, None
         if time is not None and rows:
             first, last = float(time(0, 1)[0]), float(time(rows - 1, rows)[0])
             ends = (first, last) if np.isfinite((first, last)).all() else None
@@ -275,16 +282,14 @@ class Columns:
             return SignalInfo.timed(name, unit, "", rows, rate=rate, note=note)
         return SignalInfo.timed(name, unit, "", rows, ends=ends, note=f"time from {tidy(self._time.name)}")
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        """The channels of a request, see `tracks.Content`."""
-        chosen = [self._columns[at] for at in find([("", one.name) for one in self._columns], request)]
+    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
+        """The channels of a request; if `whole`, they are read together."""
+        chosen = [self._columns[at] for at in find(self.places, request)]
         for one in chosen:
             if one.kind == "other":
                 raise TableError(f"{self._name}: column {shown(one.name)} holds no numbers; name another column")
         if whole:
             self._take_whole(dict.fromkeys([*chosen, *([self._time] if self._time else [])]))
-            afford(24 * self.rows * len(chosen), self._max_bytes, self._name)
         else:
             self._check_rows()
-        time = self._seconds()
-        return [self._track(one, time) for one in chosen]
+        return super().tracks(request, whole=whole)

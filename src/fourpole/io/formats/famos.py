@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford, find, of_name, seconds, tidy
-from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
-from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.io.formats.guard import of_name, seconds, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, track_format
+from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.units import shown
 
 _KIND = "an imc FAMOS file"
@@ -95,10 +95,6 @@ class _Channel:
         return other if other is not self.values and other.unit and seconds(other.unit) is not None else None
 
 
-def _recognises(head: bytes) -> bool:
-    return head.startswith((b"|CF,1,", b"|CF,2,"))
-
-
 def _fields(content: bytes, count: int) -> list[bytes]:
     """The first `count` fields of a key's content."""
     return [one.strip() for one in content.split(b",", count)[:count]]
@@ -115,12 +111,12 @@ def _texts(content: bytes, skipped: int, count: int) -> list[bytes]:
     return found
 
 
-class _Content:
+class _Content(Content):
     """The channels of an open file, from one pass through its keys."""
 
     def __init__(self, opened: OpenFile) -> None:
         file, name = opened.file, opened.name
-        self._file, self._name, self._max_bytes = file, name, opened.max_bytes
+        super().__init__(opened)
         self._end = os.fstat(file.fileno()).st_size
         self._set = _Set()
         self._sets: list[_Set] = []
@@ -138,6 +134,7 @@ class _Content:
             if count > _MOST_KEYS:
                 raise TableError(f"{name}: has more than {_MOST_KEYS} keys; split it")
         self.channels = self._channels()
+        self.places = [(one.group, one.name) for one in self.channels]
 
     def _key(self, at: int) -> int:
         """Read the key at byte `at`; returns where the next key begins."""
@@ -256,26 +253,22 @@ class _Content:
         notes = [f"recorded {began.replace(tzinfo=None).isoformat()}"] if began else []
         return FileInfo(
             "imc FAMOS 2",
-            tuple(map(self._info, self.channels)),
+            tuple(map(self._info, range(len(self.channels)))),
             (*notes, *self._notes[:20]),
             began.timestamp() if began else None,
         )
 
-    def _info(self, one: _Channel) -> SignalInfo:
+    def _info(self, index: int) -> SignalInfo:
+        one = self.channels[index]
         count, (rate, start), ends = one.values.count, _timing(one), None
         if not rate and one.abscissa is not None and count and not one.values.barred:
-            time = self._track(one).time
+            time = self.track(index).time
             ends = None if time is None else (float(time(0, 1)[0]), float(time(count - 1, count)[0]))
         note = one.values.barred or one.note
         return SignalInfo.timed(one.name, _unit(one), one.group, count, rate=rate, start=start, ends=ends, note=note)
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        chosen = [self.channels[at] for at in find([(one.group, one.name) for one in self.channels], request)]
-        if whole:
-            afford(16 * sum(one.values.count for one in chosen), self._max_bytes, self._name)
-        return [self._track(one) for one in chosen]
-
-    def _track(self, one: _Channel) -> Track:
+    def track(self, index: int) -> Track:
+        one = self.channels[index]
         values = one.values
         if values.barred:
             raise TableError(f"{self._name}: channel {shown(one.name)} {values.barred}")
@@ -339,4 +332,4 @@ def _timing(one: _Channel) -> tuple[float | None, float]:
     return (float(f"{1 / step:.15g}"), start) if np.isfinite(start) and 1e-12 < step < 1e12 else (None, one.since)
 
 
-FORMAT = track_format("imc FAMOS", (".dat", ".raw"), _recognises, _KIND, _Content)
+FORMAT = track_format("famos", "imc FAMOS", (".dat", ".raw"), _KIND, _Content)

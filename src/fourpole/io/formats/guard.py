@@ -20,6 +20,10 @@ from fourpole.units import column_unit, shown, unit_scale
 
 Item = TypeVar("Item")
 
+#: Names of the attributes of a file or a channel that state unit, rate and step of time.
+UNITS = ("unit", "units", "Unit", "Units")
+RATES = ("rate", "sample_rate", "sampling_rate", "samplerate", "fs", "Fs", "sampling_frequency")
+STEPS = ("dt", "increment", "step", "sample_interval")
 _TIME = re.compile(
     r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run|test)[ _]?time|"
     r"(?:lauf|mess|prüf|test)zeit|时间|時間|時刻|经过时间|経過時間",

@@ -28,17 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.attributes import RATES, STEPS, UNITS
-from fourpole.io.formats.guard import afford, find, is_time, of_name, tidy, time_scale
-from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
+from fourpole.io.formats.guard import RATES, STEPS, UNITS, afford, find, is_time, of_name, tidy, time_scale
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
 _KIND = "an HDF5 file"
 _LIBRARY = "h5py"
-_MAGIC = b"\x89HDF\r\n\x1a\n"
-_PLACES = (0, 512, 1024, 2048)
-_MATLAB = b"MATLAB 7.3"
 _STARTS = ("start", "t0", "offset", "start_offset")
 _NOTES = ("note", "comment", "description", "title", "long_name")
 _MOST_OBJECTS = 100_000
@@ -64,10 +60,6 @@ class Leaf:
     def path(self) -> str:
         """The name of the dataset with those of its groups."""
         return f"{self.group}/{self.name}" if self.group else self.name
-
-
-def _recognises(head: bytes) -> bool:
-    return not head.startswith(_MATLAB) and any(head[at : at + 8] == _MAGIC for at in _PLACES)
 
 
 def leaves(h5py: Any, root: Any, name: str) -> list[Leaf]:
@@ -261,15 +253,17 @@ def _unit(leaf: Leaf, own: dict[str, Any]) -> str | None:
     return of_name(leaf.name, next((own[key] for key in UNITS if isinstance(own.get(key), str)), None))
 
 
-class _Content:
+class _Content(Content):
     """The datasets of an open file."""
 
     def __init__(self, opened: OpenFile) -> None:
-        self._name, self._max_bytes = opened.name, opened.max_bytes
+        super().__init__(opened)
         self._h5py = opened.guard.load(_LIBRARY)
         # The library gets the open file, not a path, so that it opens no other file.
         self._root = opened.closing.enter_context(self._h5py.File(opened.file, "r"))
         self._leaves = leaves(self._h5py, self._root, self._name)
+        self._rows = [one for one in self._leaves if one.barred or _is_row(one)]
+        self.places = [(one.group, one.name) for one in self._rows]
         self._times: dict[str, Part] = {}
         self._groups: dict[str, dict[str, Leaf]] = {}
         for leaf in self._leaves:
@@ -296,15 +290,15 @@ class _Content:
         unit, note = _unit(leaf, own), "; ".join(filter(None, notes))
         return SignalInfo.timed(leaf.name, unit, leaf.group, count, rate=rate, start=start, ends=ends, note=note)
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        rows = [one for one in self._leaves if one.barred or _is_row(one)]
-        chosen = [rows[at] for at in find([(one.group, one.name) for one in rows], request)]
-        if whole:
-            declared = sum(_count(one) for one in chosen if not one.barred)
-            afford(16 * declared, self._max_bytes, self._name)
-        return [self._track(one) for one in chosen]
+    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
+        if whole:  # before the datasets are looked at, which may declare what they do not hold
+            asked = [self._rows[index] for index in find(self.places, request)]
+            declared = sum(_count(one) for one in asked if not one.barred)
+            afford(self.sample_bytes * declared, self._max_bytes, self._name)
+        return super().tracks(request, whole=whole)
 
-    def _track(self, leaf: Leaf) -> Track:
+    def track(self, index: int) -> Track:
+        leaf = self._rows[index]
         values = reader(leaf, self._max_bytes, self._name)
         own = attributes(self._h5py, leaf.dataset)
         rate, start, stamps = _timing(leaf, own, self._groups[leaf.group], self._name)
@@ -320,6 +314,4 @@ class _Content:
         return self._times[time.path]
 
 
-FORMAT = track_format(
-    "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _recognises, _KIND, _Content, extra="formats", by_library=True
-)
+FORMAT = track_format("hdf5", "HDF5", (".h5", ".hdf5", ".hdf", ".he5"), _KIND, _Content, by_library=True)

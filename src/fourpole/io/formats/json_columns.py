@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -29,11 +28,6 @@ _KIND = "a JSON file of columns or records"
 #: Largest file [byte], which is read whole, and memory of its content per byte.
 _MOST_BYTES, _PER_BYTE = 100_000_000, 20
 _DEEPEST = 20
-_START = re.compile(rb'\s*(?:\{\s*(?:"|\})|\[\s*[\{\[\]])')
-
-
-def _recognises(head: bytes) -> bool:
-    return _START.match(head.removeprefix(b"\xef\xbb\xbf")) is not None
 
 
 def _content(opened: OpenFile) -> Any:
@@ -119,7 +113,7 @@ class _Content(Variables):
     def __init__(self, opened: OpenFile) -> None:
         content = _content(opened)
         columns = content if isinstance(content, dict) else _columns(content) if isinstance(content, list) else {}
-        super().__init__(list(_nodes(columns, 0)), opened.name, opened.max_bytes)
+        super().__init__(opened, list(_nodes(columns, 0)))
         if not self._channels:
             raise TableError(f'{opened.name}: holds no columns of numbers; name a file such as {{"t": [0, 1], ...}}')
 
@@ -131,4 +125,4 @@ class _Content(Variables):
         return lambda first, last: floats(values[first:last], one.name, self._name)
 
 
-FORMAT = track_format("JSON", (".json", ".jsonl", ".ndjson"), _recognises, _KIND, _Content, by_library=True)
+FORMAT = track_format("json_columns", "JSON", (".json", ".jsonl", ".ndjson"), _KIND, _Content, by_library=True)

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.door import read_bytes
 from fourpole.io.formats.guard import afford, find, tidy
+from fourpole.io.known import BEGINS
 from fourpole.io.layout import is_missing, number
 from fourpole.io.names import Place, numbered
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import decode, encoding_of, name_of
 from fourpole.units import column_unit, shown
 
-_START = b"LabVIEW Measurement"
 _END_OF_HEADER = re.compile(rb"^\*\*\*End_of_Header\*\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
 _SEGMENT = re.compile(rb"^Channels(?=\W)", re.MULTILINE)
 _START_SPECIAL, _END_SPECIAL = b"\n***Start_Special***", b"\n***End_Special***"
@@ -104,19 +104,13 @@ class _Measurement:
         ]
 
 
-def _recognises(head: bytes) -> bool:
-    return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(_START) or head.startswith(
-        (b"\xff\xfe" + _START.decode().encode("utf-16-le"), b"\xfe\xff" + _START.decode().encode("utf-16-be"))
-    )
-
-
 def _opened(path: Path, label: str, max_bytes: int) -> tuple[bytes, _Measurement, str]:
     """The content of a file with line feeds as line ends, the statements of its headers, and its name in messages."""
     name = name_of(path, label)
     content = read_bytes(path, max_bytes=max_bytes, label=label)
     encoding, mark = encoding_of(content[:65536], name)
     content = decode(content, name)[0].encode() if encoding.startswith("utf-16") else content[mark:]
-    if not _recognises(content[:64]):
+    if not BEGINS["lvm"](content[:64]):
         raise TableError(f"{name}: is no LabVIEW measurement file: it does not begin with 'LabVIEW Measurement'")
     if b"\r" in content[:_LONGEST_HEADER]:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -359,4 +353,4 @@ def _slowly(
     return {at: np.array(column) for at, column in columns.items()}
 
 
-FORMAT = Format("LabVIEW measurement", (".lvm",), _recognises, _survey, _read)
+FORMAT = Format("LabVIEW measurement", (".lvm",), _survey, _read)

@@ -22,15 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford, find, floats, of_name, seconds, tidy
-from fourpole.io.formats.mdf_plain import plain
-from fourpole.io.formats.tracks import OpenFile, Part, Track, remembered, track_format
+from fourpole.io.formats.guard import afford, floats, of_name, seconds, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered, track_format
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 from fourpole.units import shown
 
 _KIND = "an ASAM MDF file"
 _LIBRARY = "asammdf"
-_CLOSED, _OPEN = b"MDF     ", b"UnFinMF "
+_OPEN = b"UnFinMF "
 #: Samples of a time that are checked for equal steps, and largest relative difference between two steps.
 _CHECKED = 1_000_000
 _EVEN = 1e-3
@@ -48,10 +47,14 @@ _TIME = 1
 _VIRTUAL_MASTER, _VIRTUAL = 3, (3, 6)
 #: Flags of a group whose records have a variable length, and of a channel with a mark for invalid samples.
 _VARIABLE, _MARKED = 1, 2
-
-
-def _recognises(head: bytes) -> bool:
-    return head[:8] in (_CLOSED, _OPEN)
+#: Numpy's kinds of number, by the data type and the bits of a channel: unsigned, signed and real, little-endian first.
+_KINDS = {
+    (kind, bits): f"{'<>'[kind % 2]}{'uif'[kind // 2]}{bits // 8}"
+    for kind in range(6)
+    for bits in ((8, 16, 32, 64) if kind < 4 else (32, 64))
+}
+#: Types of channels with one number in each record, samples and times; flags of a channel with invalid samples.
+_OF_RECORD, _INVALID = (0, 2), 3
 
 
 def _check_closed(file: BinaryIO, name: str) -> None:
@@ -94,11 +97,13 @@ class _Channel:
     """The reason why it cannot be read; empty if it can."""
 
 
-class _Content:
+class _Content(Content):
     """The channels of an open file."""
 
+    sample_bytes = 24
+
     def __init__(self, opened: OpenFile) -> None:
-        self.name, self.max_bytes, self.file = opened.name, opened.max_bytes, opened.file
+        super().__init__(opened)
         self.times: dict[int, Part] = {}
         _check_closed(opened.file, opened.name)
         file = _Walked(opened.file.fileno())
@@ -113,6 +118,8 @@ class _Content:
         for group in self.mdf.groups if self.is_4 else ():
             self._check_size(group)
             group.data_blocks = [part for block in group.data_blocks for part in _parted(block)]
+        self.channels = self._all_channels()
+        self.places = [(one.group, one.name) for one in self.channels]
 
     def _check_size(self, group: Any) -> None:
         """TableError if a group of version 4 declares more samples than its blocks hold."""
@@ -120,7 +127,7 @@ class _Content:
         declared, there = cells.cycles_nr * cells.samples_byte_nr, sum(one.original_size for one in group.data_blocks)
         if declared > there and not cells.flags & _VARIABLE:
             what = f"a data group declares {declared} bytes of samples and has {there}"
-            raise TableError(f"{self.name}: {what}; it is cut short or damaged: copy or export it again")
+            raise TableError(f"{self._name}: {what}; it is cut short or damaged: copy or export it again")
 
     def _title(self, group: Any) -> str:
         stated = getattr(group.channel_group, "acq_name", "") if self.is_4 else group.channel_group.comment
@@ -129,15 +136,15 @@ class _Content:
     @cached_property
     def content(self) -> mmap.mmap:
         """The bytes of the file."""
-        return mmap.mmap(self.file.fileno(), 0, access=mmap.ACCESS_READ)
+        return mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
 
     def plain(self, group: int, channel: Any) -> Part | None:
         """The function that takes the numbers of a channel from the file itself; None if they do not lie there so."""
-        return plain(self.content, self.mdf.groups[group], channel) if self.is_4 else None
+        return _plain(self.content, self.mdf.groups[group], channel) if self.is_4 else None
 
     def info(self) -> FileInfo:
         times = {group: self.timing(group) for group in range(len(self.groups))}
-        signals = tuple(self._info(one, times[one.at[0]]) for one in self.channels())
+        signals = tuple(self._info(one, times[one.at[0]]) for one in self.channels)
         began = self.mdf.start_time
         dated = began.year > 1980
         notes = [f"recorded {began.isoformat()}"] if dated else []
@@ -152,16 +159,14 @@ class _Content:
         note = "; ".join(part for part in notes if part and not part.startswith("<"))
         return SignalInfo(one.name, self.unit(one.at), one.group, one.count, rate, start, duration, note)
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        channels, group = self.channels(), request.group
+    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
+        """The channels of a request, whose group may be a number."""
+        group = request.group
         if group.isdecimal() and group not in self.groups and int(group) < len(self.groups):
             request = replace(request, group=self.groups[int(group)])
-        chosen = [channels[at] for at in find([(one.group, one.name) for one in channels], request)]
-        if whole:
-            afford(24 * sum(one.count for one in chosen), self.max_bytes, self.name)
-        return [self.track(one) for one in chosen]
+        return super().tracks(request, whole=whole)
 
-    def channels(self) -> list[_Channel]:
+    def _all_channels(self) -> list[_Channel]:
         """The channels of all groups, in the order of the file."""
         found = []
         for number, group in enumerate(self.mdf.groups):
@@ -233,13 +238,13 @@ class _Content:
         master = found[1]
         called = f"the time of the group {shown(self.groups[group])}"
         if not self._inside(self.mdf.groups[found[0]].channel_group, master):
-            raise TableError(f"{self.name}: {called} lies outside its record: the file is damaged; export it again")
+            raise TableError(f"{self._name}: {called} lies outside its record: the file is damaged; export it again")
         if _formula(master.conversion, _FORMULA_4 if self.is_4 else _FORMULA_3):
-            raise TableError(f"{self.name}: {called} is scaled by a formula, which is not computed; export it again")
+            raise TableError(f"{self._name}: {called} is scaled by a formula, which is not computed; export it again")
         scale = seconds(self.unit((found[0], self.mdf.masters_db[found[0]])))
         part = self.plain(*found)
         if part is None:
-            values = floats(self.mdf.get_master(group, record_offset=first, record_count=count), called, self.name)
+            values = floats(self.mdf.get_master(group, record_offset=first, record_count=count), called, self._name)
         else:
             there = int(self.mdf.groups[found[0]].channel_group.cycles_nr)
             values = part(first, there if count is None else min(first + count, there))
@@ -258,21 +263,21 @@ class _Content:
             record_offset=first,
             record_count=last - first,
         )
-        values = floats(found, one.name, self.name)
+        values = floats(found, one.name, self._name)
         if invalid is not None and np.any(invalid):
             values = values.copy()
             values[np.asarray(invalid, dtype=bool)] = np.nan
         if len(values) != last - first:
             raise TableError(
-                f"{self.name}: is cut short: channel {shown(one.name)} has {first + len(values)} of {one.count} "
+                f"{self._name}: is cut short: channel {shown(one.name)} has {first + len(values)} of {one.count} "
                 "samples; copy or export it again"
             )
         return values
 
-    def track(self, one: _Channel) -> Track:
-        """The track of a channel; TableError if it cannot be read."""
+    def track(self, index: int) -> Track:
+        one = self.channels[index]
         if one.barred:
-            raise TableError(f"{self.name}: channel {shown(one.name)} {one.barred}")
+            raise TableError(f"{self._name}: channel {shown(one.name)} {one.barred}")
         unit, group = self.unit(one.at), one.at[0]
         samples = self.plain(group, self.mdf.groups[group].channels[one.at[1]])
         samples = samples or (lambda first, last: self.samples(one, first, last))
@@ -288,7 +293,7 @@ class _Content:
         time = self.time(group, first=first, count=last - first) if last > first else np.empty(0)
         if time is None or len(time) != last - first:
             found = first + (0 if time is None else len(time))
-            raise TableError(f"{self.name}: is cut short: {found} of {last} times are there; copy or export it again")
+            raise TableError(f"{self._name}: is cut short: {found} of {last} times are there; copy or export it again")
         return time
 
     def timing(self, group: int) -> tuple[float | None, float, float] | None:
@@ -298,7 +303,7 @@ class _Content:
             return None
         if (even := self.even(group)) is not None:
             return even[0], even[1], (count - 1) / even[0]
-        afford(16 * min(count, _CHECKED), self.max_bytes, self.name, "its time")
+        afford(16 * min(count, _CHECKED), self._max_bytes, self._name, "its time")
         time = self.time(group, count=min(count, _CHECKED))
         last = self.time(group, first=count - 1, count=1) if count > _CHECKED else time
         if time is None or last is None or not len(time) or not len(last):
@@ -308,6 +313,48 @@ class _Content:
         steps = np.diff(time)
         is_even = step > 0 and bool(np.all(np.abs(steps - step) <= _EVEN * step))
         return (1.0 / step if is_even else None), float(time[0]), span
+
+
+def _plain(content: mmap.mmap, group: Any, channel: Any) -> Part | None:
+    """The function that reads a channel from a file of version 4; None where only the library can.
+
+    Parameters
+    ----------
+    content : mmap
+        The file.
+    group, channel : asammdf blocks
+        The data group and the channel, as the library describes them.
+    """
+    cells, blocks = group.channel_group, group.data_blocks
+    kind, record = _KINDS.get((channel.data_type, channel.bit_count)), int(cells.samples_byte_nr)
+    if kind is None or not record or not _is_plain(group, channel):
+        return None
+    if any(one.block_type or one.block_limit is not None or one.original_size % record for one in blocks):
+        return None
+    pieces = [(int(one.address) + int(channel.byte_offset), int(one.original_size) // record) for one in blocks]
+    if sum(count for _, count in pieces) < cells.cycles_nr:
+        return None
+
+    def part(first: int, last: int) -> NDArray[np.float64]:
+        found = np.empty(last - first)
+        begin = 0
+        for place, count in pieces:
+            low, high = max(first, begin), min(last, begin + count)
+            if high > low:
+                at = place + (low - begin) * record
+                found[low - first : high - first] = np.ndarray((high - low,), kind, content, at, (record,))
+            begin += count
+        return found
+
+    return part
+
+
+def _is_plain(group: Any, channel: Any) -> bool:
+    """Whether nothing of a channel has to be unpacked, scaled, sorted or marked invalid."""
+    cells = group.channel_group
+    special = channel.bit_offset or channel.conversion or channel.flags & _INVALID or cells.invalidation_bytes_nr
+    apart = cells.flags or group.uses_ld or group.data_location or group.data_group.record_id_len
+    return bool(group.sorted and channel.channel_type in _OF_RECORD and not special and not apart)
 
 
 def _parted(block: Any) -> Iterator[Any]:
@@ -333,6 +380,4 @@ def _formula(conversion: Any, kind: int) -> bool:
     return any(_formula(one, kind) for one in inner.values())
 
 
-FORMAT = track_format(
-    "ASAM MDF", (".mf4", ".mdf", ".dat"), _recognises, _KIND, _Content, extra="formats", by_library=True
-)
+FORMAT = track_format("mdf", "ASAM MDF", (".mf4", ".mdf", ".dat"), _KIND, _Content, by_library=True)

@@ -143,9 +143,10 @@ class _Content(Variables):
         alone = opened.file.read(4) != _ZIP
         opened.file.seek(0)
         variables = [*(self._array(opened) if alone else self._archive(opened))]
-        super().__init__(variables, opened.name, opened.max_bytes)
+        super().__init__(opened, variables)
         if alone and not variables[0].name:
             self._channels = [replace(one, name=one.name.removeprefix(".") or "1") for one in self._channels]
+            self.places = [("", one.name) for one in self._channels]
 
     def _array(self, opened: OpenFile) -> Iterator[Node]:
         size = os.fstat(opened.file.fileno()).st_size
@@ -210,16 +211,4 @@ def _values(stored: _Stored, one: Channel, first: int, last: int) -> NDArray[Any
     return np.concatenate(parts) if parts else np.empty(0, dtype=stored.values)
 
 
-def _recognises(head: bytes) -> bool:
-    return head.startswith(_MAGIC) or (head.startswith(_ZIP) and _first_name(head).endswith(_ENDING.encode()))
-
-
-def _first_name(head: bytes) -> bytes:
-    """The name of the first file of an archive; empty if the head is too short."""
-    if len(head) < 30:
-        return b""
-    (length,) = struct.unpack("<H", head[26:28])
-    return head[30 : 30 + length]
-
-
-FORMAT = track_format("NumPy", (".npz", ".npy"), _recognises, _KIND, _Content, by_library=True)
+FORMAT = track_format("npz", "NumPy", (".npz", ".npy"), _KIND, _Content, by_library=True)

@@ -49,8 +49,4 @@ def _columns(opened: OpenFile) -> Columns:
     return Columns(scan, opened, "Parquet", notes, stated_units(notes) | _field_units(notes.get("ARROW:schema", "")))
 
 
-def _recognises(head: bytes) -> bool:
-    return head[:4] == _MAGIC
-
-
-FORMAT = track_format("Parquet", (".parquet", ".pq"), _recognises, _KIND, _columns, by_library=True)
+FORMAT = track_format("parquet", "Parquet", (".parquet", ".pq"), _KIND, _columns, by_library=True)

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford, find, tidy
-from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
+from fourpole.io.formats.guard import tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
 from fourpole.io.names import numbered
-from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.units import shown
 
 _KIND = "an RPC III file"
@@ -41,10 +41,6 @@ _STRUCTURE = (
 )
 #: Bytes that are decoded at a time.
 _BLOCK = 1 << 20
-
-
-def _recognises(head: bytes) -> bool:
-    return head.startswith(b"FORMAT") and head[_RECORD:].startswith(b"NUM_HEADER_BLOCKS")
 
 
 def _text(raw: bytes) -> str:
@@ -133,15 +129,18 @@ def _shape(keys: dict[str, str], size: int, name: str) -> _Shape:
     return _Shape(begin, type_, channels, group, count, last, step)
 
 
-class _Content:
+class _Content(Content):
     """The channels of an open file."""
 
+    sample_bytes = 8
+
     def __init__(self, opened: OpenFile) -> None:
-        self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
+        super().__init__(opened)
         self._keys = _keys(opened.file, opened.name)
         self._shape = _shape(self._keys, os.fstat(opened.file.fileno()).st_size, opened.name)
         count = range(1, self._shape.channels + 1)
         self._names = numbered([self._keys.get(f"DESC.CHAN_{at}") or str(at) for at in count])
+        self.places = [("", name) for name in self._names]
         units = [self._keys.get(f"UNITS.CHAN_{at}", "") for at in count]
         self._units = [one if one.upper() not in ("", "NONE") else None for one in units]
         self._scales = [self._scale(at) for at in count]
@@ -173,13 +172,9 @@ class _Content:
             notes.append(f"a program that scales by INT_FULL_SCALE/{_FULL_SCALE} gives values that differ by {share}")
         return FileInfo("RPC III", tuple(signals), tuple(notes))
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        """The channels of a request, see `tracks.Content`."""
-        which = find([("", one) for one in self._names], request)
-        if whole:
-            afford(8 * self._shape.count * len(which), self._max_bytes, self._name)
-        rate = 1.0 / self._shape.step
-        return [Track(self._names[at], self._units[at], self._shape.count, self._part(at), rate) for at in which]
+    def track(self, index: int) -> Track:
+        count, rate = self._shape.count, 1.0 / self._shape.step
+        return Track(self._names[index], self._units[index], count, self._part(index), rate)
 
     def _part(self, channel: int) -> Part:
         """The function that reads a part of one channel."""
@@ -222,4 +217,4 @@ class _Content:
         return np.frombuffer(content, dtype=self._shape.kind).astype(np.float64)
 
 
-FORMAT = track_format("RPC III", (".rpc", ".rsp", ".tim", ".drv"), _recognises, _KIND, _Content)
+FORMAT = track_format("rpc", "RPC III", (".rpc", ".rsp", ".tim", ".drv"), _KIND, _Content)

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford, find, floats, of_name, tidy
-from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
-from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.io.formats.guard import afford, floats, of_name, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
+from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.units import shown
 
 _KIND = "an NI TDMS file"
@@ -38,10 +38,6 @@ _SAMPLES_AT_ONCE = 1 << 20
 _SMALLEST_OBJECT = 12
 _MOST_ENTRIES = 20_000_000
 _MOST_PIECES = 2_000_000
-
-
-def _recognises(head: bytes) -> bool:
-    return head[:4] in (b"TDSm", b"TDSh")
 
 
 def _check(file: BinaryIO, name: str, max_bytes: int) -> None:
@@ -124,16 +120,18 @@ def _info(opened: OpenFile, tdms: Any, channel: Any, zero: tuple[int, int] | Non
     return SignalInfo.timed(channel.name, unit, group, len(channel), rate=rate, start=start, note=note)
 
 
-class _Content:
+class _Content(Content):
     """The channels of an open file, as the library reads them."""
 
     def __init__(self, opened: OpenFile) -> None:
         _check(opened.file, opened.name, opened.max_bytes)
+        super().__init__(opened)
         self._opened = opened
         # The library gets the open file: if it had the path, it would read the index file beside it.
         library = opened.guard.load(_LIBRARY).TdmsFile
         self._tdms = opened.closing.enter_context(library.open(opened.file, raw_timestamps=True))
         self._channels = [channel for group in self._tdms.groups() for channel in group.channels()]
+        self.places = [(one.group_name, one.name) for one in self._channels]
         self._zero = _zero(self._channels)
 
     def info(self) -> FileInfo:
@@ -143,14 +141,8 @@ class _Content:
         began = None if self._zero is None else self._zero[0] + self._zero[1] / 2**64 - _1904
         return FileInfo(f"NI TDMS {version}".strip(), signals, tuple(notes), began)
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        places = [(one.group_name, one.name) for one in self._channels]
-        chosen = [self._channels[at] for at in find(places, request)]
-        if whole:
-            afford(16 * sum(map(len, chosen)), self._opened.max_bytes, self._opened.name)
-        return [self._track(one) for one in chosen]
-
-    def _track(self, channel: Any) -> Track:
+    def track(self, index: int) -> Track:
+        channel = self._channels[index]
         rate, start = _timing(channel, self._zero)
         samples = _reader(self._opened, self._tdms, channel)
         return Track(channel.name, _unit(channel), len(channel), samples, rate, start)
@@ -267,6 +259,4 @@ def _reader(opened: OpenFile, tdms: Any, channel: Any) -> Part:
     return part
 
 
-FORMAT = track_format(
-    "NI TDMS", (".tdms", ".tdms_index"), _recognises, _KIND, _Content, extra="formats", by_library=True
-)
+FORMAT = track_format("tdms", "NI TDMS", (".tdms", ".tdms_index"), _KIND, _Content, by_library=True)

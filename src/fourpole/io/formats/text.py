@@ -40,17 +40,8 @@ _LOWEST, _HIGHEST = 1e-6, 1e12
 _MOST_NOTES = 20
 #: Largest number of stretches that are read at the same time.
 _TOGETHER = 16
-#: Control characters that no text has.
-_CONTROLS = bytes([*range(9), *range(14, 26)])
 #: Memory of a number [byte].
 _NUMBER_SIZE = 8
-
-
-def _recognises(head: bytes) -> bool:
-    """Whether the first bytes are text of any kind: other formats are tried before this one."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return True
-    return bool(head.strip()) and len(head.translate(None, _CONTROLS)) == len(head)
 
 
 def _rate(lines: Sequence[str]) -> float | None:
@@ -239,4 +230,4 @@ def _stretch_blocks(
 
 
 _ENDINGS = (".csv", ".txt", ".asc", ".dat", ".tsv", ".prn")
-FORMAT = Format("text", _ENDINGS, _recognises, _survey, _read, blocks=_blocks)
+FORMAT = Format("text", _ENDINGS, _survey, _read, blocks=_blocks)

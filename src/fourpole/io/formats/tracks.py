@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.door import open_regular, path_for_library
-from fourpole.io.formats.guard import Guard, guarded
+from fourpole.io.formats.guard import Guard, afford, find, guarded
+from fourpole.io.known import BEGINS
+from fourpole.io.names import Place
 from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal
 from fourpole.io.source import name_of
 
@@ -152,34 +155,56 @@ class OpenFile:
     closing: ExitStack
 
 
-class Content(Protocol):
-    """The channels of an open file."""
+class Content(ABC):
+    """The channels of an open file; a format adds how they are described and read.
 
+    Attributes
+    ----------
+    places : sequence of Place
+        Group and name of each channel.
+    sample_bytes : int [byte]
+        Memory that each sample of a channel needs which is read whole.
+    """
+
+    places: Sequence[Place] = ()
+    sample_bytes = 16
+
+    def __init__(self, opened: OpenFile) -> None:
+        self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
+
+    @abstractmethod
     def info(self) -> FileInfo:
         """The description of the file and its channels."""
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
+    @abstractmethod
+    def track(self, index: int) -> Track:
+        """The channel of an index in `places`; TableError if it cannot be read."""
+
+    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
         """The channels of a request; if `whole`, FileError if all their samples together need too much memory."""
+        tracks = [self.track(index) for index in find(self.places, request)]
+        if whole:
+            afford(self.sample_bytes * sum(one.count for one in tracks), self._max_bytes, self._name)
+        return tracks
 
 
 def track_format(
+    module: str,
     name: str,
     endings: tuple[str, ...],
-    recognises: Callable[[bytes], bool],
     kind: str,
     content: Callable[[OpenFile], Content],
     *,
-    extra: str = "",
     by_library: bool = False,
 ) -> Format:
-    """A format whose channels can be read in any part; `kind` is that of its `Guard`."""
+    """The format of a module, whose channels can be read in any part; `kind` is that of its `Guard`."""
 
     @contextmanager
     def opened(path: Path, label: str, guard: Guard, max_bytes: int, max_file_bytes: int) -> Iterator[Content]:
         with ExitStack() as closing:
             file = closing.enter_context(open_regular(path, max_bytes=max_file_bytes, label=label))
             name = name_of(path, label)
-            if not recognises(file.read(HEAD_BYTES)):
+            if not BEGINS[module](file.read(HEAD_BYTES)):
                 raise TableError(f"{name}: is not {kind}: it does not begin as one; check what wrote it")
             file.seek(0)
             with path_for_library(path, file, label=name) as same:
@@ -204,4 +229,4 @@ def track_format(
         guard = Guard(name_of(request.path, request.label), kind)
         return guarded(chunks(request, rows, guard), guard)
 
-    return Format(name, endings, recognises, survey, read, extra, blocks, by_library)
+    return Format(name, endings, survey, read, blocks, by_library)

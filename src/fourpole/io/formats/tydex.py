@@ -28,6 +28,7 @@ from fourpole.io.formats.tydex_file import (
     number_of,
     physical,
 )
+from fourpole.io.known import BEGINS
 from fourpole.io.layout import find_column, is_missing, plain_numbers
 from fourpole.io.names import in_group, numbered
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
@@ -88,7 +89,7 @@ def read_tydex(path: str | PathLike[str], *, max_bytes: int = 1_000_000_000, lab
     with open_regular(path, max_bytes=max_bytes, label=label) as file:
         start = file.read(_HEAD)
         encoding, mark = encoding_of(start, name)
-        if not _recognises(start):
+        if not BEGINS["tydex"](start):
             raise TableError(f"{name}: is no TYDEX file: it has no section **HEADER or **MEASURCHANNELS at its start")
         file.seek(mark)
         text = io.TextIOWrapper(file, encoding=encoding, errors="replace", newline=None)
@@ -304,13 +305,6 @@ def _channel(line: str, where: str) -> TydexChannel:
     return TydexChannel(called, unit, description, values[0], values[2], values[1])
 
 
-def _recognises(head: bytes) -> bool:
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        head = head.decode("utf-16", errors="ignore").encode("ascii", errors="ignore")
-    lines = head.removeprefix(b"\xef\xbb\xbf").upper().replace(b"\r", b"\n").split(b"\n")
-    return any(re.match(rb"\*\*\s*(HEADER|MEASURCHANNELS|MODELPARAMETERS|CONSTANTS)\b", line) for line in lines)
-
-
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
     tyre = read_tydex(path, max_bytes=max_bytes, label=label)
     time = _running(tyre)
@@ -362,4 +356,4 @@ def _read(request: Request) -> Sequence[Signal]:
     return signals
 
 
-FORMAT = Format("TYDEX", (".tdx", ".tydex"), _recognises, _survey, _read)
+FORMAT = Format("TYDEX", (".tdx", ".tydex"), _survey, _read)

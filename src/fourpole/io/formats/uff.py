@@ -1,4 +1,4 @@
-"""UFF 58, also binary (58b): time signals as channels; other functions are described, see `uff_responses`.
+"""UFF 58, also binary (58b): time signals as channels; other functions are described, see `io.tables.responses`.
 
 A channel is called by the function's description (ID line 1) if all time signals have different descriptions, or else
 by its response: entity, node and direction, as in `12+Z`. Its unit is the label of its axis, or else the unit that the
@@ -23,6 +23,7 @@ import numpy as np
 from fourpole.errors import TableError
 from fourpole.io.door import open_regular
 from fourpole.io.formats.guard import Guard, afford, find, floats, tidy
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of
 from fourpole.units import shown
@@ -30,7 +31,6 @@ from fourpole.units import shown
 _KIND = "a UFF file"
 _LIBRARY = "pyuff"
 _MARK = re.compile(rb"    -1[ ]*(?=\r|\n|$)")
-_START = re.compile(rb"[\s\x00]*?[ ]{0,4}-1[ ]*\r?\n[ ]{0,5}[0-9]{1,6}(?:b|\s)", re.IGNORECASE)
 #: Lines of a data set 58 before its values, with the mark.
 _HEADER = 13
 _LONGEST_HEADER = 1 << 14
@@ -121,10 +121,6 @@ class DataSet:
         """Kind of the function in words."""
         kind = int(self.header["func_type"])
         return _FUNCTIONS.get(kind, f"function of type {kind}")
-
-
-def _recognises(head: bytes) -> bool:
-    return _START.match(head) is not None
 
 
 def _blocks(content: mmap.mmap, name: str) -> Iterator[tuple[int, int]]:
@@ -290,7 +286,7 @@ def opened(path: Path, label: str, max_bytes: int) -> Iterator[Content]:
     """The data sets 58 of a file, while it is open."""
     name = name_of(path, label)
     with Guard(name, _KIND) as guard, open_regular(path, max_bytes=max_bytes, label=label) as file:
-        if not _recognises(file.read(4096)):
+        if not BEGINS["uff"](file.read(4096)):
             raise TableError(f"{name}: is not {_KIND}: it does not begin with -1 and a number; check what wrote it")
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             pyuff = guard.load(_LIBRARY)
@@ -334,4 +330,4 @@ def _signal(found: Content, at: int, name: str) -> Signal:
     return Signal(called, unit, samples, time=floats(read["x"][: one.count], called, name))
 
 
-FORMAT = Format("UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _recognises, _survey, _read, "formats", by_library=True)
+FORMAT = Format("UFF 58", (".uff", ".unv", ".ufb", ".bunv"), _survey, _read, by_library=True)

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from fourpole.core.arrays import ByValue
-from fourpole.io.formats.guard import afford, find, is_time, of_name, seconds, tidy, time_scale
-from fourpole.io.formats.tracks import Part, Track, remembered
+from fourpole.io.formats.guard import is_time, of_name, seconds, tidy, time_scale
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, remembered
 from fourpole.io.signals import FileInfo, Request, SignalInfo
 
 LONGEST_TEXT = 1000
@@ -160,7 +160,7 @@ def _rate(nodes: Sequence[Node]) -> float | None:
     return None
 
 
-class Variables:
+class Variables(Content):
     """The channels of an open file of named variables; a format adds how the numbers of a channel are read.
 
     Attributes
@@ -177,9 +177,11 @@ class Variables:
     notes: Sequence[str] = ()
     in_parts = False
 
-    def __init__(self, variables: Sequence[Node], name: str, max_bytes: int) -> None:
-        self._variables, self._name, self._max_bytes = variables, name, max_bytes
-        self._channels = list(channels_within(variables, (), None))
+    def __init__(self, opened: OpenFile, variables: Sequence[Node]) -> None:
+        super().__init__(opened)
+        self._variables, self._channels = variables, list(channels_within(variables, (), None))
+        self.places = [("", one.name) for one in self._channels]
+        self._times: dict[tuple[tuple[str, ...], int | None], Part] = {}
 
     def reader(self, one: Channel, /) -> Part:
         """The function that reads a part of a channel."""
@@ -205,26 +207,15 @@ class Variables:
         ends = float(part(0, 1)[0]), float(part(time.count - 1, time.count)[0])
         return (ends[0] * scale, ends[1] * scale) if np.isfinite(ends).all() else None
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        """The channels of a request, see `tracks.Content`."""
-        places = find([("", one.name) for one in self._channels], request)
-        chosen = [self._channels[at] for at in places]
-        if whole or not self.in_parts:
-            afford(16 * sum(one.count for one in chosen), self._max_bytes, self._name)
-        needed = {one.place: one for channel in chosen for one in (channel, channel.time) if one is not None}
-        readers = {place: self.reader(one) for place, one in needed.items()}
-        times: dict[tuple[tuple[str, ...], int | None], Part] = {}
-        tracks = []
-        for one in chosen:
-            time = None
-            if one.time is not None:
-                if one.time.place not in times:
-                    times[one.time.place] = _in_seconds(one.time, readers[one.time.place], self._name)
-                time = times[one.time.place]
-            tracks.append(Track(one.name, one.unit, one.count, readers[one.place], one.rate, 0.0, time))
-        return tracks
+    def tracks(self, request: Request, *, whole: bool) -> list[Track]:
+        """The channels of a request; a format that does not read in parts holds all their samples in any case."""
+        return super().tracks(request, whole=whole or not self.in_parts)
 
-
-def _in_seconds(time: Channel, values: Part, name: str) -> Part:
-    scale = time_scale(time.unit, time.name, name)
-    return remembered(lambda first, last: scale * values(first, last))
+    def track(self, index: int) -> Track:
+        """A channel; those with the same times share the function that reads them."""
+        one, time = self._channels[index], self._channels[index].time
+        if time is not None and time.place not in self._times:
+            scale, values = time_scale(time.unit, time.name, self._name), self.reader(time)
+            self._times[time.place] = remembered(lambda first, last: scale * values(first, last))
+        seconds_of = None if time is None else self._times[time.place]
+        return Track(one.name, one.unit, one.count, self.reader(one), one.rate, 0.0, seconds_of)

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fourpole.errors import TableError
-from fourpole.io.formats.guard import afford, find
-from fourpole.io.formats.tracks import OpenFile, Part, Track, track_format
-from fourpole.io.signals import FileInfo, Request, SignalInfo
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
+from fourpole.io.signals import FileInfo, SignalInfo
 
 _KIND = "a WAV file"
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
@@ -46,10 +45,6 @@ class _Header:
     @property
     def words(self) -> str:
         return f"{self.bits} bit {'float' if self.tag == _FLOAT else 'integer, full scale 1'}"
-
-
-def _recognises(head: bytes) -> bool:
-    return head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE"
 
 
 def _header(file: BinaryIO, name: str) -> _Header:
@@ -95,26 +90,24 @@ def _checked(form: tuple[int, int, int, int] | None, size: int, there: int, orde
     return header
 
 
-class _Content:
+class _Content(Content):
     """The channels of an open file."""
 
+    sample_bytes = 8
+
     def __init__(self, opened: OpenFile) -> None:
-        self._file, self._name, self._max_bytes = opened.file, opened.name, opened.max_bytes
+        super().__init__(opened)
         self._header = _header(opened.file, opened.name)
         self._begin = opened.file.tell()
-        self._names = [str(number) for number in range(1, self._header.channels + 1)]
+        self.places = [("", str(number)) for number in range(1, self._header.channels + 1)]
 
     def info(self) -> FileInfo:
         count, rate = self._header.count, float(self._header.rate)
-        signals = (SignalInfo.timed(one, None, "", count, rate=rate, note=self._header.words) for one in self._names)
+        signals = (SignalInfo.timed(one, None, "", count, rate=rate, note=self._header.words) for _, one in self.places)
         return FileInfo("WAV", tuple(signals), ("a WAV file states no units: state each channel's sensitivity",))
 
-    def tracks(self, request: Request, /, *, whole: bool) -> list[Track]:
-        which = find([("", one) for one in self._names], request)
-        if whole:
-            afford(8 * self._header.count * len(which), self._max_bytes, self._name)
-        rate = float(self._header.rate)
-        return [Track(self._names[at], None, self._header.count, self._part(at), rate) for at in which]
+    def track(self, index: int) -> Track:
+        return Track(self.places[index][1], None, self._header.count, self._part(index), float(self._header.rate))
 
     def _part(self, channel: int) -> Part:
         """The function that reads a part of one channel; integers are scaled to a full scale of 1."""
@@ -152,4 +145,4 @@ def _decoded(raw: NDArray[np.uint8], header: _Header) -> NDArray[np.float64]:
     return filled.view(f"{header.order}i{wide}")[:, 0].astype(np.float64) * 2.0 ** (1 - 8 * wide)
 
 
-FORMAT = track_format("WAV", (".wav", ".wave"), _recognises, _KIND, _Content)
+FORMAT = track_format("wav", "WAV", (".wav", ".wave"), _KIND, _Content)

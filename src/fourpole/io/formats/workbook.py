@@ -7,6 +7,7 @@ times of day with their date. A decimal comma in a cell of text is a decimal sig
 
 from __future__ import annotations
 
+import re
 import zipfile
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +21,7 @@ from fourpole.errors import TableError
 from fourpole.io.door import open_regular, path_for_library
 from fourpole.io.formats import text
 from fourpole.io.formats.guard import Guard, find, guarded, tidy
-from fourpole.io.formats.sheets import check_cells
+from fourpole.io.known import BEGINS
 from fourpole.io.signals import HEAD_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of
 from fourpole.units import shown
@@ -29,20 +30,26 @@ if TYPE_CHECKING:
     import polars as pl
 
 _KIND = "a workbook"
-_OLE, _ZIP = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", b"PK\x03\x04"
+_ZIP = b"PK\x03\x04"
 #: Largest workbook [byte], and largest number of cells of its sheets with tables.
 _MOST_BYTES, _MOST_CELLS = 300_000_000, 3_000_000
 _MOST_SHEETS = 200
 #: Address space of the worker [byte]: 400 MB of it are that of the libraries, most of which stay on the disk.
 _MOST_MEMORY = 600_000_000
-#: First files of an archive that may be a workbook.
-_FIRST = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/", b"mimetype", b"customXml/")
 _SHEETS = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")
 _OTHER = {"word/": "a document of Word", "ppt/": "a presentation of PowerPoint", "visio/": "a drawing of Visio"}
 _ODS = "application/vnd.oasis.opendocument.spreadsheet"
 _DECIMAL_COMMA = r"^\s*[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?\s*$"
 #: Day that a time of day without a date is stored with.
 _NO_DAY = r"^1899-12-3[01] "
+#: Largest size of a workbook after unpacking, and of its texts [byte], and bytes that are unpacked at a time.
+_MOST_UNPACKED, _MOST_TEXT, _PART = 1_000_000_000, 100_000_000, 1 << 20
+#: Cells of a rectangle that are allowed for each filled cell, and beside them.
+_SPARSE, _BESIDE = 50, 200_000
+_CELL = re.compile(rb"<(?:[a-z]+:)?c (?:[^<>]*? )?r=\"([A-Z]{1,3})([0-9]{1,7})\"")
+_PLACE = re.compile(rb"<table:(table|table-row|(?:covered-)?table-cell)(?![a-z-])([^<>]*)>")
+_FILLED = re.compile(rb"value-type=")
+_COLUMNS, _ROWS = (re.compile(rb"number-%s-repeated=\"([0-9]{1,9})\"" % kind) for kind in (b"columns", b"rows"))
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,87 @@ class _Sheet:
     path: Path
     """The text that holds its cells."""
     info: FileInfo
+
+
+def check_cells(archive: zipfile.ZipFile, name: str, most: int) -> None:
+    """TableError if a sheet has more cells than `most`, or cells so far apart that the rectangle has."""
+    size = sum(one.file_size for one in archive.infolist())
+    if size > _MOST_UNPACKED:
+        raise TableError(f"{name}: unpacks to {size / 1e6:.4g} MB; save its table as CSV, Parquet or HDF5")
+    texts = sum(one.file_size for one in archive.infolist() if one.filename.startswith("xl/sharedStrings"))
+    if texts > _MOST_TEXT:
+        raise TableError(f"{name}: holds {texts / 1e6:.4g} MB of words; save its table as CSV, Parquet or HDF5")
+    for one in archive.namelist():
+        if one.startswith("xl/worksheets/") and one.endswith(".xml"):
+            _check_excel(archive, one, name, most)
+        elif one == "content.xml":
+            _check_ods(archive, name, most)
+
+
+def _parts(archive: zipfile.ZipFile, member: str, end: bytes) -> Iterator[bytes]:
+    """The content of a member in parts that end with a given mark."""
+    rest = b""
+    with archive.open(member) as file:
+        while part := file.read(_PART):
+            cut = part.rfind(end) + len(end)
+            if cut < len(end):
+                rest += part
+                if len(rest) > 64 * _PART:
+                    raise ValueError(f"{member} has a part that does not end")
+                continue
+            yield rest + part[:cut]
+            rest = part[cut:]
+    yield rest
+
+
+def _check_excel(archive: zipfile.ZipFile, member: str, name: str, most: int) -> None:
+    count = right = bottom = 0
+    for part in _parts(archive, member, b">"):
+        found = _CELL.findall(part)
+        count += len(found)
+        right = max(right, max((_column_number(one) for one in {column for column, _ in found}), default=0))
+        bottom = max(bottom, max((int(row) for _, row in found), default=0))
+    _check_rectangle(count, right * bottom, name, most)
+
+
+def _column_number(letters: bytes) -> int:
+    number = 0
+    for one in letters:
+        number = 26 * number + one - 64
+    return number
+
+
+def _check_ods(archive: zipfile.ZipFile, name: str, most: int) -> None:
+    count = row = column = right = bottom = 0
+    repeated = 1
+    for part in _parts(archive, "content.xml", b">"):
+        for one in _PLACE.finditer(part):
+            kind, stated = one[1], one[2]
+            if kind == b"table":
+                _check_rectangle(count, right * bottom, name, most)
+                count = row = right = bottom = 0
+                repeated = 0
+            elif kind == b"table-row":
+                row, column = row + repeated, 0
+                repeated = _times(_ROWS, stated)
+            else:
+                column += _times(_COLUMNS, stated)
+                if _FILLED.search(stated):
+                    count, right, bottom = count + 1, max(right, column), max(bottom, row + repeated)
+    _check_rectangle(count, right * bottom, name, most)
+
+
+def _times(pattern: re.Pattern[bytes], stated: bytes) -> int:
+    found = pattern.search(stated)
+    return int(found[1]) if found else 1
+
+
+def _check_rectangle(count: int, room: int, name: str, most: int) -> None:
+    if max(count, room) > most and room <= _SPARSE * count:
+        raise TableError(f"{name}: has a sheet of {room} cells; save its table as CSV, Parquet or HDF5")
+    if room > _SPARSE * count + _BESIDE:
+        what = f"a sheet with {count} filled cells so far apart that the rectangle around them has {room}"
+        raise TableError(f"{name}: has {what}; delete the cells that do not belong to the table")
 
 
 def _check_archive(content: BinaryIO, name: str) -> None:
@@ -76,7 +164,7 @@ def _opened(path: Path, label: str | None, guard: Guard, max_bytes: int) -> Iter
     name = name_of(path, label)
     with open_regular(path, max_bytes=min(max_bytes, _MOST_BYTES), label=label) as file:
         head = file.read(HEAD_BYTES)
-        if not _recognises(head):
+        if not BEGINS["workbook"](head):
             raise TableError(f"{name}: is not {_KIND}: it does not begin as one; check what wrote it")
         if head.startswith(_ZIP):
             _check_archive(file, name)
@@ -205,13 +293,5 @@ def texts(path: Path, label: str) -> dict[str, str]:
         return {one.name: one.path.read_text(encoding="utf-8") for one in sheets}
 
 
-def _recognises(head: bytes) -> bool:
-    if head.startswith(_OLE):
-        return True
-    return head.startswith(_ZIP) and head[30:].startswith(_FIRST)
-
-
 _ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
-FORMAT = Format(
-    "workbook", _ENDINGS, _recognises, _survey, _read, "formats", _blocks, by_library=True, memory=_MOST_MEMORY
-)
+FORMAT = Format("workbook", _ENDINGS, _survey, _read, _blocks, by_library=True, memory=_MOST_MEMORY)

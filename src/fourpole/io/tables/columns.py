@@ -229,6 +229,25 @@ def where_of(cells: Cells) -> str:
     return f"{cells.label} sheet or group {shown(cells.group)}" if cells.group else cells.label
 
 
+def heads_of(cells: Cells) -> str:
+    """The first heads of a table, for a message that a column is missing."""
+    return ", ".join(shown(one.head)[1:-1] for one in cells.columns[:20])
+
+
+def said_of(cells: Cells, used: Iterable[Taken]) -> list[str]:
+    """Sentences on how the columns of a table were read."""
+    return [*([f"sheet or group {shown(cells.group)}"] if cells.group else []), *map(str, used)]
+
+
+def bad_cells(cells: Cells, used: Iterable[Taken]) -> list[str]:
+    """Remarks on words among the numbers of columns."""
+    return [
+        f"row {cells.lines[row]}, column {shown(one.column.name)}: {shown(text)} is no number: the row cannot be used"
+        for one in used
+        for row, text in one.column.bad
+    ]
+
+
 def chosen(cells: Cells, candidates: Sequence[Taken]) -> Taken:
     """The one of several columns in the same role; the first, if all agree in all rows.
 

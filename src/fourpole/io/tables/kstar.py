@@ -23,10 +23,13 @@ from fourpole.io.tables.cells import BY_NUMBER, Cells, tables_in
 from fourpole.io.tables.columns import (
     Statement,
     Taken,
+    bad_cells,
     check_units,
     chosen,
+    heads_of,
     in_si,
     option_of,
+    said_of,
     statements,
     taken,
     unread,
@@ -231,7 +234,7 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     frequency = in_si(column)
     values = value(form, frequency)
     remarks = [*cells.remarks, *check(cells, form, values), *contradictions(cells, found, form, values)]
-    said = [str(one) for one in used]
+    said = said_of(cells, used)
     factor = 1.0
     if form.letter in ("G", "E", "M"):
         factor, text = _factor(cells, form, options)
@@ -247,7 +250,7 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
         mobility=values if form.is_mobility else None,
         stiffness=None if form.is_mobility else values,
         lines=cells.lines,
-        understood=[*([f"sheet or group {shown(cells.group)}"] if cells.group else []), *said, *map(str, kept)],
+        understood=[*said, *map(str, kept)],
         warnings=remarks,
         std=std,
         further=further,
@@ -277,11 +280,10 @@ def _of_response(found: Measured, options: TableOptions, name: str) -> KStarTabl
 
 
 def _no_frequency(cells: Cells) -> str:
-    heads = ", ".join(shown(one.head)[1:-1] for one in cells.columns[:20])
     numbered = [one for one in cells.remarks if one.endswith(BY_NUMBER)]
     because = "" if not numbered else f"; {numbered[0]}"
     return (
-        f"no column is understood as the frequency among {heads}: name it 'frequency [Hz]', or state "
+        f"no column is understood as the frequency among {heads_of(cells)}: name it 'frequency [Hz]', or state "
         f'--column "frequency=NAME [Hz]"{because}{unread(cells)}'
     )
 
@@ -387,11 +389,7 @@ def _further(
 
 def _rows(cells: Cells, used: Sequence[Taken], frequency: FloatArray, values: ComplexArray) -> list[str]:
     """Remarks on rows without a value, with words among the numbers, or with an impossible frequency."""
-    remarks = []
-    for one in used:
-        for at, text in one.column.bad:
-            where = f"row {cells.lines[at]}, column {shown(one.column.name)}"
-            remarks.append(f"{where}: {shown(text)} is no number: the row cannot be used")
+    remarks = bad_cells(cells, used)
     blank = [cells.lines[at] for at in np.flatnonzero(~np.isfinite(frequency) | ~np.isfinite(values))]
     if blank:
         remarks.append(f"a value is missing in {rows_named(blank)}")

@@ -1,4 +1,4 @@
-"""Two quantities from a table of any format: a curve, or a profile."""
+"""Two quantities from a table of any format: a load-deflection curve, or a road profile."""
 
 from __future__ import annotations
 
@@ -11,38 +11,134 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError
+from fourpole.io.crg import read_crg
 from fourpole.io.tables.cells import Cells, tables_in
-from fourpole.io.tables.columns import Statement, check_units, chosen, in_si, statements, taken, unread, where_of
+from fourpole.io.tables.columns import (
+    Statement,
+    bad_cells,
+    check_units,
+    chosen,
+    heads_of,
+    in_si,
+    said_of,
+    statements,
+    taken,
+    unread,
+    where_of,
+)
 from fourpole.io.tables.vocabulary import ROLES
 from fourpole.units import shown
 
+_Pair = tuple[FloatArray, FloatArray, list[str], list[str]]
+"""Two columns in SI, not-a-number where a row has no value, how they were read, and warnings."""
+
 
 @dataclass(frozen=True, eq=False)
-class Pair(ByValue):
-    """Two columns in SI, not-a-number where a row has no value, how they were read, and warnings."""
+class CurveTable(ByValue):
+    """A load-deflection table: deflection [m] and load [N] of each row, how they were read, and warnings."""
 
-    first: FloatArray
-    second: FloatArray
+    deflection: FloatArray
+    load: FloatArray
     understood: list[str]
     warnings: list[str]
 
 
-def read_pair(
-    path: str | os.PathLike[str],
-    roles: tuple[str, str],
-    noun: str,
-    *,
-    columns: Sequence[str] = (),
-    group: str = "",
-    label: str | None = None,
-) -> Pair:
-    """The columns of two roles from a table; `noun` is what they make in messages, as "a static curve".
+@dataclass(frozen=True, eq=False)
+class ProfileTable(ByValue):
+    """A road: distance [m] and height [m] of each row, not-a-number without one, how they were read, and warnings."""
+
+    distance: FloatArray
+    height: FloatArray
+    understood: list[str]
+    warnings: list[str]
+
+
+def read_curve(
+    path: str | os.PathLike[str], *, columns: Sequence[str] = (), group: str = "", label: str | None = None
+) -> CurveTable:
+    r"""Read a load-deflection table of any format.
+
+    Parameters
+    ----------
+    path : path
+        A file of any format that recordings have.
+    columns : sequence of str
+        Which column is what, as the option ``--column`` has it: "load=ch7 [kN]".
+    group : str
+        The sheet or group; empty if only one holds a curve.
+    label : str, optional
+        The file's name in messages.
+
+    Returns
+    -------
+    CurveTable
+        The curve in SI units.
 
     Raises
     ------
     FileError, TableError
         If the file cannot be read, or a quantity has no column, two columns or no unit.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "curve.csv")
+    ...     _ = file.write_text("deflection [mm],load [kN]\n0,0\n10,1.5\n")
+    ...     print(read_curve(file).load)
+    [   0. 1500.]
     """
+    return CurveTable(*_read(path, ("deflection", "load"), "a static curve", columns, group, label))
+
+
+def read_profile(
+    path: str | os.PathLike[str], *, columns: Sequence[str] = (), label: str | None = None
+) -> ProfileTable:
+    r"""Read a road profile: a table of any format with a distance and a height, or an OpenCRG file (.crg).
+
+    Parameters
+    ----------
+    path : path
+        A file of any format that recordings have; or a road of OpenCRG, of which the reference line is taken. Its
+        reader is PyOpenCRG, which is installed by itself.
+    columns : sequence of str
+        Which column is what, as the option ``--column`` has it: "height=z [mm]".
+    label : str, optional
+        The file's name in messages.
+
+    Returns
+    -------
+    ProfileTable
+
+    Raises
+    ------
+    FileError, TableError
+        If the file cannot be read, a quantity has no column, two columns or no unit, or PyOpenCRG is not installed.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "road.csv")
+    ...     _ = file.write_text("distance [m],height [mm]\n0,0\n0.1,2\n0.2,\n")
+    ...     print(read_profile(file).height)
+    [0.    0.002   nan]
+    """
+    if os.fspath(path).lower().endswith(".crg"):
+        distance, height, warned = read_crg(path, label)
+        return ProfileTable(distance, height, ["OpenCRG: height along the reference line"], warned)
+    return ProfileTable(*_read(path, ("distance", "height"), "a road profile", columns, "", label))
+
+
+def _read(
+    path: str | os.PathLike[str],
+    roles: tuple[str, str],
+    noun: str,
+    columns: Sequence[str],
+    group: str,
+    label: str | None,
+) -> _Pair:
+    """The columns of two roles from a table; `noun` is what they make in messages, as "a static curve"."""
     stated = statements(columns)
     wrong = [one.role for one in stated if one.role not in roles]
     if wrong:
@@ -66,27 +162,20 @@ def read_pair(
     return good[0][1]
 
 
-def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement]) -> Pair:
+def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement]) -> _Pair:
     found = taken(cells, stated, roles)
     used = []
     for role in roles:
         some = [one for one in found if one.role == role]
         if not some:
-            heads = ", ".join(shown(one.head)[1:-1] for one in cells.columns[:20])
             one = ROLES[role]
             raise TableError(
-                f"{where_of(cells)}: no column is understood as the {role} among {heads}: name it "
+                f"{where_of(cells)}: no column is understood as the {role} among {heads_of(cells)}: name it "
                 f"'{one.symbol} [{one.unit}]', or state --column \"{role}=NAME [{one.unit}]\"{unread(cells)}"
             )
         used.append(chosen(cells, some))
     check_units(cells, used)
     first, second = map(in_si, used)
-    bad = [
-        f"row {cells.lines[at]}, column {shown(one.column.name)}: {shown(text)} is no number: the row cannot be used"
-        for one in used
-        for at, text in one.column.bad
-    ]
-    said = [*([f"sheet or group {shown(cells.group)}"] if cells.group else []), *map(str, used)]
     if not np.isfinite(first + second).any():
         raise TableError(f"{where_of(cells)}: no row has a {roles[1]} and a {roles[0]}")
-    return Pair(first, second, said, [*cells.remarks, *bad])
+    return first, second, said_of(cells, used), [*cells.remarks, *bad_cells(cells, used)]

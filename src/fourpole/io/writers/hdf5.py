@@ -8,32 +8,27 @@ from pathlib import Path
 from typing import Any
 
 from fourpole.io.formats.guard import need
-from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, names_in_group
+from fourpole.io.writers.plan import Add, Block, Group, Remarks, Writer, WrittenChannel, names_in_group
 
 _KIND = "an HDF5 file"
 _CHUNK = 1 << 16
 
 
-class _Sink:
-    def __init__(self, sets: Sequence[list[Any]], groups: Sequence[Group]) -> None:
-        self._sets, self._groups = sets, groups
-
-    def add(self, at: int, block: Block, /) -> None:
-        columns: list[FloatArray] = list(block.columns)
-        if self._groups[at].stamped and block.stamps is not None:
-            columns.append(block.stamps)
-        for dataset, samples in zip(self._sets[at], columns, strict=True):
-            dataset.resize((block.first + len(block),))
-            dataset[block.first :] = samples
-
-
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
     h5py = need("h5py", path.name, _KIND)
     with h5py.File(path, "w") as root:
         if remarks.notes:
             root.attrs["comment"] = "; ".join(remarks.notes)
-        yield _Sink([_datasets(root, group, groups, remarks) for group in groups], groups)
+        made = [_datasets(root, group, groups, remarks) for group in groups]
+
+        def add(number: int, block: Block) -> None:
+            stamps = [block.stamps] if groups[number].stamped and block.stamps is not None else []
+            for dataset, samples in zip(made[number], [*block.columns, *stamps], strict=True):
+                dataset.resize((block.first + len(block),))
+                dataset[block.first :] = samples
+
+        yield add
 
 
 def _datasets(root: Any, group: Group, groups: Sequence[Group], remarks: Remarks) -> list[Any]:

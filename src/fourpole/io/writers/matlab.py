@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.errors import TableError
-from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, distinct, time_name
+from fourpole.io.writers.plan import Add, Block, FloatArray, Group, Remarks, Writer, distinct, time_name
 
 #: Largest number of characters of a name that every version of MATLAB accepts.
 _LONGEST = 31
@@ -20,22 +20,8 @@ _MOST = 1_500_000_000
 _RESERVED = ("names", "units", "notes")
 
 
-class _Sink:
-    """Holds all samples until the end: the format states lengths before the samples."""
-
-    def __init__(self, groups: Sequence[Group]) -> None:
-        self.groups = groups
-        self.parts: list[list[list[FloatArray]]] = [
-            [[] for _ in range(len(one.channels) + one.timed)] for one in groups
-        ]
-
-    def add(self, at: int, block: Block, /) -> None:
-        for kept, samples in zip(self.parts[at], block.table(self.groups[at]), strict=True):
-            kept.append(samples)
-
-
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
     from scipy.io import savemat
 
     needed = 8 * sum(group.count * (len(group.channels) + 1) for group in groups)
@@ -47,9 +33,15 @@ def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Si
     named = [
         _names([channel.name for channel in group.channels], time_name(group.channels), remarks) for group in groups
     ]
-    sink = _Sink(groups)
-    yield sink
-    tables = [_table(group, names, parts) for group, names, parts in zip(groups, named, sink.parts, strict=True)]
+    # All samples are held until the end: the format states lengths before the samples.
+    held: list[list[list[FloatArray]]] = [[[] for _ in range(len(one.channels) + one.timed)] for one in groups]
+
+    def add(number: int, block: Block) -> None:
+        for parts, samples in zip(held[number], block.table(groups[number]), strict=True):
+            parts.append(samples)
+
+    yield add
+    tables = [_table(group, names, parts) for group, names, parts in zip(groups, named, held, strict=True)]
     if len(groups) == 1:
         content = tables[0]
     else:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,11 +93,8 @@ class Block(ByValue):
         return self.columns if times is None else [times, *self.columns]
 
 
-class Sink(Protocol):
-    """A file that is being written, which takes samples."""
-
-    def add(self, at: int, block: Block, /) -> None:
-        """Write the next samples of group number `at`."""
+Add = Callable[[int, Block], None]
+"""Writes the next samples of a group, by the group's number, into a file that is open."""
 
 
 @dataclass
@@ -149,14 +145,14 @@ class Writer:
     one_table : bool
         Whether all channels must have the same times.
     open : callable
-        Takes path, groups and remarks, and returns a context with a Sink; the file is complete when the context ends.
+        Takes path, groups and remarks, and returns a context with an `Add`; the file is complete when the context ends.
     """
 
     kind: str
     name: str
     endings: tuple[str, ...]
     one_table: bool
-    open: Callable[[Path, Sequence[Group], Remarks], AbstractContextManager[Sink]]
+    open: Callable[[Path, Sequence[Group], Remarks], AbstractContextManager[Add]]
 
 
 def distinct(names: Sequence[str], taken: Iterable[str] = (), longest: int = 1000) -> list[str]:

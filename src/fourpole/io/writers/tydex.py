@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.errors import TableError
 from fourpole.io.formats.tydex_file import TydexChannel, TydexFile, meaning, write_tydex
-from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel, distinct
+from fourpole.io.writers.plan import Add, FloatArray, Group, Remarks, Writer, WrittenChannel, distinct
 
 _NAME, _DESCRIPTION, _UNIT = 8, 30, 9
 #: Largest size of the samples, which are held in memory and written as text [byte].
@@ -19,17 +19,8 @@ _MOST = 500_000_000
 _PLAIN = str.maketrans({"µ": "u", "μ": "u", "°": "deg", "²": "^2", "³": "^3", "·": "*", "Ω": "Ohm", "–": "-", "−": "-"})
 
 
-class _Sink:
-    def __init__(self, group: Group) -> None:
-        self._group = group
-        self.parts: list[FloatArray] = []
-
-    def add(self, _at: int, block: Block, /) -> None:
-        self.parts.append(np.stack(block.table(self._group), axis=1))
-
-
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
     group = groups[0]
     needed = 8 * group.count * (len(group.channels) + 1)
     if needed > _MOST:
@@ -41,9 +32,9 @@ def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Si
     comments = tuple(_plain(note) for note in remarks.notes)
     if comments != remarks.notes:
         remarks.lost.append("notes are kept in ASCII")
-    sink = _Sink(group)
-    yield sink
-    data = np.concatenate(sink.parts)
+    parts: list[FloatArray] = []
+    yield lambda _, block: parts.append(np.stack(block.table(group), axis=1))
+    data = np.concatenate(parts)
     if np.isinf(data).any():
         raise TableError(f"{path.name}: TYDEX cannot hold an infinite value; write .parquet or .h5")
     write_tydex(path, TydexFile(channels=tuple(channels), data=data, comments=comments), label=path.name)

@@ -19,30 +19,13 @@ import numpy as np
 
 from fourpole.errors import UnitError
 from fourpole.io.formats.uff import rate_of_step
-from fourpole.io.writers.plan import Block, Group, Remarks, Writer, WrittenChannel, check_timed, distinct
+from fourpole.io.writers.plan import Add, Block, Group, Remarks, Writer, WrittenChannel, check_timed, distinct
 from fourpole.units import channel_scale
 
 _TIME_RESPONSE, _DOUBLE, _TIME = 1, 4, 17
 _KINDS = {"displacement": 8, "velocity": 11, "acceleration": 12, "force": 13}
 _LONGEST_NAME, _LONGEST_UNIT = 80, 20
 _COPIED = 1 << 24
-
-
-class _Sink:
-    """Writes the samples of each channel to a file of its own, since the format has one channel after the other."""
-
-    def __init__(self, groups: Sequence[Group], files: Sequence[list[BinaryIO]]) -> None:
-        self._groups, self._files = groups, files
-        self.counts = [0] * len(groups)
-        self.starts: list[float] = [group.start for group in groups]
-
-    def add(self, at: int, block: Block, /) -> None:
-        group = self._groups[at]
-        times = None if _is_even(group) else block.times(group)
-        for file, samples in zip(self._files[at], block.columns, strict=True):
-            values = samples if times is None else np.stack([times, samples], axis=1)
-            file.write(values.astype("<f8").tobytes())
-        self.counts[at] += len(block)
 
 
 def _is_even(group: Group) -> bool:
@@ -54,7 +37,7 @@ def _is_even(group: Group) -> bool:
 
 
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
     check_timed(groups, path, "UFF 58")
     for group in groups:
         if _is_even(group):
@@ -66,7 +49,7 @@ def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Si
             remarks.lost.append(f"the unit of {channel.name} is cut to {_LONGEST_UNIT} characters")
     if len(remarks.notes) > 4:
         remarks.lost.append(f"of {len(remarks.notes)} notes of the file the first 4 are kept")
-    with ExitStack() as stack:
+    with ExitStack() as stack:  # a file for each channel, since the format has one channel after the other
         spools: list[list[BinaryIO]] = [
             [
                 stack.enter_context(path.with_name(f"{path.name}.{at}.{one}").open("w+b"))
@@ -74,13 +57,21 @@ def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Si
             ]
             for at, group in enumerate(groups)
         ]
-        sink = _Sink(groups, spools)
-        yield sink
+        counts = [0] * len(groups)
+
+        def add(number: int, block: Block) -> None:
+            times = None if _is_even(groups[number]) else block.times(groups[number])
+            for spool, samples in zip(spools[number], block.columns, strict=True):
+                values = samples if times is None else np.stack([times, samples], axis=1)
+                spool.write(values.astype("<f8").tobytes())
+            counts[number] += len(block)
+
+        yield add
         number = 0
         with path.open("wb") as file:
             for at, group in enumerate(groups):
                 for channel, spool in zip(group.channels, spools[at], strict=True):
-                    file.write(_header(names[number], number + 1, channel, group, sink.counts[at], remarks.notes))
+                    file.write(_header(names[number], number + 1, channel, group, counts[at], remarks.notes))
                     spool.seek(0)
                     while part := spool.read(_COPIED):
                         file.write(part)

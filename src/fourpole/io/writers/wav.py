@@ -6,29 +6,19 @@ import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from fourpole.errors import TableError
-from fourpole.io.writers.plan import Block, Group, Remarks, Writer, titled
+from fourpole.io.writers.plan import Add, Block, Group, Remarks, Writer, titled
 
 _FLOAT, _WIDTH = 3, 8
 _MOST = 0xFFFFFFFF - 1_000_000
 _HIGHEST = 0xFFFFFFFF
 
 
-class _Sink:
-    def __init__(self, file: BinaryIO) -> None:
-        self._file, self.count = file, 0
-
-    def add(self, _at: int, block: Block, /) -> None:
-        self._file.write(np.stack(block.columns, axis=1).astype("<f8").tobytes())
-        self.count += len(block)
-
-
 @contextmanager
-def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Sink]:
+def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[Add]:
     group = groups[0]
     rate = _whole(group, path.name)
     frame = _WIDTH * len(group.channels)
@@ -47,11 +37,17 @@ def _open(path: Path, groups: Sequence[Group], remarks: Remarks) -> Iterator[_Si
             chunks += b"LIST" + struct.pack("<I", len(said)) + said + b"data" + struct.pack("<I", count * frame)
             return b"RIFF" + struct.pack("<I", 4 + len(chunks) + count * frame) + b"WAVE" + chunks
 
+        count = 0
+
+        def add(_number: int, block: Block) -> None:
+            nonlocal count
+            file.write(np.stack(block.columns, axis=1).astype("<f8").tobytes())
+            count += len(block)
+
         file.write(head(0))
-        sink = _Sink(file)
-        yield sink
+        yield add
         file.seek(0)
-        file.write(head(sink.count))
+        file.write(head(count))
 
 
 def _whole(group: Group, name: str) -> int:
