@@ -18,9 +18,9 @@ from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.clock import Clock
 from fourpole.io.door import open_regular
-from fourpole.io.layout import Layout, find_column, find_layout, holds_numbers, split_lines, uneven
-from fourpole.io.rows import Table, Values, length, line_start, parts, whole_lines
-from fourpole.io.source import as_utf8, encoding_of, name_of
+from fourpole.io.layout import Layout, check_even, find_column, find_layout, holds_numbers, split_lines
+from fourpole.io.rows import Piece, Table, Values, length, line_start, parts, whole_lines
+from fourpole.io.source import AnyPath, as_utf8, encoding_of, name_of
 from fourpole.io.stretches import Stretch, stretches_of
 
 #: Bytes of the first lines that are read to find the layout, and the most that are read if lines are long.
@@ -60,56 +60,46 @@ class Columns(ByValue):
         return len(next(iter(self.values.values()), ()))
 
 
-@dataclass(frozen=True)
-class Survey:
-    """The description of a recording in text, without its numbers.
+def survey_tables(
+    path: AnyPath, *, max_bytes: int = 4_000_000_000, label: str | None = None
+) -> tuple[list[Stretch], bool, str]:
+    """The tables of a recording in text, without their numbers; see `read_columns` for the files that are accepted.
 
-    Attributes
-    ----------
-    layout : Layout
+    Returns
+    -------
+    tables : list of Stretch
+    is_one : bool
+        Whether it is one table that begins with the first lines, and not a header further down, or several.
     encoding : str
-    above : tuple of str
-        The lines above the rows, without the header: title, date, rate.
-    rows : int
-        Number of lines from the first row on, without blank lines at the end.
-    """
-
-    layout: Layout
-    encoding: str
-    above: tuple[str, ...]
-    rows: int
-
-
-def survey_columns(
-    path: str | os.PathLike[str],
-    *,
-    max_bytes: int = 4_000_000_000,
-    label: str | None = None,
-    stretches: Sequence[Stretch] = (),
-) -> Survey:
-    """The layout of a recording and its number of rows; see `read_columns` for the files that are accepted.
-
-    The rows of the first one of its `stretches` are not counted again, if it has this layout.
     """
     name = name_of(path, label)
     with _text(path, max_bytes, label) as (source, start, encoding, written):
-        layout = _layout(start, encoding, name)
-        known = [one.rows for one in stretches[:1] if one.layout.first_row == layout.first_row]
-        rows = known[0] if known else _row_count(source, start, layout.first_row)
-        return Survey(layout, written, _above(start, encoding, layout), rows)
-
-
-def survey_stretches(
-    path: str | os.PathLike[str], *, max_bytes: int = 4_000_000_000, label: str | None = None
-) -> tuple[list[Stretch], str]:
-    """The stretches of a recording of text, see `stretches_of`, and its encoding."""
-    with _text(path, max_bytes, label) as (source, start, encoding, written):
         mark = len(BOM_UTF8) if start.startswith(BOM_UTF8) else 0
-        return stretches_of(source, start, mark, encoding, name_of(path, label)), written
+        stretches = stretches_of(source, start, mark, encoding, name)
+        if len(stretches) > 1 or any(len(one.pieces) > 1 or one.repeats for one in stretches):
+            return stretches, False, written
+        try:
+            layout, above = _layout(start, encoding, name)
+        except TableError:
+            if not stretches:
+                raise
+            return stretches, False, written
+        if stretches and stretches[0].layout.first_row != layout.first_row:
+            return stretches, False, written
+        rows = stretches[0].rows if stretches else _row_count(source, start, layout.first_row)
+        rest = Piece(layout.first_row, line_start(start, layout.first_row), source.seek(0, os.SEEK_END), rows)
+        return [Stretch("", layout, above, (rest,))], True, written
+
+
+def count_rows(path: AnyPath, *, max_bytes: int = 4_000_000_000, label: str | None = None) -> int:
+    """Number of lines below the first header of a recording in text, without blank lines at the end."""
+    with _text(path, max_bytes, label) as (source, start, encoding, _):
+        layout, _ = _layout(start, encoding, name_of(path, label))
+        return _row_count(source, start, layout.first_row)
 
 
 def read_columns(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     names: Sequence[str],
     *,
     max_bytes: int = 4_000_000_000,
@@ -162,9 +152,7 @@ def read_columns(
 
 
 @contextmanager
-def _text(
-    path: str | os.PathLike[str], max_bytes: int, label: str | None
-) -> Iterator[tuple[BinaryIO, bytes, str, str]]:
+def _text(path: AnyPath, max_bytes: int, label: str | None) -> Iterator[tuple[BinaryIO, bytes, str, str]]:
     """An open text, as UTF-8 if it was UTF-16; its first lines, its encoding, and that of the file."""
     name = name_of(path, label)
     with ExitStack() as stack:
@@ -178,22 +166,19 @@ def _text(
         yield source, start, encoding, written
 
 
-def _layout(start: bytes, encoding: str, name: str) -> Layout:
-    """The layout of a recording from its first lines; TableError if they are no table of numbers."""
-    lines = split_lines(start.removeprefix(BOM_UTF8).decode(encoding, errors="replace"))
-    lines = lines[:-1] if len(start) >= _HEAD else lines
+def _layout(start: bytes, encoding: str, name: str) -> tuple[Layout, tuple[str, ...]]:
+    """The layout of a recording from its first lines, and the lines above its rows, without the header.
+
+    TableError if the lines are no table of numbers.
+    """
+    every = split_lines(start.removeprefix(BOM_UTF8).decode(encoding, errors="replace"))
+    lines = every[:-1] if len(start) >= _HEAD else every
     layout = find_layout(lines, name)
     if not holds_numbers(lines, layout):
-        if found := uneven(lines):
-            raise TableError("{} line {}: the header has {} names, but the rows {} cells".format(name, *found))
+        check_even(lines, name)
         raise TableError(f"{name}: is text without a table of numbers; name a file with a line of names above its rows")
-    return layout
-
-
-def _above(start: bytes, encoding: str, layout: Layout) -> tuple[str, ...]:
-    """The lines above the rows, without the header."""
-    lines = split_lines(start.removeprefix(BOM_UTF8).decode(encoding, errors="replace"))[: layout.first_row - 1]
-    return tuple(line for at, line in enumerate(lines, 1) if at != layout.header_line)
+    above = enumerate(every[: layout.first_row - 1], 1)
+    return layout, tuple(line for number, line in above if number != layout.header_line)
 
 
 def _row_count(file: BinaryIO, start: bytes, first_row: int) -> int:
@@ -221,7 +206,7 @@ def _head(file: BinaryIO, name: str) -> bytes:
 
 
 def column_blocks(
-    path: str | os.PathLike[str],
+    path: AnyPath,
     names: Sequence[str],
     rows: int,
     *,
@@ -269,17 +254,16 @@ def column_blocks(
 
 @contextmanager
 def _opened(
-    path: str | os.PathLike[str], names: Sequence[str], max_bytes: int, label: str | None, stretch: Stretch | None
+    path: AnyPath, names: Sequence[str], max_bytes: int, label: str | None, stretch: Stretch | None
 ) -> Iterator[tuple[BinaryIO, bytes, Table]]:
     """An open recording, its first lines, and the table with the wanted columns."""
     name = name_of(path, label)
     with _text(path, max_bytes, label) as (source, start, encoding, _):
-        layout = _layout(start, encoding, name) if stretch is None else stretch.layout
+        layout, above = _layout(start, encoding, name) if stretch is None else (stretch.layout, stretch.above)
         wanted = {one: find_column(layout.names, one, name) for one in names}
         clocks = layout.clocks.intersection(wanted.values())
         day_first = not clocks or _is_day_first(source, start, layout, name)
         made = {at: Clock(day_first=day_first) for at in clocks}
-        above = _above(start, encoding, layout) if stretch is None else stretch.above
         yield source, start, Table(layout, encoding, wanted, made, name, above, stretch.pieces if stretch else ())
 
 

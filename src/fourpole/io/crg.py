@@ -14,7 +14,7 @@ from fourpole.errors import FileError, TableError
 from fourpole.io.child import Died, answer_of
 from fourpole.io.door import open_regular
 from fourpole.io.packed import pack, unpack
-from fourpole.io.source import name_of
+from fourpole.io.source import AnyPath, name_of
 
 #: Largest file [byte], and largest number of points along a road.
 _LARGEST, _MOST_POINTS = 2_000_000_000, 20_000_000
@@ -22,7 +22,7 @@ _LARGEST, _MOST_POINTS = 2_000_000_000, 20_000_000
 _MOST_WARNINGS = 5
 
 
-def read_crg(path: str | os.PathLike[str], label: str | None = None) -> tuple[FloatArray, FloatArray, list[str]]:
+def read_crg(path: AnyPath, label: str | None = None) -> tuple[FloatArray, FloatArray, list[str]]:
     """Distance and height (N,) [m] along the reference line of a road, and what its reader warns of.
 
     A height is not-a-number where the road has a hole.

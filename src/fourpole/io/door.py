@@ -16,7 +16,7 @@ from pathlib import Path, PureWindowsPath
 from typing import BinaryIO
 
 from fourpole.errors import FileError, FourpoleError, TableError
-from fourpole.io.source import name_of, reason
+from fourpole.io.source import AnyPath, name_of, reason
 from fourpole.units import shown
 
 #: The file is opened without blocking: what was a regular file may have become a pipe.
@@ -25,13 +25,7 @@ _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 _DEVICES = re.compile(r"(?:con|prn|aux|nul|conin\$|conout\$|(?:com|lpt)[0-9¹²³])(?: *[.:].*)?", re.IGNORECASE)
 
 
-def open_regular(
-    path: str | os.PathLike[str],
-    *,
-    max_bytes: int,
-    label: str | None = None,
-    within: str | os.PathLike[str] | None = None,
-) -> BinaryIO:
+def open_regular(path: AnyPath, *, max_bytes: int, label: str | None = None, within: AnyPath | None = None) -> BinaryIO:
     """Open a regular file for reading; a pipe or device is refused before it could block.
 
     Parameters
@@ -72,13 +66,7 @@ def open_regular(
     return file
 
 
-def read_bytes(
-    path: str | os.PathLike[str],
-    *,
-    max_bytes: int,
-    label: str | None = None,
-    within: str | os.PathLike[str] | None = None,
-) -> bytes:
+def read_bytes(path: AnyPath, *, max_bytes: int, label: str | None = None, within: AnyPath | None = None) -> bytes:
     """The bytes of a regular file; see `open_regular`."""
     with open_regular(path, max_bytes=max_bytes, label=label, within=within) as file:
         try:
@@ -87,13 +75,7 @@ def read_bytes(
             raise FileError(f"{name_of(path, label)}: cannot be read: {reason(error)}") from None
 
 
-def sha256_of(
-    path: str | os.PathLike[str],
-    *,
-    max_bytes: int,
-    label: str | None = None,
-    within: str | os.PathLike[str] | None = None,
-) -> str:
+def sha256_of(path: AnyPath, *, max_bytes: int, label: str | None = None, within: AnyPath | None = None) -> str:
     """SHA-256 of a regular file in hexadecimal digits; the file is read in blocks. See `open_regular`."""
     with open_regular(path, max_bytes=max_bytes, label=label, within=within) as file:
         try:
@@ -103,7 +85,7 @@ def sha256_of(
 
 
 @contextmanager
-def path_for_library(path: str | os.PathLike[str], file: BinaryIO, *, label: str | None = None) -> Iterator[Path]:
+def path_for_library(path: AnyPath, file: BinaryIO, *, label: str | None = None) -> Iterator[Path]:
     """The path of an open file, for a library that opens it once more by its path, in the guarded worker process.
 
     FileError if another file stands at the path before or after the context.
@@ -128,7 +110,7 @@ def check_name(name: str) -> None:
         raise FileError(f"{told} is the name of a device on Windows: rename the file")
 
 
-def _opened_below(path: str | os.PathLike[str], folder: str | os.PathLike[str], name: str) -> int:
+def _opened_below(path: AnyPath, folder: AnyPath, name: str) -> int:
     """An open file below a folder: step by step without following a link, where the system can do so."""
     root, place = Path(os.path.realpath(folder)), Path(os.path.realpath(path))
     if not place.is_relative_to(root):
@@ -148,7 +130,7 @@ def _opened_below(path: str | os.PathLike[str], folder: str | os.PathLike[str], 
             os.close(here)
 
 
-def _check_same(path: str | os.PathLike[str], file: BinaryIO, name: str) -> None:
+def _check_same(path: AnyPath, file: BinaryIO, name: str) -> None:
     with suppress(OSError):
         if os.path.samestat(os.stat(path), os.fstat(file.fileno())):  # noqa: PTH116 - beside fstat
             return

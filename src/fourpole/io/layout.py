@@ -6,7 +6,8 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 
@@ -42,22 +43,6 @@ _SIGNS = re.compile(r"[|=&<>]+")
 #: Share of the cells of a row of units that are known units.
 _KNOWN_UNITS = 0.5
 _UNIT_CELL = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
-
-
-@dataclass(frozen=True)
-class Shape:
-    """How the lines of a file are parted into cells, and whether a comma may be a decimal sign."""
-
-    delimiter: str
-
-    @property
-    def sign(self) -> str:
-        """The decimal sign with which a cell is taken as a number: a comma allows a point as well."""
-        return "." if self.delimiter == "," else ","
-
-    def split(self, line: str) -> list[str]:
-        """The cells of a line."""
-        return splitter(self.delimiter)(line)
 
 
 @dataclass(frozen=True)
@@ -113,11 +98,15 @@ def plain_numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
     return values if np.isfinite(values).all() and not any("_" in cell for cell in cells) else None
 
 
-def splitter(delimiter: str) -> Callable[[str], list[str]]:
-    """The function that splits a line into cells."""
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line; a space as the delimiter means any white space."""
     if delimiter == " ":
-        return _split_words
-    return lambda line: _split_quoted(line, delimiter)
+        words = _WORD.findall(line) if '"' in line else line.split()
+        return [word[1:-1] if word[0] == word[-1] == '"' and len(word) > 1 else word for word in words]
+    if '"' in line:
+        with suppress(csv.Error, StopIteration):  # a cell beyond the limit of the csv module
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    return [cell.strip() for cell in line.split(delimiter)]
 
 
 def find_layout(lines: Sequence[str], name: str) -> Layout:
@@ -127,35 +116,38 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     """
     sample = _table_lines(lines, name)
     delimiter, width = _delimiter([lines[index] for index in sample])
-    split = splitter(delimiter)
     fitting = [index for index in sample if width <= _cell_count(lines[index], delimiter) <= width + 1]
-    split_rows = ((index, trimmed(split(lines[index]), width)) for index in fitting)
+    split_rows = ((index, trimmed(split_cells(lines[index], delimiter), width)) for index in fitting)
     rows = {index: cells for index, cells in islice(split_rows, _FIRST_ROWS) if len(cells) == width}
     decimal = _decimal(rows.values(), delimiter)
     names, header = _header(lines, rows, delimiter, decimal, name)
     if header is None:
         first = next(index for index, row in rows.items() if _has_value(row, decimal))
-        clocks = _clocks([row for index, row in rows.items() if index >= first])
+        clocks = _clocks(_rows_from(rows, first))
         return Layout(names, (None,) * width, delimiter, decimal, 0, first + 1, clocks)
     units, described = _units(lines, names, header, delimiter, _last_described(lines, rows, names, header, decimal))
-    names = _named(names, [row for index, row in rows.items() if index > header], decimal)
+    names = _named(names, _rows_from(rows, header + 1), decimal)
     below = [index for index in sample if index > max(header, described)]
     if not below:
         raise TableError(f"{name}: has a header (line {header + 1}) but no row below it")
-    clocks = _clocks([row for index, row in rows.items() if index >= below[0]])
+    clocks = _clocks(_rows_from(rows, below[0]))
     return Layout(names, units, delimiter, decimal, header + 1, below[0] + 1, clocks)
 
 
-def shape_of(lines: Sequence[str]) -> Shape | None:
-    """How lines are parted into cells, by the lines that hold numbers only if there are any; None without any line."""
+def _rows_from(rows: dict[int, list[str]], first: int) -> list[list[str]]:
+    return [row for index, row in rows.items() if index >= first]
+
+
+def delimiter_of(lines: Sequence[str]) -> str | None:
+    """The delimiter of a table, by the lines that hold numbers only if there are any; None without any line."""
     filled = [line for line in lines if not is_aside(line)]
     numbers = [line for line in filled if _NUMBERS.fullmatch(line)]
     shown = numbers if len(numbers) > 1 else filled
-    return Shape(_delimiter(shown[:_SAMPLE])[0]) if shown else None
+    return _delimiter(shown[:_SAMPLE])[0] if shown else None
 
 
 def layout_below(
-    above: Sequence[str], rows: Sequence[list[str]], shape: Shape, line: int, *, headless: bool
+    above: Sequence[str], rows: Sequence[list[str]], delimiter: str, line: int, *, headless: bool
 ) -> Layout | None:
     """The layout of some rows by the lines above them; None if these have no header.
 
@@ -165,19 +157,19 @@ def layout_below(
         The lines above the rows.
     rows : sequence of list of str
         The cells of the first rows.
-    shape : Shape
+    delimiter : str
     line : int
         Number of the first row's line.
     headless : bool
         Whether columns may be named by their numbers, if all lines above are blank, comments or of one cell.
     """
-    first, delimiter = len(above), shape.delimiter
+    first = len(above)
     lines, keyed = [*above, *(delimiter.join(row) for row in rows)], dict(enumerate(map(list, rows), first))
     found = _nearest_names(lines, keyed, first, delimiter)
     decimal, clocks = _decimal(rows, delimiter), _clocks(list(rows))
     if found is None or not any(map(_is_name, found[0])) or not _are_names(found[0]):
-        bare = all(is_aside(one) or len(shape.split(one)) == 1 for one in above)
-        if headless and bare and all(_is_values(row, shape.sign) for row in rows):
+        bare = all(is_aside(one) or len(split_cells(one, delimiter)) == 1 for one in above)
+        if headless and bare and all(_is_values(row, widest_sign(delimiter)) for row in rows):
             width = len(rows[0])
             return Layout(by_number(width), (None,) * width, delimiter, decimal, 0, line, clocks)
         return None
@@ -194,18 +186,17 @@ def _named(names: Sequence[str], rows: Sequence[list[str]], decimal: str) -> tup
     return tuple(str(at + 1) if at in known else one for at, one in enumerate(names))
 
 
-def uneven(lines: Sequence[str]) -> tuple[int, int, int] | None:
-    """Number of the first header line whose rows have another number of cells, and both numbers; None without one."""
-    shape = shape_of(lines)
-    cells = [[] if shape is None or is_aside(line) else shape.split(line) for line in lines]
+def check_even(lines: Sequence[str], name: str) -> None:
+    """TableError if the rows below a header have another number of cells than it has names."""
+    delimiter = delimiter_of(lines)
+    cells = [[] if delimiter is None or is_aside(line) else split_cells(line, delimiter) for line in lines]
     for at in range(1, len(cells) - 1):
         width, above = len(cells[at]), cells[at - 1]
         if not 1 < width == len(cells[at + 1]) or width == len(above) or len(above) < 2:
             continue
         if all(_is_values(cells[one], ",") for one in (at, at + 1)) and all(_is_name(one) for one in above if one):
             top = next((one for one in range(at - 2, -1, -1) if len(cells[one]) != len(above)), -1) + 1
-            return top + 1, len(above), width
-    return None
+            raise TableError(f"{name} line {top + 1}: the header has {len(above)} names, but the rows {width} cells")
 
 
 def _are_names(cells: Sequence[str]) -> bool:
@@ -263,16 +254,18 @@ def holds_numbers(lines: Sequence[str], layout: Layout) -> bool:
     """Whether at least half of the first lines are rows, and half of the cells of one of their columns are numbers."""
     if not _are_names(layout.names) and layout.header_line:
         return False
-    split = splitter(layout.delimiter)
     below = [line for line in lines[layout.first_row - 1 : layout.first_row - 1 + _SAMPLE] if not is_aside(line)]
-    rows = [cells for cells in (trimmed(split(line), layout.width) for line in below) if len(cells) == layout.width]
+    width, split = layout.width, (split_cells(line, layout.delimiter) for line in below)
+    rows = [cells for cells in (trimmed(cells, width) for cells in split) if len(cells) == width]
     if 2 * len(rows) < len(below):
         return False
-    for at in set(range(layout.width)) - layout.clocks:
-        cells = [row[at] for row in rows if not is_missing(row[at])]
-        if cells and 2 * sum(number(cell, layout.decimal) is not None for cell in cells) >= len(cells):
-            return True
-    return False
+    return any(_are_numbers([row[at] for row in rows], layout.decimal) for at in set(range(width)) - layout.clocks)
+
+
+def _are_numbers(cells: Sequence[str], decimal: str) -> bool:
+    """Whether at least half of the cells that are not blank are numbers."""
+    filled = [cell for cell in cells if not is_missing(cell)]
+    return bool(filled) and 2 * sum(number(cell, decimal) is not None for cell in filled) >= len(filled)
 
 
 def find_column(names: Sequence[str], wanted: str, name: str) -> int:
@@ -315,21 +308,6 @@ def trimmed(cells: list[str], width: int) -> list[str]:
     return cells[:-1] if len(cells) == width + 1 and not cells[-1] else cells
 
 
-def _split_quoted(line: str, delimiter: str) -> list[str]:
-    if '"' in line:
-        try:
-            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
-        except (csv.Error, StopIteration):  # a cell beyond the limit of the csv module
-            pass
-    return [cell.strip() for cell in line.split(delimiter)]
-
-
-def _split_words(line: str) -> list[str]:
-    if '"' not in line:
-        return line.split()
-    return [word[1:-1] if word[0] == word[-1] == '"' and len(word) > 1 else word for word in _WORD.findall(line)]
-
-
 def _delimiter(lines: Sequence[str]) -> tuple[str, int]:
     """The delimiter that splits most lines into the same number of cells (at least two), and this number."""
     best, share, width = ",", 0, 1
@@ -355,7 +333,7 @@ def _cell_count(line: str, delimiter: str) -> int:
     if delimiter == " " and '"' not in line:
         return len(line.split())
     if '"' in line:
-        return len(splitter(delimiter)(line))
+        return len(split_cells(line, delimiter))
     return line.count(delimiter) + 1
 
 
@@ -372,7 +350,7 @@ def _decimal(rows: Iterable[list[str]], delimiter: str) -> str:
 def _header(
     lines: Sequence[str], rows: dict[int, list[str]], delimiter: str, decimal: str, name: str
 ) -> tuple[tuple[str, ...], int | None]:
-    """The names of the columns, and the index of their line; None if there is no header."""
+    """The names of the columns, and the index of their line; their numbers and None if there is no header."""
     for index, row in rows.items():
         if _CATMAN_TIME.fullmatch(row[0]):
             return tuple(row), index
@@ -382,13 +360,6 @@ def _header(
     if first is None:
         top = next(iter(rows))
         return tuple(rows[top]), top  # the rows contain text, so the first row is the header
-    return _header_above(lines, rows, first, delimiter, name)
-
-
-def _header_above(
-    lines: Sequence[str], rows: dict[int, list[str]], first: int, delimiter: str, name: str
-) -> tuple[tuple[str, ...], int | None]:
-    """The names above the first row of numbers, and the index of their line; the columns' numbers if there are none."""
     found = _nearest_names(lines, rows, first, delimiter)
     if found is not None:
         return found
@@ -424,6 +395,11 @@ def _filled(cells: Sequence[str]) -> int:
     return sum(not is_missing(cell) for cell in cells)
 
 
+def widest_sign(delimiter: str) -> str:
+    """The decimal sign of a cell that may be a number: a comma, which allows a point, unless it is the delimiter."""
+    return "." if delimiter == "," else ","
+
+
 def by_number(width: int) -> tuple[str, ...]:
     """The names of the columns of a table without a header: their numbers, from 1."""
     return tuple(map(str, range(1, width + 1)))
@@ -432,7 +408,7 @@ def by_number(width: int) -> tuple[str, ...]:
 def _names_in(line: str, delimiter: str, width: int, ended: bool) -> list[str] | None:
     """The names in a header line, or None. The line may be a comment, or have one delimiter more or less."""
     text = line.lstrip("".join(_COMMENTS)).strip() if is_aside(line) else line
-    cells = splitter(delimiter)(text)
+    cells = split_cells(text, delimiter)
     ways = [trimmed(cells, width)]
     if delimiter == " ":
         ways += [_NAME_AND_UNIT.findall(text), re.split(r"\s{2,}|\t", text.strip())]

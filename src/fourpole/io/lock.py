@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fourpole.errors import FileError
+from fourpole.io.source import AnyPath
 
 #: Longest wait for the lock [s], and time between two looks [s].
 _PATIENCE, _LOOK = 30.0, 0.02
@@ -19,7 +20,7 @@ LOCK = ".fourpole.lock"
 
 
 @contextmanager
-def campaign_lock(folder: str | os.PathLike[str], *, patience: float = _PATIENCE) -> Iterator[None]:
+def campaign_lock(folder: AnyPath, *, patience: float = _PATIENCE) -> Iterator[None]:
     """Hold the lock of a campaign, which that of its results is, too; any other folder has a lock of its own.
 
     It is the lock of the folder itself where the system has such locks, so that no file is made. It ends with the

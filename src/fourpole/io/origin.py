@@ -64,21 +64,14 @@ def origin() -> Origin:
 
 def origin_of(package: Path) -> Origin:
     """The origin of a package in this folder; see `origin`."""
-    root = _checkout(package)
-    if root is not None:
-        commit = _head(root / ".git")
-        return Origin(VERSION, commit, _changed(root) if commit else None)
+    root = package.parent.parent
+    if package.parent.name == "src" and (root / ".git").exists():
+        own = re.search(r'^name\s*=\s*"([^"]+)"', _text(root / "pyproject.toml"), flags=re.M)
+        if own and own[1] == "fourpole":
+            commit = _head(root / ".git")
+            return Origin(VERSION, commit, _changed(root) if commit else None)
     commit = _noted_by_pip(package)
     return Origin(VERSION, commit, False if commit else None)
-
-
-def _checkout(package: Path) -> Path | None:
-    """The root of Fourpole's own repository, if the package lies in its source tree."""
-    root = package.parent.parent
-    if package.parent.name != "src" or not (root / ".git").exists():
-        return None
-    own = re.search(r'^name\s*=\s*"([^"]+)"', _text(root / "pyproject.toml"), flags=re.M)
-    return root if own and own[1] == "fourpole" else None
 
 
 def _text(path: Path) -> str:
@@ -96,21 +89,17 @@ def _head(git: Path) -> str:
     # In a further work tree .git is a file, which names the folder of its own.
     folder = git.parent / _text(git).removeprefix("gitdir:").strip() if git.is_file() else git
     head = _text(folder / "HEAD").strip()
-    if head.startswith("ref:"):
-        head = _reference(folder, head.removeprefix("ref:").strip())
-    return head if _COMMIT.fullmatch(head) else ""
-
-
-def _reference(folder: Path, name: str) -> str:
-    """The commit of a branch, from a file of its own or the list of packed ones."""
-    if not re.fullmatch(r"refs/[\w./+@=-]+", name) or ".." in name:
+    name = head.removeprefix("ref:").strip()
+    if head.startswith("ref:") and (".." in name or not re.fullmatch(r"refs/[\w./+@=-]+", name)):
         return ""
-    common = folder / (_text(folder / "commondir").strip() or ".")
-    for place in (folder, common):
-        if found := _text(place / name).strip():
-            return found
-    packed = re.search(rf"^([0-9a-f]{{40,64}}) {re.escape(name)}$", _text(common / "packed-refs"), flags=re.M)
-    return packed[1] if packed else ""
+    if head.startswith("ref:"):  # of a branch, from a file of its own or the list of packed ones
+        common = folder / (_text(folder / "commondir").strip() or ".")
+        head = _text(folder / name).strip() or _text(common / name).strip()
+        if not head:
+            listed = _text(common / "packed-refs")
+            packed = re.search(rf"^([0-9a-f]{{40,64}}) {re.escape(name)}$", listed, flags=re.M)
+            head = packed[1] if packed else ""
+    return head if _COMMIT.fullmatch(head) else ""
 
 
 def _changed(root: Path) -> bool | None:

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from collections.abc import AsyncIterator, Collection, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Collection, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -69,7 +69,8 @@ def program_path(name: str) -> str | None:
     if os.path.dirname(name):  # noqa: PTH120 - Path("./name") loses the step
         return name if Path(name).is_absolute() and _is_program(name) else None
     endings = [*os.environ.get("PATHEXT", "").split(os.pathsep), ""] if sys.platform == "win32" else [""]
-    places = (os.path.join(folder, name + ending) for folder in _absolute(_path()) for ending in endings)  # noqa: PTH118
+    folders = _absolute(os.environ.get("PATH", os.defpath))
+    places = (os.path.join(folder, name + ending) for folder in folders for ending in endings)  # noqa: PTH118
     return next(filter(_is_program, places), None)
 
 
@@ -109,17 +110,18 @@ def start(
     own = None if folder is not None else tempfile.mkdtemp(prefix=FOLDERS)
     try:
         process = subprocess.Popen(
-            _checked(command),
+            command,
             stdin=stdin,
             stdout=stdout,
             stderr=stderr,
-            **_settings(variables, also, own or folder, group),
+            **_settings(command, variables, also, own or folder, group),
         )
     except BaseException:
-        _delete(own)
+        if own is not None:
+            shutil.rmtree(own, ignore_errors=True)
         raise
     if own is not None:
-        weakref.finalize(process, _delete, own)
+        weakref.finalize(process, shutil.rmtree, own, ignore_errors=True)
     return process
 
 
@@ -136,10 +138,11 @@ async def running_module(
     import asyncio
 
     with tempfile.TemporaryDirectory(prefix=FOLDERS, ignore_cleanup_errors=True) as folder:
+        command = python_command(module, *words)
+        settings = _settings(command, _with_modules(variables), (), folder, group=True)
         process = await asyncio.create_subprocess_exec(
-            *_checked(python_command(module, *words)), stdin=PIPE, stdout=PIPE, stderr=PIPE, limit=limit,
-            **_settings(_with_modules(variables), (), folder, group=True),
-        )  # fmt: skip
+            *command, stdin=PIPE, stdout=PIPE, stderr=PIPE, limit=limit, **settings
+        )
         try:
             yield process
         finally:
@@ -199,17 +202,19 @@ def python_command(module: str, *words: str) -> list[str]:
     return [sys.executable, *flags, "-m", module, *words]
 
 
-def _checked(command: Sequence[str]) -> Sequence[str]:
-    """The command; ValueError unless its program is an absolute path."""
+def _settings(
+    command: Sequence[str],
+    variables: Mapping[str, str] | None,
+    also: Collection[str],
+    folder: str | os.PathLike[str] | None,
+    group: bool,
+) -> dict[str, Any]:
+    """Settings that every start has: environment, working folder, and group of processes.
+
+    ValueError unless the program of the command is an absolute path.
+    """
     if not Path(command[0]).is_absolute():
         raise ValueError(f"{command[0]!r} is no absolute path of a program")
-    return command
-
-
-def _settings(
-    variables: Mapping[str, str] | None, also: Collection[str], folder: str | os.PathLike[str] | None, group: bool
-) -> dict[str, Any]:
-    """Settings that every start has: environment, working folder, and group of processes."""
     settings: dict[str, Any] = {"cwd": folder, "env": {**_environment(also), **(variables or {})}}
     if not group:
         return settings
@@ -221,16 +226,19 @@ def _settings(
 def _environment(also: Collection[str]) -> dict[str, str]:
     """The variables of this process that a program has."""
     remote = bool(os.environ.get(REMOTE))
-    kept = {name: value for name, value in os.environ.items() if _is_kept(name, remote) or name in also}
+    begin = (*_BEGIN, *(_REMOTE_BEGIN if remote else ()))
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name in _EVERY
+        or name in also
+        or name.startswith(begin)
+        or name.endswith(_END)
+        or (remote and name.upper().endswith(_REMOTE_END))
+    }
     kept |= {name: os.path.abspath(kept[name]) for name in _FOLDER if kept.get(name)}  # noqa: PTH100 - a text
     kept |= {name: os.pathsep.join(_absolute(kept[name])) for name in _FOLDERS if name in kept}
     return kept
-
-
-def _is_kept(name: str, remote: bool) -> bool:
-    if name in _EVERY or name.startswith(_BEGIN) or name.endswith(_END):
-        return True
-    return remote and (name.startswith(_REMOTE_BEGIN) or name.upper().endswith(_REMOTE_END))
 
 
 def _with_modules(variables: Mapping[str, str] | None) -> dict[str, str]:
@@ -241,37 +249,22 @@ def _with_modules(variables: Mapping[str, str] | None) -> dict[str, str]:
 def module_folders() -> list[str]:
     """Folders in which this process finds modules, in their order, and that of this package, first if it is not there.
 
-    The working folder is none of them, nor is that of a script, a relative one or a campaign.
+    The working folder, now and when this process began, is none of them, nor is that of a script, a relative one or a
+    campaign.
     """
-    root = str(Path(__file__).resolve().parents[2])
-    unwanted = set(_unwanted())
+    root, unwanted = str(Path(__file__).resolve().parents[2]), {_working_folder(), _BEGAN}
+    if script := getattr(sys.modules.get("__main__"), "__file__", None):
+        unwanted.add(os.path.realpath(os.path.dirname(os.path.abspath(script))))  # noqa: PTH100, PTH120 - texts
     folders = [
         path
         for path in dict.fromkeys(sys.path)
-        if Path(path).is_absolute() and (path == root or not (_real(path) in unwanted or _is_campaign(path)))
+        if Path(path).is_absolute() and (path == root or not (os.path.realpath(path) in unwanted or _is_campaign(path)))
     ]
     return folders if root in folders else [root, *folders]
 
 
-def _unwanted() -> Iterator[str]:
-    """The working folder, now and when this process began, and the folder of the script that it runs."""
-    with suppress(OSError):
-        yield _real(os.getcwd())  # noqa: PTH109 - a text
-    yield _BEGAN
-    if script := getattr(sys.modules.get("__main__"), "__file__", None):
-        yield _real(os.path.dirname(os.path.abspath(script)))  # noqa: PTH100, PTH120 - texts
-
-
 def _is_campaign(folder: str) -> bool:
     return any(os.path.lexists(os.path.join(folder, name)) for name in _OF_CAMPAIGN)  # noqa: PTH118 - a text
-
-
-def _real(path: str) -> str:
-    return os.path.realpath(path)
-
-
-def _path() -> str:
-    return os.environ.get("PATH", os.defpath)
 
 
 def _absolute(folders: str) -> list[str]:
@@ -283,16 +276,12 @@ def _is_program(place: str) -> bool:
     return Path(place).is_file() and os.access(place, os.X_OK)
 
 
-def _delete(folder: str | None) -> None:
-    if folder is not None:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _began() -> str:
+def _working_folder() -> str:
+    """The real path of the working folder; empty if it was deleted."""
     try:
-        return _real(os.getcwd())  # noqa: PTH109 - a text
+        return os.path.realpath(os.getcwd())  # noqa: PTH109 - a text
     except OSError:
         return ""
 
 
-_BEGAN = _began()
+_BEGAN = _working_folder()

@@ -28,6 +28,7 @@ from fourpole.io.documents import json_of
 from fourpole.io.door import open_regular, read_bytes, sha256_of
 from fourpole.io.lock import LOCK, campaign_lock, is_locked, opened_folder
 from fourpole.io.seal import sealed
+from fourpole.io.source import AnyPath
 from fourpole.io.write import delete_folder, files_below, why, write_bytes
 
 #: The list of the files, and the folder of their contents.
@@ -152,7 +153,7 @@ class Published:
         return True
 
 
-def published(folder: str | os.PathLike[str]) -> Published:
+def published(folder: AnyPath) -> Published:
     """The results of a folder.
 
     Raises
@@ -174,16 +175,14 @@ def published(folder: str | os.PathLike[str]) -> Published:
     return Published(folder, record, listed_in(record), hashlib.sha256(content).hexdigest())
 
 
-def published_beside(path: str | os.PathLike[str]) -> Published:
+def published_beside(path: AnyPath) -> Published:
     """The results of the folder of a file; without a study.json of Fourpole they have no record and no list."""
     folder = Path(path).parent
     found = published(folder) if (folder / LIST).exists() else Published(folder, {})
     return found if _OWN_KEYS & found.record.keys() else Published(folder, {})
 
 
-def read_listed(
-    path: str | os.PathLike[str], *, max_bytes: int = _MOST_BYTES, results: Published | None = None
-) -> bytes:
+def read_listed(path: AnyPath, *, max_bytes: int = _MOST_BYTES, results: Published | None = None) -> bytes:
     """The bytes of a file, which are those of the list if it is one of the `results` of its folder, by default now."""
     results, name = results or published_beside(path), Path(path).name
     if results.files is not None and name in results.files:
@@ -191,7 +190,7 @@ def read_listed(
     return read_bytes(path, max_bytes=max_bytes)
 
 
-def consistently(folder: str | os.PathLike[str], read: Callable[[Published], _Result]) -> _Result:
+def consistently(folder: AnyPath, read: Callable[[Published], _Result]) -> _Result:
     """What a function reads of the results of a folder; it is called again if they are renewed meanwhile."""
     for _ in range(_TRIES - 1):
         with suppress(_RenewedError):
@@ -214,7 +213,7 @@ def listed_in(record: Mapping[str, Any]) -> dict[str, Listed] | None:
     }
 
 
-def is_complete(folder: str | os.PathLike[str]) -> bool:
+def is_complete(folder: AnyPath) -> bool:
     """Whether each result stands under its usual name, as it is listed."""
     with suppress(FourpoleError, OSError):
         results = published(folder)
@@ -231,7 +230,7 @@ def without_list(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @contextmanager
-def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *, basis: str = "") -> Iterator[Path]:
+def publishing(folder: AnyPath, obsolete: Collection[str] = (), *, basis: str = "") -> Iterator[Path]:
     """A new folder; at the end of the context its files become results together, or none of them does.
 
     In a folder whose study.json has no list, they replace the files of the same name one by one.
@@ -272,7 +271,7 @@ def publishing(folder: str | os.PathLike[str], obsolete: Collection[str] = (), *
         delete_folder(new)
 
 
-def write_result(path: str | os.PathLike[str], content: bytes, *, basis: str = "") -> None:
+def write_result(path: AnyPath, content: bytes, *, basis: str = "") -> None:
     """Write one file; if its folder has a list of results, which may have this name, the file becomes one of them.
 
     With `basis`, the SHA-256 of dynamic.csv, it is an error if that is no longer the listed one.
@@ -292,7 +291,8 @@ def _publish(folder: Path, new: Path, obsolete: Collection[str], basis: str) -> 
     former = Published(folder, {})
     with suppress(FileError, TableError):  # damaged results are replaced as others are
         former = published(folder)
-    table = (former.files or {}).get("dynamic.csv")
+    listed = former.files or {}
+    table = listed.get("dynamic.csv")
     if basis and table is not None and table.sha256 != basis:
         raise FileError(f"{folder}: the results were renewed meanwhile: run it again")
     names = [name for name in files_below(new) if name != LOCK]
@@ -304,12 +304,12 @@ def _publish(folder: Path, new: Path, obsolete: Collection[str], basis: str) -> 
         _replace_each(folder, new, names, obsolete)
         return
     gone = [name for name in obsolete if name not in names]
-    files = {name: file for name, file in (former.files or {}).items() if name not in gone}
+    files = {name: file for name, file in listed.items() if name not in gone}
     files |= {name: _stored(new / name, folder / STORE) for name in names}
     _sync(folder / STORE)
     _write_list(folder, new, record, files)
     _complete(folder, files, gone)
-    _clear(folder / STORE, {file.sha256 for file in (*files.values(), *(former.files or {}).values())})
+    _clear(folder / STORE, {file.sha256 for file in (*files.values(), *listed.values())})
 
 
 def _stored(path: Path, store: Path) -> Listed:

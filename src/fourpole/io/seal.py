@@ -158,18 +158,22 @@ def _differences(stated: Any, found: Any, where: str) -> Iterator[str]:
 def _of_lists(stated: list[Any], found: list[Any], where: str) -> Iterator[str]:
     """Sentences on the differences of two lists of marks: entries that are gone, are new, or have other places."""
     before, after = ([json.dumps(one, sort_keys=True) for one in part] for part in (stated, found))
-    left, right = set(before), set(after)
-    gone = {at for at, one in enumerate(before) if one not in right}
-    new = {at for at, one in enumerate(after) if one not in left}
+    gone, new = _lacking(before, after), _lacking(after, before)
     if len(stated) == len(found) and gone == new:
-        if any(one != other for at, (one, other) in enumerate(zip(before, after, strict=True)) if at not in gone):
+        if any(before[at] != after[at] for at in range(len(before)) if at not in gone):
             yield f"{where}: the order was changed"
-        for at in sorted(gone):
+        for at in gone:
             yield from _differences(stated[at], found[at], f"{where}[{at}]")
         return
     if len(stated) != len(found):
         yield f"{where}: {len(stated)} were sealed, {len(found)} are there"
-    yield from (f"{where}[{at}] was removed" for at in sorted(gone))
-    yield from (f"{where}[{at}] was added, or changed and moved" for at in sorted(new))
+    yield from (f"{where}[{at}] was removed" for at in gone)
+    yield from (f"{where}[{at}] was added, or changed and moved" for at in new)
     if not gone and not new:
         yield f"{where}: an entry is there twice, or no longer there twice"
+
+
+def _lacking(marks: list[str], others: list[str]) -> list[int]:
+    """Indices of the marks that are not among others."""
+    known = set(others)
+    return [index for index, mark in enumerate(marks) if mark not in known]

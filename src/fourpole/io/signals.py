@@ -133,8 +133,6 @@ class Request:
         The file's name in messages.
     max_bytes : int [byte]
         Largest memory that the samples may need; a request that needs more is refused.
-    max_file_bytes : int [byte]
-        Largest file that is read in chunks or in part; a larger one is refused.
     """
 
     path: Path
@@ -142,7 +140,6 @@ class Request:
     group: str
     label: str
     max_bytes: int
-    max_file_bytes: int = MAX_FILE_BYTES
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,8 @@ from typing import BinaryIO, cast
 from fourpole.errors import TableError
 from fourpole.units import shown
 
+AnyPath = str | os.PathLike[str]
+"""The path of a file or folder, as users give it."""
 _UTF16 = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 #: Common characters of GB 2312: signs and level 1; four bytes are a sign beyond it.
 _CHINESE = re.compile(rb"[\xa1-\xa9\xb0-\xd7][\xa1-\xfe]|[\x81-\x84][0-9][\x81-\xfe][0-9]")
@@ -27,7 +29,7 @@ _AT_ONCE = 1 << 20
 _UTF32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
 
 
-def name_of(path: str | os.PathLike[str], label: str | None) -> str:
+def name_of(path: AnyPath, label: str | None) -> str:
     """The file's name in messages: the label of the caller, or else the last part of the path."""
     return shown(Path(path).name if label is None else label, 200)[1:-1]
 

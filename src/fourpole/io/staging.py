@@ -7,18 +7,18 @@ leaves files of both kinds, each of them whole. Results are more than that: see 
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fourpole.errors import FileError
+from fourpole.io.source import AnyPath
 from fourpole.io.write import delete_folder, files_below, hidden_folder, remove_leftovers, why
 
 
 @contextmanager
-def staged(folder: str | os.PathLike[str], obsolete: Iterable[str] = (), *, last: str = "") -> Iterator[Path]:
+def staged(folder: AnyPath, obsolete: Iterable[str] = (), *, last: str = "") -> Iterator[Path]:
     """A new folder; at the end of the context all its files replace those of the same name in `folder`.
 
     If anything fails, the files of `folder` are the former ones. Its other files are not touched.

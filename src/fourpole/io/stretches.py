@@ -12,13 +12,25 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import groupby
 from typing import BinaryIO
 
 import numpy as np
 
 from fourpole.errors import TableError
 from fourpole.io.formats.guard import is_time, seconds
-from fourpole.io.layout import Layout, Shape, is_aside, is_missing, is_value, layout_below, number, shape_of, trimmed
+from fourpole.io.layout import (
+    Layout,
+    delimiter_of,
+    is_aside,
+    is_missing,
+    is_value,
+    layout_below,
+    number,
+    split_cells,
+    trimmed,
+    widest_sign,
+)
 from fourpole.io.names import numbered
 from fourpole.io.rows import PART, Piece, too_long
 
@@ -113,10 +125,10 @@ class _Run:
 def stretches_of(source: BinaryIO, start: bytes, offset: int, encoding: str, name: str) -> list[Stretch]:
     """The stretches of a file from a byte on, whose first lines are `start`; empty if it has none."""
     lines = [line.decode(encoding, errors="replace") for line in start[offset:].splitlines()]
-    shape = shape_of([line for line in lines[:-1] or lines if len(line) < _LONGEST])
-    if shape is None:
+    delimiter = delimiter_of([line for line in lines[:-1] or lines if len(line) < _LONGEST])
+    if delimiter is None:
         return []
-    scan = _Scan(shape, encoding, name, b"\n" if b"\n" in start else b"\r", offset)
+    scan = _Scan(delimiter, encoding, name, b"\n" if b"\n" in start else b"\r", offset)
     source.seek(offset)
     while chunk := source.read(_CHUNK):
         scan.feed(chunk)
@@ -153,10 +165,11 @@ def _together(runs: list[_Run], *, repeats: bool) -> list[Stretch]:
 class _Scan:
     """The runs of rows of a file that is read in parts."""
 
-    def __init__(self, shape: Shape, encoding: str, name: str, ending: bytes, offset: int) -> None:
+    def __init__(self, delimiter: str, encoding: str, name: str, ending: bytes, offset: int) -> None:
         self.aside = 0
         """Number of lines since the last row."""
-        self._shape, self._encoding, self._name, self._ending = shape, encoding, name, ending
+        self._delimiter, self._encoding, self._name, self._ending = delimiter, encoding, name, ending
+        self._sign = widest_sign(delimiter)
         self._offset, self._line, self._blank = offset, 1, 0
         self._rest = self._tail = b""
         self._runs: list[_Run] = []
@@ -175,7 +188,9 @@ class _Scan:
 
     def repeats(self, layout: Layout) -> bool:
         """Whether the header of the last run is among the lines below it, which have no rows."""
-        return any(trimmed(self._shape.split(line), layout.width) == list(layout.names) for line in self._above)
+        return any(
+            trimmed(split_cells(line, self._delimiter), layout.width) == list(layout.names) for line in self._above
+        )
 
     def feed(self, chunk: bytes) -> None:
         """Take the next bytes of the file."""
@@ -224,7 +239,7 @@ class _Scan:
         text = lines.text(at)[:_LONGEST]
         rows = self._rows(lines, at)
         if rows:
-            layout = layout_below(self._above, rows, self._shape, lines.line(at), headless=not self._runs)
+            layout = layout_below(self._above, rows, self._delimiter, lines.line(at), headless=not self._runs)
             if layout is not None:
                 self._begin(layout, rows, lines, at)
                 return at
@@ -243,26 +258,26 @@ class _Scan:
     def _rows(self, lines: _Lines, at: int) -> list[list[str]]:
         """The cells of the next lines, if they are rows of values; empty if the line is none."""
         first = self._cells(lines, at)
-        if not _opens(first, self._shape):
+        if not _opens(first, self._sign):
             return []
         width, rows = len(first), [first]
         for one in range(at + 1, min(at + _SHOWN, len(lines))):
             cells = trimmed(self._cells(lines, one), width)
-            if len(cells) != width or not _opens(cells, self._shape):
+            if len(cells) != width or not _opens(cells, self._sign):
                 break
             rows.append(cells)
-        plain = all(is_missing(cell) or is_value(cell, self._shape.sign) for cell in first)
+        plain = all(is_missing(cell) or is_value(cell, self._sign) for cell in first)
         return rows if plain or len(rows) > 1 or at + 1 == len(lines) else []
 
     def _cells(self, lines: _Lines, at: int) -> list[str]:
         text = lines.text(at)
-        return [] if len(text) > _LONGEST or is_aside(text) else self._shape.split(text)
+        return [] if len(text) > _LONGEST or is_aside(text) else split_cells(text, self._delimiter)
 
     def _begin(self, layout: Layout, rows: list[list[str]], lines: _Lines, at: int) -> None:
         """Begin a run with the row of this line."""
         upper = len(self._above) - (lines.line(at) - layout.header_line)
         above = tuple(self._above[: max(upper, 0)])
-        title = _title(list(above), self._shape)
+        title = _title(list(above), self._delimiter)
         lettered = any(_has_letter("".join(row).encode()) for row in rows)
         self._run = _Run(layout, title, above, lines.line(at), lines.begin(at), rows[0], lettered)
         self._above, self.aside = [], 0
@@ -289,8 +304,8 @@ class _Scan:
         text = lines.text(at)
         if is_aside(text):
             return True
-        cells = trimmed(self._shape.split(text), run.layout.width)
-        return len(cells) == run.layout.width and _opens(cells, self._shape)
+        cells = trimmed(split_cells(text, self._delimiter), run.layout.width)
+        return len(cells) == run.layout.width and _opens(cells, self._sign)
 
     def _end(self, before: bytes) -> None:
         """End the run, the bytes before whose end are given; blank lines at its end do not count."""
@@ -300,7 +315,7 @@ class _Scan:
         blank = before[len(filled) :]
         run.rows -= max(blank.count(b"\n") if b"\n" in blank else blank.count(b"\r"), 1) - 1
         row = filled[max(filled.rfind(b"\n"), filled.rfind(b"\r")) + 1 :].decode(self._encoding, errors="replace")
-        cells = trimmed(self._shape.split(row), run.layout.width)
+        cells = trimmed(split_cells(row, self._delimiter), run.layout.width)
         run.last = cells if len(cells) == run.layout.width else run.first
         self._runs.append(run)
 
@@ -361,10 +376,10 @@ def _has_letter(content: bytes) -> bool:
     return high > 0 and high > sum(int(np.count_nonzero(data == one)) for one in _EXPONENT)
 
 
-def _opens(cells: list[str], shape: Shape) -> bool:
+def _opens(cells: list[str], sign: str) -> bool:
     """Whether cells may be a row of a table: a value and mostly values, or a word and some values behind it."""
     filled = [cell for cell in cells if not is_missing(cell)]
-    values = [is_value(cell, shape.sign) for cell in filled]
+    values = [is_value(cell, sign) for cell in filled]
     if not any(values):
         return False
     if values[0]:
@@ -372,25 +387,30 @@ def _opens(cells: list[str], shape: Shape) -> bool:
     return len(values) > _LABELLED and values[1] and 4 * sum(values) >= 3 * (len(values) - 1)
 
 
-def _title(above: list[str], shape: Shape) -> str:
+def _title(above: list[str], delimiter: str) -> str:
     """The title of a stretch: the nearest line of one cell above its header, or the first line of that paragraph."""
-    cells = [[cell for cell in shape.split(line) if cell] if line.strip() else [] for line in above]
-    while cells and not cells[-1]:
-        cells.pop()
-    paragraph: list[list[str]] = []
-    while cells and cells[-1]:
-        paragraph.insert(0, cells.pop())
+    paragraphs = _paragraphs(above, delimiter)
+    paragraph = paragraphs[-1] if paragraphs else []
     stated = [one[1] for one in paragraph if len(one) > 1 and _RESULT.fullmatch(one[0])]
-    if stated:
-        return _tidy(stated[-1])
-    single = [one[0] for one in paragraph if len(one) == 1 and not one[0].startswith("[") and one[0][-1] not in ":="]
-    if single:
-        return _tidy(single[-1])
+    if titles := stated or _single(paragraph):
+        return _tidy(titles[-1])
     title = _value(paragraph[0]) if paragraph else ""
     if number(title) is None:
         return title
-    whole = next((_value(one) for one in reversed(cells) if one and _RESULT.fullmatch(one[0])), "")
+    before = (one for lines in reversed(paragraphs[:-1]) for one in reversed(lines))
+    whole = next((_value(one) for one in before if _RESULT.fullmatch(one[0])), "")
     return f"{whole} {title}".strip()
+
+
+def _paragraphs(lines: list[str], delimiter: str) -> list[list[list[str]]]:
+    """The cells that are filled, by line and by paragraph; a blank line ends a paragraph."""
+    cells = [[cell for cell in split_cells(line, delimiter) if cell] if line.strip() else [] for line in lines]
+    return [list(group) for filled, group in groupby(cells, bool) if filled]
+
+
+def _single(paragraph: list[list[str]]) -> list[str]:
+    """The lines of one cell that may be a title."""
+    return [one[0] for one in paragraph if len(one) == 1 and not one[0].startswith("[") and one[0][-1] not in ":="]
 
 
 def _value(cells: list[str]) -> str:

@@ -6,7 +6,6 @@ Recordings are read by `read_columns`, which is faster and stricter.
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -17,20 +16,20 @@ from fourpole.errors import TableError
 from fourpole.io.door import read_bytes
 from fourpole.io.layout import (
     Layout,
+    check_even,
     find_column,
     find_layout,
     holds_numbers,
     is_aside,
     is_missing,
     number,
+    split_cells,
     split_lines,
-    splitter,
     trimmed,
-    uneven,
 )
 from fourpole.io.names import in_group
-from fourpole.io.source import decode, name_of
-from fourpole.io.stretches import stretches_of
+from fourpole.io.source import AnyPath, decode, name_of
+from fourpole.io.stretches import Stretch, stretches_of
 from fourpole.units import column_unit, shown
 from fourpole.words import first_of
 
@@ -113,9 +112,7 @@ class TextTable:
         return values
 
 
-def read_table(
-    path: str | os.PathLike[str], *, group: str = "", max_bytes: int = 64_000_000, label: str | None = None
-) -> TextTable:
+def read_table(path: AnyPath, *, group: str = "", max_bytes: int = 64_000_000, label: str | None = None) -> TextTable:
     r"""Read a table of text: names in a header, units with them or in a row below.
 
     Comma, semicolon, tab or white space separate the cells; the decimal sign is a point or a comma; the encoding is
@@ -182,19 +179,23 @@ def tables_of(text: str, name: str, group: str = "") -> list[tuple[str, TextTabl
         found = None
     pieces = sum(len(one.pieces) for one in stretches)
     numbers = found is not None and holds_numbers(lines, found)
-    if not pieces and not numbers and (uneven_at := uneven(lines[:_UNEVEN])):
-        raise TableError("{} line {}: the header has {} names, but the rows {} cells".format(name, *uneven_at))
+    if not pieces and not numbers:
+        check_even(lines[:_UNEVEN], name)
     if found is not None and pieces < 2 and (not pieces or numbers):
         in_group([], group, name)
         return [("", _table(lines, found, name))]
     chosen = in_group([(one.name, "") for one in stretches], group, name)
-    tables = []
-    for stretch in (stretches[at] for at in chosen):
-        kept = [""] * len(lines)
-        for piece in stretch.pieces:
-            kept[piece.line - 1 : piece.line - 1 + piece.rows] = lines[piece.line - 1 : piece.line - 1 + piece.rows]
-        tables.append((stretch.name if len(stretches) > 1 else "", _table(kept, stretch.layout, name)))
-    return tables
+    many = len(stretches) > 1
+    return [(stretches[at].name if many else "", _table_of(stretches[at], lines, name)) for at in chosen]
+
+
+def _table_of(stretch: Stretch, lines: list[str], name: str) -> TextTable:
+    """The table of one of several headers; all lines but those of its rows count as blank."""
+    kept = [""] * len(lines)
+    for piece in stretch.pieces:
+        rows = slice(piece.line - 1, piece.line - 1 + piece.rows)
+        kept[rows] = lines[rows]
+    return _table(kept, stretch.layout, name)
 
 
 def _table(lines: list[str], layout: Layout, name: str) -> TextTable:
@@ -216,13 +217,12 @@ def _table(lines: list[str], layout: Layout, name: str) -> TextTable:
 
 def _rows(lines: list[str], layout: Layout) -> tuple[list[int], list[list[str]], list[tuple[int, str]]]:
     """Number of the line of each row, the cells of each row, and the lines that are no rows."""
-    split = splitter(layout.delimiter)
     numbers: list[int] = []
     rows: list[list[str]] = []
     skipped: list[tuple[int, str]] = []
     short: list[tuple[int, list[str], str]] = []
     for line, text in _records(lines, layout):
-        cells = trimmed(split(text), layout.width)
+        cells = trimmed(split_cells(text, layout.delimiter), layout.width)
         if len(cells) == layout.width:
             rows += [[*some, *[""] * (layout.width - len(some))] for _, some, _ in short]
             numbers += [number for number, _, _ in short]

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from fourpole.errors import FileError
-from fourpole.io.source import name_of, reason
+from fourpole.io.source import AnyPath, name_of, reason
 
 if TYPE_CHECKING:
     import polars as pl
@@ -31,7 +31,7 @@ _OF_SYSTEM |= {errno.ETIMEDOUT, errno.ENFILE, errno.EMFILE}
 _ABANDONED = 3600.0
 
 
-def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = None) -> None:
+def write_text(path: AnyPath, text: str, *, label: str | None = None) -> None:
     r"""Write a text file in UTF-8, in one step.
 
     Parameters
@@ -59,7 +59,7 @@ def write_text(path: str | os.PathLike[str], text: str, *, label: str | None = N
     write_bytes(path, text.encode(), label=label)
 
 
-def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | None = None) -> None:
+def write_bytes(path: AnyPath, content: bytes, *, label: str | None = None) -> None:
     """Write a file in one step; see `write_text`.
 
     Examples
@@ -74,7 +74,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes, *, label: str | No
         file.write(content)
 
 
-def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str | None = None) -> None:
+def write_table(path: AnyPath, frame: pl.DataFrame, *, label: str | None = None) -> None:
     r"""Write a table in one step, as CSV or Parquet by the name's ending.
 
     Parameters
@@ -112,7 +112,7 @@ def write_table(path: str | os.PathLike[str], frame: pl.DataFrame, *, label: str
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str], *, label: str | None = None) -> Iterator[BinaryIO]:
+def replacing(path: AnyPath, *, label: str | None = None) -> Iterator[BinaryIO]:
     """A new file that replaces `path` at the end of the context, or is deleted if anything fails.
 
     Examples
@@ -129,7 +129,7 @@ def replacing(path: str | os.PathLike[str], *, label: str | None = None) -> Iter
 
 
 @contextmanager
-def beside(path: str | os.PathLike[str], *, label: str | None = None) -> Iterator[Path]:
+def beside(path: AnyPath, *, label: str | None = None) -> Iterator[Path]:
     """A free path in a hidden folder; the file or folder written there replaces `path` at the end of the context.
 
     If anything fails, `path` is unchanged. A folder replaces a folder with its whole content.
@@ -218,7 +218,7 @@ def why(error: Exception) -> str:
     return f"{reason(error)}{'; free some space and run it again' if is_full(error) else ''}"
 
 
-def remove_leftovers(folder: str | os.PathLike[str], *, abandoned: float = _ABANDONED) -> None:
+def remove_leftovers(folder: AnyPath, *, abandoned: float = _ABANDONED) -> None:
     """Delete hidden folders of `beside` that killed processes left in a folder; a former folder inside is kept.
 
     Parameters

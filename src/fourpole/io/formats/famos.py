@@ -57,6 +57,17 @@ class _Component:
     barred: str = ""
     """The reason why it cannot be read; empty if it can."""
 
+    def describe_samples(
+        self, _: int, width: int, kind: int, bits: int, mask: int, first: int, direct: int, distance: int
+    ) -> None:
+        """Take the content of the key CP: how the samples are stored."""
+        self.width, self.kind = width, kind
+        size = 6 if kind == _SIX_BYTES else np.dtype(_TYPES.get(kind, "V1")).itemsize
+        if kind not in (*_TYPES, _SIX_BYTES) or width != size:
+            self.barred = f"has samples of the kind {kind}, which are no numbers or not known"
+        elif mask or first or distance or direct != 1 or bits != 8 * width:
+            self.barred = "is stored between the samples of others; save it again in FAMOS"
+
     @property
     def count(self) -> int:
         return self.size // self.width if self.width else 0
@@ -168,6 +179,7 @@ class _Content(Content):
         return begin + length + 1
 
     def _take(self, kind: bytes, version: int, content: bytes) -> None:
+        """Take a key of the whole file, or else of a set."""
         if kind == b"CF":
             if version != 2:
                 raise TableError(f"{self._name}: is of FAMOS format {version}; save it in a newer FAMOS, or as CSV")
@@ -176,10 +188,14 @@ class _Content(Content):
             page = f"cp{_fields(content, 1)[0].decode('ascii', errors='replace')}"
             self._page = page if _is_encoding(page) else self._page
         elif kind == b"NO":
-            self._notes += [tidy(one) for one in map(self._decoded_text, _texts(content, 1, 2)) if one]
+            self._notes += filter(None, (tidy(self._decoded_text(text)) for text in _texts(content, 1, 2)))
         elif kind == b"CB":
             self._groups[int(_fields(content, 1)[0])] = self._decoded_text(_texts(content, 1, 1)[0])
-        elif kind == b"CG":
+        else:
+            self._take_of_set(kind, content)
+
+    def _take_of_set(self, kind: bytes, content: bytes) -> None:
+        if kind == b"CG":
             self._set = _Set(dimension=int(_fields(content, 3)[2]))
             self._sets.append(self._set)
         elif kind == b"CD":
@@ -206,13 +222,7 @@ class _Content(Content):
 
     def _describe(self, one: _Component, kind: bytes, content: bytes) -> None:
         if kind == b"CP":
-            _, width, type_, bits, mask, first, direct, distance = map(int, _fields(content, 8))
-            one.width, one.kind = width, type_
-            size = 6 if type_ == _SIX_BYTES else np.dtype(_TYPES.get(type_, "V1")).itemsize
-            if type_ not in (*_TYPES, _SIX_BYTES) or width != size:
-                one.barred = f"has samples of the kind {type_}, which are no numbers or not known"
-            elif mask or first or distance or direct != 1 or bits != 8 * width:
-                one.barred = "is stored between the samples of others; save it again in FAMOS"
+            one.describe_samples(*map(int, _fields(content, 8)))
         elif kind == b"Cb":
             count, _, _, index, begin, _, first, size = map(int, _fields(content, 8))
             one.index, one.begin, one.size = index, begin, size
@@ -240,12 +250,7 @@ class _Content(Content):
                     continue  # the abscissa
                 for called, group, bit, comment in values.names or [(f"channel {len(found) + 1}", 0, 0, "")]:
                     found.append(_Channel(called, self._groups.get(group, ""), bit, tidy(comment), values, owner))
-        triggers = [one.owner.trigger for one in found if one.owner.trigger is not None]
-        if not found or len(triggers) < len(found):
-            return found
-        since = [trigger - min(triggers) for trigger in triggers]
-        late = [gap.total_seconds() + one.owner.late + one.values.later for gap, one in zip(since, found, strict=True)]
-        return [replace(one, since=after - min(late)) for one, after in zip(found, late, strict=True)]
+        return _since_zero(found)
 
     def info(self) -> FileInfo:
         triggers = [one.owner.trigger for one in self.channels]
@@ -310,6 +315,16 @@ class _Content(Content):
         words = np.frombuffer(raw, f"{self._order}u2").reshape(-1, 3).astype(np.uint64)
         low, middle, high = (words[:, at] for at in ((0, 1, 2) if self._order == "<" else (2, 1, 0)))
         return low + (middle << np.uint64(16)) + (high << np.uint64(32))
+
+
+def _since_zero(channels: list[_Channel]) -> list[_Channel]:
+    """The channels, with the time from the earliest trigger to their own if each has one."""
+    triggers = [one.owner.trigger for one in channels if one.owner.trigger is not None]
+    if not channels or len(triggers) < len(channels):
+        return channels
+    since = [(trigger - min(triggers)).total_seconds() for trigger in triggers]
+    late = [gap + one.owner.late + one.values.later for gap, one in zip(since, channels, strict=True)]
+    return [replace(one, since=after - min(late)) for one, after in zip(channels, late, strict=True)]
 
 
 def _is_encoding(page: str) -> bool:

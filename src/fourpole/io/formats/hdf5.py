@@ -228,25 +228,31 @@ def _number(stated: dict[str, Any], keys: Sequence[str]) -> float | None:
 
 def _timing(leaf: Leaf, own: dict[str, Any], beside: dict[str, Leaf], name: str) -> _Timing:
     """The time base that the channel states, or else its group, or else the dataset of times in the same group."""
-    start = _number(own, _STARTS) or _number(leaf.inherited, _STARTS) or 0.0
+    start = next(filter(None, (_number(stated, _STARTS) for stated in (own, leaf.inherited))), 0.0)
     for stated in (own, leaf.inherited):
-        rate, step = _number(stated, RATES), _number(stated, STEPS)
-        if (rate := rate or (1.0 / step if step else None)) is not None and rate > 0:
+        if rate := _rate(stated):
             return rate, start, None
         if isinstance(stated.get("time"), str):
             time = beside.get(stated["time"].rpartition("/")[2])
-            if time is None or not _is_row(time) or _count(time) != _count(leaf):
-                if time is leaf or stated is leaf.inherited:
-                    continue
+            if time is not None and time is not leaf and _has_times_of(time, leaf):
+                return None, 0.0, time
+            if time is not leaf and stated is not leaf.inherited:
                 what = f"names the time {shown(stated['time'])}, which is not beside it or not as long"
                 raise TableError(f"{name}: channel {shown(leaf.path)} {what}; mend its attribute 'time'")
-            if time is not leaf:
-                return None, 0.0, time
-    if not is_time(leaf.name):
-        for one in beside.values():
-            if is_time(one.name) and _is_row(one) and _count(one) == _count(leaf):
-                return None, 0.0, one
-    return None, start, None
+    times = (one for one in beside.values() if is_time(one.name) and _has_times_of(one, leaf))
+    time = None if is_time(leaf.name) else next(times, None)
+    return None, (start if time is None else 0.0), time
+
+
+def _rate(stated: dict[str, Any]) -> float | None:
+    """The rate that attributes state [Hz], or their step gives; None if it is not positive."""
+    step = _number(stated, STEPS)
+    rate = _number(stated, RATES) or (1.0 / step if step else 0.0)
+    return rate if rate > 0 else None
+
+
+def _has_times_of(time: Leaf, leaf: Leaf) -> bool:
+    return _is_row(time) and _count(time) == _count(leaf)
 
 
 def _unit(leaf: Leaf, own: dict[str, Any]) -> str | None:

@@ -162,13 +162,18 @@ def _measurement(content: bytes, name: str) -> _Measurement:
         segments.append(_Segment(channels, len(names), min(line + 1, at), at))
     if not segments:
         raise TableError(f"{name}: has a header but no segment of channels below it; write it again, with headers")
+    return _Measurement(tags, separator, decimal, _grouped(segments))
+
+
+def _grouped(segments: Sequence[_Segment]) -> tuple[tuple[_Segment, ...], ...]:
+    """The segments, those together that continue each other."""
     groups: list[list[_Segment]] = []
     for segment in segments:
         if groups and segment.follows(groups[-1][-1]):
             groups[-1].append(segment)
         else:
             groups.append([segment])
-    return _Measurement(tags, separator, decimal, tuple(map(tuple, groups)))
+    return tuple(map(tuple, groups))
 
 
 def _tags(header: str, separator: str) -> dict[str, list[str]]:
@@ -181,18 +186,13 @@ def _channels(
     head: dict[str, list[str]], names: list[str], columns: str, decimal: str, where: str
 ) -> tuple[_Channel, ...]:
     """The channels of a segment, from its header and its line of names."""
-    stated = (head.get("Channels") or [""])[0]
-    if not stated.isascii() or not stated.isdigit() or not 0 < int(stated[:9]) <= _MOST_CHANNELS:
-        raise TableError(f"{where}: has {shown(stated)} as its number of channels; write the file again")
-    count, multi = int(stated), columns == "multi"
-    places = [1 + at * (2 if multi else 1) for at in range(count)]
-    if places[-1] >= len(names):
-        raise TableError(f"{where}: states {count} channels but names {len(names)} columns; it is cut off")
+    multi = columns == "multi"
+    places = _places(head, len(names), 2 if multi else 1, where)
 
     def cell(tag: str, at: int) -> str:
         cells = head.get(tag, [])
         filled = [cells[place - 1] for place in places] if len(cells) >= places[-1] else cells
-        if multi and not all(filled[:count]) and sum(map(bool, cells)) == count:
+        if multi and not all(filled[: len(places)]) and sum(map(bool, cells)) == len(places):
             filled = [one for one in cells if one]  # the cells stand side by side, not above their columns
         return filled[at] if at < len(filled) else ""
 
@@ -220,6 +220,17 @@ def _channels(
             )
         )
     return tuple(channels)
+
+
+def _places(head: dict[str, list[str]], width: int, step: int, where: str) -> list[int]:
+    """Indices of the columns of the channels; TableError if their number is none, or more than there are columns."""
+    stated = (head.get("Channels") or [""])[0]
+    if not stated.isascii() or not stated.isdigit() or not 0 < int(stated[:9]) <= _MOST_CHANNELS:
+        raise TableError(f"{where}: has {shown(stated)} as its number of channels; write the file again")
+    places = [1 + step * at for at in range(int(stated))]
+    if places[-1] >= width:
+        raise TableError(f"{where}: states {len(places)} channels but names {width} columns; it is cut off")
+    return places
 
 
 def _last_digit(cell: str) -> float:

@@ -75,6 +75,10 @@ class _Stored:
         count = int(np.prod(self.shape, dtype=np.int64))
         return self.items(0, count)
 
+    def texts(self) -> list[str]:
+        """All values of a small array of texts."""
+        return [one.decode("latin-1") if isinstance(one, bytes) else str(one) for one in self.whole()]
+
 
 def _header(file: BinaryIO, size: int) -> tuple[np.dtype[Any], tuple[int, ...], bool, int]:
     """Type, shape, whether the order is by column, and begin of the values; ValueError if the header lies."""
@@ -109,7 +113,7 @@ def _node(name: str, stored: _Stored) -> Node:
         if count == 1 and kind not in "mM":
             node.value = float(stored.whole()[0])
     elif kind in "US" and count <= MOST_TEXTS and stored.values.itemsize <= 4 * LONGEST_TEXT:
-        texts = [one.decode("latin-1") if isinstance(one, bytes) else str(one) for one in stored.whole()]
+        texts = stored.texts()
         if len(dims) == 1:
             node.kind, node.below = "cells", [Node("", kind="text", value=one) for one in texts]
         elif not dims:

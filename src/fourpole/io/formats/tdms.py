@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
@@ -175,34 +175,42 @@ class _Run:
 
 def _runs(segments: Sequence[Any], path: str) -> list[_Run]:
     """The runs of samples of a channel. The library reads a chunk whole; samples in larger chunks are read here."""
-    runs, at = [], 0
+    runs, begin = [], 0
     for segment in segments:
         held = [one for one in segment.ordered_objects if one.has_data]
         own = next((one for one in held if one.path == path), None)
         if own is None or not own.number_values or not segment.num_chunks:
             continue
-        ends = segment.final_chunk_lengths_override
-        chunk = sum(one.data_size for one in held)
-        stored = getattr(own.data_type, "nptype", None)
-        if segment.toc_mask & _DAQMX or stored is None or chunk <= _AT_ONCE:
-            count = own.number_values * (segment.num_chunks - (ends is not None)) + (ends or {}).get(path, 0)
-            runs.append(_Run(at, at + count, 0, 0, None))
-            at += count
-            continue
-        kind = np.dtype(stored).newbyteorder(">" if segment.toc_mask & _BIG_ENDIAN else "<")
-        for number in range(segment.num_chunks):
-            counts = ends if ends is not None and number == segment.num_chunks - 1 else None
-            count = own.number_values if counts is None else counts.get(path, 0)
-            before = held[: held.index(own)]
-            if segment.toc_mask & _INTERLEAVED:
-                step, skipped = sum(one.data_type.size for one in held), sum(one.data_type.size for one in before)
-            elif counts is None:
-                step, skipped = kind.itemsize, sum(one.data_size for one in before)
-            else:
-                step, skipped = kind.itemsize, sum(one.data_type.size * counts.get(one.path, 0) for one in before)
-            runs.append(_Run(at, at + count, segment.data_position + number * chunk + skipped, step, kind))
-            at += count
+        for count, place, step, kind in _pieces(segment, held, own):
+            runs.append(_Run(begin, begin + count, place, step, kind))
+            begin += count
     return runs
+
+
+def _pieces(segment: Any, held: list[Any], own: Any) -> Iterator[tuple[int, int, int, Any]]:
+    """Number of samples, first byte, step and type of the runs of the channel `own` in a segment."""
+    chunk, ends = sum(one.data_size for one in held), segment.final_chunk_lengths_override
+    stored = getattr(own.data_type, "nptype", None)
+    if segment.toc_mask & _DAQMX or stored is None or chunk <= _AT_ONCE:
+        last = (ends or {}).get(own.path, 0)
+        yield own.number_values * (segment.num_chunks - (ends is not None)) + last, 0, 0, None
+        return
+    kind = np.dtype(stored).newbyteorder(">" if segment.toc_mask & _BIG_ENDIAN else "<")
+    for number in range(segment.num_chunks):
+        counts = ends if number == segment.num_chunks - 1 else None
+        step, skipped = _in_chunk(held, own, counts, interleaved=bool(segment.toc_mask & _INTERLEAVED))
+        count = own.number_values if counts is None else counts.get(own.path, 0)
+        yield count, segment.data_position + number * chunk + skipped, step or kind.itemsize, kind
+
+
+def _in_chunk(held: list[Any], own: Any, counts: Mapping[str, int] | None, *, interleaved: bool) -> tuple[int, int]:
+    """Distance between the samples of a channel in a chunk (0: their size), and bytes before the first one."""
+    before = held[: held.index(own)]
+    if interleaved:
+        return sum(one.data_type.size for one in held), sum(one.data_type.size for one in before)
+    if counts is None:
+        return 0, sum(one.data_size for one in before)
+    return 0, sum(one.data_type.size * counts.get(one.path, 0) for one in before)
 
 
 def _unscaled(opened: OpenFile, tdms: Any, channel: Any) -> str:

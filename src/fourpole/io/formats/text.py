@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.errors import FourpoleError, TableError
-from fourpole.io.columns import Columns, Survey, column_blocks, read_columns, survey_columns, survey_stretches
+from fourpole.io.columns import Columns, column_blocks, count_rows, read_columns, survey_tables
 from fourpole.io.formats.guard import afford, find, seconds, tidy
 from fourpole.io.layout import Layout, number
 from fourpole.io.names import in_group, numbered
@@ -76,41 +76,22 @@ def _hertz(match: re.Match[str], *, inverse: bool) -> float | None:
 
 
 def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    most = max(max_bytes, MAX_FILE_BYTES)
-    stretches, written = survey_stretches(path, max_bytes=most, label=label)
-    first = _one_table(path, label, most, stretches)
-    if isinstance(first, Survey):
-        layout, above, written = first.layout, first.above[: first.layout.header_line - 1], first.encoding
-        signals = _signals(layout, first.above, first.rows, "")
-    else:
-        layout, above = first.layout, first.above
-        named = len(stretches) > 1
-        signals = [
-            signal
-            for one in stretches
-            for signal in _signals(one.layout, one.above, one.rows, one.name if named else "")
-        ]
+    tables, is_one, written = survey_tables(path, max_bytes=max(max_bytes, MAX_FILE_BYTES), label=label)
+    layout, above = tables[0].layout, tables[0].above
+    if is_one:
+        above = above[: layout.header_line - 1]
+    many = len(tables) > 1
+    signals = [
+        signal
+        for table in tables
+        for signal in _signals(table.layout, table.above, table.rows, table.name if many else "")
+    ]
     notes = [tidy(line) for line in above if line.strip()]
     if len(notes) > _MOST_NOTES:
         notes = [*notes[: _MOST_NOTES - 1], f"{len(notes) - _MOST_NOTES + 1} more lines"]
     between = {"\t": "tabs", " ": "blanks", ",": "commas", ";": "semicolons"}[layout.delimiter]
     decimal = ", decimal commas" if layout.decimal == "," else ""
     return FileInfo(f"text in {written}, {between} between the cells{decimal}", tuple(signals), tuple(notes))
-
-
-def _one_table(path: Path, label: str, most: int, stretches: Sequence[Stretch]) -> Survey | Stretch:
-    """The one table of a file by its first lines; the first stretch if there are more headers, or one further down."""
-    if len(stretches) > 1 or any(len(one.pieces) > 1 or one.repeats for one in stretches):
-        return stretches[0]
-    try:
-        found = survey_columns(path, max_bytes=most, label=label, stretches=stretches)
-    except TableError:
-        if not stretches:
-            raise
-        return stretches[0]
-    if stretches and stretches[0].layout.first_row != found.layout.first_row:
-        return stretches[0]
-    return found
 
 
 def _signals(layout: Layout, above: Sequence[str], rows: int, group: str) -> list[SignalInfo]:
@@ -149,14 +130,13 @@ def _several(request: Request, refused: TableError | None = None) -> list[Stretc
 
     The error with which such a table was `refused` is raised again.
     """
-    stretches, _ = survey_stretches(request.path, max_bytes=request.max_file_bytes, label=request.label)
-    found = _one_table(request.path, request.label, request.max_file_bytes, stretches)
-    several = [] if isinstance(found, Survey) else stretches
-    if not several and refused is not None:
+    tables, is_one, _ = survey_tables(request.path, max_bytes=MAX_FILE_BYTES, label=request.label)
+    if not is_one:
+        return tables
+    if refused is not None:
         raise refused
-    if not several:
-        in_group([], request.group, request.label)
-    return several
+    in_group([], request.group, request.label)
+    return []
 
 
 def _read(request: Request) -> Sequence[Signal]:
@@ -172,7 +152,7 @@ def _read(request: Request) -> Sequence[Signal]:
     signals: dict[int, Signal] = {}
     for stretch, names in _by_stretch(chosen).values():
         columns = read_columns(
-            request.path, list(names.values()), max_bytes=request.max_file_bytes, label=request.label, stretch=stretch
+            request.path, list(names.values()), max_bytes=MAX_FILE_BYTES, label=request.label, stretch=stretch
         )
         signals |= {at: _signal(columns, one, request.names[at]) for at, one in names.items()}
     return [signals[at] for at in range(len(request.names))]
@@ -185,12 +165,12 @@ def _signal(columns: Columns, column: str, name: str, done: int = 0) -> Signal:
 
 
 def _read_table(request: Request) -> Sequence[Signal]:
-    most, count = request.max_file_bytes, max(len(request.names), 1)
+    count = max(len(request.names), 1)
     # A cell has one byte at least, so that a short file needs no count of its rows.
     if _NUMBER_SIZE * request.path.stat().st_size > request.max_bytes:
-        rows = survey_columns(request.path, max_bytes=most, label=request.label).rows
+        rows = count_rows(request.path, max_bytes=MAX_FILE_BYTES, label=request.label)
         afford(_NUMBER_SIZE * rows * count, request.max_bytes, request.label)
-    columns = read_columns(request.path, request.names, max_bytes=most, label=request.label)
+    columns = read_columns(request.path, request.names, max_bytes=MAX_FILE_BYTES, label=request.label)
     return [_signal(columns, one, one) for one in request.names]
 
 
@@ -208,11 +188,17 @@ def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
             stretches = _several(request, error)
             if done > max(one.rows for one, _ in _chosen(request, stretches).values()):
                 raise  # what came as one table was none
+    # The first rows came from the first table, before it ended.
+    yield from islice(_turns(request, rows, stretches), done // rows, None)
+
+
+def _turns(request: Request, rows: int, stretches: Sequence[Stretch]) -> Iterator[list[Signal]]:
+    """The chunks of some columns of several stretches."""
     groups = list(_by_stretch(_chosen(request, stretches)).values())
     runs = [_stretch_blocks(request, rows, stretch, names) for stretch, names in groups]
     # The stretches of a test advance together; many at a time are only looked at, one file open after the other.
     turns = zip_longest(*runs) if len(runs) <= _TOGETHER else ((one,) for run in runs for one in run)
-    for turn in islice(turns, done // rows, None):  # the first rows came from the first table, before it ended
+    for turn in turns:
         signals = {one.name: one for chunk in turn for one in chunk or ()}
         yield [signals.get(one, Signal(one, None, np.empty(0))) for one in request.names]
 
@@ -223,7 +209,7 @@ def _stretch_blocks(
     """The chunks of some columns of a stretch, or of a file with one table."""
     done = 0
     for block in column_blocks(
-        request.path, list(names.values()), rows, max_bytes=request.max_file_bytes, label=request.label, stretch=stretch
+        request.path, list(names.values()), rows, max_bytes=MAX_FILE_BYTES, label=request.label, stretch=stretch
     ):
         yield [_signal(block, one, request.names[at], done) for at, one in names.items()]
         done += len(block)

@@ -200,9 +200,9 @@ def track_format(
     """The format of a module, whose channels can be read in any part; `kind` is that of its `Guard`."""
 
     @contextmanager
-    def opened(path: Path, label: str, guard: Guard, max_bytes: int, max_file_bytes: int) -> Iterator[Content]:
+    def opened(path: Path, label: str, guard: Guard, max_bytes: int) -> Iterator[Content]:
         with ExitStack() as closing:
-            file = closing.enter_context(open_regular(path, max_bytes=max_file_bytes, label=label))
+            file = closing.enter_context(open_regular(path, max_bytes=MAX_FILE_BYTES, label=label))
             name = name_of(path, label)
             if not BEGINS[module](file.read(HEAD_BYTES)):
                 raise TableError(f"{name}: is not {kind}: it does not begin as one; check what wrote it")
@@ -212,17 +212,16 @@ def track_format(
 
     def survey(path: Path, label: str, max_bytes: int) -> FileInfo:
         guard = Guard(name_of(path, label), kind)
-        with guard, opened(path, label, guard, max_bytes, max(max_bytes, MAX_FILE_BYTES)) as found:
+        with guard, opened(path, label, guard, max_bytes) as found:
             return found.info()
 
     def read(request: Request) -> list[Signal]:
         guard = Guard(name_of(request.path, request.label), kind)
-        limits = request.max_bytes, request.max_file_bytes
-        with guard, opened(request.path, request.label, guard, *limits) as found:
+        with guard, opened(request.path, request.label, guard, request.max_bytes) as found:
             return [one.whole() for one in found.tracks(request, whole=True)]
 
     def chunks(request: Request, rows: int, guard: Guard) -> Generator[list[Signal]]:
-        with opened(request.path, request.label, guard, request.max_bytes, request.max_file_bytes) as found:
+        with opened(request.path, request.label, guard, request.max_bytes) as found:
             yield from in_step(found.tracks(request, whole=False), rows)
 
     def blocks(request: Request, rows: int) -> Iterator[list[Signal]]:

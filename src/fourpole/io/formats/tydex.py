@@ -9,7 +9,6 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +31,7 @@ from fourpole.io.known import BEGINS
 from fourpole.io.layout import find_column, is_missing, plain_numbers
 from fourpole.io.names import in_group, numbered
 from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
-from fourpole.io.source import encoding_of, name_of
+from fourpole.io.source import AnyPath, encoding_of, name_of
 from fourpole.units import shown
 
 _KEYWORD = re.compile(r"\*\*\s*+([A-Za-z_]++)[ \t]*+(.*)")
@@ -44,7 +43,7 @@ _HEAD = 65_536
 _TIME = "RUNTIME"
 
 
-def read_tydex(path: str | PathLike[str], *, max_bytes: int = 1_000_000_000, label: str | None = None) -> TydexFile:
+def read_tydex(path: AnyPath, *, max_bytes: int = 1_000_000_000, label: str | None = None) -> TydexFile:
     r"""Read a TYDEX file, release 1.3 or earlier.
 
     Accepted are also tabs between the entries, lines without their trailing blanks, Fortran's D exponents, decimal
@@ -116,9 +115,8 @@ class _Reader:
 
     def __init__(self, lines: Iterator[tuple[int, str]], name: str, max_bytes: int) -> None:
         self._lines, self._name, self._max_bytes = lines, name, max_bytes
-        self._entries: dict[str, list[TydexEntry]] = {"HEADER": [], "CONSTANTS": [], "MODELPARAMETERS": []}
+        self._entries: dict[str, list[TydexEntry]] = {"HEADER": [], "CONSTANTS": []}
         self._comments: list[str] = []
-        self._models: list[tuple[str, list[str]]] = []
         self._channels: list[TydexChannel] = []
         self._notes: list[str] = []
         self._data: NDArray[np.float64] | None = None
@@ -136,8 +134,6 @@ class _Reader:
             if section not in SECTIONS:
                 self._note(f"the section **{section} is not of TYDEX 1.3 and is passed over")
                 section = ""
-            elif section.startswith("MODEL") and section != "MODELPARAMETERS":
-                self._models.append((section, []))
             ended = section == "END"
         if not ended:
             self._note("has no **END: it may be cut off")
@@ -148,8 +144,6 @@ class _Reader:
             channels=tuple(self._channels),
             data=data,
             comments=tuple(self._comments),
-            parameters=tuple(self._entries["MODELPARAMETERS"]),
-            models=tuple((keyword, tuple(lines)) for keyword, lines in self._models),
             notes=tuple(self._notes),
             label=self._name,
         )
@@ -168,8 +162,6 @@ class _Reader:
                 return opened
             if section == "COMMENTS":
                 self._comments.append(line)
-            elif section.startswith("MODEL") and section != "MODELPARAMETERS":
-                self._models[-1][1].append(line)
             elif not line.strip() or "!" in line[:10]:
                 continue
             elif section == "MEASURCHANNELS":

@@ -14,7 +14,6 @@ Workshop, Universität Karlsruhe, 1997.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from os import PathLike
 from typing import BinaryIO
 
 import numpy as np
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from fourpole.core.arrays import ByValue
 from fourpole.errors import TableError
 from fourpole.io.layout import find_column, number
-from fourpole.io.source import name_of
+from fourpole.io.source import AnyPath, name_of
 from fourpole.io.write import replacing
 from fourpole.units import shown
 
@@ -66,7 +65,7 @@ _LOADS = {
 
 @dataclass(frozen=True)
 class TydexEntry:
-    """A line of a header, of the constants or of a model's parameters.
+    """A line of the header or of the constants.
 
     Attributes
     ----------
@@ -113,15 +112,13 @@ class TydexFile(ByValue):
 
     Attributes
     ----------
-    header, constants, parameters : tuple of TydexEntry
-        Entries of these sections; `parameters` are those of a tyre model.
+    header, constants : tuple of TydexEntry
+        Entries of these sections.
     comments : tuple of str
         Lines of free text.
     channels : tuple of TydexChannel
     data : (rows, channels) float array
         Stored values, to which factor and offset are not applied; not-a-number where a value is missing. See `values`.
-    models : tuple of (str, tuple of str)
-        Keyword and lines of each other section of a model, such as MODELCOEFFICIENTS.
     notes : tuple of str
         Warnings of the reader, such as a missing end or an unknown section.
     label : str
@@ -133,8 +130,6 @@ class TydexFile(ByValue):
     channels: tuple[TydexChannel, ...] = ()
     data: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     comments: tuple[str, ...] = ()
-    parameters: tuple[TydexEntry, ...] = ()
-    models: tuple[tuple[str, tuple[str, ...]], ...] = ()
     notes: tuple[str, ...] = ()
     label: str = "TYDEX file"
 
@@ -168,7 +163,7 @@ def meaning(name: str) -> str:
     return _QUANTITIES.get(upper, "")
 
 
-def write_tydex(path: str | PathLike[str], tyre: TydexFile, *, label: str | None = None) -> None:
+def write_tydex(path: AnyPath, tyre: TydexFile, *, label: str | None = None) -> None:
     """Write a TYDEX file of release 1.3, in one step.
 
     Numbers are kept with a relative error of at most 5e-13. The data stand in fields of 10 columns if all values fit,
@@ -202,19 +197,12 @@ def write_tydex(path: str | PathLike[str], tyre: TydexFile, *, label: str | None
     before = ["**HEADER", *(_entry_line(one, name) for one in header)]
     before += ["**COMMENTS", *(_comment_line(one, name) for one in tyre.comments)]
     before += ["**CONSTANTS", *(_entry_line(one, name) for one in tyre.constants)]
-    after: list[str] = []
     if tyre.channels:
         before += ["**MEASURCHANNELS", *(_channel_line(one, name) for one in tyre.channels), "**MEASURDATA"]
-    if tyre.parameters:
-        after += ["**MODELPARAMETERS", *(_entry_line(one, name) for one in tyre.parameters)]
-    for keyword, lines in tyre.models:
-        if keyword not in SECTIONS or not keyword.startswith("MODEL"):
-            raise TableError(f"{name}: {shown(keyword)} is no section of a model")
-        after += [f"**{keyword}", *(_comment_line(one, name) for one in lines)]
     with replacing(path, label=label) as file:
         file.write("".join(f"{line}\n" for line in before).encode("ascii"))
         _write_rows(file, data)
-        file.write("".join(f"{line}\n" for line in (*after, "**END")).encode("ascii"))
+        file.write(b"**END\n")
 
 
 def _write_rows(file: BinaryIO, data: NDArray[np.float64]) -> None:

@@ -193,13 +193,18 @@ def _headers(pyuff: Any, content: mmap.mmap, name: str) -> tuple[list[DataSet], 
             f"{name}: is damaged: {len(places)} data sets begin, {len(found)} can be read; export it again"
         )
     sets = [DataSet(start, stop, head) for (start, stop), head in zip(places, found, strict=True)]
+    _check_counts(sets, name)
+    return sets, system, {tag: count for tag, count in others.items() if tag not in _ABOUT}
+
+
+def _check_counts(sets: Sequence[DataSet], name: str) -> None:
+    """TableError if a function declares more values than its bytes can hold."""
     for number, one in enumerate(sets, 1):
         least = (4 if one.header["ord_data_type"] in (2, 5) else 8) if one.header.get("binary") else 13
         if one.count < 0 or one.count * least > one.stop - one.start + 80:
             raise TableError(
                 f"{name}: is cut short: function {number} declares {one.count} values and has fewer; export it again"
             )
-    return sets, system, {tag: count for tag, count in others.items() if tag not in _ABOUT}
 
 
 def _held(others: Mapping[bytes, int]) -> str:

@@ -90,17 +90,7 @@ class Channel:
 def channels_within(nodes: Sequence[Node], path: tuple[str, ...], above: float | None) -> Iterator[Channel]:
     """The channels of a struct, or of the top of the file; `above` is the rate that a struct above states [Hz]."""
     rate = _rate(nodes) or above
-    tables = [one for one in nodes if one.is_table]
-    found: list[Channel] = []
-    unit = _only_text(nodes, _UNITS) if sum(one.is_vector for one in nodes) == 1 else None
-    named = _units_by_name(nodes)
-    for one in nodes:
-        called = ".".join(filter(None, [*path, one.name]))
-        if one.is_vector:
-            stated = of_name(one.name, one.unit or unit or named.get(one.name))
-            found.append(Channel(called, stated, (*path, one.name), one, None, max(one.dims)))
-        elif one.is_table:
-            found.extend(_columns(one, called, path, nodes if len(tables) == 1 else ()))
+    found = list(_channels_of(nodes, path))
     times = [one for one in found if one.node.unit == "s"] or [one for one in found if is_time(one.name)]
     for channel in found:
         time = next((other for other in times if other.count == channel.count), None)
@@ -111,6 +101,20 @@ def channels_within(nodes: Sequence[Node], path: tuple[str, ...], above: float |
     for one in nodes:
         if one.kind == "struct":
             yield from channels_within(one.below, (*path, one.name), rate)
+
+
+def _channels_of(nodes: Sequence[Node], path: tuple[str, ...]) -> Iterator[Channel]:
+    """The vectors and columns among some nodes, without their times."""
+    tables = [one for one in nodes if one.is_table]
+    unit = _only_text(nodes, _UNITS) if sum(one.is_vector for one in nodes) == 1 else None
+    named = _units_by_name(nodes)
+    for one in nodes:
+        called = ".".join(filter(None, [*path, one.name]))
+        if one.is_vector:
+            stated = of_name(one.name, one.unit or unit or named.get(one.name))
+            yield Channel(called, stated, (*path, one.name), one, None, max(one.dims))
+        elif one.is_table:
+            yield from _columns(one, called, path, nodes if len(tables) == 1 else ())
 
 
 def _columns(one: Node, called: str, path: tuple[str, ...], beside: Sequence[Node]) -> Iterator[Channel]:
@@ -137,11 +141,12 @@ def _texts(nodes: Sequence[Node], wanted: re.Pattern[str], count: int) -> list[s
 
 def _units_by_name(nodes: Sequence[Node]) -> dict[str, str]:
     """Units of vectors by their names, if two cell arrays beside them, or in a struct beside them, list both."""
+    vectors = {one.name for one in nodes if one.is_vector}
     for place in (nodes, *(one.below for one in nodes if one.kind == "struct")):
-        lists = [(one.name, one.texts) for one in place if one.texts]
-        units = next((texts for name, texts in lists if texts and _UNITS.search(name)), [])
-        names = next((texts for name, texts in lists if texts and _NAMES.search(name) and len(texts) == len(units)), [])
-        if names and any(one.is_vector and one.name in names for one in nodes):
+        lists = [(one.name, texts) for one in place if (texts := one.texts)]
+        units = next((texts for name, texts in lists if _UNITS.search(name)), [])
+        names = next((texts for name, texts in lists if _NAMES.search(name) and len(texts) == len(units)), [])
+        if not vectors.isdisjoint(names):
             return dict(zip(names, units, strict=True))
     return {}
 

@@ -22,7 +22,7 @@ from fourpole.io.door import open_regular, path_for_library
 from fourpole.io.formats import text
 from fourpole.io.formats.guard import Guard, find, guarded, tidy
 from fourpole.io.known import BEGINS
-from fourpole.io.signals import HEAD_BYTES, FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of
 from fourpole.units import shown
 
@@ -265,14 +265,14 @@ def _inside(sheet: _Sheet, names: tuple[str, ...], group: str, request: Request)
 def _read(request: Request) -> list[Signal]:
     guard = Guard(name_of(request.path, request.label), _KIND)
     signals: dict[int, Signal] = {}
-    with guard, _opened(request.path, request.label, guard, request.max_file_bytes) as sheets:
+    with guard, _opened(request.path, request.label, guard, MAX_FILE_BYTES) as sheets:
         for sheet, ats, names, group in _asked(sheets, request):
             signals |= zip(ats, text.FORMAT.read(_inside(sheet, names, group, request)), strict=True)
     return [signals[at] for at in range(len(request.names))]
 
 
 def _chunks(request: Request, rows: int, guard: Guard) -> Generator[list[Signal]]:
-    with _opened(request.path, request.label, guard, request.max_file_bytes) as sheets:
+    with _opened(request.path, request.label, guard, MAX_FILE_BYTES) as sheets:
         asked = _asked(sheets, request)
         if len(asked) != 1 or text.FORMAT.blocks is None:
             raise TableError(f"{name_of(request.path, request.label)}: a recording is read from one sheet; name one")

@@ -182,18 +182,23 @@ def _of_signals(signals: Sequence[Signal], lost: Sequence[str], label: str, grou
 
 
 def _of_text(table: TextTable, group: str) -> Cells:
-    columns = []
     filled = [at for at, row in enumerate(zip(*table.columns, strict=True)) if not all(map(is_missing, row))]
-    for head, stated, every in zip(table.headers, table.units, table.columns, strict=True):
-        cells = [every[at] for at in filled]
-        name, unit = name_and_unit(head, stated)
-        found = [None if is_missing(cell) else number(cell, table.decimal) for cell in cells]
-        bad = tuple((at, cell) for at, cell in enumerate(cells) if found[at] is None and not is_missing(cell))
-        values = np.array([np.nan if one is None else one for one in found], dtype=float)
-        worded = 2 * len(bad) > len(cells) - sum(map(is_missing, cells))
-        columns.append(Column(head, name, unit, values, tuple(cells) if worded else (), () if worded else bad))
+    heads = zip(table.headers, table.units, table.columns, strict=True)
+    columns = [_column(head, unit, [cells[at] for at in filled], table.decimal) for head, unit, cells in heads]
     remarks = [f"line {line} is not data and was left out: {text}" for line, text in table.skipped]
     return Cells(table.label, group, tuple(columns), [table.lines[at] for at in filled], tuple(remarks))
+
+
+def _column(head: str, stated: str | None, cells: list[str], decimal: str) -> Column:
+    """A column of numbers, or of words if most of its cells are."""
+    name, unit = name_and_unit(head, stated)
+    there = [not is_missing(cell) for cell in cells]
+    found = [number(cell, decimal) if known else None for cell, known in zip(cells, there, strict=True)]
+    bad = tuple((at, cell) for at, cell in enumerate(cells) if there[at] and found[at] is None)
+    values = np.array([np.nan if one is None else one for one in found], dtype=float)
+    if 2 * len(bad) > sum(there):
+        return Column(head, name, unit, values, words=tuple(cells))
+    return Column(head, name, unit, values, bad=bad)
 
 
 def name_and_unit(head: str, stated: str | None) -> tuple[str, str | None]:

@@ -161,12 +161,17 @@ def _fitting(column: Column, role: str, letter: str) -> Taken | None:
     if column.words or not np.isfinite(column.values).any():
         return None
     if column.unit is None:
-        if (column.name == "f" and role in ("force", "load")) or (column.name == "F" and role == "frequency"):
+        other = {"f": ("force", "load"), "F": ("frequency",)}
+        if role in other.get(column.name, ()):
             return None
-        unit = _turning(column, role, None) or ROLES[role].bare or None
-        kind = ROLES[role].kinds[0] if role != "motion" else _MOTIONS.get(column.name[:1].casefold(), "displacement")
-        kind = kind if letter in ("", "K") else "pressure"
-        return Taken(role, column, kind, unit, letter, stated=False)
+        return Taken(
+            role,
+            column,
+            _kind(column, role, letter),
+            _turning(column, role, None) or ROLES[role].bare or None,
+            letter,
+            stated=False,
+        )
     try:
         kind, _ = _scale(column.unit, ROLES[role].kinds)
     except UnitError:
@@ -174,6 +179,13 @@ def _fitting(column: Column, role: str, letter: str) -> Taken | None:
     if letter and (kind == "stiffness") != (letter == "K"):
         return None
     return Taken(role, column, kind, _turning(column, role, column.unit), letter, stated=False)
+
+
+def _kind(column: Column, role: str, letter: str) -> str:
+    """The kind of a column without a unit, by its role and its letters."""
+    if letter not in ("", "K"):
+        return "pressure"
+    return ROLES[role].kinds[0] if role != "motion" else _MOTIONS.get(column.name[:1].casefold(), "displacement")
 
 
 def _scale(unit: str, kinds: tuple[str, ...]) -> tuple[str, float]:

@@ -60,23 +60,28 @@ def forms_in(cells: Cells, found: Sequence[Taken]) -> list[Form]:
     TableError
         If there is none.
     """
+    by_role = _by_role(found)
+    stated = {one.role for one in found if one.stated and one.role in QUANTITIES}
+    complete: dict[str, list[tuple[str, str]]] = {}  # other forms of a letter are compared with it by `contradictions`
+    for letter in ("K", "G", "E", "M", ""):
+        for roles in LEVELS if letter else RATIOS:
+            places = [(role, "" if role in _SHARED else letter) for role in roles]
+            if stated <= set(roles) and all(place in by_role for place in places):
+                complete.setdefault(letter, places)
+    if not complete:
+        raise TableError(f"{where_of(cells)}: {_lacking(cells, found, stated)}")
+    return [
+        Form({place[0]: chosen(cells, by_role[place]) for place in places}, letter)
+        for letter, places in complete.items()
+    ]
+
+
+def _by_role(found: Sequence[Taken]) -> dict[tuple[str, str], list[Taken]]:
+    """The columns by their roles and letters."""
     by_role: dict[tuple[str, str], list[Taken]] = {}
     for one in found:
         by_role.setdefault((one.role, one.letter), []).append(one)
-    stated = {one.role for one in found if one.stated and one.role in QUANTITIES}
-    complete = []
-    for letter in ("K", "G", "E", "M", ""):
-        for roles in LEVELS if letter else RATIOS:
-            places = [(role, "" if role in _SHARED or not letter else letter) for role in roles]
-            if all(place in by_role for place in places) and stated <= set(roles):
-                complete.append((letter, places))
-    if not complete:
-        raise TableError(f"{where_of(cells)}: {_lacking(cells, found, stated)}")
-    first = dict(reversed(complete))  # further forms of a letter are compared with the first, see `contradictions`
-    return [
-        Form({place[0]: chosen(cells, by_role[place]) for place in first[letter]}, letter)
-        for letter in dict.fromkeys(letter for letter, _ in complete)
-    ]
+    return by_role
 
 
 def _lacking(cells: Cells, found: Sequence[Taken], stated: set[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,8 +17,8 @@ from fourpole.errors import TableError
 from fourpole.io.formats import uff
 from fourpole.io.recordings import format_of
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.io.source import name_of
-from fourpole.io.tables.cells import BY_NUMBER, Cells, tables_in
+from fourpole.io.source import AnyPath, name_of
+from fourpole.io.tables.cells import BY_NUMBER, Cells, Column, tables_in
 from fourpole.io.tables.columns import (
     Statement,
     Taken,
@@ -135,9 +134,7 @@ class KStarTable(ByValue):
         return pl.DataFrame(columns).hstack(self.further.drop(columns, strict=False))
 
 
-def read_k_star(
-    path: str | os.PathLike[str], options: TableOptions | None = None, *, label: str | None = None
-) -> KStarTable:
+def read_k_star(path: AnyPath, options: TableOptions | None = None, *, label: str | None = None) -> KStarTable:
     r"""Read a table of K* of any format, known by the heads and units of its columns.
 
     Beside the frequency (Hz, rad/s or rpm) it has one of (K', K''), (K', tan δ), (K', C), (\|K*\|, loss angle),
@@ -181,6 +178,11 @@ def read_k_star(
     tables = tables_in(Path(path), group="" if options.group == ALL else options.group, label=label)
     if len(tables) == 1:
         return _understood(tables[0], stated, options)
+    return _of_tables(tables, stated, options)
+
+
+def _of_tables(tables: Sequence[Cells], stated: Sequence[Statement], options: TableOptions) -> KStarTable:
+    """The one of several tables that is understood, or all that are, together."""
     good, errors = [], []
     for one in tables:
         try:
@@ -243,7 +245,8 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     elif form.letter == "K" and (options.factor is not None or options.shape is not None):
         raise TableError(f"{where_of(cells)}: holds a stiffness, not a modulus; leave out the shape")
     std, spoken = _std(cells, found, options)
-    further, kept, notes = _further(cells, found, used, form.letter, factor)
+    of_form = [one for one in found if one.letter in ("", form.letter)]
+    further, kept, notes = _further(cells, of_form, used, factor)
     remarks += [*_rows(cells, [*used, *kept], frequency, values), *spoken, *notes]
     return KStarTable(
         frequency=frequency,
@@ -297,11 +300,15 @@ def _preferred(cells: Cells, forms: Sequence[Form], options: TableOptions) -> Fo
         return _one_modulus(cells, moduli, options)
     if options.ratio and ratios:
         return ratios[0]
-    for one in forms:
-        if one.letter == "K":
-            return one
+    if stiffness := next((one for one in forms if one.letter == "K"), None):
+        return stiffness
     if moduli and options.moduli:
         return _one_modulus(cells, moduli, options)
+    raise TableError(f"{where_of(cells)}: {_ways(moduli, ratios)}")
+
+
+def _ways(moduli: Sequence[Form], ratios: Sequence[Form]) -> str:
+    """What has to be stated so that a modulus or V1/F1 gives K*."""
     ways = []
     if moduli:
         names = " and ".join(shown(one.column.name) for one in moduli[0].columns.values())
@@ -309,7 +316,7 @@ def _preferred(cells: Cells, forms: Sequence[Form], options: TableOptions) -> Fo
     if ratios:
         names = ", ".join(shown(one.column.name) for one in ratios[0].columns.values())
         ways.append(f"{names} give V1/F1: {_RIG}")
-    raise TableError(f"{where_of(cells)}: {'; or: '.join(ways)}")
+    return "; or: ".join(ways)
 
 
 def _one_modulus(cells: Cells, moduli: Sequence[Form], options: TableOptions) -> Form:
@@ -358,7 +365,7 @@ def _of_coherence(coherence: FloatArray, averages: float, where: str) -> tuple[F
 
 
 def _further(
-    cells: Cells, found: Sequence[Taken], used: Sequence[Taken], letter: str, factor: float
+    cells: Cells, found: Sequence[Taken], used: Sequence[Taken], factor: float
 ) -> tuple[pl.DataFrame, list[Taken], list[str]]:
     """Conditions and uncertainties in SI and columns of no role; the columns in a role; what is left out."""
     columns: dict[str, pl.Series] = {}
@@ -366,25 +373,34 @@ def _further(
     gone = {id(one.column) for one in used}
     for role in (*_CONDITIONS, *_STD, "tyre"):
         some = [one for one in found if one.role == role and id(one.column) not in gone]
-        some = [one for one in some if one.letter in ("", letter)]
         if not some:
             continue
-        if role == "tyre":
-            columns["tyre"] = pl.Series(some[0].column.words or [f"{one:g}" for one in some[0].column.values])
-        elif all(one.unit is None for one in some):
+        if role != "tyre" and all(one.unit is None for one in some):
             name = shown(some[0].column.name)
             notes.append(f"column {name} states no unit and was left out; state {option_of(some[0])} to use it")
             continue
-        else:
-            one = chosen(cells, some)
-            head = _CONDITIONS[role].head if role in _CONDITIONS else _STD[role]
-            columns[head] = pl.Series(in_si(one) * (factor if role in _STD else 1.0))
-        kept.append(next(one for one in some if role == "tyre" or one.unit is not None))
+        kept.append(some[0] if role == "tyre" else chosen(cells, some))
+        columns |= _series(kept[-1], factor)
         gone |= {id(one.column) for one in some}
-    for column in cells.columns:
-        if id(column) not in gone and column.head not in columns:
-            columns[column.head] = pl.Series(column.words or column.values)
-    return pl.DataFrame(columns), kept, notes
+    rest = _of_no_role([one for one in cells.columns if id(one) not in gone])
+    return pl.DataFrame(columns | rest | columns), kept, notes  # the columns in a role come first, and stay
+
+
+def _of_no_role(columns: Sequence[Column]) -> dict[str, pl.Series]:
+    """Columns of no role by their heads; of several with the same head, the first."""
+    series: dict[str, pl.Series] = {}
+    for one in columns:
+        series.setdefault(one.head, pl.Series(one.words or one.values))
+    return series
+
+
+def _series(one: Taken, factor: float) -> dict[str, pl.Series]:
+    """Head and values of a condition or an uncertainty of a table of results."""
+    if one.role == "tyre":
+        return {"tyre": pl.Series(one.column.words or [f"{value:g}" for value in one.column.values])}
+    if one.role in _STD:
+        return {_STD[one.role]: pl.Series(in_si(one) * factor)}
+    return {_CONDITIONS[one.role].head: pl.Series(in_si(one))}
 
 
 def _rows(cells: Cells, used: Sequence[Taken], frequency: FloatArray, values: ComplexArray) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError
 from fourpole.io.crg import read_crg
+from fourpole.io.source import AnyPath
 from fourpole.io.tables.cells import Cells, tables_in
 from fourpole.io.tables.columns import (
     Statement,
@@ -53,9 +54,7 @@ class ProfileTable(ByValue):
     warnings: list[str]
 
 
-def read_curve(
-    path: str | os.PathLike[str], *, columns: Sequence[str] = (), group: str = "", label: str | None = None
-) -> CurveTable:
+def read_curve(path: AnyPath, *, columns: Sequence[str] = (), group: str = "", label: str | None = None) -> CurveTable:
     r"""Read a load-deflection table of any format.
 
     Parameters
@@ -91,9 +90,7 @@ def read_curve(
     return CurveTable(*_read(path, ("deflection", "load"), "a static curve", columns, group, label))
 
 
-def read_profile(
-    path: str | os.PathLike[str], *, columns: Sequence[str] = (), label: str | None = None
-) -> ProfileTable:
+def read_profile(path: AnyPath, *, columns: Sequence[str] = (), label: str | None = None) -> ProfileTable:
     r"""Read a road profile: a table of any format with a distance and a height, or an OpenCRG file (.crg).
 
     Parameters
@@ -131,12 +128,7 @@ def read_profile(
 
 
 def _read(
-    path: str | os.PathLike[str],
-    roles: tuple[str, str],
-    noun: str,
-    columns: Sequence[str],
-    group: str,
-    label: str | None,
+    path: AnyPath, roles: tuple[str, str], noun: str, columns: Sequence[str], group: str, label: str | None
 ) -> _Pair:
     """The columns of two roles from a table; `noun` is what they make in messages, as "a static curve"."""
     stated = statements(columns)

@@ -105,7 +105,7 @@ def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measur
     omega = 2 * np.pi * one.frequency
     values, remarks = scale * one.values, list[str]()
     driven = _driven(one, kind, label, remarks)
-    sign = -1.0 if np.prod([-1 if at < 0 else 1 for at in one.directions]) < 0 else 1.0
+    sign = -1.0 if (one.directions[0] < 0) != (one.directions[1] < 0) else 1.0
     with np.errstate(divide="ignore", invalid="ignore"):
         if kind in MOTION_PER_FORCE:
             mobility = np.asarray(sign * values * (1j * omega) ** MOTION_PER_FORCE[kind])

@@ -199,11 +199,16 @@ def readings(name: str) -> list[tuple[str, str]]:
     bare = re.sub(r"[()\[\]]", "", text)
     if bare in _READINGS:
         return _READINGS[bare]
+    return _word_and_symbol(bare)
+
+
+def _word_and_symbol(text: str) -> list[tuple[str, str]]:
+    """The roles of a word and a symbol together, each with the letter of the symbol."""
     for symbol, found in _READINGS.items():
         if len(symbol) < 2 or not re.search(r"['*δ|]", symbol):
             continue
-        for rest in (bare.removesuffix(symbol), bare.removeprefix(symbol)):
-            roles = {role for role, _ in _READINGS.get(rest, [])} if rest != bare else set()
+        for rest in (text.removesuffix(symbol), text.removeprefix(symbol)):
+            roles = {role for role, _ in _READINGS.get(rest, [])} if rest != text else set()
             if roles & {role for role, _ in found}:
                 return [one for one in found if one[0] in roles]
     return []
