@@ -13,7 +13,7 @@ import pytest
 
 from fourpole.app.info import line, picture
 from fourpole.io import stream as streaming
-from fourpole.io.look import look
+from fourpole.io.look import look_at
 from fourpole.io.recordings import survey
 
 RATE, COUNT = 1000.0, 4000
@@ -187,10 +187,10 @@ def test_row_numbers_are_no_times(run, tmp_path):
 
 def test_pieces_show_what_the_whole_shows(table, monkeypatch):
     found = survey(table)
-    whole = look(table, found, range(3), label="a")
+    whole = look_at(table, found, range(3))
     monkeypatch.setattr(streaming, "_AT_ONCE", 1)
     monkeypatch.setattr(streaming, "_LEAST_ROWS", 701)  # a gap of three goes over the edge of the first piece
-    pieces = look(table, found, range(3), label="a")
+    pieces = look_at(table, found, range(3))
     for at in range(3):
         for name, value in vars(whole[at]).items():
             if isinstance(value, float | np.ndarray):
@@ -204,7 +204,7 @@ def test_the_outline_holds_every_peak(tmp_path):
     samples[[7, 50_001, 99_999]] = 5.0, -3.0, 2.0
     path = tmp_path / "a.csv"
     pl.DataFrame({"t": np.arange(100_000) / 1e4, "F": samples}).write_csv(path)
-    outline = look(path, survey(path), [1], label="a")[1].outline
+    outline = look_at(path, survey(path), [1])[1].outline
     assert [outline[0, 1], outline[512, 0], outline[-1, 1]] == [5.0, -3.0, 2.0]
     assert np.count_nonzero(outline) == 3
 

@@ -10,7 +10,7 @@ import pytest
 from fourpole.errors import TableError
 from fourpole.io import stretches as scan
 from fourpole.io.formats.text import FORMAT
-from fourpole.io.look import look
+from fourpole.io.look import look_at
 from fourpole.io.signals import Request
 from fourpole.io.text import read_table
 
@@ -152,7 +152,7 @@ def test_a_remark_between_rows_is_said_and_no_table(tmp_path: Path) -> None:
 def test_all_groups_are_looked_at(tmp_path: Path) -> None:
     path = written(tmp_path, "".join(f"Test {at}\nF,x\n{at},1\n{at},2\n\n" for at in range(40)))
     info = FORMAT.survey(path, path.name, 10**9)
-    found = look(path, info, range(len(info.signals)), label=path.name)
+    found = look_at(path, info, range(len(info.signals)))
     assert [found[at].mean for at in range(0, 80, 2)] == list(range(40))  # type: ignore[union-attr]
 
 

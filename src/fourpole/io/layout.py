@@ -65,6 +65,10 @@ class Layout:
         """Number of columns."""
         return len(self.names)
 
+    def cells(self, line: str) -> list[str]:
+        """The cells of a line; a delimiter at the end of the line adds no blank cell."""
+        return trimmed(split_cells(line, self.delimiter), self.width)
+
 
 def split_lines(text: str) -> list[str]:
     """The lines of a text, which end with LF, CR LF or CR; `str.splitlines` also splits at characters within a cell."""
@@ -138,7 +142,7 @@ def _rows_from(rows: dict[int, list[str]], first: int) -> list[list[str]]:
     return [row for index, row in rows.items() if index >= first]
 
 
-def delimiter_of(lines: Sequence[str]) -> str | None:
+def table_delimiter(lines: Sequence[str]) -> str | None:
     """The delimiter of a table, by the lines that hold numbers only if there are any; None without any line."""
     filled = [line for line in lines if not is_aside(line)]
     numbers = [line for line in filled if _NUMBERS.fullmatch(line)]
@@ -188,7 +192,7 @@ def _named(names: Sequence[str], rows: Sequence[list[str]], decimal: str) -> tup
 
 def check_even(lines: Sequence[str], name: str) -> None:
     """TableError if the rows below a header have another number of cells than it has names."""
-    delimiter = delimiter_of(lines)
+    delimiter = table_delimiter(lines)
     cells = [[] if delimiter is None or is_aside(line) else split_cells(line, delimiter) for line in lines]
     for at in range(1, len(cells) - 1):
         width, above = len(cells[at]), cells[at - 1]
@@ -255,8 +259,8 @@ def holds_numbers(lines: Sequence[str], layout: Layout) -> bool:
     if not _are_names(layout.names) and layout.header_line:
         return False
     below = [line for line in lines[layout.first_row - 1 : layout.first_row - 1 + _SAMPLE] if not is_aside(line)]
-    width, split = layout.width, (split_cells(line, layout.delimiter) for line in below)
-    rows = [cells for cells in (trimmed(cells, width) for cells in split) if len(cells) == width]
+    width = layout.width
+    rows = [cells for cells in map(layout.cells, below) if len(cells) == width]
     if 2 * len(rows) < len(below):
         return False
     return any(_are_numbers([row[at] for row in rows], layout.decimal) for at in set(range(width)) - layout.clocks)

@@ -68,13 +68,8 @@ class ChannelSummary(ByValue):
     outline: FloatArray
 
 
-def look(
-    path: Path,
-    found: FileInfo,
-    chosen: Sequence[int],
-    *,
-    label: str,
-    progress: Callable[[int, int], None] | None = None,
+def look_at(
+    path: Path, found: FileInfo, chosen: Sequence[int], *, progress: Callable[[int, int], None] | None = None
 ) -> dict[int, ChannelSummary | str]:
     """Summaries of some channels, in one pass and limited memory if the format can be read in parts.
 
@@ -86,8 +81,6 @@ def look(
         Its description by `survey`.
     chosen : sequence of int
         Indices of the channels in `found.signals`.
-    label : str
-        The file's name in messages.
     progress : callable, optional
         Called with the number of samples that are done, and the number of all samples.
 
@@ -100,7 +93,7 @@ def look(
     total = sum(found.signals[one].count for one in chosen)
 
     def read(some: list[int]) -> dict[int, ChannelSummary]:
-        run = surveyed_stream(path, found, some, label=label)
+        run = surveyed_stream(path, found, some, label=path.name)
         tallies = [_Tally(found.signals[one].count) for one in some]
         done = sum(found.signals[one].count for one in result)
         for chunk in run.chunks:
@@ -114,7 +107,7 @@ def look(
 
     for some, summaries in by_halves(chosen, read):
         if isinstance(summaries, FourpoleError):
-            result[some[0]] = str(summaries).removeprefix(f"{label}: ")
+            result[some[0]] = str(summaries).removeprefix(f"{path.name}: ")
         else:
             result |= summaries
     return {one: result[one] for one in chosen}
@@ -291,10 +284,3 @@ def _line(samples: FloatArray, rate: float) -> float | None:
 
 #: The classes of the description of a file.
 OF_WORK = (FileInfo, SignalInfo)
-
-
-def look_at(
-    path: Path, found: FileInfo, chosen: Sequence[int], *, progress: Callable[[int, int], None]
-) -> dict[int, ChannelSummary | str]:
-    """The summary of some channels of a file, as a worker process runs it; see `look`."""
-    return look(path, found, chosen, label=path.name, progress=progress)

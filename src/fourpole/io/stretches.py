@@ -21,13 +21,13 @@ from fourpole.errors import TableError
 from fourpole.io.formats.guard import is_time, seconds
 from fourpole.io.layout import (
     Layout,
-    delimiter_of,
     is_aside,
     is_missing,
     is_value,
     layout_below,
     number,
     split_cells,
+    table_delimiter,
     trimmed,
     widest_sign,
 )
@@ -125,7 +125,7 @@ class _Run:
 def stretches_of(source: BinaryIO, start: bytes, offset: int, encoding: str, name: str) -> list[Stretch]:
     """The stretches of a file from a byte on, whose first lines are `start`; empty if it has none."""
     lines = [line.decode(encoding, errors="replace") for line in start[offset:].splitlines()]
-    delimiter = delimiter_of([line for line in lines[:-1] or lines if len(line) < _LONGEST])
+    delimiter = table_delimiter([line for line in lines[:-1] or lines if len(line) < _LONGEST])
     if delimiter is None:
         return []
     scan = _Scan(delimiter, encoding, name, b"\n" if b"\n" in start else b"\r", offset)
@@ -188,9 +188,7 @@ class _Scan:
 
     def repeats(self, layout: Layout) -> bool:
         """Whether the header of the last run is among the lines below it, which have no rows."""
-        return any(
-            trimmed(split_cells(line, self._delimiter), layout.width) == list(layout.names) for line in self._above
-        )
+        return any(layout.cells(line) == list(layout.names) for line in self._above)
 
     def feed(self, chunk: bytes) -> None:
         """Take the next bytes of the file."""
@@ -304,7 +302,7 @@ class _Scan:
         text = lines.text(at)
         if is_aside(text):
             return True
-        cells = trimmed(split_cells(text, self._delimiter), run.layout.width)
+        cells = run.layout.cells(text)
         return len(cells) == run.layout.width and _opens(cells, self._sign)
 
     def _end(self, before: bytes) -> None:
@@ -315,7 +313,7 @@ class _Scan:
         blank = before[len(filled) :]
         run.rows -= max(blank.count(b"\n") if b"\n" in blank else blank.count(b"\r"), 1) - 1
         row = filled[max(filled.rfind(b"\n"), filled.rfind(b"\r")) + 1 :].decode(self._encoding, errors="replace")
-        cells = trimmed(split_cells(row, self._delimiter), run.layout.width)
+        cells = run.layout.cells(row)
         run.last = cells if len(cells) == run.layout.width else run.first
         self._runs.append(run)
 

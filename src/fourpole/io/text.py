@@ -23,9 +23,7 @@ from fourpole.io.layout import (
     is_aside,
     is_missing,
     number,
-    split_cells,
     split_lines,
-    trimmed,
 )
 from fourpole.io.names import in_group
 from fourpole.io.source import AnyPath, decode, name_of
@@ -222,7 +220,7 @@ def _rows(lines: list[str], layout: Layout) -> tuple[list[int], list[list[str]],
     skipped: list[tuple[int, str]] = []
     short: list[tuple[int, list[str], str]] = []
     for line, text in _records(lines, layout):
-        cells = trimmed(split_cells(text, layout.delimiter), layout.width)
+        cells = layout.cells(text)
         if len(cells) == layout.width:
             rows += [[*some, *[""] * (layout.width - len(some))] for _, some, _ in short]
             numbers += [number for number, _, _ in short]

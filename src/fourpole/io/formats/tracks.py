@@ -72,10 +72,6 @@ class Track:
         start = float(time[0]) if len(time) else self.start
         return Signal(self.name, self.unit, samples, start, self.rate, time)
 
-    def whole(self) -> Signal:
-        """All samples, as a signal."""
-        return self.part(0, self.count)
-
 
 def remembered(read: Part) -> Part:
     """The same function, which keeps its last result: channels with the same times do not read them again."""
@@ -218,7 +214,7 @@ def track_format(
     def read(request: Request) -> list[Signal]:
         guard = Guard(name_of(request.path, request.label), kind)
         with guard, opened(request.path, request.label, guard, request.max_bytes) as found:
-            return [one.whole() for one in found.tracks(request, whole=True)]
+            return [one.part(0, one.count) for one in found.tracks(request, whole=True)]
 
     def chunks(request: Request, rows: int, guard: Guard) -> Generator[list[Signal]]:
         with opened(request.path, request.label, guard, request.max_bytes) as found:

@@ -22,7 +22,7 @@ from fourpole.io.signals import MAX_FILE_BYTES, Request, Signal
 from fourpole.io.source import decode, name_of
 from fourpole.io.stream import by_halves
 from fourpole.io.text import TextTable, tables_of
-from fourpole.units import column_unit, is_unit
+from fourpole.units import column_unit, is_unit, shown
 
 #: Memory that the numbers of a table may need [byte], and the most columns of a table.
 _MOST_BYTES, _MOST_COLUMNS = 500_000_000, 2000
@@ -86,6 +86,16 @@ class Cells(ByValue):
     columns: tuple[Column, ...]
     lines: list[int]
     remarks: tuple[str, ...] = ()
+
+    @property
+    def where(self) -> str:
+        """The name of the table in messages."""
+        return f"{self.label} sheet or group {shown(self.group)}" if self.group else self.label
+
+    @property
+    def heads(self) -> str:
+        """The first heads of the table, for a message that a column is missing."""
+        return ", ".join(shown(one.head)[1:-1] for one in self.columns[:20])
 
 
 def tables_in(path: Path, *, group: str = "", label: str | None = None) -> list[Cells]:

@@ -65,6 +65,17 @@ class Taken(ByValue):
         unit = "" if self.unit is None else f" [{self.unit}]"
         return f"{ROLES[self.role].says}: column {shown(self.column.name)}{unit}"
 
+    @property
+    def si(self) -> FloatArray:
+        """The values of the column in SI."""
+        return units.to_si(self.column.values, self.unit or "", self.kind)
+
+    @property
+    def option(self) -> str:
+        """The option that states the unit of the column, with a usual unit."""
+        unit = "MPa" if self.kind == "pressure" and self.role != "pressure" else ROLES[self.role].unit
+        return f'--column "{self.role}={self.column.name} [{unit}]"'
+
 
 def statements(texts: Iterable[str]) -> list[Statement]:
     """The statements of the option --column, each role=name, with a unit in brackets if need be.
@@ -219,7 +230,7 @@ def check_units(cells: Cells, used: Iterable[Taken]) -> None:
         if turning and not one.stated and "hz" in str(one.unit).lower():
             name = shown(one.column.name)
             raise TableError(
-                f"{where_of(cells)}: {name} is an angular frequency by its head, and in {one.unit} by its unit: rename "
+                f"{cells.where}: {name} is an angular frequency by its head, and in {one.unit} by its unit: rename "
                 f'it, or state --column "frequency={one.column.name} [{one.unit}]"'
             )
 
@@ -227,23 +238,7 @@ def check_units(cells: Cells, used: Iterable[Taken]) -> None:
 def _units_lacking(cells: Cells, lacking: Sequence[Taken]) -> TableError:
     names = ", ".join(shown(one.column.name) for one in lacking)
     what = f"{names} {'states' if len(lacking) == 1 else 'state'} no unit"
-    return TableError(f"{where_of(cells)}: {what}: state it, as in {' '.join(map(option_of, lacking))}")
-
-
-def option_of(one: Taken) -> str:
-    """The option that states the unit of a column, with a usual unit."""
-    unit = "MPa" if one.kind == "pressure" and one.role != "pressure" else ROLES[one.role].unit
-    return f'--column "{one.role}={one.column.name} [{unit}]"'
-
-
-def where_of(cells: Cells) -> str:
-    """The name of a table in messages."""
-    return f"{cells.label} sheet or group {shown(cells.group)}" if cells.group else cells.label
-
-
-def heads_of(cells: Cells) -> str:
-    """The first heads of a table, for a message that a column is missing."""
-    return ", ".join(shown(one.head)[1:-1] for one in cells.columns[:20])
+    return TableError(f"{cells.where}: {what}: state it, as in {' '.join(one.option for one in lacking)}")
 
 
 def said_of(cells: Cells, used: Iterable[Taken]) -> list[str]:
@@ -270,22 +265,17 @@ def chosen(cells: Cells, candidates: Sequence[Taken]) -> Taken:
     """
     known = [one for one in candidates if one.unit is not None]
     first = (known or list(candidates))[0]
-    values = in_si(first) if known else first.column.values
+    values = first.si if known else first.column.values
     for other in known[1:]:
-        both = np.isfinite(values) & np.isfinite(in_si(other))
-        if not np.allclose(values[both], in_si(other)[both], rtol=_SAME, atol=0.0) or not both.any():
+        both = np.isfinite(values) & np.isfinite(other.si)
+        if not np.allclose(values[both], other.si[both], rtol=_SAME, atol=0.0) or not both.any():
             names = f"{shown(first.column.head)} and {shown(other.column.head)}"
             number = [id(one) for one in cells.columns].index(id(first.column)) + 1
             raise TableError(
-                f"{where_of(cells)}: {names} could both be the {ROLES[first.role].says}, and differ: say which, as in "
+                f"{cells.where}: {names} could both be the {ROLES[first.role].says}, and differ: say which, as in "
                 f'--column "{first.role}={first.column.head}", or by its number, --column {first.role}={number}'
             )
     return first
-
-
-def in_si(one: Taken) -> FloatArray:
-    """The values of a column in SI."""
-    return units.to_si(one.column.values, one.unit or "", one.kind)
 
 
 def unread(cells: Cells) -> str:

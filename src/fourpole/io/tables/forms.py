@@ -16,7 +16,7 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells
-from fourpole.io.tables.columns import Taken, chosen, in_si, unclear, unread, where_of
+from fourpole.io.tables.columns import Taken, chosen, unclear, unread
 from fourpole.io.tables.vocabulary import ROLES, plain
 from fourpole.units import shown
 from fourpole.words import first_of
@@ -69,7 +69,7 @@ def forms_in(cells: Cells, found: Sequence[Taken]) -> list[Form]:
             if stated <= set(roles) and all(place in by_role for place in places):
                 complete.setdefault(letter, places)
     if not complete:
-        raise TableError(f"{where_of(cells)}: {_lacking(cells, found, stated)}")
+        raise TableError(f"{cells.where}: {_lacking(cells, found, stated)}")
     return [
         Form({place[0]: chosen(cells, by_role[place]) for place in places}, letter)
         for letter, places in complete.items()
@@ -105,7 +105,7 @@ def _lacking(cells: Cells, found: Sequence[Taken], stated: set[str]) -> str:
 
 def value(form: Form, frequency: FloatArray) -> ComplexArray:
     """K* [N/m], the modulus [Pa], or V1/F1 [m/(N s)] of each row."""
-    si = {role: in_si(one) for role, one in form.columns.items()}
+    si = {role: one.si for role, one in form.columns.items()}
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # such a row has no value
         if "R" in si:
             return np.asarray(si["R"] + 1j * si["I"])
@@ -135,9 +135,9 @@ def check(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
         If all rows are impossible, as with an empty column or the other sign of the phase.
     """
     remarks = []
-    where = where_of(cells)
+    where = cells.where
     for role, one in form.columns.items():
-        si = in_si(one)
+        si = one.si
         there = np.isfinite(si)
         named = f"{where}: column {shown(one.column.name)}"
         if not there.any():
@@ -161,7 +161,7 @@ def _signs(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
     name = f"column {shown(form.columns[role].column.name)}"
     if len(rows) == np.isfinite(values).sum():
         raise TableError(
-            f"{where_of(cells)}: {name} makes the loss negative in all rows: K'' of a passive specimen is positive "
+            f"{cells.where}: {name} makes the loss negative in all rows: K'' of a passive specimen is positive "
             "with e^{+jωt}; the phase is that of the force ahead of the motion: reverse the sign in the file"
         )
     return [f"{name}: the loss is negative in {rows_named(rows)}"]
@@ -183,7 +183,7 @@ def contradictions(cells: Cells, found: Sequence[Taken], form: Form, values: Com
     for one in found:
         if one.role not in given or one.unit is None or one.role in form.columns or one.letter not in ("", form.letter):
             continue
-        other, own = in_si(one), given[one.role]
+        other, own = one.si, given[one.role]
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.abs(other / own - 1)
         off[~np.isfinite(off)] = 0.0

@@ -25,14 +25,10 @@ from fourpole.io.tables.columns import (
     bad_cells,
     check_units,
     chosen,
-    heads_of,
-    in_si,
-    option_of,
     said_of,
     statements,
     taken,
     unread,
-    where_of,
 )
 from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
 from fourpole.io.tables.responses import Measured, read_response
@@ -227,13 +223,13 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     found = taken(cells, stated, _ROLES)
     turns = [one for one in found if one.role == "frequency"]
     if not turns:
-        raise TableError(f"{where_of(cells)}: {_no_frequency(cells)}")
+        raise TableError(f"{cells.where}: {_no_frequency(cells)}")
     forms = forms_in(cells, found)
     form = _preferred(cells, forms, options)
     column = chosen(cells, turns)
     used = [column, *form.columns.values()]
     check_units(cells, used)
-    frequency = in_si(column)
+    frequency = column.si
     values = value(form, frequency)
     remarks = [*cells.remarks, *check(cells, form, values), *contradictions(cells, found, form, values)]
     said = said_of(cells, used)
@@ -243,7 +239,7 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
         values = factor * values
         said.append(text)
     elif form.letter == "K" and (options.factor is not None or options.shape is not None):
-        raise TableError(f"{where_of(cells)}: holds a stiffness, not a modulus; leave out the shape")
+        raise TableError(f"{cells.where}: holds a stiffness, not a modulus; leave out the shape")
     std, spoken = _std(cells, found, options)
     of_form = [one for one in found if one.letter in ("", form.letter)]
     further, kept, notes = _further(cells, of_form, used, factor)
@@ -269,7 +265,7 @@ def _of_response(found: Measured, options: TableOptions, name: str) -> KStarTabl
     if found.coherence is not None and options.averages is None:
         remarks.append("the file has its coherence: state --averages for the uncertainty that it gives")
     elif found.coherence is not None:
-        std, _ = _of_coherence(found.coherence[used], options.averages or 1.0, name)
+        std = _of_coherence(found.coherence[used], options.averages or 1.0, name)
     values = found.values[used]
     return KStarTable(
         frequency=found.frequency[used],
@@ -286,7 +282,7 @@ def _no_frequency(cells: Cells) -> str:
     numbered = [one for one in cells.remarks if one.endswith(BY_NUMBER)]
     because = "" if not numbered else f"; {numbered[0]}"
     return (
-        f"no column is understood as the frequency among {heads_of(cells)}: name it 'frequency [Hz]', or state "
+        f"no column is understood as the frequency among {cells.heads}: name it 'frequency [Hz]', or state "
         f'--column "frequency=NAME [Hz]"{because}{unread(cells)}'
     )
 
@@ -304,7 +300,7 @@ def _preferred(cells: Cells, forms: Sequence[Form], options: TableOptions) -> Fo
         return stiffness
     if moduli and options.moduli:
         return _one_modulus(cells, moduli, options)
-    raise TableError(f"{where_of(cells)}: {_ways(moduli, ratios)}")
+    raise TableError(f"{cells.where}: {_ways(moduli, ratios)}")
 
 
 def _ways(moduli: Sequence[Form], ratios: Sequence[Form]) -> str:
@@ -324,7 +320,7 @@ def _one_modulus(cells: Cells, moduli: Sequence[Form], options: TableOptions) ->
     wanted = [one for one in moduli if one.letter == {"shear": "G", "compression": "E"}.get(mode or "")] or list(moduli)
     if len(wanted) > 1:
         heads = " and ".join(shown(next(iter(one.columns.values())).column.head) for one in wanted)
-        raise TableError(f'{where_of(cells)}: {heads} are different moduli; say which, as in --column "storage=..."')
+        raise TableError(f'{cells.where}: {heads} are different moduli; say which, as in --column "storage=..."')
     return wanted[0]
 
 
@@ -338,7 +334,7 @@ def _factor(cells: Cells, form: Form, options: TableOptions) -> tuple[float, str
     if (form.letter, mode) in (("G", "compression"), ("E", "shear")):
         other = "shear" if form.letter == "G" else "compression"
         raise TableError(
-            f"{where_of(cells)}: {form.letter}* is a modulus of {other}, and --mode is {mode}: state --mode {other}, "
+            f"{cells.where}: {form.letter}* is a modulus of {other}, and --mode is {mode}: state --mode {other}, "
             "or the stiffness per modulus by --shape-factor"
         )
     factor = 1.0 / options.shape.modulus
@@ -355,13 +351,13 @@ def _std(cells: Cells, found: Sequence[Taken], options: TableOptions) -> tuple[F
     one = chosen(cells, coherence)
     if options.averages is None:
         return None, [f"column {shown(one.column.name)}: state --averages for the uncertainty that the coherence gives"]
-    return _of_coherence(in_si(one), options.averages, where_of(cells))
+    return _of_coherence(one.si, options.averages, cells.where), []
 
 
-def _of_coherence(coherence: FloatArray, averages: float, where: str) -> tuple[FloatArray, list[str]]:
+def _of_coherence(coherence: FloatArray, averages: float, where: str) -> FloatArray:
     if np.any((coherence < 0) | (coherence > 1 + 1e-6)):
         raise TableError(f"{where}: a coherence lies outside 0 to 1: the column is another quantity, or in %")
-    return coherence_std(np.minimum(coherence, 1.0), averages), []
+    return coherence_std(np.minimum(coherence, 1.0), averages)
 
 
 def _further(
@@ -377,7 +373,7 @@ def _further(
             continue
         if role != "tyre" and all(one.unit is None for one in some):
             name = shown(some[0].column.name)
-            notes.append(f"column {name} states no unit and was left out; state {option_of(some[0])} to use it")
+            notes.append(f"column {name} states no unit and was left out; state {some[0].option} to use it")
             continue
         kept.append(some[0] if role == "tyre" else chosen(cells, some))
         columns |= _series(kept[-1], factor)
@@ -399,8 +395,8 @@ def _series(one: Taken, factor: float) -> dict[str, pl.Series]:
     if one.role == "tyre":
         return {"tyre": pl.Series(one.column.words or [f"{value:g}" for value in one.column.values])}
     if one.role in _STD:
-        return {_STD[one.role]: pl.Series(in_si(one) * factor)}
-    return {_CONDITIONS[one.role].head: pl.Series(in_si(one))}
+        return {_STD[one.role]: pl.Series(one.si * factor)}
+    return {_CONDITIONS[one.role].head: pl.Series(one.si)}
 
 
 def _rows(cells: Cells, used: Sequence[Taken], frequency: FloatArray, values: ComplexArray) -> list[str]:

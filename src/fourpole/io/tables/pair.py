@@ -14,19 +14,7 @@ from fourpole.errors import TableError
 from fourpole.io.crg import read_crg
 from fourpole.io.source import AnyPath
 from fourpole.io.tables.cells import Cells, tables_in
-from fourpole.io.tables.columns import (
-    Statement,
-    bad_cells,
-    check_units,
-    chosen,
-    heads_of,
-    in_si,
-    said_of,
-    statements,
-    taken,
-    unread,
-    where_of,
-)
+from fourpole.io.tables.columns import Statement, bad_cells, check_units, chosen, said_of, statements, taken, unread
 from fourpole.io.tables.vocabulary import ROLES
 from fourpole.units import shown
 
@@ -162,12 +150,12 @@ def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement
         if not some:
             one = ROLES[role]
             raise TableError(
-                f"{where_of(cells)}: no column is understood as the {role} among {heads_of(cells)}: name it "
+                f"{cells.where}: no column is understood as the {role} among {cells.heads}: name it "
                 f"'{one.symbol} [{one.unit}]', or state --column \"{role}=NAME [{one.unit}]\"{unread(cells)}"
             )
         used.append(chosen(cells, some))
     check_units(cells, used)
-    first, second = map(in_si, used)
+    first, second = (one.si for one in used)
     if not np.isfinite(first + second).any():
-        raise TableError(f"{where_of(cells)}: no row has a {roles[1]} and a {roles[0]}")
+        raise TableError(f"{cells.where}: no row has a {roles[1]} and a {roles[0]}")
     return first, second, said_of(cells, used), [*cells.remarks, *bad_cells(cells, used)]
