@@ -24,7 +24,7 @@ from fourpole.io.packed import pack, unpack
 from fourpole.io.processes import PIPE, Process, cpu_time, start_module
 from fourpole.io.recordings import format_of
 from fourpole.io.remote import allowed
-from fourpole.io.signals import MAX_FILE_BYTES, Format
+from fourpole.io.signals import MAX_FILE_BYTES, Format, Progress
 from fourpole.io.source import name_of
 from fourpole.io.worker import STILL, TOO_LATE, TOO_MUCH, receive, send
 
@@ -99,7 +99,7 @@ class Child:
         size: int = 0,
         seconds: float = SECONDS,
         spare: int = 0,
-        progress: Callable[[int, int], None] | None = None,
+        progress: Progress | None = None,
     ) -> bytes:
         """Run a function of Fourpole in the worker.
 
@@ -254,7 +254,7 @@ def answer_of(
     size: int = 0,
     seconds: float | None = None,
     spare: int = 0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> bytes:
     """The answer of this thread's worker, see `Child.call`; after a death another worker is asked once.
 
@@ -280,7 +280,7 @@ def read_apart(
     *args: Any,
     classes: Iterable[type] = (),
     label: str | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Any:
     """The result of a function that reads a file, run in the worker of this thread if the file is read in one.
 

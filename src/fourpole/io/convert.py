@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -16,7 +16,7 @@ from fourpole.errors import FileError, RecordingError, TableError
 from fourpole.io.child import read_apart
 from fourpole.io.formats.guard import tidy
 from fourpole.io.recordings import chosen_of, survey
-from fourpole.io.signals import FileInfo, Signal
+from fourpole.io.signals import FileInfo, Progress, Signal
 from fourpole.io.stream import Chunk, Stream, by_halves, surveyed_stream, times_of
 from fourpole.io.write import beside, why
 from fourpole.io.writers import hdf5, matlab, mdf, tables, tdms, tydex, uff, wav
@@ -87,11 +87,7 @@ class Converted:
 
 
 def convert(
-    path: str | Path,
-    out: str | Path,
-    choice: Choice | None = None,
-    *,
-    progress: Callable[[int, int], None] | None = None,
+    path: str | Path, out: str | Path, choice: Choice | None = None, *, progress: Progress | None = None
 ) -> Converted:
     r"""Write a recording in another format.
 
@@ -141,9 +137,7 @@ def convert(
 OF_WORK = (Choice,)
 
 
-def _convert(
-    source: Path, target: Path, new: Path, choice: Choice, *, progress: Callable[[int, int], None] | None = None
-) -> Converted:
+def _convert(source: Path, target: Path, new: Path, choice: Choice, *, progress: Progress | None = None) -> Converted:
     """The conversion, as a worker process runs it: the file `new` is written, which then replaces `target`."""
     writer = _writer(target, choice.kind)
     found = survey(source)
@@ -177,12 +171,7 @@ def _check_groups(target: Path, writer: Writer, groups: Sequence[Group]) -> None
 
 
 def _write(
-    new: Path,
-    writer: Writer,
-    plan: _Plan,
-    chunks: Iterable[Chunk],
-    remarks: Remarks,
-    progress: Callable[[int, int], None] | None,
+    new: Path, writer: Writer, plan: _Plan, chunks: Iterable[Chunk], remarks: Remarks, progress: Progress | None
 ) -> None:
     done = 0
     try:

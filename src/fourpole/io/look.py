@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fourpole.core.arrays import ByValue
 from fourpole.core.demodulation.spectrum import hann
 from fourpole.errors import FourpoleError
-from fourpole.io.signals import FileInfo, Signal, SignalInfo
+from fourpole.io.signals import FileInfo, Progress, Signal, SignalInfo
 from fourpole.io.stream import by_halves, surveyed_stream
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ class ChannelSummary(ByValue):
 
 
 def look_at(
-    path: Path, found: FileInfo, chosen: Sequence[int], *, progress: Callable[[int, int], None] | None = None
+    path: Path, found: FileInfo, chosen: Sequence[int], *, progress: Progress | None = None
 ) -> dict[int, ChannelSummary | str]:
     """Summaries of some channels, in one pass and limited memory if the format can be read in parts.
 

@@ -13,6 +13,8 @@ from fourpole.core.arrays import ByValue
 
 MAX_FILE_BYTES = 64_000_000_000
 """Largest file of which a part is read at a time [byte]."""
+Progress = Callable[[int, int], None]
+"""Is called with the number of samples that are done, and the number of all samples."""
 HEAD_BYTES = 4096
 """Number of first bytes by which a format is recognised."""
 

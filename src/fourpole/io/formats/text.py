@@ -109,20 +109,15 @@ def _names(layout: Layout) -> list[str]:
     return numbered([column_unit(one)[0] for one in layout.names])
 
 
-def _chosen(request: Request, stretches: Sequence[Stretch]) -> dict[int, tuple[Stretch, str]]:
-    """The stretch and the column of each name of a request."""
+def _chosen(request: Request, stretches: Sequence[Stretch]) -> list[tuple[Stretch, dict[int, str]]]:
+    """The stretches of a request, with the columns of its names by their index in it."""
     many = len(stretches) > 1
     places = [(one, name) for one in stretches for name in _names(one.layout)]
-    found = find([(one.name if many else "", name) for one, name in places], request)
-    return {at: places[place] for at, place in enumerate(found)}
-
-
-def _by_stretch(chosen: Mapping[int, tuple[Stretch, str]]) -> dict[str, tuple[Stretch, dict[int, str]]]:
-    """The names of a request by the name of their stretch."""
     groups: dict[str, tuple[Stretch, dict[int, str]]] = {}
-    for at, (stretch, name) in chosen.items():
+    for at, place in enumerate(find([(one.name if many else "", name) for one, name in places], request)):
+        stretch, name = places[place]
         groups.setdefault(stretch.name, (stretch, {}))[1][at] = name
-    return groups
+    return list(groups.values())
 
 
 def _several(request: Request, refused: TableError | None = None) -> list[Stretch]:
@@ -148,9 +143,10 @@ def _read(request: Request) -> Sequence[Signal]:
         except TableError as error:
             stretches = _several(request, error)
     chosen = _chosen(request, stretches)
-    afford(_NUMBER_SIZE * sum(one.rows for one, _ in chosen.values()), request.max_bytes, request.label)
+    needed = _NUMBER_SIZE * sum(stretch.rows * len(names) for stretch, names in chosen)
+    afford(needed, request.max_bytes, request.label)
     signals: dict[int, Signal] = {}
-    for stretch, names in _by_stretch(chosen).values():
+    for stretch, names in chosen:
         columns = read_columns(
             request.path, list(names.values()), max_bytes=MAX_FILE_BYTES, label=request.label, stretch=stretch
         )
@@ -186,7 +182,7 @@ def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
             return
         except TableError as error:
             stretches = _several(request, error)
-            if done > max(one.rows for one, _ in _chosen(request, stretches).values()):
+            if done > max(one.rows for one, _ in _chosen(request, stretches)):
                 raise  # what came as one table was none
     # The first rows came from the first table, before it ended.
     yield from islice(_turns(request, rows, stretches), done // rows, None)
@@ -194,8 +190,7 @@ def _blocks(request: Request, rows: int) -> Iterator[Sequence[Signal]]:
 
 def _turns(request: Request, rows: int, stretches: Sequence[Stretch]) -> Iterator[list[Signal]]:
     """The chunks of some columns of several stretches."""
-    groups = list(_by_stretch(_chosen(request, stretches)).values())
-    runs = [_stretch_blocks(request, rows, stretch, names) for stretch, names in groups]
+    runs = [_stretch_blocks(request, rows, stretch, names) for stretch, names in _chosen(request, stretches)]
     # The stretches of a test advance together; many at a time are only looked at, one file open after the other.
     turns = zip_longest(*runs) if len(runs) <= _TOGETHER else ((one,) for run in runs for one in run)
     for turn in turns:
