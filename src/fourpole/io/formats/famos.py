@@ -15,6 +15,7 @@ from __future__ import annotations
 import codecs
 import datetime as dt
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -57,10 +58,9 @@ class _Component:
     barred: str = ""
     """The reason why it cannot be read; empty if it can."""
 
-    def describe_samples(
-        self, _: int, width: int, kind: int, bits: int, mask: int, first: int, direct: int, distance: int
-    ) -> None:
+    def describe_samples(self, fields: Iterable[int]) -> None:
         """Take the content of the key CP: how the samples are stored."""
+        _, width, kind, bits, mask, first, direct, distance = fields
         self.width, self.kind = width, kind
         size = 6 if kind == _SIX_BYTES else np.dtype(_TYPES.get(kind, "V1")).itemsize
         if kind not in (*_TYPES, _SIX_BYTES) or width != size:
@@ -222,7 +222,7 @@ class _Content(Content):
 
     def _describe(self, one: _Component, kind: bytes, content: bytes) -> None:
         if kind == b"CP":
-            one.describe_samples(*map(int, _fields(content, 8)))
+            one.describe_samples(map(int, _fields(content, 8)))
         elif kind == b"Cb":
             count, _, _, index, begin, _, first, size = map(int, _fields(content, 8))
             one.index, one.begin, one.size = index, begin, size
