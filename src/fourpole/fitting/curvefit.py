@@ -47,7 +47,8 @@ class CurveFit(ByValue):
 
     def predict(self, frequency: ArrayLike) -> ComplexArray:
         """K* of the model (...,) [N/m] at frequencies (...,) [Hz] > 0."""
-        return self.fit.model.stiffness(self.fit.values, 2 * np.pi * np.asarray(frequency, dtype=float))
+        omega = 2 * np.pi * np.asarray(frequency, dtype=float)
+        return self.fit.model.stiffness(self.fit.values, omega).reshape(omega.shape)
 
     def interval(self, symbol: str, level: float = COVERAGE) -> tuple[float, float]:
         """The interval of a parameter by profile likelihood, in its unit; ModelError for an unknown symbol."""
