@@ -108,7 +108,12 @@ class Fit(ByValue):
 
 
 def fit(
-    model: Model, data: StiffnessData, start: ArrayLike, *, fixed: Mapping[str, ArrayLike] | Sequence[str] = ()
+    model: Model,
+    data: StiffnessData,
+    start: ArrayLike,
+    *,
+    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
+    tied: Mapping[str, tuple[str, float]] | None = None,
 ) -> Fit:
     """Fit a model to each condition, from one start.
 
@@ -121,6 +126,8 @@ def fit(
         Start values; see `starts.start_of`.
     fixed : sequence of str, or mapping of str to (...,) float array
         Parameters that keep their start value, or the value of the mapping.
+    tied : mapping of str to (str, float), optional
+        Parameters that are a positive multiple of a free parameter: {"tau_2": ("tau_1", 10.0)}.
 
     Returns
     -------
@@ -143,14 +150,19 @@ def fit(
     >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3)
     array([180000., 120000.,    700.])
     """
-    if model.linear:
+    if model.linear and not tied:
         return _fit_nonnegative(model, data, start, fixed)
-    problem = problem_of(model, data, start, fixed)
+    problem = problem_of(model, data, start, fixed, tied or {})
     return _fit_of(problem, data.stiffness.shape[:-1], *_search(problem, problem.place_of(problem.fixed)))
 
 
 def best_fit(
-    model: Model, data: StiffnessData, starts: ArrayLike, *, fixed: Mapping[str, ArrayLike] | Sequence[str] = ()
+    model: Model,
+    data: StiffnessData,
+    starts: ArrayLike,
+    *,
+    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
+    tied: Mapping[str, tuple[str, float]] | None = None,
 ) -> Fit:
     """The fit with the least chi-square of the fits from several starts (S, ..., P); see `starts.starts_of`.
 
@@ -163,10 +175,10 @@ def best_fit(
     1.0
     """
     begins = np.asarray(starts, dtype=float)
-    if model.linear:
+    if model.linear and not tied:
         return _fit_nonnegative(model, data, begins[0], fixed)
     lead = data.stiffness.shape[:-1]
-    problem = problem_of(model, data, begins[0], fixed)
+    problem = problem_of(model, data, begins[0], fixed, tied or {})
     count, size = problem.fixed.shape
     fits = []
     together = max(_TOGETHER // (count * data.count * size), 1)
@@ -297,9 +309,7 @@ def _covariance(problem: FitProblem, slopes: FloatArray, held: BoolArray, values
     inverse = np.linalg.pinv(normal * scale[:, :, None] * scale[:, None, :], rcond=1e-13, hermitian=True)
     unit = problem.unit_of(values) * scale
     free = inverse * unit[:, :, None] * unit[:, None, :]
-    whole = np.zeros((len(free), values.shape[1], values.shape[1]))
-    whole[:, problem.free[:, None], problem.free] = free
-    return whole
+    return np.asarray(problem.spread @ free @ problem.spread.T)
 
 
 def _fit_nonnegative(
