@@ -95,6 +95,8 @@ def draw(results: Study, key: str, style: Style | None = None) -> Figure | None:
     CampaignError
         If there is no such figure.
     """
+    from fourpole.plot.drawn import figure_of  # slow to load
+
     spec = spec_of(key)
     style = style or Style()
     results = strided(results)
@@ -103,7 +105,10 @@ def draw(results: Study, key: str, style: Style | None = None) -> Figure | None:
         names = read_sheet(results, texts_only=not spec.apart).names
         style = replace(style, own=own_colours(part, names))
     with drawing(style, key):
-        return spec.drawn(results, style)
+        if spec.draw is not None:
+            return spec.draw(results, style)
+        data = spec.data(results) if spec.data is not None else None
+        return None if data is None else figure_of(data, style)
 
 
 def figure_data(results: Study, key: str) -> FigureData | None:

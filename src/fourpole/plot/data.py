@@ -279,12 +279,3 @@ class FigureSpec:
     def title(self) -> str:
         """The name, after the number of a figure of the paper."""
         return f"Figure {self.number}: {self.name}" if self.number else self.name
-
-    def drawn(self, results: Study, style: Style) -> Figure | None:
-        """The figure; None if the results hold nothing that it shows."""
-        if self.draw is not None:
-            return self.draw(results, style)
-        from fourpole.plot.drawn import figure_of
-
-        data = self.data(results) if self.data is not None else None
-        return None if data is None else figure_of(data, style)

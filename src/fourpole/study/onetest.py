@@ -18,11 +18,11 @@ from fourpole.core.notebook import notebook_html
 from fourpole.core.phasor import Phasors
 from fourpole.errors import CampaignError
 from fourpole.study.record import tests_of
+from fourpole.study.tables import Tables
 from fourpole.units import nearest, shown
 
 if TYPE_CHECKING:
     from fourpole.core.recording import Recording
-    from fourpole.study.study import Study
 
 
 class UnknownTestError(CampaignError, KeyError):
@@ -39,8 +39,8 @@ class OneTest:
     ----------
     stated : Test
         Its row of tests.csv.
-    study : Study
-        The study.
+    study : TestedTables
+        The study that it is part of.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class OneTest:
     """
 
     stated: Test
-    study: Study
+    study: TestedTables
 
     @property
     def name(self) -> str:
@@ -163,7 +163,7 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _tests_in(study: Study) -> list[Test]:
+def _tests_in(study: TestedTables) -> list[Test]:
     """The tests that tables of an older version name, without the rows of tests.csv."""
     statics = [Test(name, 0, kind="static") for name in study.table("static")[q.TEST.head].unique(maintain_order=True)]
     return [
@@ -177,7 +177,7 @@ class TestsByName(Mapping[str, OneTest]):
 
     __test__ = False
 
-    def __init__(self, study: Study) -> None:
+    def __init__(self, study: TestedTables) -> None:
         """The tests of this study."""
         self._study = study
         stated = study.campaign.tests if study.campaign is not None else tests_of(study.record) or _tests_in(study)
@@ -198,3 +198,34 @@ class TestsByName(Mapping[str, OneTest]):
 
     def __repr__(self) -> str:
         return f"<{len(self)} tests: {', '.join(list(self._stated)[:8])}{', ...' if len(self) > 8 else ''}>"
+
+
+@dataclass(frozen=True, eq=False)
+class TestedTables(Tables):
+    """Result tables with their campaign, or with the record by which it is found: the tests of a study."""
+
+    __test__ = False
+
+    record: dict[str, Any]
+    campaign: Campaign | None
+
+    @property
+    def tests(self) -> TestsByName:
+        """The tests by name: `study.tests["D12"]` has its rows, amplitudes, verdict, remarks and recording."""
+        return TestsByName(self)
+
+    def campaign_there(self) -> Campaign:
+        """The campaign that was analysed, read again from where study.json says that it is.
+
+        Raises
+        ------
+        CampaignError
+            If it is not there.
+        """
+        if self.campaign is not None:
+            return self.campaign
+        place, folder = str(self.record.get("campaign") or ""), self.files.folder if self.files is not None else Path()
+        try:
+            return read_campaign(folder / (place or "no campaign"))
+        except CampaignError as error:
+            raise CampaignError(f"{error}; pass the folder of the campaign: recording(campaign=...)") from None

@@ -13,7 +13,7 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import Campaign, read_campaign
+from fourpole.campaign.folder import Campaign
 from fourpole.campaign.report import shown_units
 from fourpole.core.condition import PRELOAD, PRESSURE, Axis, Sameness
 from fourpole.core.joint.around import Likelihood
@@ -28,10 +28,10 @@ from fourpole.io.write import write_table
 from fourpole.models.families import by_amplitude
 from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.notebook import tables_html
-from fourpole.study.onetest import TestsByName
+from fourpole.study.onetest import TestedTables
 from fourpole.study.record import place_of, section, texts, write_record
 from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
-from fourpole.study.tables import DYNAMIC, TABLE_FILES, TABLES, Tables, verdict_counts
+from fourpole.study.tables import DYNAMIC, TABLE_FILES, TABLES, verdict_counts
 from fourpole.units import nearest, quantity, shown
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Study(Tables):
+class Study(TestedTables):
     """The results of a campaign: what `analyse` makes and `read_results` reads.
 
     Attributes
@@ -171,27 +171,6 @@ class Study(Tables):
     def results(self) -> Study:
         """The study itself, for scripts of earlier versions, in which the results were another class."""
         return self
-
-    @property
-    def tests(self) -> TestsByName:
-        """The tests by name: `study.tests["D12"]` has its rows, amplitudes, verdict, remarks and recording."""
-        return TestsByName(self)
-
-    def campaign_there(self) -> Campaign:
-        """The campaign that was analysed, read again from where study.json says that it is.
-
-        Raises
-        ------
-        CampaignError
-            If it is not there.
-        """
-        if self.campaign is not None:
-            return self.campaign
-        place, folder = str(self.record.get("campaign") or ""), self.files.folder if self.files is not None else Path()
-        try:
-            return read_campaign(folder / (place or "no campaign"))
-        except CampaignError as error:
-            raise CampaignError(f"{error}; pass the folder of the campaign: recording(campaign=...)") from None
 
     @property
     def rigs(self) -> tuple[RigEstimate, ...]:
