@@ -130,14 +130,19 @@ def test_what_is_odd_is_noted(tmp_path: Path) -> None:
     assert read_tydex(written(tmp_path, fewer)).notes == ("says it has 2 rows and holds 3",)
 
 
-def test_the_sections_of_a_model_are_passed_over(tmp_path: Path) -> None:
+def test_a_model_is_kept_as_written(tmp_path: Path) -> None:
     text = (
         "**HEADER\nRELEASE   Release                                 1.3\n**MODELPARAMETERS\n"
         "FNOMIN    Nominal vertical load         N         4000\n**MODELDEFINITION\n  any text\n"
         "**MODELCOEFFICIENTS\nC1                                                1.3\n**MODELEND\n**END\n"
     )
     tyre = read_tydex(written(tmp_path, text))
-    assert (tyre.notes, [one.name for one in (*tyre.header, *tyre.constants)]) == ((), ["RELEASE"])
+    assert tyre.parameters == (TydexEntry("FNOMIN", "4000", "N", "Nominal vertical load"),)
+    assert [keyword for keyword, _ in tyre.models] == ["MODELDEFINITION", "MODELCOEFFICIENTS", "MODELEND"]
+    assert tyre.models[0][1] == ("  any text",)
+    write_tydex(tmp_path / "again.tdx", tyre)
+    again = read_tydex(tmp_path / "again.tdx")
+    assert (again.parameters, again.models) == (tyre.parameters, tyre.models)
     with pytest.raises(TableError, match=r"run\.tdx: has no measured data"):
         FORMAT.read(asked(tmp_path / "run.tdx", "FZW"))
 
@@ -216,6 +221,7 @@ def test_what_is_written_is_read(tyre: TydexFile, tmp_path_factory: pytest.TempP
         ({"constants": (TydexEntry("TYRE", "x" * 31),)}, "has 31 characters"),
         ({"constants": (TydexEntry("TYRE", "a\nb"),)}, "is not plain ASCII"),
         ({"comments": ("**END",)}, r"begins with \*\*"),
+        ({"models": (("MEASURDATA", ()),)}, "is no section of a model"),
     ],
 )
 def test_what_the_format_cannot_hold_is_refused(tmp_path: Path, change: dict, message: str) -> None:

@@ -115,8 +115,9 @@ class _Reader:
 
     def __init__(self, lines: Iterator[tuple[int, str]], name: str, max_bytes: int) -> None:
         self._lines, self._name, self._max_bytes = lines, name, max_bytes
-        self._entries: dict[str, list[TydexEntry]] = {"HEADER": [], "CONSTANTS": []}
+        self._entries: dict[str, list[TydexEntry]] = {"HEADER": [], "CONSTANTS": [], "MODELPARAMETERS": []}
         self._comments: list[str] = []
+        self._models: list[tuple[str, list[str]]] = []
         self._channels: list[TydexChannel] = []
         self._notes: list[str] = []
         self._data: NDArray[np.float64] | None = None
@@ -134,6 +135,8 @@ class _Reader:
             if section not in SECTIONS:
                 self._note(f"the section **{section} is not of TYDEX 1.3 and is passed over")
                 section = ""
+            elif section.startswith("MODEL") and section != "MODELPARAMETERS":
+                self._models.append((section, []))
             ended = section == "END"
         if not ended:
             self._note("has no **END: it may be cut off")
@@ -144,6 +147,8 @@ class _Reader:
             channels=tuple(self._channels),
             data=data,
             comments=tuple(self._comments),
+            parameters=tuple(self._entries["MODELPARAMETERS"]),
+            models=tuple((keyword, tuple(lines)) for keyword, lines in self._models),
             notes=tuple(self._notes),
             label=self._name,
         )
@@ -162,6 +167,8 @@ class _Reader:
                 return opened
             if section == "COMMENTS":
                 self._comments.append(line)
+            elif section.startswith("MODEL") and section != "MODELPARAMETERS":
+                self._models[-1][1].append(line)
             elif not line.strip() or "!" in line[:10]:
                 continue
             elif section == "MEASURCHANNELS":

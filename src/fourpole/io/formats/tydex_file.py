@@ -65,7 +65,7 @@ _LOADS = {
 
 @dataclass(frozen=True)
 class TydexEntry:
-    """A line of the header or of the constants.
+    """A line of a header, of the constants or of a model's parameters.
 
     Attributes
     ----------
@@ -112,13 +112,15 @@ class TydexFile(ByValue):
 
     Attributes
     ----------
-    header, constants : tuple of TydexEntry
-        Entries of these sections.
+    header, constants, parameters : tuple of TydexEntry
+        Entries of these sections; `parameters` are those of a tyre model.
     comments : tuple of str
         Lines of free text.
     channels : tuple of TydexChannel
     data : (rows, channels) float array
         Stored values, to which factor and offset are not applied; not-a-number where a value is missing. See `values`.
+    models : tuple of (str, tuple of str)
+        Keyword and lines of each other section of a model, such as MODELCOEFFICIENTS.
     notes : tuple of str
         Warnings of the reader, such as a missing end or an unknown section.
     label : str
@@ -130,6 +132,8 @@ class TydexFile(ByValue):
     channels: tuple[TydexChannel, ...] = ()
     data: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     comments: tuple[str, ...] = ()
+    parameters: tuple[TydexEntry, ...] = ()
+    models: tuple[tuple[str, tuple[str, ...]], ...] = ()
     notes: tuple[str, ...] = ()
     label: str = "TYDEX file"
 
@@ -197,12 +201,19 @@ def write_tydex(path: AnyPath, tyre: TydexFile, *, label: str | None = None) -> 
     before = ["**HEADER", *(_entry_line(one, name) for one in header)]
     before += ["**COMMENTS", *(_comment_line(one, name) for one in tyre.comments)]
     before += ["**CONSTANTS", *(_entry_line(one, name) for one in tyre.constants)]
+    after: list[str] = []
     if tyre.channels:
         before += ["**MEASURCHANNELS", *(_channel_line(one, name) for one in tyre.channels), "**MEASURDATA"]
+    if tyre.parameters:
+        after += ["**MODELPARAMETERS", *(_entry_line(one, name) for one in tyre.parameters)]
+    for keyword, lines in tyre.models:
+        if keyword not in SECTIONS or not keyword.startswith("MODEL"):
+            raise TableError(f"{name}: {shown(keyword)} is no section of a model")
+        after += [f"**{keyword}", *(_comment_line(one, name) for one in lines)]
     with replacing(path, label=label) as file:
         file.write("".join(f"{line}\n" for line in before).encode("ascii"))
         _write_rows(file, data)
-        file.write(b"**END\n")
+        file.write("".join(f"{line}\n" for line in (*after, "**END")).encode("ascii"))
 
 
 def _write_rows(file: BinaryIO, data: NDArray[np.float64]) -> None:
