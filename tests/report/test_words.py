@@ -11,7 +11,6 @@ from fourpole.core.checks import Code
 from fourpole.findings import Finding, FindingConditions, Holds, Setup, Topic
 from fourpole.findings import findings as found_in
 from fourpole.findings.claims import (
-    Above,
     ApartAt,
     Claim,
     Isolation,
@@ -25,7 +24,7 @@ from fourpole.findings.claims import (
     Turning,
     TurningAt,
 )
-from fourpole.findings.evidence import Effect
+from fourpole.findings.evidence import Above, Effect
 from fourpole.findings.facts import Measured
 from fourpole.findings.finding import UNSTATED
 from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level

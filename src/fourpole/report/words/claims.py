@@ -9,7 +9,6 @@ from typing import Any
 from fourpole.findings.claims import (
     CROSS,
     RADIAL,
-    Above,
     ApartAt,
     Claim,
     Evidence,
@@ -23,7 +22,7 @@ from fourpole.findings.claims import (
     Order,
     Turning,
 )
-from fourpole.findings.evidence import Effect
+from fourpole.findings.evidence import Above, Effect
 from fourpole.findings.finding import Finding, Holds
 from fourpole.findings.trends import Trend
 from fourpole.report.words.levels import over, span
