@@ -73,8 +73,10 @@ AXES = (PRESSURE, PRELOAD, Axis("temperature", q.TEMPERATURE.head, absolute=5.0)
 AMPLITUDE = Axis("amplitude", q.DEFLECTION_AMPLITUDE.head, relative=0.05)
 #: Relative change of K* per kelvin [1/K] that is assumed where none is stated: that of tread rubber.
 TEMPERATURE_SENSITIVITY = 0.01
-#: Frequencies that figures, words and exports show as one. A frequency is not part of a condition.
-FREQUENCY = Axis("frequency", q.FREQUENCY.head, relative=0.02)
+#: Relative tolerance within which two tests have the same frequency, which is no part of a condition.
+SAME_FREQUENCY = 0.01
+#: Frequencies that figures, words and exports show as one: each may be at an end of the tolerance.
+FREQUENCY = Axis("frequency", q.FREQUENCY.head, relative=2 * SAME_FREQUENCY)
 #: Relative tolerance of a numeric axis for which none is stated.
 _OWN = 0.01
 

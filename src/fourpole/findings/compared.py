@@ -13,7 +13,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.core.checks import Verdict
-from fourpole.core.condition import AXES, Condition, Sameness
+from fourpole.core.condition import AXES, SAME_FREQUENCY, Condition, Sameness
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError
@@ -49,8 +49,6 @@ _NO_TESTS = {
 }
 #: Place of the temperature among the axes of a condition.
 _TEMPERATURE = [axis.column for axis in AXES].index(q.TEMPERATURE.head)
-#: Two frequencies are the same if they differ by less, relative.
-_NEAR = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,7 +331,7 @@ def _repeats(points: Points, states: Sequence[Condition]) -> list[list[int]]:
         if (
             first is not None
             and group[first] == group[place]
-            and frequency[place] <= frequency[first] * (1.0 + _NEAR)
+            and frequency[place] <= frequency[first] * (1.0 + SAME_FREQUENCY)
             and _temperature_near(states[first], states[place])
         ):
             repeats[-1].append(place)
@@ -353,7 +351,7 @@ def _pairs(means: Sequence[Points], states: Sequence[list[Condition]]) -> tuple[
         near = [
             (abs(second.frequency[j] - f), j)
             for j in members.get(int(first.group[i]), [])
-            if abs(second.frequency[j] - f) <= _NEAR * max(f, second.frequency[j])
+            if abs(second.frequency[j] - f) <= SAME_FREQUENCY * max(f, second.frequency[j])
             and _temperature_near(states[0][i], states[1][j])
         ]
         if near:

@@ -21,7 +21,7 @@ from fourpole.core import stats
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.checks import Check, Code, Excitation, Verdict, judged, reported
-from fourpole.core.condition import Condition
+from fourpole.core.condition import SAME_FREQUENCY, Condition
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.curves import Curves, Samples, curves_of
@@ -43,8 +43,6 @@ _MIXED = 2.0
 _PRESSURE = q.PRESSURE.key
 #: Amplitudes of a copied recording are equal to this share of the standard uncertainty of their noise.
 _COPIED = 1e-3
-#: Relative difference below which the frequencies of tests of two tyres count as equal.
-_SAME_FREQUENCY = 0.01
 #: Tests whose deflections differ by less than this factor have one level.
 _LEVEL = 1.25
 #: Lines within this share of a frequency are compared with it, and the fewest frequencies of a comparison.
@@ -168,7 +166,7 @@ def _pairs(here: _Rows, there: _Rows, logs: FloatArray) -> list[tuple[int, int]]
         for condition, rows in here.items()
         for a in rows
         for b in there.get(condition, ())
-        if abs(logs[a] - logs[b]) < _SAME_FREQUENCY
+        if abs(logs[a] - logs[b]) < SAME_FREQUENCY
     ]
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.routes import maxwell_arm
 
-#: Largest ratio of successive frequencies in one condition, and of its highest to its lowest frequency.
+#: Largest ratio of successive frequencies in one condition, and of its highest to its lowest frequency: the tolerance
+#: of `core.condition.SAME_FREQUENCY`, with room for the scatter of the speed.
 _STEP, _WIDTH = 1.0105, 1.0161
 #: Largest ratio of equal nominal frequencies, which allows for rounding in tests.csv.
 _SAME = 1.0005
