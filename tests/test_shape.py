@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from fourpole.core.checks import Check
+from fourpole.core.joint.misfit import Candidate
 from fourpole.errors import Message
+from fourpole.study import analysis
+from fourpole.study.selection import select_tables
+from fourpole.virtual import FAULTS, simulate_campaign
 
 ROOT = Path(__file__).resolve().parents[1] / "src"
 MODULES = {
@@ -85,23 +89,51 @@ def test_checks_are_made_with_values_and_no_words():
     assert not found
 
 
-def words_in(values, names):
-    """Texts in the values of a check that are neither names nor what an error says."""
-    for value in values:
-        if isinstance(value, str) and not isinstance(value, Enum):
-            if value not in names:
-                yield value
-        elif isinstance(value, Check):
-            yield from words_in(value.values.values(), names)
-        elif isinstance(value, dict):
-            yield from words_in(value.values(), names)
-        elif isinstance(value, list | tuple | set):
-            yield from words_in(value, names)
-        elif hasattr(value, "__dataclass_fields__") and not isinstance(value, Message):
-            yield from words_in(vars(value).values(), names)
-        else:
-            known = value is None or isinstance(value, Message | Enum | int | float | complex | np.number | np.ndarray)
-            assert known, type(value)
+def words_in(value, names):
+    """Texts in a value of a check that are neither names nor what an error says."""
+    if isinstance(value, Message | Enum | Candidate | int | float | complex | np.number | np.ndarray | type(None)):
+        return []
+    if isinstance(value, str):
+        return [] if value in names else [value]
+    if isinstance(value, Check):
+        value = value.values
+    return [text for part in (value.values() if isinstance(value, dict) else value) for text in words_in(part, names)]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "faults",
+    [
+        ("one test: gain of V1, +20 %", "static test: zero of the load, +150 N", "drop-outs of V2, 4 %"),
+        (
+            "two tests: labels of pressure swapped",
+            "soft clipping of F1, at 500 N",
+            "static test: labels of two swapped",
+        ),
+        ("moving mass, +1 kg", "amplitude-dependent tyre, 20 %", "two tests: the same recording, of a repeat"),
+        ("V2 with the other sign", "one test: wrong pressure in its row, 2.05 for 1.35 bar"),
+    ],
+)
+def test_values_of_checks_are_numbers_names_codes_and_errors(faults, tmp_path, monkeypatch):
+    """Laboratories with faults, one of whose recordings is no table, and one of whose static tests is missing."""
+    seen = []
+    monkeypatch.setattr(analysis, "select_tables", lambda *given: seen.append(given) or select_tables(*given))
+    made = simulate_campaign(
+        tmp_path / "made", pressures=[135e3, 205e3], preloads=[1000.0], frequencies=[11.0, 14.0, 17.0, 20.0], repeats=2,
+        faults=[FAULTS[fault] for fault in faults],
+    )  # fmt: skip
+    (made.folder / "recordings" / "D3.csv").write_text("t,F1,V1,V2\n0,1,2,x\n")
+    (made.folder / "recordings" / "S2.csv").unlink()
+    study = analysis.analyse(made.folder)
+    ((campaign, statics, points, _, _, conditions, _),) = seen
+    checks = [check for row in statics for check in row.checks] + [check for row in points.checks for check in row]
+    checks += [check for _, check in conditions]
+    names = {name for test in campaign.tests for name in (test.name, test.file, test.tyre)}
+    names |= {"F1", "V1", "V2", "load", "deflection", "pressure", "preload", "temperature", "K2", "C"}
+    names |= {part for name, _ in conditions for part in (name, *name.split(", "))}  # names of conditions
+    words = {(check.code, text) for check in checks for text in words_in(check.values, names)}
+    assert study.checks.height
+    assert not words
 
 
 #: What takes a text apart, as a method of it or as a function of `re`; trimming an end decides nothing.
