@@ -64,8 +64,8 @@ def test_levels_of_noise_are_excitations_of_their_own():
     rng = np.random.default_rng(42)
     points, alone = made(rng)
     lines = [row for row, test in enumerate(points.tests) if test.band]
-    every = [*range(len(points)), *lines]
-    louder = np.where(np.arange(len(every)) < len(points), 1.0, 1.1)
+    every = [*range(len(points.tests)), *lines]
+    louder = np.where(np.arange(len(every)) < len(points.tests), 1.0, 1.1)
     alone = alone.part(every)
     alone = replace(
         alone, stiffness=louder * alone.stiffness, deflection=np.where(louder > 1, 3.0, 1.0) * alone.deflection

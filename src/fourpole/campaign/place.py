@@ -12,8 +12,10 @@ from pathlib import Path, PureWindowsPath
 
 from fourpole import units
 from fourpole.errors import FileError, FourpoleError
+from fourpole.io import child
 from fourpole.io.door import check_name, open_regular, path_for_library
 from fourpole.io.identity import Identity, identity_of
+from fourpole.io.recordings import format_of
 from fourpole.io.remote import fetched, is_elsewhere, local_path, remote_identity, scheme_of
 from fourpole.io.signals import MAX_FILE_BYTES
 
@@ -105,3 +107,14 @@ def identity_or_none(folder: Path, file: str) -> Identity | None:
     with suppress(FourpoleError, OSError, ValueError):
         return remote_identity(file) if is_elsewhere(file) else identity_of(inside(folder, file))
     return None
+
+
+def is_guarded(folder: Path, file: str) -> bool:
+    """Whether a file is elsewhere, or one that is read in a worker process: of a library's format, or large."""
+    if is_elsewhere(file):
+        return True
+    try:
+        path = inside(folder, file)
+        return child.is_guarded(format_of(path, max_bytes=MAX_FILE_BYTES, label=file), path.stat().st_size)
+    except (FourpoleError, OSError):
+        return False  # whoever reads it says why

@@ -7,16 +7,18 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from fourpole.errors import TableError
+from fourpole.errors import FileError, FourpoleError, TableError
 from fourpole.io.door import open_regular
 from fourpole.io.known import BEGINS, KINDS_BY_ENDING, named_by_start
 from fourpole.io.names import in_group, matching
-from fourpole.io.signals import HEAD_BYTES, FileInfo, Format
+from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format
 from fourpole.io.source import name_of
 
 #: The formats whose library opens the file once more, by its path; see `fourpole.io.door.path_for_library`. All others
 #: get the open file, or its bytes.
 BY_PATH = ("parquet", "arrow", "workbook")
+#: Endings of the formats that may state when a recording began.
+_DATED = (".mf4", ".mf3", ".mdf", ".dat", ".raw", ".tdms")
 
 
 def format_of(path: str | Path, *, max_bytes: int, label: str | None = None) -> Format:
@@ -52,6 +54,21 @@ def survey(path: str | Path, *, max_bytes: int = 4_000_000_000, label: str | Non
     """
     name = name_of(path, label)
     return format_of(path, max_bytes=max_bytes, label=name).survey(Path(path), name, max_bytes)
+
+
+def began_at(path: Path) -> float | None:
+    """Time at which a recording began [s], from 1970 on; None where its file does not state it.
+
+    FileError if the file cannot be opened or read.
+    """
+    if path.suffix.lower() not in _DATED:
+        return None
+    try:
+        return survey(path, max_bytes=MAX_FILE_BYTES).began
+    except FileError:  # a disk that fails now must not make other results than one that does not
+        raise
+    except FourpoleError:
+        return None
 
 
 def chosen_of(found: FileInfo, group: str, names: Sequence[str], label: str) -> list[int]:

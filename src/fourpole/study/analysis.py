@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
@@ -11,15 +10,12 @@ from pathlib import Path
 
 from fourpole.campaign.folder import LIMITS, Campaign, condition_numbers, read_campaign
 from fourpole.campaign.place import inside
-from fourpole.campaign.row import Test
 from fourpole.core.routes import ROUTES
 from fourpole.errors import CampaignError
 from fourpole.fitting.likelihood import likelihood_of, likelihood_record
-from fourpole.fitting.rows import axes_record
 from fourpole.io.child import SECONDS
 from fourpole.io.door import sha256_of
 from fourpole.io.folders import is_for_keeping, make_folder
-from fourpole.io.origin import origin
 from fourpole.io.remote import EVERY, allowing
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import remove_leftovers
@@ -27,14 +23,13 @@ from fourpole.study.cache import Cache
 from fourpole.study.compare import compare_points, judge_points
 from fourpole.study.identify import check_rig, identify_points, possible_route
 from fourpole.study.points import Points
-from fourpole.study.record import tests_record
+from fourpole.study.record import KEYS, campaign_record
 from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.selection import select_tables
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
 from fourpole.study.workers import reduce_tests
-from fourpole.version import VERSION
 
 #: Number of Monte Carlo draws of K* and K1 where value ± 1.96 u is not a 95 % interval of K2 or C.
 DRAWS = 10_000
@@ -116,7 +111,6 @@ def analyse(
     with allowing(EVERY) if remote else nullcontext():
         if not isinstance(campaign, Campaign):
             campaign = read_campaign(campaign)
-        dynamic = campaign.of_kind("dynamic")
         route, note = possible_route(campaign, route)
         check_rig(campaign, route)
         cached = None
@@ -126,7 +120,7 @@ def analyse(
             cached = Cache(kept, verify=verify)
         statics = evaluate_statics(campaign, cached, time_limit)
         points = reduce_tests(
-            jobs_of(campaign, dynamic, route),
+            jobs_of(campaign, campaign.of_kind("dynamic"), route),
             cache=cached,
             workers=workers,
             executor=executor,
@@ -144,39 +138,16 @@ def analyse(
     tables = select_tables(campaign, statics, points, groups, likelihoods, conditions, route)
     estimates = {group.rig_name: group.estimate.record for group in groups if group.estimate is not None}
     record = {
-        "title": campaign.stated.title,
+        **campaign_record(campaign),
         "settings": {"route": route, "monte_carlo": monte_carlo, "seed": seed},
-        "conditions": {"axes": axes_record(rule)},
-        "stated": campaign.statement(),
-        "versions": _versions(),
-        "origin": origin().record,
         "verdicts": verdict_counts(tables["static"], tables["dynamic"]),
-        "assumptions": [*campaign.stated.assumptions(), *_assumed(dynamic)],
         "notes": [*([note] if note else []), *remarks, *mixed],
-        "tests": tests_record(campaign),
         **({"joint": estimates} if estimates else {}),
         "likelihood": {rig: likelihood_record(likelihood) for rig, likelihood in likelihoods.items()},
         "sha256": _hashes(campaign, statics, points),
     }
+    record = {key: record[key] for key in KEYS if key in record}
     return Study(tables=tables, record=record, campaign=campaign, likelihoods=likelihoods)
-
-
-def _versions() -> dict[str, str]:
-    """Versions of Python, Fourpole and the packages that results depend on."""
-    from importlib.metadata import version  # slow to load
-
-    packages = ("numpy", "scipy", "polars", "pint", "pydantic")
-    return {"python": platform.python_version(), "fourpole": VERSION, **{name: version(name) for name in packages}}
-
-
-def _assumed(tests: Sequence[Test]) -> list[str]:
-    """Assumptions where tests.csv states no uncertainty."""
-    stated = (("K1", "2 %"), ("added_mass", "0.2 % of it"))
-    return [
-        f"tests.csv: {name} is stated without u({name}), taken as {taken}"
-        for name, taken in stated
-        if any(test.value(name) and test.value(f"u({name})") is None for test in tests)
-    ]
 
 
 def _hashes(campaign: Campaign, statics: Sequence[StaticRow], points: Points) -> dict[str, str]:

@@ -25,7 +25,6 @@ from fourpole.core.condition import SAME_FREQUENCY, Condition
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.curves import Curves, Samples, curves_of
-from fourpole.core.joint import Joint
 from fourpole.core.joint.outputs import relative_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.routes import no_arm
@@ -79,9 +78,12 @@ def compare_points(campaign: Campaign, points: Points) -> tuple[Points, list[tup
     unknown = replace(points.phasors, amplitudes=np.where(used[:, None], points.phasors.amplitudes, np.nan))
     alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
-    bent = [any(row.code is Code.LINEARITY and row.verdict is not Verdict.OK for row in rows) for rows in points.checks]
+    bent = [
+        any(check.code is Code.LINEARITY and check.verdict is not Verdict.OK for check in of_row)
+        for of_row in points.checks
+    ]
     straight = np.flatnonzero(used & ~np.array(bent, dtype=bool))
-    strange, on_curves = np.zeros(len(points), dtype=bool), []
+    strange, on_curves = np.zeros(used.size, dtype=bool), []
     if (curves := _curves(campaign, points, alone, straight)) is not None:
         strange[straight[curves.strange]] = True
         on_curves = list(curve_checks(curves, points, straight))
@@ -356,7 +358,7 @@ def _differences(sparse: Alone, dense: Alone) -> tuple[ComplexArray, FloatArray]
 
 def judge_points(points: Points, groups: Sequence[Group], route: str) -> Points:
     """The points with the checks of their identification; that of linearity is the first, because all assume it."""
-    unused = points.known & (points.condition < 0) & (route != "joint")
+    unused = np.isfinite(points.phasors.frequency) & (points.condition < 0) & (route != "joint")
     last = [
         (row, reported(Code.CALIBRATION_UNUSED, Verdict.WARNING, route=route))
         for row in np.flatnonzero(unused).tolist()
@@ -383,7 +385,14 @@ def _joint_checks(group: Group, place: int) -> Iterator[Check]:
     if factor > 1:
         yield reported(Code.AGREEMENT, Verdict.WARNING, factor, 1.0, times=np.sqrt(factor))
     elif factor == 1 and joint.residuals.rig_dof[place] >= 2:
-        yield _relative_check(group, joint, place)
+        # K* by the relative route, with the gains as found, is compared with K* by the joint route. Their squared
+        # difference over its variance is what F1/V2 - Zr leaves of the test: chi-square with 2 degrees of freedom.
+        left = joint.residuals
+        limit = float(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[place]))  # for all tests
+        with np.errstate(divide="ignore", invalid="ignore"):
+            other = relative_stiffness(joint, group.phasors, place)
+        percent = 100 * float(other.real / group.result.stiffness[place].real - 1)
+        yield judged(Code.RELATIVE, float(left.rig[place]), limit, percent=percent)
     if not estimate.fits:
         causes = estimate.causes or estimate.candidates[:1]
         yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
@@ -394,20 +403,6 @@ def _joint_checks(group: Group, place: int) -> Iterator[Check]:
         yield reported(Code.DRIFT_BY_MASS, Verdict.WARNING, largest, 0.0)
     if not joint.converged:
         yield reported(Code.CONVERGENCE, Verdict.WARNING)
-
-
-def _relative_check(group: Group, joint: Joint, place: int) -> Check:
-    """Check whether K* of the test by the relative route, with the gains as found, agrees with that by the joint route.
-
-    Their squared difference over its variance is what F1/V2 - Zr leaves of the test: chi-square with 2 degrees of
-    freedom. The limit is for all tests of the rig together.
-    """
-    left = joint.residuals
-    limit = float(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[place]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        other = relative_stiffness(joint, group.phasors, place)
-    percent = 100 * float(other.real / group.result.stiffness[place].real - 1)
-    return judged(Code.RELATIVE, float(left.rig[place]), limit, percent=percent)
 
 
 def _arm_check(group: Group, place: int, stiffness: StaticStiffness) -> Check:

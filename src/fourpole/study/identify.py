@@ -162,7 +162,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     These are the arguments of `fourpole.core.joint.solve_joint`. A strange row is alone in its condition. The tests ran
     as tests.csv states it, as their recordings state it, or in the order of tests.csv.
     """
-    tests, strange, stated = [points.tests[row] for row in rows], points.strange[rows], campaign.stated
+    tests, strange, stated = [points.tests[index] for index in rows], points.strange[rows], campaign.stated
     _, recording, lines = np.unique([test.name for test in tests], return_inverse=True, return_counts=True)
     count = Counter(test.name for test in points.tests)
     nominal = [np.nan if count[test.name] > 1 else test.value("frequency") or np.nan for test in tests]
@@ -178,12 +178,12 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     added, added_std = added_masses(tests)
     setup = {
         "rig": stated.all_rigs[rig_name].rig() if rig_name in stated.all_rigs else None,
-        "k1": np.array([points.stiffness[row].value for row in rows]),
-        "family": np.where(strange, len(points) + np.arange(rows.size), points.condition[rows]),
+        "k1": np.array([points.stiffness[index].value for index in rows]),
+        "family": np.where(strange, len(points.tests) + np.arange(rows.size), points.condition[rows]),
         "nominal_frequency": np.array(nominal),
         "added_mass": added,
         "added_mass_std": added_std,
-        "channels": channel_uncertainty(campaign, [points.corrections[row] for row in rows]),
+        "channels": channel_uncertainty(campaign, [points.corrections[index] for index in rows]),
         "specimen": np.array([test.tyre for test in tests], dtype=object),
         "time": time,
         "apart": np.where(strange, 0.0, apart),
@@ -214,12 +214,10 @@ def _identified(
     rig_name: str, points: Points, rows: np.ndarray, setup: dict[str, Any], order: RunOrder, route: str
 ) -> tuple[Group, list[str]]:
     """The tests of one rig identified by a route, or by the route that they allow instead; and notes."""
-    phasors, keys, checks = points.phasors.part(rows), points.keys, [points.checks[row] for row in rows]
-    if route == "joint":
-        phasors = _without_idle(phasors, checks)
-    used, note = _route_of(setup["rig"], phasors, route)
-    stiffness = [points.stiffness[row] for row in rows]
-    of_rig = (rig_name, rows, tuple(keys[row] for row in rows), phasors)
+    keys, checks = points.keys, [points.checks[index] for index in rows]
+    phasors, used, note = _usable(setup["rig"], points.phasors.part(rows), checks, route)
+    stiffness = [points.stiffness[index] for index in rows]
+    of_rig = (rig_name, rows, tuple(keys[index] for index in rows), phasors)
     group = None
     if used == "joint":
         try:
@@ -235,25 +233,27 @@ def _identified(
     return replace(group, estimate=estimate), notes
 
 
-def _without_idle(phasors: Phasors, checks: Sequence[Sequence[Check]]) -> Phasors:
-    """The phasors without the channels that hardly move, which are no part of the joint solution."""
-    idle = [[row.channel for row in of_test if row.code is Code.EXCITATION and row.statistic > row.limit]
+def _usable(
+    rig: Rig | None, phasors: Phasors, checks: Sequence[Sequence[Check]], route: str
+) -> tuple[Phasors, str, str]:
+    """The phasors that are used, the route wanted or that the tests of this rig allow instead, and a note on it.
+
+    Channels that hardly move are no part of the joint solution.
+    """
+    if route != "joint":
+        return phasors, route, ""
+    idle = [[check.channel for check in of_test if check.code is Code.EXCITATION and check.statistic > check.limit]
             for of_test in checks]  # fmt: skip
     still = np.array([[symbol in channels for symbol in SYMBOLS.values()] for channels in idle])
-    return replace(phasors, amplitudes=np.where(still, np.nan, phasors.amplitudes))
-
-
-def _route_of(rig: Rig | None, phasors: Phasors, route: str) -> tuple[str, str]:
-    """The route wanted, or the route that the tests of this rig allow instead, with a note."""
-    if route != "joint":
-        return route, ""
+    phasors = replace(phasors, amplitudes=np.where(still, np.nan, phasors.amplitudes))
     if rig is None:
-        return "relative", "the rig of these tests is not stated: K* by the relative route"
+        return phasors, "relative", "the rig of these tests is not stated: K* by the relative route"
     if rig.blocked:
-        return "mobility", "the output is blocked, so there is no V2: K* by the mobility route"
+        return phasors, "mobility", "the output is blocked, so there is no V2: K* by the mobility route"
     if not np.isfinite(phasors.motion_out).any():
-        return "mobility", "no test has a usable V2, so the rig cannot be checked: K* by the mobility route"
-    return route, ""
+        why = "no test has a usable V2, so the rig cannot be checked: K* by the mobility route"
+        return phasors, "mobility", why
+    return phasors, route, ""
 
 
 _OfRig = tuple[str, np.ndarray, tuple[Key, ...], Phasors]

@@ -20,17 +20,12 @@ from fourpole.core.recording import Channel, Recording, uniform_time
 from fourpole.core.recordingchecks import clipped_share
 from fourpole.core.reference import PulseTrain, Reference
 from fourpole.errors import FileError, FourpoleError, Message, RecordingError, TableError
-from fourpole.io import child
-from fourpole.io.recordings import format_of, survey
-from fourpole.io.remote import is_elsewhere
-from fourpole.io.signals import MAX_FILE_BYTES, Signal
+from fourpole.io.signals import Signal
 from fourpole.io.stream import Chunk, Stream, StreamSource, agreed, stream, times_of
 from fourpole.study.response import read_response
 
 #: Number of samples per chunk where only the first part of a recording is loaded.
 _ROWS_OF_PART = 1 << 14
-#: Endings of the formats that may state when a recording began.
-_DATED = (".mf4", ".mf3", ".mdf", ".dat", ".raw", ".tdms")
 #: Relative tolerance within which the reference turns at the frequency of V1.
 _SAME_SPEED = 0.03
 #: Number of samples above which a channel is thinned: the sine fit keeps some thirty values per sample in memory.
@@ -43,36 +38,10 @@ _SAME_NOMINAL = 1e-3
 _MOST_ANGLES = 1 << 17
 
 
-def is_guarded(folder: Path, file: str) -> bool:
-    """Whether a file is elsewhere, or one that is read in a worker process: of a library's format, or large."""
-    if is_elsewhere(file):
-        return True
-    try:
-        path = inside(folder, file)
-        return child.is_guarded(format_of(path, max_bytes=MAX_FILE_BYTES, label=file), path.stat().st_size)
-    except (FourpoleError, OSError):
-        return False  # whoever reads it says why
-
-
 def group_of(path: Path, test: Test) -> str:
     """The group that `file#group` names; empty where the file itself is named."""
     file, mark, group = test.file.rpartition("#")
     return group if mark and Path(file).name == path.name else ""
-
-
-def recorded_at(path: Path) -> float | None:
-    """Time at which a recording began [s], from 1970 on; None where its file does not state it.
-
-    FileError if the file cannot be opened or read.
-    """
-    if path.suffix.lower() not in _DATED:
-        return None
-    try:
-        return survey(path, max_bytes=MAX_FILE_BYTES).began
-    except FileError:  # a disk that fails now must not make other results than one that does not
-        raise
-    except FourpoleError:
-        return None
 
 
 def load_recording(
@@ -106,7 +75,7 @@ def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
     load, deflection = force.samples, travel.samples
     if (force.rate, force.start, load.size) != (travel.rate, travel.start, deflection.size):
         slow, quick = sorted((force, travel), key=lambda channel: channel.rate or 0.0)
-        time, quick_time = _times(slow), _times(quick)
+        time, quick_time = (line.start + np.arange(line.samples.size) / (line.rate or 1.0) for line in (slow, quick))
         within = (time >= quick_time[0]) & (time <= quick_time[-1])
         brought, kept = np.interp(time[within], quick_time, quick.samples), slow.samples[within]
         load, deflection = (kept, brought) if slow is force else (brought, kept)
@@ -119,12 +88,9 @@ def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
             raise
         except FourpoleError:  # the times are unknown or not uniform
             timed = None
-    return LoadCurve(deflection, load, _times(timed) if timed is not None and timed.samples.size == load.size else None)
-
-
-def _times(channel: Channel) -> FloatArray:
-    """Time of each sample [s]."""
-    return channel.start + np.arange(channel.samples.size) / (channel.rate or 1.0)
+    if timed is None or timed.samples.size != load.size:
+        return LoadCurve(deflection, load)
+    return LoadCurve(deflection, load, timed.start + np.arange(load.size) / (timed.rate or 1.0))
 
 
 def _gathered(
@@ -262,20 +228,17 @@ class Timing:
         Approximate frequency of the excitation.
     label : str
         Name of the file in messages.
+    stamps : float array or None [s]
+        The stamps of the last chunk, which channels with the same stamps ask for in turn.
+    grid : (float, str)
+        Interval of these stamps [s], and a remark on them.
     """
 
     window: tuple[float, float] | None
     near: float | None
     label: str
-    _stamps: FloatArray | None = None
-    _grid: tuple[float, str] = (float("nan"), "")
-
-    def grid(self, stamps: FloatArray) -> tuple[float, str]:
-        """The interval of some stamps [s], and a remark; channels with the same stamps ask for one grid in turn."""
-        last = self._stamps
-        if last is None or last.__array_interface__ != stamps.__array_interface__:
-            self._stamps, self._grid = stamps, uniform_time(stamps)
-        return self._grid
+    stamps: FloatArray | None = None
+    grid: tuple[float, str] = (float("nan"), "")
 
 
 @dataclass
@@ -335,7 +298,10 @@ class TimeBase:
 
     def _join(self, stamps: FloatArray) -> None:
         """Take the stamps of a chunk in the window; RecordingError where they do not continue the former ones."""
-        step, remark = self.timing.grid(stamps)
+        timing = self.timing
+        if timing.stamps is None or timing.stamps.__array_interface__ != stamps.__array_interface__:
+            timing.stamps, timing.grid = stamps, uniform_time(stamps)
+        step, remark = timing.grid
         self.remark = self.remark or remark
         if self.kept:
             gap = float(stamps[0]) - self._last

@@ -108,9 +108,6 @@ class Points(ByValue):
     strange: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     columns: dict[str, np.ndarray] = field(default_factory=dict)
 
-    def __len__(self) -> int:
-        return len(self.tests)
-
     @classmethod
     def joined(cls, parts: Sequence[Points]) -> Points:
         """The points of several recordings, one after the other; a column that a recording lacks is not-a-number."""
@@ -123,7 +120,7 @@ class Points(ByValue):
             phasors=Phasors.joined([part.phasors for part in parts]),
             began=np.concatenate([np.zeros(0), *(part.began for part in parts)]),
             columns={
-                head: np.concatenate([part.columns.get(head, np.full(len(part), np.nan)) for part in parts])
+                head: np.concatenate([part.columns.get(head, np.full(len(part.tests), np.nan)) for part in parts])
                 for head in heads
             },
             **chained,
@@ -140,15 +137,10 @@ class Points(ByValue):
         return tuple(keys)
 
     @property
-    def known(self) -> BoolArray:
-        """Rows with amplitudes."""
-        return np.isfinite(self.phasors.frequency)
-
-    @property
     def sound(self) -> BoolArray:
         """Rows with amplitudes that no check rejects."""
         rejected = [worst_verdict(check.verdict for check in checks) is Verdict.REJECTED for checks in self.checks]
-        return self.known & ~np.array(rejected, dtype=bool)
+        return np.isfinite(self.phasors.frequency) & ~np.array(rejected, dtype=bool)
 
     def by_condition(self, rows: BoolArray) -> list[np.ndarray]:
         """Some of the rows in groups of one condition, in the order of their first row."""
@@ -157,9 +149,9 @@ class Points(ByValue):
         return [used[numbers == number] for number in dict.fromkeys(numbers.tolist())]
 
     def with_checks(self, further: Iterable[tuple[int, Check]], *, last: bool = False) -> Points:
-        """The table with further checks of rows, by the row's place, before or after those that it has."""
+        """The table with further checks of rows, by the row's index, before or after those that it has."""
         added: list[list[Check]] = [[] for _ in self.tests]
-        for row, check in further:
-            added[row].append(check)
+        for index, check in further:
+            added[index].append(check)
         pairs = zip(self.checks, added, strict=True)
         return replace(self, checks=tuple((*checks, *more) if last else (*more, *checks) for checks, more in pairs))

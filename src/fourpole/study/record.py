@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -13,10 +14,13 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.report import shown_units
 from fourpole.campaign.row import Test
 from fourpole.errors import FileError, TableError
+from fourpole.fitting.rows import axes_record
 from fourpole.io.folders import resolved
+from fourpole.io.origin import origin
 from fourpole.io.published import LIST, published_beside
 from fourpole.io.write import write_text
 from fourpole.quantities import ShownUnits
+from fourpole.version import VERSION
 
 #: Keys of study.json with what each holds.
 KEYS = {
@@ -75,9 +79,17 @@ def texts(value: object) -> list[str]:
     return [str(item) for item in value] if isinstance(value, list) else []
 
 
-def tests_record(campaign: Campaign) -> list[dict[str, Any]]:
-    """The rows of tests.csv for study.json; what a row does not state is left out."""
-    return [
+def campaign_record(campaign: Campaign) -> dict[str, Any]:
+    """The part of study.json that the campaign and this installation determine."""
+    from importlib.metadata import version  # slow to load
+
+    packages, dynamic = ("numpy", "scipy", "polars", "pint", "pydantic"), campaign.of_kind("dynamic")
+    assumed = [
+        f"tests.csv: {name} is stated without u({name}), taken as {taken}"
+        for name, taken in (("K1", "2 %"), ("added_mass", "0.2 % of it"))
+        if any(test.value(name) and test.value(f"u({name})") is None for test in dynamic)
+    ]
+    tests = [  # what a row of tests.csv does not state is left out
         {
             part.name: value
             for part in fields(test)
@@ -85,6 +97,19 @@ def tests_record(campaign: Campaign) -> list[dict[str, Any]]:
         }
         for test in campaign.tests
     ]
+    return {
+        "title": campaign.stated.title,
+        "conditions": {"axes": axes_record(campaign.stated.sameness)},
+        "stated": campaign.statement(),
+        "versions": {
+            "python": platform.python_version(),
+            "fourpole": VERSION,
+            **{name: version(name) for name in packages},
+        },
+        "origin": origin().record,
+        "assumptions": [*campaign.stated.assumptions(), *assumed],
+        "tests": tests,
+    }
 
 
 def tests_of(record: Mapping[str, Any]) -> list[Test]:

@@ -38,9 +38,10 @@ from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.errors import ConstantError, FileError, FourpoleError, Message, RecordingError, TableError, TooShortError
 from fourpole.io.door import sha256_of
+from fourpole.io.recordings import began_at
 from fourpole.io.remote import permission
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.study.load import load_recording, recorded_at
+from fourpole.study.load import load_recording
 from fourpole.study.points import Demodulated, Points
 
 #: Channels that each route needs.
@@ -135,7 +136,7 @@ def demodulated(job: Job) -> Demodulated:
             return Demodulated(checks=(reported(code, Verdict.REJECTED, error=why),))
         with at_hand(job.folder, job.test.file) as path:
             sha256 = sha256_of(path, max_bytes=MAX_FILE_BYTES, label=job.test.file)
-            return replace(demodulated_part(job, path), sha256=sha256, began=recorded_at(path))
+            return replace(demodulated_part(job, path), sha256=sha256, began=began_at(path))
     except FourpoleError as error:
         codes: dict[type, Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
         code = codes.get(type(error), Code.RECORDING)
@@ -218,13 +219,20 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
 
     With `part` [s], only the first part of this length is used.
     """
-    recording, rows = loaded(job, path, part)
-    start, many = None, job.test.band is not None
+    recording, made = loaded(job, path, part)
+    start, steady, many = None, None, job.test.band is not None
     if job.test.window is None and not many:
-        recording, start, cut = _trimmed(recording, job.test.value("frequency"))
-        rows += cut
+        with suppress(RecordingError):  # the demodulation raises the same error with its cause
+            guess = first_guess(recording, job.test.value("frequency"))
+            steady = steady_part(recording, guess)
+            start = guess if steady is None else None
+    if steady is not None:
+        low, high = recording.span
+        ends = {"before": steady[0] - low, "after": high - steady[1], "length": high - low}
+        recording = recording.between(*steady)
+        made.append(reported(Code.STEADY, Verdict.OK, **ends))
     recording, clipped = unclipped(recording, job.needed)
-    rows += clipped
+    made += clipped
     try:
         result, wandering = _amplitudes(job.test, recording, start)
     except RecordingError as error:
@@ -232,10 +240,10 @@ def demodulated_part(job: Job, path: Path, part: float | None = None) -> Demodul
         if not spare:
             raise
         result, wandering = _amplitudes(job.test, recording.without(spare[0]), start)
-        rows.append(_left_out(spare[0], error.message))
+        made.append(_left_out(spare[0], error.message))
     force = recording.channels.get("force_in")
     mean = float(np.nanmean(force.samples)) if force is not None and np.isfinite(force.samples).any() else 0.0
-    return Demodulated(result, (*rows, *wandering), mean)
+    return Demodulated(result, (*made, *wandering), mean)
 
 
 def _amplitudes(test: Test, recording: Recording, start: float | None) -> tuple[Demodulation | Excited, list[Check]]:
@@ -303,20 +311,6 @@ def _stated_roles(job: Job) -> list[str]:
     return roles
 
 
-def _trimmed(recording: Recording, near: float | None) -> tuple[Recording, float | None, list[Check]]:
-    """The steady part of a recording, the first guess of its frequency [Hz], and a check that states what was cut."""
-    try:
-        frequency = first_guess(recording, near)
-        part = steady_part(recording, frequency)
-    except RecordingError:
-        return recording, None, []  # the demodulation raises the same error with its cause
-    if part is None:
-        return recording, frequency, []
-    low, high = recording.span
-    ends = {"before": part[0] - low, "after": high - part[1], "length": high - low}
-    return recording.between(*part), None, [reported(Code.STEADY, Verdict.OK, **ends)]
-
-
 def _left_out(role: str, because: Message | Check) -> Check:
     """The warning that a channel was left out."""
     return reported(Code.LEFT_OUT, Verdict.WARNING, np.nan, np.nan, SYMBOLS.get(role, role), because=because)
@@ -324,19 +318,19 @@ def _left_out(role: str, because: Message | Check) -> Check:
 
 def unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording, list[Check]]:
     """The recording without clipped channels that the route does not need, and the checks of clipped channels."""
-    rows = []
+    clipped = []
     for role, channel in list(recording.channels.items()):
         if role == DRIVE:  # an instrument need not be linear
             continue
-        row = checks.check_clipping(SYMBOLS[role], channel)
-        if row.verdict is Verdict.OK:
+        check = checks.check_clipping(SYMBOLS[role], channel)
+        if check.verdict is Verdict.OK:
             continue
         if role in needed:
-            rows.append(row)
+            clipped.append(check)
         else:
             recording = recording.without(role)
-            rows.append(_left_out(role, row))
-    return recording, rows
+            clipped.append(_left_out(role, check))
+    return recording, clipped
 
 
 def _checks_of_sine(job: Job, result: Demodulation, mean_force: float) -> Iterator[Check]:
@@ -352,9 +346,9 @@ def _checks_of_sine(job: Job, result: Demodulation, mean_force: float) -> Iterat
     yield checks.check_mains(result)
     yield checks.check_distortion(result)
     spared = tuple(SYMBOLS[role] for role in CHANNELS if role not in job.needed)
-    for row in (*checks.check_excitation(result, names), *checks.check_noise(result, names)):
-        spare = row.verdict is Verdict.REJECTED and row.channel in spared
-        yield replace(row, verdict=Verdict.WARNING) if spare else row
+    for check in (*checks.check_excitation(result, names), *checks.check_noise(result, names)):
+        spare = check.verdict is Verdict.REJECTED and check.channel in spared
+        yield replace(check, verdict=Verdict.WARNING) if spare else check
     yield from _checks_of_force(test, result.force_peak, mean_force)
     if rig is not None and not rig.blocked:
         yield checks.check_resonance(frequency, rig, added)
@@ -447,4 +441,4 @@ def _is_sine(track: Track, frequency: float) -> bool:
     """Whether each channel of a track is a sine with a small residual."""
     fit = fit_sines(track, 2 * np.pi * frequency, 1, np.empty(0))
     left = np.sqrt(2 * np.mean(fit.residual**2, axis=1))
-    return bool(np.all(left < _PLAIN_NOISE * np.abs([row[0] for row in fit.amplitudes()])))
+    return bool(np.all(left < _PLAIN_NOISE * np.abs([harmonics[0] for harmonics in fit.amplitudes()])))

@@ -49,6 +49,7 @@ _LEVER, _MOST_LEVERS = 0.1, 3
 def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -> RigEstimate:
     """The rig as found, from a joint solution of the tests with these keys and its outputs."""
     misfit = joint.misfit
+    massed = bool(np.any(joint.problem.observed.added(joint.problem.shared.masses) > 0))
     labels = zip(joint.problem.conditions.label.tolist(), joint.problem.observed.mass_at.tolist(), strict=True)
     pairs = {(label, mass) for label, mass in labels if label >= 0}  # conditions with the masses that they have
     search: dict[str, Any] = {name: getattr(joint.solution, name) for name in ("converged", "reason", "steps")}
@@ -65,14 +66,14 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
             replace(candidate, explains=min(candidate.explains, misfit.chi2))
             for candidate in misfit.candidates[: max(_CANDIDATES, misfit.tied)]
         ),
-        rests=_rests(joint, values),
+        rests=_rests(joint, values, massed=massed),
         drift_by_mass=bool(misfit.drifts) and goes_with_mass(joint.problem),
         outliers=tuple(
             Outlier(test, factor, point)
             for (test, point), factor in zip(keys, joint.outlier.tolist(), strict=True)
             if factor > 1
         ),
-        massed=bool(np.any(_added(joint) > 0)),
+        massed=massed,
         unshared_masses=len({mass for _, mass in pairs}) > 1 and len({label for label, _ in pairs}) == len(pairs),
     )
 
@@ -178,7 +179,7 @@ def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: F
     )
 
 
-def _rests(joint: Joint, values: Outputs) -> str:
+def _rests(joint: Joint, values: Outputs, *, massed: bool) -> str:
     """What the scale of K* rests on, with its lever, and what no test of the rig can show."""
     levers = sorted(_levers(joint, values).items(), key=lambda lever: -abs(lever[1]))[:_MOST_LEVERS]
     parts = [f"{_in_words(source)} ({lever:+.2g} % per 1 % of it)" for source, lever in levers if abs(lever) > _LEVER]
@@ -191,7 +192,6 @@ def _rests(joint: Joint, values: Outputs) -> str:
         elif source.role is Role.MASS and np.isfinite(limit := _detection_limit(joint, index)):
             unseen.append(f"{_in_words(source)} below {limit:.2g} kg")
     if unseen:
-        massed = bool(np.any(_added(joint) > 0))
         remedy = "" if massed else "; a weighed mass, added to the moving mass, would show it"
         said.append(f"no test of this rig shows an error of {', of '.join(unseen)}{remedy}")
     if said:
@@ -232,8 +232,8 @@ def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) ->
         return estimate
     least = (_MOST if estimate.converged else _SOME) * len(checks)
     faults = [
-        {(row.code, row.channel) for row in rows if row.code in _SPOILS and row.verdict is not Verdict.OK}
-        for rows in checks
+        {(check.code, check.channel) for check in of_test if check.code in _SPOILS and check.verdict is not Verdict.OK}
+        for of_test in checks
     ]
     shown = Counter(fault for of_test in faults for fault in of_test)
     causes = tuple(
@@ -251,18 +251,14 @@ def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candi
     return Candidate("recordings", np.nan, np.nan, "1", 0.0, source, 0.0, "recordings", shown)
 
 
-def _added(joint: Joint) -> FloatArray:
-    """Added mass of each test [kg], in the order of the tests."""
-    return joint.problem.observed.added(joint.problem.shared.masses)[np.argsort(joint.order)]
-
-
 def residual_columns(joint: Joint, phasors: Phasors) -> dict[str, FloatArray]:
     """The columns of residuals.csv in the order of the tests, without test and rig."""
     left, problem = joint.residuals, joint.problem
-    impedance = problem.columns("impedance", joint.solution.z, joint.solution.stiffness)[np.argsort(joint.order)]
+    place = np.argsort(joint.order)
+    impedance = problem.columns("impedance", joint.solution.z, joint.solution.stiffness)[place]
     std = np.sqrt(np.diagonal(left.impedance_covariance, 0, 1, 2))
     return {
-        q.ADDED_MASS.head: _added(joint),
+        q.ADDED_MASS.head: problem.observed.added(problem.shared.masses)[place],
         q.FREQUENCY.head: phasors.frequency,
         q.RESIDUAL_RE.head: left.impedance.real,
         q.RESIDUAL_IM.head: left.impedance.imag,

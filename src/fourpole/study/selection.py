@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
-from fourpole.campaign.row import Test
 from fourpole.core.alone import deflection_amplitude
 from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.identify import OUTPUTS
@@ -57,15 +56,15 @@ def select_tables(
         The route of tests that are not identified.
     """
     columns = point_columns(campaign, points, groups, route)
-    more = _further(campaign, points.tests, taken=of.DYNAMIC.columns)
-    lines = np.isfinite(columns[q.WIDTH.head]) if q.WIDTH.head in columns else np.zeros(len(points), dtype=bool)
+    known = np.isfinite(points.phasors.frequency)
+    lines = np.isfinite(columns.get(q.WIDTH.head, np.full(known.size, np.nan)))
     estimates = [group.estimate for group in groups if group.estimate is not None]
     joint = [(group, group.joint) for group in groups if group.joint is not None]
     made = {
         of.STATIC: of.STATIC.of_rows(_static_rows(campaign, statics)),
-        of.DYNAMIC: of.DYNAMIC.frame({**_some(columns, of.DYNAMIC), **_derived(columns, len(points)), **more}),
+        of.DYNAMIC: of.DYNAMIC.frame(_dynamic_columns(campaign, points, columns)),
         of.CHECKS: of.CHECKS.of_rows(_check_rows(statics, points, conditions)),
-        of.RIG: of.RIG.of_rows([row for estimate in estimates for row in estimate.rows]),
+        of.RIG: of.RIG.of_rows([cells for estimate in estimates for cells in estimate.rows]),
         of.RESIDUALS: of.RESIDUALS.of_parts(
             [
                 {**_keys_of(group, range(len(group.keys))), **residual_columns(solution, group.phasors)}
@@ -75,8 +74,8 @@ def select_tables(
         of.QUANTILES: of.QUANTILES.of_rows(_quantile_rows(groups)),
         of.BUDGET: of.BUDGET.of_parts([_budget(group) for group in groups]),
         of.CORRECTIONS: of.CORRECTIONS.of_rows(_correction_rows(points)),
-        of.LINES: of.LINES.frame(_some(columns, of.LINES, lines)),
-        of.PHASORS: of.PHASORS.frame(_some(columns, of.PHASORS, points.known)),
+        of.LINES: of.LINES.of_parts([{head: values[lines] for head, values in columns.items()}]),
+        of.PHASORS: of.PHASORS.of_parts([{head: values[known] for head, values in columns.items()}]),
         of.COVARIANCE: of.COVARIANCE.of_parts([_covariance(group) for group in groups]),
         of.LIKELIHOOD: of.LIKELIHOOD.of_parts(
             [
@@ -103,12 +102,17 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], r
     for quantity, amplitude in zip((q.F1, q.V1, q.V2), (f1, v1, v2), strict=True):
         parts |= {quantity.head: np.hypot(amplitude.real, amplitude.imag)}
         parts |= zip(quantity.parts, (amplitude.real, amplitude.imag), strict=True)
+    texts: dict[q.Quantity, list[str]] = {
+        q.TEST: [test.name for test in tests],
+        q.RIG: [test.rig for test in tests],
+        q.TYRE: [test.tyre for test in tests],
+        q.CONSTRUCTION: [getattr(specimens.get(test.tyre), "construction", "") for test in tests],
+        q.VERDICT: [worst_verdict(check.verdict for check in of_row) for of_row in points.checks],
+        q.REMARKS: ["; ".join(filter(None, map(remark_of, of_row))) for of_row in points.checks],
+    }
     return {
-        q.TEST.head: _texts(test.name for test in tests),
+        **{quantity.head: np.array(column, dtype=object) for quantity, column in texts.items()},
         q.POINT.head: np.array([point for _, point in points.keys], int),
-        q.RIG.head: _texts(test.rig for test in tests),
-        q.TYRE.head: _texts(test.tyre for test in tests),
-        q.CONSTRUCTION.head: _texts(getattr(specimens.get(test.tyre), "construction", "") for test in tests),
         **stated,
         q.ADDED_MASS.head: np.array([test.added_mass for test in tests]),
         q.FREQUENCY.head: phasors.frequency,
@@ -119,16 +123,14 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], r
         q.DOF.head: phasors.dof,
         **points.columns,
         **_identified_columns(campaign, points, groups, route),
-        q.VERDICT.head: _texts(worst_verdict(check.verdict for check in rows) for rows in points.checks),
-        q.REMARKS.head: _texts(_remarks(rows) for rows in points.checks),
     }
 
 
 def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Group], route: str) -> _Columns:
     """The columns of the identification, and the amplitude of the deflection; `route` is that of other rows."""
     phasors, rigs = points.phasors, {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
-    routes, input_mass = np.full(len(points), route, dtype=object), np.zeros(len(points))
-    stiffness = np.full(len(points), complex(np.nan))
+    count = len(points.tests)
+    routes, input_mass, stiffness = np.full(count, route, dtype=object), np.zeros(count), np.full(count, np.nan + 0j)
     columns: _Columns = {}
     for group in groups:
         rows, result, rig = group.rows, group.result, rigs.get(group.rig_name)
@@ -141,7 +143,7 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Gro
             q.TR.u_head: result.tr_std,
         }
         for head, values in of_group.items():
-            columns.setdefault(head, np.full(len(points), np.nan))[rows] = values
+            columns.setdefault(head, np.full(count, np.nan))[rows] = values
     f1, v1, v2 = phasors.amplitudes.T
     force = f1 - 1j * phasors.omega * input_mass * v1
     blocked = [test.rig in rigs and rigs[test.rig].blocked for test in points.tests]
@@ -150,71 +152,55 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Gro
     return {**columns, q.ROUTE.head: routes, q.DEFLECTION_AMPLITUDE.head: np.array(deflection, dtype=float)}
 
 
-def _texts(texts: Iterable[str]) -> np.ndarray:
-    """A column of texts."""
-    return np.array([*texts, None], dtype=object)[:-1]
-
-
-def _remarks(checks: Iterable[Check]) -> str:
-    """The sentences of some checks."""
-    return "; ".join(remark for check in checks if (remark := remark_of(check)))
-
-
 def _keys_of(group: Group, places: Sequence[int] | np.ndarray) -> _Columns:
     """The columns test, point and rig of some tests of a group."""
     tests, points = zip(*(group.keys[place] for place in places), strict=True) if len(places) else ((), ())
     return {
-        q.TEST.head: _texts(tests),
+        q.TEST.head: np.array(tests, dtype=object),
         q.POINT.head: np.array(points, int),
-        q.RIG.head: _texts([group.rig_name] * len(places)),
+        q.RIG.head: np.full(len(places), group.rig_name, dtype=object),
     }
 
 
-def _some(columns: _Columns, spec: of.TableSpec, rows: Any = slice(None)) -> _Columns:
-    """The columns of a table among all columns of the points, for some rows."""
-    return {head: columns[head][rows] for head in (*KEY, *spec.columns) if head in columns}
+def _dynamic_columns(campaign: Campaign, points: Points, columns: _Columns) -> _Columns:
+    """Columns of dynamic.csv: those of the points, quantities that follow from them, and columns of tests.csv.
 
-
-def _derived(columns: _Columns, count: int) -> _Columns:
-    """Quantities that follow from others of their row; a value that a row does not have counts as not-a-number."""
-    known = {head: columns.get(head, np.full(count, np.nan)) for head in of.DYNAMIC.columns} if DERIVED else {}
-    rows = [{head: values[row] for head, values in known.items()} for row in range(count)]
-    derived: _Columns = {}
-    for quantity in DERIVED:
-        cells = [quantity.from_row(row) for row in rows if quantity.from_row is not None]
-        derived |= zip(quantity.heads, np.array(cells).reshape(count, 2).T, strict=True)
-    return derived
-
-
-def _further(campaign: Campaign, tests: Sequence[Test], taken: Collection[str]) -> _Columns:
-    """Columns of tests.csv that pass through; one whose name a result column has gets the name "... (tests.csv)"."""
-    more = {
-        f"{label} (tests.csv)" if label in taken else label: [test.extra.get(label) for test in tests]
-        for label in campaign.extra_columns
-    }
+    A value that a row does not have counts as not-a-number. A column of tests.csv whose name a result column has gets
+    the name "... (tests.csv)".
+    """
+    tests, taken = points.tests, of.DYNAMIC.columns
+    made = {head: columns[head] for head in (*KEY, *taken) if head in columns}
+    if DERIVED:
+        known = {head: columns.get(head, np.full(len(tests), np.nan)) for head in taken}
+        rows = [{head: values[index] for head, values in known.items()} for index in range(len(tests))]
+        for quantity in DERIVED:
+            pairs = [quantity.from_row(cells) for cells in rows if quantity.from_row is not None]
+            made |= zip(quantity.heads, np.array(pairs).reshape(len(tests), 2).T, strict=True)
+    for label in campaign.extra_columns:
+        made[f"{label} (tests.csv)" if label in taken else label] = [test.extra.get(label) for test in tests]
     windows = [None if test.window is None else f"{test.window[0]:g}..{test.window[1]:g}" for test in tests]
-    return {**more, q.WINDOW.head: windows} if any(windows) else more
+    return {**made, q.WINDOW.head: windows} if any(windows) else made
 
 
 def _static_rows(campaign: Campaign, statics: Sequence[StaticRow]) -> list[_Columns]:
     """Rows of static.csv, with the temperature and the campaign's own axes where a static test states them."""
     specimens, axes = campaign.stated.all_specimens, [axis.name for axis in campaign.stated.conditions.axes]
-    axes = [name for name in axes if any(row.test.extra.get(name) for row in statics)]
-    warm = any(row.test.value("temperature") is not None for row in statics)
+    axes = [name for name in axes if any(static.test.extra.get(name) for static in statics)]
+    warm = any(static.test.value("temperature") is not None for static in statics)
     return [
         {
-            q.TEST.head: row.test.name,
-            q.TYRE.head: row.test.tyre,
-            q.CONSTRUCTION.head: getattr(specimens.get(row.test.tyre), "construction", ""),
-            q.PRESSURE.head: row.test.value("pressure"),
-            q.PRELOAD.head: row.preload,
-            **row.columns,
-            q.VERDICT.head: worst_verdict(check.verdict for check in row.checks),
-            q.REMARKS.head: _remarks(row.checks),
-            **({q.TEMPERATURE.head: row.test.value("temperature")} if warm else {}),
-            **{name: row.test.extra.get(name) for name in axes},
+            q.TEST.head: static.test.name,
+            q.TYRE.head: static.test.tyre,
+            q.CONSTRUCTION.head: getattr(specimens.get(static.test.tyre), "construction", ""),
+            q.PRESSURE.head: static.test.value("pressure"),
+            q.PRELOAD.head: static.preload,
+            **static.columns,
+            q.VERDICT.head: worst_verdict(check.verdict for check in static.checks),
+            q.REMARKS.head: "; ".join(filter(None, map(remark_of, static.checks))),
+            **({q.TEMPERATURE.head: static.test.value("temperature")} if warm else {}),
+            **{name: static.test.extra.get(name) for name in axes},
         }
-        for row in statics
+        for static in statics
     ]
 
 
@@ -222,7 +208,7 @@ def _check_rows(
     statics: Sequence[StaticRow], points: Points, conditions: Sequence[tuple[str, Check]]
 ) -> list[_Columns]:
     """Rows of checks.csv; a check of a static test has one row, and one of a condition stands under its words."""
-    of_statics = dict.fromkeys(((row.test.name, 1), check) for row in statics for check in row.checks)
+    of_statics = dict.fromkeys(((static.test.name, 1), check) for static in statics for check in static.checks)
     of_points = [(key, check) for key, rows in zip(points.keys, points.checks, strict=True) for check in rows]
     of_conditions = [((name, 1), check) for name, check in conditions]
     return [
@@ -247,15 +233,15 @@ def _correction_rows(points: Points) -> list[_Columns]:
         {
             **dict(zip(KEY, key, strict=True)),
             q.FREQUENCY.head: frequency,
-            q.CHANNEL.head: SYMBOLS[row.channel],
-            q.CORRECTION.head: row.name,
-            q.GAIN.head: row.gain,
-            q.PHASE.head: row.phase,
-            q.GAIN.u_head: row.gain_std,
-            q.PHASE.u_head: row.phase_std,
+            q.CHANNEL.head: SYMBOLS[removed.channel],
+            q.CORRECTION.head: removed.name,
+            q.GAIN.head: removed.gain,
+            q.PHASE.head: removed.phase,
+            q.GAIN.u_head: removed.gain_std,
+            q.PHASE.u_head: removed.phase_std,
         }
         for key, frequency, corrections in every
-        for row in corrections
+        for removed in corrections
     ]
 
 
@@ -285,9 +271,9 @@ def _budget(group: Group) -> _Columns:
     of_source = variance[source, place, quantity]
     return {
         **_keys_of(group, place),
-        q.QUANTITY.head: _texts(OUTPUTS)[quantity],
-        q.UNIT.head: _texts(OUTPUTS.values())[quantity],
-        q.SOURCE.head: _texts(of_name.text for of_name in group.variance)[source],
+        q.QUANTITY.head: np.array(list(OUTPUTS), dtype=object)[quantity],
+        q.UNIT.head: np.array(list(OUTPUTS.values()), dtype=object)[quantity],
+        q.SOURCE.head: np.array([of_name.text for of_name in group.variance], dtype=object)[source],
         q.U.head: np.sqrt(of_source),
         q.SHARE.head: of_source / total[place, quantity],
     }
@@ -317,18 +303,18 @@ def _previews(statics: Sequence[StaticRow], points: Points) -> pl.DataFrame:
     Signals are less their mean, in the SI unit of the quantity that each channel recorded. No number becomes a Python
     object on the way, so that the memory is that of the table.
     """
-    curves = {row.test.name: row.curve for row in statics if row.curve is not None}
+    curves = {static.test.name: static.curve for static in statics if static.curve is not None}
     loops = [(*curve.loop(), *curve.mean_curve()) for curve in curves.values()]
     shown = {key: preview for key, preview in zip(points.keys, points.previews, strict=True) if preview is not None}
     keys = [*((name, 1) for name in curves), *shown]
     arrays = {name: np.full((len(keys), room), np.nan, dtype=np.float32) for name, room in of.ROOM.items()}
-    for row, (roles, preview) in enumerate(shown.values(), start=len(curves)):
+    for index, (roles, preview) in enumerate(shown.values(), start=len(curves)):
         values = {q.TIME.head: preview.time, q.RESIDUAL_TIME.head: preview.blocks}
         for role, *parts in zip(roles, preview.signals, preview.fit, preview.residual, strict=True):
             values |= {f"{SYMBOLS[role]}{what}": part for what, part in zip(of.SHOWN, parts, strict=True)}
         for name, signal in values.items():
             room = min(of.ROOM[name], signal.size)
-            arrays[name][row, :room] = signal[:room]
+            arrays[name][index, :room] = signal[:room]
     columns: _Columns = dict(zip(KEY, zip(*keys, strict=True), strict=True)) if keys else {}
     for place, name in enumerate(of.LOOP):
         columns[name] = [*(pl.Series(loop[place].astype(np.float32)) for loop in loops), *[None] * len(shown)]

@@ -15,7 +15,7 @@ from fourpole.campaign import defaults
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
 from fourpole.campaign.folder import Campaign
-from fourpole.campaign.place import at_hand, identity_or_none
+from fourpole.campaign.place import at_hand, identity_or_none, is_guarded
 from fourpole.campaign.row import Test, condition_of, problem_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Branch, Check, Code, NoK1, Side, Verdict, fault_of, reported
@@ -28,7 +28,7 @@ from fourpole.io.door import sha256_of
 from fourpole.io.packed import pack, unpack
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache
-from fourpole.study.load import is_guarded, load_curve
+from fourpole.study.load import load_curve
 from fourpole.study.points import StaticStiffness
 
 _RULE = Sameness()
@@ -83,7 +83,7 @@ def evaluate_statics(campaign: Campaign, cache: Cache | None = None, seconds: fl
         if (load := test.value("preload")) is not None:
             for name in _choice(test, statics, rule)[0]:
                 loads[name].add(load)
-    return [row for test in statics for row in _rows_of(campaign, test, sorted(loads[test.name]), cache, seconds)]
+    return [static for test in statics for static in _rows_of(campaign, test, sorted(loads[test.name]), cache, seconds)]
 
 
 def _rows_of(
@@ -278,10 +278,10 @@ def stiffness_for(
     if stated is not None:
         std = defaults.K1_STD * stated if std is None else std
         return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
-    tests = list({row.test.name: row.test for row in statics}.values())
+    tests = list({static.test.name: static.test for static in statics}.values())
     names, warning = _choice(test, tests, rule)
-    at_load = [row for row in statics if row.test.name in names and row.preload == test.value("preload")]
-    good = [row for row in at_load if Verdict.REJECTED not in [check.verdict for check in row.checks]]
+    at_load = [static for static in statics if static.test.name in names and static.preload == test.value("preload")]
+    good = [static for static in at_load if Verdict.REJECTED not in [check.verdict for check in static.checks]]
     if not good:
         return StaticStiffness(lack=_lack(test, tests, names, at_load, rule))
     return _mean(good, test, per_kelvin, _checks_of_choice(test, tests, good, names, warning, rule))
@@ -289,18 +289,18 @@ def stiffness_for(
 
 def _mean(good: Sequence[StaticRow], test: Test, per_kelvin: float, checks: Iterable[Check]) -> StaticStiffness:
     """Mean K1 of repeats; their scatter, and the temperature of the dynamic test, are parts of its uncertainty."""
-    values = np.array([row.columns[q.K1.head] for row in good])
+    values = np.array([static.columns[q.K1.head] for static in good])
     mean, spread = float(values.mean()), values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else 0.0
-    parts = {source: float(np.mean([row.parts[source] for row in good])) for source in good[0].parts}
-    std = float(np.hypot(np.mean([row.columns[q.K1.u_head] for row in good]), spread))
+    parts = {source: float(np.mean([static.parts[source] for static in good])) for source in good[0].parts}
+    std = float(np.hypot(np.mean([static.columns[q.K1.u_head] for static in good]), spread))
     if spread > 0:
         parts[Source(Kind.K1_REPEATS)] = float(spread)
-    own, there = test.value("temperature"), np.array([row.test.values.get("temperature", np.nan) for row in good])
+    own, there = test.value("temperature"), np.array([static.test.values.get("temperature", np.nan) for static in good])
     moved = 0.0 if own is None else per_kelvin * abs(own - float(np.mean(there))) * mean
     if moved and np.isfinite(moved):
         parts[Source(Kind.K1_TEMPERATURE)] = float(moved)
         std = float(np.hypot(std, moved))
-    time = float(np.mean([row.test.values.get("time", np.nan) for row in good]))
+    time = float(np.mean([static.test.values.get("time", np.nan) for static in good]))
     return StaticStiffness(mean, std, checks=tuple(checks), parts=parts, time=time)
 
 
@@ -318,10 +318,10 @@ def _checks_of_choice(
         yield warning
     elif mixed:
         yield reported(Code.K1_MIXED, Verdict.WARNING, axes=mixed)
-    single = [row for row in good if row.columns[q.K1_OF.head] != "mean"]
+    single = [static for static in good if static.columns[q.K1_OF.head] != "mean"]
     if single:
-        yield branch_check(single[0].columns[q.K1_OF.head], [row.test.name for row in single])
-    of_tests = {row.test.name: tuple(check for check in row.checks if check.code in _DOUBTS) for row in good}
+        yield branch_check(single[0].columns[q.K1_OF.head], [static.test.name for static in single])
+    of_tests = {static.test.name: tuple(check for check in static.checks if check.code in _DOUBTS) for static in good}
     doubts = tuple((name, checks) for name, checks in of_tests.items() if checks)
     if sides or doubts:
         yield reported(Code.K1, Verdict.OK, tests=names, sides=sides, doubts=doubts)

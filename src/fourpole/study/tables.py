@@ -74,13 +74,22 @@ class TableSpec:
         first = KEY if several else ()
         heads = [head for head in dict.fromkeys((*first, *self.columns, *columns)) if several or head != q.POINT.head]
         types = {head: self.columns.get(head, OPTIONAL.get(head, pl.String)) for head in heads}
-        blank = [None] * count
-        return pl.DataFrame([_series(head, columns.get(head, blank), kind) for head, kind in types.items()])
+        blank, series = [None] * count, []
+        for head, kind in types.items():
+            values = columns.get(head, blank)
+            if kind == pl.Float64:
+                numbers = np.array(values, dtype=float)
+                series.append(pl.Series(head, numbers, dtype=kind).set(pl.Series(~np.isfinite(numbers)), None))
+            elif kind in (pl.String, pl.Int64) or not isinstance(values, np.ndarray):
+                series.append(pl.Series(head, list(values), dtype=kind, strict=False))
+            else:
+                series.append(pl.Series(head, values, dtype=kind))
+        return pl.DataFrame(series)
 
     def of_rows(self, rows: Sequence[Mapping[str, Any]]) -> pl.DataFrame:
         """The table of rows by head; a row that lacks a head has a blank cell."""
-        heads = dict.fromkeys(head for row in rows for head in row)
-        return self.frame({head: [row.get(head) for row in rows] for head in heads})
+        heads = dict.fromkeys(head for cells in rows for head in cells)
+        return self.frame({head: [cells.get(head) for cells in rows] for head in heads})
 
     def of_parts(self, parts: Sequence[Mapping[str, Any]]) -> pl.DataFrame:
         """The table of parts by head, one after the other; a head that the table does not have is left out."""
@@ -90,16 +99,6 @@ class TableSpec:
             even = len({np.shape(array)[1:] for array in arrays}) == 1  # arrays of unequal rows become a list
             columns[head] = np.concatenate(arrays) if even else [row for array in arrays for row in array]
         return self.frame(columns)
-
-
-def _series(head: str, values: Any, kind: Any) -> pl.Series:
-    """A column; numbers that are not finite are blank."""
-    if kind == pl.Float64:
-        numbers = np.array(values, dtype=float)
-        return pl.Series(head, numbers, dtype=kind).set(pl.Series(~np.isfinite(numbers)), None)
-    if kind in (pl.String, pl.Int64) or not isinstance(values, np.ndarray):
-        return pl.Series(head, list(values), dtype=kind, strict=False)
-    return pl.Series(head, values, dtype=kind)
 
 
 class _Held:

@@ -23,7 +23,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from fourpole.campaign.place import at_hand, identity_or_none
+from fourpole.campaign.place import at_hand, identity_or_none, is_guarded
 from fourpole.core.checks import CHECK_CLASSES, Check, Code, Verdict, fault_of, reported
 from fourpole.errors import CampaignError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
@@ -33,7 +33,6 @@ from fourpole.io.packed import unpack
 from fourpole.io.remote import allow, is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
-from fourpole.study.load import is_guarded
 from fourpole.study.points import Demodulated, Points
 from fourpole.study.reduce import OF_WORK as OF_JOB
 from fourpole.study.reduce import Job, check_part, demodulated, points_of
@@ -189,9 +188,16 @@ def reduce_tests(
     progress, arrived : callable, optional
         As for `analyse`.
     """
-    run = _Run(jobs, cache, seconds, progress, arrived, _identities(jobs))
+    files = [(job.folder, job.test.file) for job in jobs]
+    with ThreadPoolExecutor(_ASKED) as asking:  # servers are asked about several files at a time
+        each = asking.map if any(is_elsewhere(file) for _, file in files) else map
+        identities = list(each(lambda file: identity_or_none(*file), files))
+    costs = [_SECONDS + _PER_BYTE * (identity.size if identity is not None else 0) for identity in identities]
+    run = _Run(jobs, cache, seconds, progress, arrived, identities, costs)
     left = [index for index in range(len(jobs)) if not run.recall(index)]
-    pool = pool_of(workers, len(left), sum(map(run.cost, left))) if executor is None else nullcontext(executor)
+    pool = (
+        pool_of(workers, len(left), sum(costs[index] for index in left)) if executor is None else nullcontext(executor)
+    )
     try:
         with pool as used:
             if used is None:
@@ -206,18 +212,9 @@ def reduce_tests(
     return Points.joined([run.results[index] for index in range(len(jobs))])
 
 
-def _identities(jobs: Sequence[Job]) -> list[Identity | None]:
-    """Identities of the files of some jobs, None if unknown; servers are asked about several files at a time."""
-    files = [(job.folder, job.test.file) for job in jobs]
-    if not any(is_elsewhere(file) for _, file in files):
-        return [identity_or_none(*file) for file in files]
-    with ThreadPoolExecutor(_ASKED) as asking:
-        return list(asking.map(lambda file: identity_or_none(*file), files))
-
-
 @dataclass
 class _Run:
-    """The jobs of one analysis, with the identities of their files and the results so far."""
+    """The jobs of one analysis, with the identities of their files, estimates of their times [s], and results."""
 
     jobs: Sequence[Job]
     cache: Cache | None
@@ -225,6 +222,7 @@ class _Run:
     progress: Callable[[int, int], None] | None
     arrived: Callable[[str, Points], None] | None
     identities: Sequence[Identity | None]
+    costs: Sequence[float]
     results: dict[int, Points] = field(default_factory=dict)
 
     def recall(self, index: int) -> bool:
@@ -258,11 +256,6 @@ class _Run:
             self.progress(len(self.results), len(self.jobs))
         return True
 
-    def cost(self, index: int) -> float:
-        """Estimate of the time of a job [s]."""
-        identity = self.identities[index]
-        return _SECONDS + _PER_BYTE * (identity.size if identity is not None else 0)
-
     def by(self, executor: Executor, left: Sequence[int]) -> list[int]:
         """Run jobs by an executor, a few tasks in flight; returns the indices of those whose worker died."""
         own, count = isinstance(executor, Workers), getattr(executor, "count", _MOST)
@@ -291,7 +284,7 @@ class _Run:
         batch: list[int] = []
         for index in left:
             batch.append(index)
-            if sum(map(self.cost, batch)) >= seconds:
+            if sum(self.costs[index] for index in batch) >= seconds:
                 yield batch
                 batch = []
         if batch:
