@@ -48,6 +48,12 @@ def inside(folder: Path, file: str) -> Path:
     return path
 
 
+def group_of(path: Path, file: str) -> str:
+    """The group that `file#group` names; empty where the file itself, which is at `path`, is named."""
+    name, mark, group = file.rpartition("#")
+    return group if mark and Path(name).name == path.name else ""
+
+
 def check_text(folder: Path, file: str) -> None:
     """FileError if the text alone shows that a path names no file of a campaign: by `check_name`, or another drive."""
     check_name(file)

@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from fourpole.campaign.folder import LIMITS, Campaign, condition_numbers, read_campaign
 from fourpole.campaign.place import inside
@@ -23,7 +24,7 @@ from fourpole.study.cache import Cache
 from fourpole.study.compare import compare_points, judge_points
 from fourpole.study.identify import check_rig, identify_points, possible_route
 from fourpole.study.points import Points
-from fourpole.study.record import KEYS, campaign_record
+from fourpole.study.record import study_record
 from fourpole.study.reduce import jobs_of, response_hashes
 from fourpole.study.selection import select_tables
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
@@ -137,8 +138,7 @@ def analyse(
     likelihoods = {group.rig_name: likelihood_of(group.joint) for group in groups if group.joint is not None}
     tables = select_tables(campaign, statics, points, groups, likelihoods, conditions, route)
     estimates = {group.rig_name: group.estimate.record for group in groups if group.estimate is not None}
-    record = {
-        **campaign_record(campaign),
+    found: dict[str, Any] = {
         "settings": {"route": route, "monte_carlo": monte_carlo, "seed": seed},
         "verdicts": verdict_counts(tables["static"], tables["dynamic"]),
         "notes": [*([note] if note else []), *remarks, *mixed],
@@ -146,8 +146,7 @@ def analyse(
         "likelihood": {rig: likelihood_record(likelihood) for rig, likelihood in likelihoods.items()},
         "sha256": _hashes(campaign, statics, points),
     }
-    record = {key: record[key] for key in KEYS if key in record}
-    return Study(tables=tables, record=record, campaign=campaign, likelihoods=likelihoods)
+    return Study(tables=tables, record=study_record(campaign, found), campaign=campaign, likelihoods=likelihoods)
 
 
 def _hashes(campaign: Campaign, statics: Sequence[StaticRow], points: Points) -> dict[str, str]:

@@ -169,15 +169,13 @@ class Cache:
                 signed, body = line[2 : _BODY - 2], line[_BODY:-1]
                 if not (_LINE.fullmatch(line) and is_signed(body, bytes.fromhex(signed.decode()), *self._purpose)):
                     return  # it was cut, or is of another user or folder, as the lines after it may be
-                self._take(json.loads(body))
-
-    def _take(self, line: Any) -> None:
-        if isinstance(line, dict):
-            self._run = int(line["run"]) + 1
-            self._used = {str(name): int(run) for name, run in line["used"].items()}
-            return
-        file, parts, sha256 = line
-        self._index[str(file)] = Identity(*parts), str(sha256)
+                noted = json.loads(body)
+                if isinstance(noted, dict):
+                    self._run = int(noted["run"]) + 1
+                    self._used = {str(name): int(run) for name, run in noted["used"].items()}
+                else:
+                    file, parts, sha256 = noted
+                    self._index[str(file)] = Identity(*parts), str(sha256)
 
     @cached_property
     def _purpose(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fourpole import units
 from fourpole.campaign.folder import Campaign
-from fourpole.campaign.place import inside
+from fourpole.campaign.place import group_of, inside
 from fourpole.campaign.row import Test, problem_of
 from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
@@ -21,7 +21,7 @@ from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.stream import StreamSource, stream, times_of
 from fourpole.study.identify import no_rig, possible_route
-from fourpole.study.load import group_of, source_of
+from fourpole.study.load import source_of
 from fourpole.study.reduce import ROUTE_NEEDS, Job, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 from fourpole.study.workers import check_part_of, pool_of
@@ -243,7 +243,7 @@ class _Inspection:
             path = self.paths.get(test.name)
             if path is None:
                 continue
-            first, size = seen.setdefault((path, group_of(path, test), test.window), test), path.stat().st_size
+            first, size = seen.setdefault((path, group_of(path, test.file), test.window), test), path.stat().st_size
             if first is not test:
                 message = (
                     f"is the recording of test {units.shown(first.name)} (row {first.row}) too: name "

@@ -43,7 +43,11 @@ def cluster(address: str) -> Iterator[Executor]:
     name = shown(address, 100)[1:-1]
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its errors are raised here
     try:
-        _reach(address)  # a client that cannot connect does not always end its own threads
+        parts = urlsplit(address)
+        if parts.scheme not in ("tcp", "tls") or not parts.hostname or not parts.port:
+            raise ValueError("no address of a scheduler")
+        # A client that cannot connect does not always end its own threads.
+        socket.create_connection((parts.hostname, parts.port), timeout=_ANSWER).close()
         client = distributed.Client(address, timeout=_ANSWER, set_as_default=False)
     except Exception as error:  # noqa: BLE001 - whatever Dask raises where no scheduler is
         raise CampaignError(
@@ -56,14 +60,6 @@ def cluster(address: str) -> Iterator[Executor]:
         yield executor
     finally:
         client.close()
-
-
-def _reach(address: str) -> None:
-    """OSError or ValueError if nothing listens at an address."""
-    parts = urlsplit(address)
-    if parts.scheme not in ("tcp", "tls") or not parts.hostname or not parts.port:
-        raise ValueError("no address of a scheduler")
-    socket.create_connection((parts.hostname, parts.port), timeout=_ANSWER).close()
 
 
 def _threads(client: Any, name: str) -> int:

@@ -78,10 +78,7 @@ def compare_points(campaign: Campaign, points: Points) -> tuple[Points, list[tup
     unknown = replace(points.phasors, amplitudes=np.where(used[:, None], points.phasors.amplitudes, np.nan))
     alone = Alone.of(unknown, [rigs.get(test.rig) for test in points.tests], added)
     # K* of a specimen that is not linear depends on the amplitude: it has no curve over frequency.
-    bent = [
-        any(check.code is Code.LINEARITY and check.verdict is not Verdict.OK for check in of_row)
-        for of_row in points.checks
-    ]
+    bent = [any(row.code is Code.LINEARITY and row.verdict is not Verdict.OK for row in rows) for rows in points.checks]
     straight = np.flatnonzero(used & ~np.array(bent, dtype=bool))
     strange, on_curves = np.zeros(used.size, dtype=bool), []
     if (curves := _curves(campaign, points, alone, straight)) is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fourpole import units
 from fourpole.campaign.channels import ChannelFile, ChannelsFile, Conversion, DriveFile, ReferenceFile
-from fourpole.campaign.place import inside
+from fourpole.campaign.place import group_of, inside
 from fourpole.campaign.row import Test
 from fourpole.core.arrays import FloatArray
 from fourpole.core.decimate import Decimator
@@ -36,12 +36,6 @@ _PER_CYCLE = 4.0
 _SAME_NOMINAL = 1e-3
 #: Number of angles of an encoder that are kept per chunk, about.
 _MOST_ANGLES = 1 << 17
-
-
-def group_of(path: Path, test: Test) -> str:
-    """The group that `file#group` names; empty where the file itself is named."""
-    file, mark, group = test.file.rpartition("#")
-    return group if mark and Path(file).name == path.name else ""
 
 
 def load_recording(
@@ -80,15 +74,15 @@ def load_curve(path: Path, test: Test, channels: ChannelsFile) -> LoadCurve:
         brought, kept = np.interp(time[within], quick_time, quick.samples), slow.samples[within]
         load, deflection = (kept, brought) if slow is force else (brought, kept)
         return LoadCurve(deflection, load, time[within])
-    timed: Channel | None = force
+    timed = force
     if test.window is None:
         try:
             timed = _gathered(path, test, channels, roles, None)[0]["load"]
         except FileError:
             raise
         except FourpoleError:  # the times are unknown or not uniform
-            timed = None
-    if timed is None or timed.samples.size != load.size:
+            return LoadCurve(deflection, load)
+    if timed.samples.size != load.size:
         return LoadCurve(deflection, load)
     return LoadCurve(deflection, load, timed.start + np.arange(load.size) / (timed.rate or 1.0))
 
@@ -151,8 +145,10 @@ def _fed(
             line.feed(signals[role])
         if turn is not None:
             turn.feed(chunk[-1])
-        if part is not None and timing.window is not None and _is_behind(chunk, timing.window[1]):
-            break
+        if part is not None and timing.window is not None:
+            ends = [time[-1] for time in _known_times(chunk)]
+            if ends and min(ends) > timing.window[1]:
+                break
     return lines
 
 
@@ -160,11 +156,6 @@ def _part_of(chunk: Chunk, window: tuple[float, float] | None, part: float) -> t
     """Start and end of the first part of a recording, or of its window [s]."""
     start = window[0] if window is not None else max(float(time[0]) for time in _known_times(chunk))
     return start, min(start + part, window[1] if window is not None else np.inf)
-
-
-def _is_behind(chunk: Chunk, end: float) -> bool:
-    """Whether the chunk ends after the time `end` [s] in all channels."""
-    return min((float(time[-1]) for time in _known_times(chunk)), default=-np.inf) > end
 
 
 def _known_times(chunk: Chunk) -> list[FloatArray]:
@@ -181,7 +172,7 @@ def source_of(
 ) -> StreamSource:
     """The columns that are read of a recording, and the stated times."""
     names = tuple(channel.column for channel in columns)
-    source = StreamSource(path, names, test.file, group_of(path, test), needs="times" if timed else "order")
+    source = StreamSource(path, names, test.file, group_of(path, test.file), needs="times" if timed else "order")
     if not timed or channels.rate is not None or channels.time is None:
         return replace(source, rate=channels.rate if timed else None)
     return replace(source, clock=channels.time.column, unit=channels.time.unit)

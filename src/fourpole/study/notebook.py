@@ -35,12 +35,8 @@ def tables_html(title: str, tables: Mapping[str, pl.DataFrame], route: str, unit
     said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [f"{sum(counts.values())} tests: {said}; {route or 'unknown'} route", "lowest to highest of each condition"]
     shown = [units.of(quantity) for quantity in _SHOWN if quantity.head in dynamic.columns]
-    heads = [
-        "condition",
-        "tests",
-        q.FREQUENCY.head,
-        *(f"{quantity.symbol} [{quantity.suffix}]".replace(" []", "") for quantity in shown),
-    ]
+    quantities = [f"{quantity.symbol} [{quantity.suffix}]".replace(" []", "") for quantity in shown]
+    heads = ["condition", "tests", q.FREQUENCY.head, *quantities]
     return notebook_html(title, lines, heads, list(_rows(dynamic, shown, units)))
 
 
@@ -53,17 +49,10 @@ def _rows(dynamic: pl.DataFrame, shown: list[Quantity], units: ShownUnits) -> It
     for group in dict.fromkeys(groups):
         members = [row for row, other in enumerate(groups) if other == group]
         first, part = conditions[members[0]], used[members]
-        stated = [
-            units.setting(axis.column, value)
-            for axis, value in zip(AXES, first.values, strict=True)
-            if isinstance(value, float)
-        ]
-        tests = str(part[q.TEST.head].n_unique())
-        yield [
-            ", ".join([first.specimen, *stated]),
-            tests,
-            *(_range(part, quantity) for quantity in (q.FREQUENCY, *shown)),
-        ]
+        values = [(axis, value) for axis, value in zip(AXES, first.values, strict=True) if isinstance(value, float)]
+        stated = ", ".join([first.specimen, *(units.setting(axis.column, value) for axis, value in values)])
+        ranges = [_range(part, quantity) for quantity in (q.FREQUENCY, *shown)]
+        yield [stated, str(part[q.TEST.head].n_unique()), *ranges]
 
 
 def _range(table: pl.DataFrame, quantity: Quantity) -> str:

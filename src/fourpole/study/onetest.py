@@ -154,13 +154,10 @@ class OneTest:
 
     def _repr_html_(self) -> str:
         """Its first row and its remarks, for a notebook."""
-        cells = [(head, _text(value)) for head, value in self.row.items() if value not in (None, "")]
+        known = {head: value for head, value in self.row.items() if value not in (None, "")}
+        cells = [(head, f"{value:.6g}" if isinstance(value, float) else str(value)) for head, value in known.items()]
         title = f"Test {self.name}: {self.verdict}"
         return notebook_html(title, self.remarks, ("column", "value"), cells, most=len(cells))
-
-
-def _text(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _tests_in(study: TestedTables) -> list[Test]:

@@ -79,15 +79,15 @@ def texts(value: object) -> list[str]:
     return [str(item) for item in value] if isinstance(value, list) else []
 
 
-def campaign_record(campaign: Campaign) -> dict[str, Any]:
-    """The part of study.json that the campaign and this installation determine."""
+def study_record(campaign: Campaign, further: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of an analysis: what the campaign and this installation determine, and `further` entries."""
     from importlib.metadata import version  # slow to load
 
-    packages, dynamic = ("numpy", "scipy", "polars", "pint", "pydantic"), campaign.of_kind("dynamic")
+    versions = {name: version(name) for name in ("numpy", "scipy", "polars", "pint", "pydantic")}
     assumed = [
         f"tests.csv: {name} is stated without u({name}), taken as {taken}"
         for name, taken in (("K1", "2 %"), ("added_mass", "0.2 % of it"))
-        if any(test.value(name) and test.value(f"u({name})") is None for test in dynamic)
+        if any(test.value(name) and test.value(f"u({name})") is None for test in campaign.of_kind("dynamic"))
     ]
     tests = [  # what a row of tests.csv does not state is left out
         {
@@ -97,19 +97,17 @@ def campaign_record(campaign: Campaign) -> dict[str, Any]:
         }
         for test in campaign.tests
     ]
-    return {
+    record = {
+        **further,
         "title": campaign.stated.title,
         "conditions": {"axes": axes_record(campaign.stated.sameness)},
         "stated": campaign.statement(),
-        "versions": {
-            "python": platform.python_version(),
-            "fourpole": VERSION,
-            **{name: version(name) for name in packages},
-        },
+        "versions": {"python": platform.python_version(), "fourpole": VERSION} | versions,
         "origin": origin().record,
         "assumptions": [*campaign.stated.assumptions(), *assumed],
         "tests": tests,
     }
+    return {key: record[key] for key in KEYS if key in record}
 
 
 def tests_of(record: Mapping[str, Any]) -> list[Test]:

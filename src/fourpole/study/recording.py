@@ -179,26 +179,16 @@ def residual_spectrum(recording: Recording, frequency: float, role: str) -> Resi
     >>> round(float(spectrum.frequency[peak])), round(float(spectrum.amplitude[peak]), 4)
     (50, 0.01)
     """
-    samples, rate = _middle(recording.channels[role]), recording.base(role)[0]
+    samples, rate = recording.channels[role].samples, recording.base(role)[0]
+    begin = max(0, (samples.size - _MOST) // 2)
+    middle = samples[begin : begin + _MOST]
+    samples = np.where(np.isfinite(middle), middle, np.nanmean(middle))
     t = np.arange(samples.size) / rate
     waves = np.stack([np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t), np.ones_like(t)], axis=1)
     residual = samples - waves @ np.linalg.lstsq(waves, samples, rcond=None)[0]
     window = np.hanning(samples.size)
     amplitude = 2 * np.abs(np.fft.rfft(residual * window)) / window.sum()
-    return _thinned(np.fft.rfftfreq(samples.size, 1 / rate), amplitude)
-
-
-def _middle(channel: Channel) -> FloatArray:
-    """The middle samples of a channel; missing ones have the mean."""
-    begin = max(0, (channel.samples.size - _MOST) // 2)
-    samples = channel.samples[begin : begin + _MOST]
-    return np.where(np.isfinite(samples), samples, np.nanmean(samples))
-
-
-def _thinned(frequency: FloatArray, amplitude: FloatArray) -> ResidualSpectrum:
-    step = -(-frequency.size // _LINES)
-    edges = np.arange(0, frequency.size, step)
-    if step == 1:
-        return ResidualSpectrum(frequency, amplitude)
-    highest = [begin + int(np.argmax(amplitude[begin : begin + step])) for begin in edges]
-    return ResidualSpectrum(frequency[highest], amplitude[highest])
+    lines, step = np.fft.rfftfreq(samples.size, 1 / rate), -(-amplitude.size // _LINES)
+    starts = range(0, lines.size, step)
+    highest = [begin + int(np.argmax(amplitude[begin : begin + step])) for begin in starts]
+    return ResidualSpectrum(lines[highest], amplitude[highest])

@@ -52,13 +52,12 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
     massed = bool(np.any(joint.problem.observed.added(joint.problem.shared.masses) > 0))
     labels = zip(joint.problem.conditions.label.tolist(), joint.problem.observed.mass_at.tolist(), strict=True)
     pairs = {(label, mass) for label, mass in labels if label >= 0}  # conditions with the masses that they have
-    search: dict[str, Any] = {name: getattr(joint.solution, name) for name in ("converged", "reason", "steps")}
-    fit: dict[str, Any] = {name: getattr(misfit, name) for name in _OF_MISFIT}
+    known: dict[str, Any] = {name: getattr(joint.solution, name) for name in ("converged", "reason", "steps")}
+    known |= {name: getattr(misfit, name) for name in _OF_MISFIT}
     return RigEstimate(
         rig,
-        (*_values(joint), *_ratios(joint)),
-        **search,
-        **fit,
+        tuple(_values(joint)),
+        **known,
         tests=len(keys),
         conditions=joint.problem.conditions.count,
         shared=len(joint.stated),
@@ -79,7 +78,7 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
 
 
 def _values(joint: Joint) -> list[SharedValue]:
-    """The shared values in the order of rig.csv."""
+    """The shared values in the order of rig.csv, then the ratios of gains and differences of phases of two channels."""
     parameters, misfit = joint.stated.parameters, joint.misfit
     pull, std = pulls(joint.solution), _enlarged_std(joint)
     stated = {parameter.source for parameter in parameters}
@@ -104,7 +103,14 @@ def _values(joint: Joint) -> list[SharedValue]:
             value = replace(value, stated=None, stated_std=None, ratio=None, pull=None, detection_limit=None,
                             found_std=float(joint.found_std[index]))  # fmt: skip
         values.append(value)
-    return sorted(values, key=lambda value: _ORDER.index(value.source.role))
+    values.sort(key=lambda value: _ORDER.index(value.source.role))
+    for over, under in RATIOS:
+        for kind, unit, centre in ((Kind.GAIN, "1", 1.0), (Kind.PHASE, "rad", 0.0)):
+            signs = {Source(kind, over): 1.0, Source(kind, under): -1.0}
+            weights = np.array([signs.get(parameter.source, 0.0) for parameter in parameters])
+            if weights.any():
+                values.append(_combined(joint, Source(kind, over, under), unit, centre, weights))
+    return values
 
 
 def _enlarged_std(joint: Joint) -> FloatArray:
@@ -140,19 +146,6 @@ def _finding(joint: Joint, ratio: float, *, conflict: bool) -> RigFinding:
     if ratio > NOT_DETERMINED:
         return RigFinding.NOT_DETERMINED
     return RigFinding.FOUND if joint.misfit.fits else RigFinding.NOT_CALIBRATED
-
-
-def _ratios(joint: Joint) -> list[SharedValue]:
-    """Ratios of the channels' gains and differences of their phases, on which K* depends."""
-    sources = [parameter.source for parameter in joint.stated.parameters]
-    values = []
-    for over, under in RATIOS:
-        for kind, unit, centre in ((Kind.GAIN, "1", 1.0), (Kind.PHASE, "rad", 0.0)):
-            signs = {Source(kind, over): 1.0, Source(kind, under): -1.0}
-            weights = np.array([signs.get(source, 0.0) for source in sources])
-            if weights.any():
-                values.append(_combined(joint, Source(kind, over, under), unit, centre, weights))
-    return values
 
 
 def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: FloatArray) -> SharedValue:

@@ -170,12 +170,11 @@ def _dynamic_columns(campaign: Campaign, points: Points, columns: _Columns) -> _
     """
     tests, taken = points.tests, of.DYNAMIC.columns
     made = {head: columns[head] for head in (*KEY, *taken) if head in columns}
-    if DERIVED:
+    for quantity in DERIVED:
         known = {head: columns.get(head, np.full(len(tests), np.nan)) for head in taken}
         rows = [{head: values[index] for head, values in known.items()} for index in range(len(tests))]
-        for quantity in DERIVED:
-            pairs = [quantity.from_row(cells) for cells in rows if quantity.from_row is not None]
-            made |= zip(quantity.heads, np.array(pairs).reshape(len(tests), 2).T, strict=True)
+        pairs = [quantity.from_row(cells) for cells in rows if quantity.from_row is not None]
+        made |= zip(quantity.heads, np.array(pairs).reshape(len(tests), 2).T, strict=True)
     for label in campaign.extra_columns:
         made[f"{label} (tests.csv)" if label in taken else label] = [test.extra.get(label) for test in tests]
     windows = [None if test.window is None else f"{test.window[0]:g}..{test.window[1]:g}" for test in tests]

@@ -359,13 +359,10 @@ def _repeated(former: Path, new: Path, name: str) -> Repeated:
         was, now = (read_bytes(folder / name, max_bytes=MAX_FILE_BYTES, within=folder) for folder in (former, new))
         if was == now:
             return Repeated(name, True)
-        tables = [_table(content, name) for content in (was, now)]
+        # The cells of a CSV file are texts, so that a text in place of a number is one cell that differs.
+        packed = name.endswith(".parquet")
+        tables = [pl.read_parquet(text) if packed else pl.read_csv(text, infer_schema=False) for text in (was, now)]
     except (pl.exceptions.PolarsError, OSError, TableError) as error:
         unread = Difference("", "", 0, f"cannot be read: {error}", "a table", float("nan"), float("inf"))
         return Repeated(name, False, (unread,))
     return Repeated(name, False, tuple(differences(tables[0], tables[1], key)))
-
-
-def _table(content: bytes, name: str) -> pl.DataFrame:
-    """A table; the cells of a CSV file as texts, so that a text in place of a number is one cell that differs."""
-    return pl.read_parquet(content) if name.endswith(".parquet") else pl.read_csv(content, infer_schema=False)

@@ -231,8 +231,9 @@ def _by_file(campaign: Campaign) -> dict[str, list[Test]]:
 
 def _statics(campaign: Campaign, test: Test) -> list[Test]:
     """The static tests that K1 of a test comes from: those of its specimen, at its pressure if there are any."""
-    statics = [row for row in campaign.tests if row.kind == "static" and row.tyre == test.tyre and row is not test]
-    return [row for row in statics if _near(row.value("pressure"), test.value("pressure"))] or statics
+    tests = [other for other in campaign.tests if other.tyre == test.tyre and other is not test]
+    statics = [other for other in tests if other.kind == "static"]
+    return [static for static in statics if _near(static.value("pressure"), test.value("pressure"))] or statics
 
 
 def _alike(campaign: Campaign, test: Test, former: Study | None) -> list[Test]:
@@ -242,11 +243,11 @@ def _alike(campaign: Campaign, test: Test, former: Study | None) -> list[Test]:
         used = set(former.dynamic.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED)[q.TEST.head].to_list())
     names = ("pressure", "preload", "frequency", "temperature", "added_mass")
     alike = [
-        row
-        for row in campaign.tests
-        if row.name in used
-        and (row.kind, row.tyre, row.rig, row.band) == (test.kind, test.tyre, test.rig, test.band)
-        and all(_near(row.value(name), test.value(name)) for name in names)
+        other
+        for other in campaign.tests
+        if other.name in used
+        and (other.kind, other.tyre, other.rig, other.band) == (test.kind, test.tyre, test.rig, test.band)
+        and all(_near(other.value(name), test.value(name)) for name in names)
     ]
     return alike[-_FORMER:]
 
@@ -266,23 +267,18 @@ def add_rows(folder: Path, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
     with campaign_lock(folder):
         campaign = read_campaign(folder)
         stated = _by_file(campaign)
-        new = [row for row in rows if row.file not in stated]
-        return _add_rows(folder, campaign, new) if new else {}
-
-
-def _add_rows(folder: Path, campaign: Campaign, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
-    """Read, append and write, under the lock of the campaign."""
-    text = _text(folder, "tests.csv").lstrip("\ufeff")
-    named = _named(campaign, rows)
-    specimens = campaign.stated.all_specimens
-    new = [name for name in dict.fromkeys(row.tyre for row in named) if name and name not in specimens]
-    with staged(folder) as place:
-        write_text(place / "tests.csv", _joined(text, tests_csv(named)))
-        if new:
-            stated = _text(folder, "campaign.toml")
-            tables = "".join(f"\n[tyres.{_key(name)}]\n" for name in new)
-            write_text(place / "campaign.toml", f"{stated.rstrip()}\n{tables}")
-    return {row.name: tuple(text for _, text in row.doubts) for row in named}
+        new = _named(campaign, [guess for guess in rows if guess.file not in stated])
+        if not new:
+            return {}
+        tests = _text(folder, "tests.csv").lstrip("\ufeff")
+        specimens = dict.fromkeys(guess.tyre for guess in new if guess.tyre)
+        tables = [f"\n[tyres.{_key(name)}]\n" for name in specimens if name not in campaign.stated.all_specimens]
+        with staged(folder) as place:
+            write_text(place / "tests.csv", _joined(tests, tests_csv(new)))
+            if tables:
+                toml = _text(folder, "campaign.toml").rstrip()
+                write_text(place / "campaign.toml", f"{toml}\n{''.join(tables)}")
+        return {guess.name: tuple(text for _, text in guess.doubts) for guess in new}
 
 
 def _named(campaign: Campaign, rows: Sequence[Row]) -> list[Row]:
@@ -292,14 +288,14 @@ def _named(campaign: Campaign, rows: Sequence[Row]) -> list[Row]:
     specimens = list(campaign.stated.all_specimens)
     usual = specimens[0] if len(specimens) == 1 else last
     named = []
-    for row in rows:
-        told = row.tyre not in ("", "unnamed", Path(row.file).stem) or not last
-        tyre = "" if row.kind == "calibration" else row.tyre if told else usual
-        name, number = row.name, 2
+    for guess in rows:
+        told = guess.tyre not in ("", "unnamed", Path(guess.file).stem) or not last
+        tyre = "" if guess.kind == "calibration" else guess.tyre if told else usual
+        name, number = guess.name, 2
         while name in taken:
-            name, number = f"{row.name}-{number}", number + 1
+            name, number = f"{guess.name}-{number}", number + 1
         taken.add(name)
-        named.append(replace(row, name=name, tyre=tyre))
+        named.append(replace(guess, name=name, tyre=tyre))
     return named
 
 

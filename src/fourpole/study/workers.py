@@ -188,16 +188,14 @@ def reduce_tests(
     progress, arrived : callable, optional
         As for `analyse`.
     """
-    files = [(job.folder, job.test.file) for job in jobs]
     with ThreadPoolExecutor(_ASKED) as asking:  # servers are asked about several files at a time
-        each = asking.map if any(is_elsewhere(file) for _, file in files) else map
-        identities = list(each(lambda file: identity_or_none(*file), files))
+        each = asking.map if any(is_elsewhere(job.test.file) for job in jobs) else map
+        identities = list(each(lambda job: identity_or_none(job.folder, job.test.file), jobs))
     costs = [_SECONDS + _PER_BYTE * (identity.size if identity is not None else 0) for identity in identities]
     run = _Run(jobs, cache, seconds, progress, arrived, identities, costs)
     left = [index for index in range(len(jobs)) if not run.recall(index)]
-    pool = (
-        pool_of(workers, len(left), sum(costs[index] for index in left)) if executor is None else nullcontext(executor)
-    )
+    cost = sum(costs[index] for index in left)
+    pool = pool_of(workers, len(left), cost) if executor is None else nullcontext(executor)
     try:
         with pool as used:
             if used is None:

@@ -16,7 +16,7 @@ from starlette.routing import Route
 
 from fourpole import quantities as q
 from fourpole.campaign import Test
-from fourpole.campaign.place import at_hand
+from fourpole.campaign.place import at_hand, group_of
 from fourpole.core.checks import Code, Verdict
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
@@ -29,7 +29,6 @@ from fourpole.served.held import Shown
 from fourpole.served.signals import Kept, part_of
 from fourpole.served.site import Site, body_of
 from fourpole.served.workspace import Place, state_of
-from fourpole.study.load import group_of
 from fourpole.study.recording import read_recording, residual_spectrum
 from fourpole.words import template
 
@@ -180,7 +179,7 @@ def _kept(site: Site, place: Place, name: str) -> Kept | float:
     units = {one.column: one.unit for one in stated if one.unit}
     columns = tuple(one.column for one in stated)
     with at_hand(place.folder, test.file) as path:
-        kept = site.collector.get(Wanted(path, group_of(path, test), columns))
+        kept = site.collector.get(Wanted(path, group_of(path, test.file), columns))
     if isinstance(kept, float):
         return kept
     return replace(kept, channels=[{**one, "unit": one["unit"] or units.get(one["name"], "")} for one in kept.channels])
