@@ -1,4 +1,4 @@
-"""Where a file of a campaign is: in its folder, or at a URL that tests.csv names."""
+"""Where a file of a campaign is: in its folder, or at a URL that tests.csv names; and whether a worker reads it."""
 
 from __future__ import annotations
 

@@ -220,7 +220,7 @@ class Timing:
     label : str
         Name of the file in messages.
     stamps : float array or None [s]
-        The stamps of the last chunk, which channels with the same stamps ask for in turn.
+        The stamps that were looked at last: channels with the same stamps follow one another.
     grid : (float, str)
         Interval of these stamps [s], and a remark on them.
     """
