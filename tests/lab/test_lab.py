@@ -189,6 +189,14 @@ def test_values_are_compared_at_one_frequency(made, place):
     np.testing.assert_allclose(step, moved, rtol=0.3, atol=1.0)  # a parabola over four points is near these slopes
 
 
+def test_errors_are_not_common_after_different_routes(place):
+    analyse(place / "2024", route="relative", monte_carlo=0).write(place / "2024" / "results")
+    gather(place)
+    found = difference(place / "lab", "2024", "south/2025")
+    assert found.height
+    assert found["u same sensors"].equals(found["u independent"])
+
+
 def test_a_difference_names_a_campaign_that_is_not_there(place):
     gather(place)
     with pytest.raises(CampaignError, match="has no campaign 'spring'"):

@@ -78,6 +78,8 @@ def test_j1085_has_its_own_quantities_and_conditions(results):
     assert (warm.answer, hot.answer) == (MET, NOT_MET)
     stated = answers(with_report(results, conditioning="24 h at 23 °C"), "sae-j1085")["conditioning"]
     assert (stated.text, stated.answer) == ("24 h at 23 °C", MET)
+    near = [with_dynamic(results, **{"frequency [Hz]": frequency}) for frequency in (15.25, 15.4)]
+    assert [answers(study, "sae-j1085")["reference frequency"].answer for study in near] == [MET, NOT_MET]
     fast = answers(with_dynamic(results, **{"frequency [Hz]": 30.0}), "sae-j1085")
     assert (fast["frequency range"].answer, fast["reference frequency"].answer) == (NOT_MET, NOT_MET)
     table = STANDARDS["sae-j1085"].values(results)

@@ -78,14 +78,16 @@ def test_some_tests_of_a_study(study):
     assert set(part.budget["test"]) == set(part.dynamic["test"])
     assert study.only().dynamic.equals(study.dynamic)
     assert study.plot("K2", tyre="radial-ply").key == "arm"
+    assert part.likelihoods is study.likelihoods
 
 
 @pytest.mark.parametrize(
     ("where", "said"),
     [
-        ({"tyre": "radial"}, "no test has tyre radial: there is cross-ply, radial-ply"),
+        ({"tyre": "radail-ply"}, "no test has tyre 'radail-ply': did you mean 'radial-ply'?"),
+        ({"tyre": "bias"}, "no test has tyre 'bias': there is cross-ply, radial-ply"),
         ({"presure": 1e5}, "no axis 'presure': did you mean 'pressure'?"),
-        ({"pressure": "3 bar"}, "no test has pressure 3 bar: there is 135000, 205000"),
+        ({"pressure": "3 bar"}, "no test has pressure '3 bar': there is 135000, 205000"),
     ],
 )
 def test_a_state_that_is_not_there_is_said_with_what_there_is(study, where, said):

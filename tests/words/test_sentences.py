@@ -7,7 +7,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from fourpole.core.checks import VERDICTS, Branch, Code, Excitation, Looks, NoK1, Side, Verdict, reported
+from fourpole.core.checks import VERDICTS, Branch, Check, Code, Excitation, Looks, NoK1, Side, Verdict, reported
 from fourpole.words import interval_words, remark_of, template
 
 TEXTS = tomllib.loads(resources.files("fourpole.words").joinpath("words.toml").read_text(encoding="utf-8"))
@@ -83,3 +83,12 @@ def test_the_parts_cut_off_in_words():
     )
     assert start.startswith("the first 2 s (lead-in, run-up) of 9 s")
     assert both.startswith("the first 2 s (lead-in, run-up) and the last 1.5 s (run-down) of 9 s")
+
+
+def test_a_rejection_that_may_pass_keeps_its_words():
+    """A first part of a recording, before the drive starts, is a warning with the words of the rejection."""
+    values = {"peak": 1500.0, "preload": 1000.0}
+    rejected = Check(Code.LIFT_OFF, Verdict.REJECTED, 1.5, 1.0, values=values)
+    later = Check(Code.LIFT_OFF, Verdict.WARNING, 1.5, 1.0, values={**values, "at_first": True})
+    assert "the tyre lifts off" in remark_of(rejected)
+    assert remark_of(later) == f"at first, {remark_of(rejected)}"

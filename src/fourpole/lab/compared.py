@@ -8,6 +8,7 @@ from pathlib import Path
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.checks import Verdict
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import RATIO, compared_by
@@ -55,15 +56,20 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     Notes
     -----
     With r = 1 an error is taken to act in the same direction in both campaigns, which holds for the same route, rig and
-    condition. Where K* differs by more than 20 %, no error of the dynamic test is taken as common. It is the
-    computation of `fourpole.compare`, which also finds from the statements which sensors are the same.
+    condition. Where K* differs by more than 20 %, no error of the dynamic test is taken as common, and none at all if
+    the campaigns found K* by different routes. It is the computation of `fourpole.compare`, which also finds from the
+    statements which sensors are the same.
     """
     names = scan(folder).select("campaign").unique().collect()["campaign"].sort().to_list()
     for name in (first, second):
         if name not in names:
             raise CampaignError(f"{folder}: has no campaign {name!r}: choose one of {', '.join(names)}")
     was, now = (_study(Path(folder), name) for name in (first, second))
-    tables = [compared_by(was, now, common, _VALUES) for common in _WAYS.values()]
+    routes = [
+        set(study.dynamic.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED)[q.ROUTE.head]) for study in (was, now)
+    ]
+    ways = _WAYS if routes[0] == routes[1] else dict.fromkeys(_WAYS, none)
+    tables = [compared_by(was, now, common, _VALUES) for common in ways.values()]
     shown = tables[0].select(
         pl.col("specimen").alias(q.TYRE.head),
         *(quantity.head for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE, q.FREQUENCY)),

@@ -218,16 +218,17 @@ def _identified(
     phasors, used, note = _usable(setup["rig"], points.phasors.part(rows), checks, route)
     stiffness = [points.stiffness[index] for index in rows]
     of_rig = (rig_name, rows, tuple(keys[index] for index in rows), phasors)
-    group = None
-    if used == "joint":
-        try:
+    try:
+        if used == "joint":
             group = _joint(of_rig, setup, stiffness, order)
-        except np.linalg.LinAlgError as error:
-            used = "mobility"
-            note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
+        else:
+            group = _by_route(used, of_rig, setup, stiffness)
+    except np.linalg.LinAlgError as error:
+        note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
+        group = _by_route("mobility", of_rig, setup, stiffness)
     notes = [note] if note else []
-    if group is None or group.estimate is None:
-        return _by_route(used, of_rig, setup, stiffness), notes
+    if group.estimate is None:
+        return group, notes
     estimate = with_recordings(group.estimate, checks)
     notes += [*(estimate.note(code) for code in estimate.notes), *([estimate.rests] if estimate.rests else [])]
     return replace(group, estimate=estimate), notes

@@ -199,7 +199,14 @@ class Study(TestedTables):
             name: table.with_columns(pl.Series(TYRE.head, names, dtype=pl.String))
             for (name, table), names in zip(tables.items(), named, strict=True)
         }
-        return replace(self, tables={**self.tables, **made})
+        return self._with_tables({**self.tables, **made})
+
+    def _with_tables(self, tables: dict[str, pl.DataFrame]) -> Study:
+        """The study with other tables; likelihoods that are no part of its files are kept."""
+        study = replace(self, tables=tables)
+        if "likelihoods" in vars(self):
+            object.__setattr__(study, "likelihoods", self.likelihoods)
+        return study
 
     # ---- figures, models and maps
 
@@ -226,15 +233,17 @@ class Study(TestedTables):
             for name in ("static", "dynamic"):
                 kept[name] = kept[name].filter(self._is_at(kept[name], axis, value))
             if not any(kept[name].height for name in ("static", "dynamic")):
-                there = ", ".join(self._values_of(axis)) or "none"
-                raise CampaignError(f"no test has {axis} {value}: there is {there}")
+                there = self._values_of(axis)
+                near = nearest(str(value), there)
+                hint = f"did you mean {near!r}?" if near else f"there is {', '.join(there) or 'none'}"
+                raise CampaignError(f"no test has {axis} {shown(str(value))}: {hint}")
         tests = pl.concat([kept[name].select(q.TEST.head) for name in ("static", "dynamic")])[q.TEST.head].unique()
         further = {
             name: table.filter(pl.col(q.TEST.head).is_in(tests.implode()))
             for name, table in kept.items()
             if q.TEST.head in table.columns
         }
-        return replace(self, tables={**kept, **further})
+        return self._with_tables({**kept, **further})
 
     def _is_at(self, table: pl.DataFrame, axis: str, value: str | float) -> pl.Series:
         """Whether each row has this value on an axis, within the tolerance of the campaign's rule."""

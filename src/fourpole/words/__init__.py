@@ -31,10 +31,10 @@ UNITS = {
     "degrees": "deg",
     "mass": "kg",
     "pressures": "Pa",
-    "decibel": "dB",
+    **dict.fromkeys(("decibel", "linear"), "dB"),
 }
 #: Values that say which case of a check it is, and are no number or name.
-CASES = ("error", "because", "looks", "branch", "cause")
+CASES = ("error", "because", "looks", "branch")
 
 
 @cache
@@ -77,9 +77,10 @@ def said(check: Check) -> Said:
     if check.verdict is Verdict.OK and not check.values:
         return Said("", "")
     known = {"statistic": check.statistic, "limit": check.limit, "channel": check.channel, **check.values}
-    known["short"] = template(check.code, "short", check.verdict)
+    verdict = Verdict.REJECTED if check.values.get("at_first") else check.verdict
+    known["short"] = template(check.code, "short", verdict)
     known |= _FURTHER[check.code](check.values) if check.code in _FURTHER else {}
-    cause, remedy = (template(check.code, part, check.verdict).format(**known) for part in ("cause", "remedy"))
+    cause, remedy = (template(check.code, part, verdict).format(**known) for part in ("cause", "remedy"))
     return Said(_say("parts", "at_first", cause=cause) if check.values.get("at_first") else cause, remedy)
 
 
