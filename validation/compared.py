@@ -24,7 +24,7 @@ import numpy as np
 import polars as pl
 
 from fourpole import analyse, compare
-from fourpole.findings.compared import COMPARED, DIFFERS, Compared
+from fourpole.findings.compared import COMPARED, DIFFERS, Comparison
 from fourpole.study import Study
 from fourpole.virtual import RADIAL_PLY, VirtualTyre, simulate_campaign
 
@@ -82,7 +82,7 @@ def _run(seed: int, tyres: list[VirtualTyre], errors: dict[str, Any]) -> Study:
         return analyse(folder, monte_carlo=0, workers=1)
 
 
-def _scores(compared: Compared, change: float) -> Scores:
+def _scores(compared: Comparison, change: float) -> Scores:
     """Error of each difference over its uncertainty, and whether it is seen; the loss angle does not change."""
     rows = compared.rows.with_columns(
         (

@@ -6,7 +6,7 @@ import pytest
 
 from fourpole import analyse
 from fourpole.app.summary import summary_lines
-from fourpole.findings.facts import Measured
+from fourpole.findings.facts import Estimate
 from fourpole.findings.summary import SUMMARISED, SummaryRow
 from fourpole.study.study import Study
 from fourpole.virtual import simulate_campaign
@@ -44,7 +44,7 @@ def test_the_table_fits_a_terminal(lines_of, pressures):
 
 
 def test_many_specimens_have_a_line_each_as_far_as_they_fit(monkeypatch):
-    known = {one.key: (Measured(1.2345e5, 321.0),) * 2 for one in SUMMARISED}
+    known = {one.key: (Estimate(1.2345e5, 321.0),) * 2 for one in SUMMARISED}
     one = SummaryRow("", (2e5, 2e5), (3e3, 3e3), None, None, (15.0, 15.0), ("D1",), known, {})
     rows = tuple(replace(one, specimen=f"tyre {at} {'x' * 30} <{at}>") for at in range(60))
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: rows)
@@ -57,7 +57,7 @@ def test_many_specimens_have_a_line_each_as_far_as_they_fit(monkeypatch):
 
 
 def test_names_that_differ_in_the_middle_stay_apart(monkeypatch):
-    known = {one.key: (Measured(1.2345e5, 321.0),) * 2 for one in SUMMARISED}
+    known = {one.key: (Estimate(1.2345e5, 321.0),) * 2 for one in SUMMARISED}
     one = SummaryRow("", (2e5, 2e5), (3e3, 3e3), None, None, (15.0, 15.0), ("D1",), known, {})
     names = [f"Batch 2026-11\nserial number {at:04d} position left" for at in range(40)]
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [replace(one, specimen=n) for n in names])
@@ -68,7 +68,7 @@ def test_names_that_differ_in_the_middle_stay_apart(monkeypatch):
 
 
 def test_static_tests_alone_end_with_k1(monkeypatch):
-    value = Measured(1.8e5, 500.0)
+    value = Estimate(1.8e5, 500.0)
     one = SummaryRow("a", (2e5,) * 2, (3e3,) * 2, None, None, None, ("S1",), {"k1": (value,) * 2}, {"k1": 500.0})
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [one])
     text = " ".join(summary_lines(Study()))
@@ -77,7 +77,7 @@ def test_static_tests_alone_end_with_k1(monkeypatch):
 
 
 def test_a_range_with_a_value_without_an_upper_limit_has_no_zero(monkeypatch):
-    ends = (Measured(7.1e4, 5e3), Measured(4.9e6, 8e10))
+    ends = (Estimate(7.1e4, 5e3), Estimate(4.9e6, 8e10))
     one = SummaryRow("a", (2e5, 3e5), (3e3,) * 2, None, None, (15.0, 15.0), ("D1", "D2"), {"k2": ends}, {"k2": 8e10})
     monkeypatch.setattr("fourpole.app.summary.summary", lambda *_, **__: [one])
     assert " ".join(summary_lines(Study())).split()[-1] == "71..4900"

@@ -7,14 +7,14 @@ import pytest
 from fourpole.core.condition import AXES
 from fourpole.findings import claims as readings
 from fourpole.findings.claims import Lack, LackError, Need
-from fourpole.findings.facts import Curve, Measured, _nominal
+from fourpole.findings.facts import Curve, Estimate, _nominal
 from fourpole.quantities import K1, K2, NONLINEARITY, C
 
 LOADS, BAND = (1000.0, 2000.0), (14.0, 17.5, 22.0)
 
 
 def known(values, u=1e-6):
-    return {key: Measured(value, u * value) for key, value in values.items()}
+    return {key: Estimate(value, u * value) for key, value in values.items()}
 
 
 def tyre(role="cross-ply", values=None, **more):

@@ -4,7 +4,7 @@ import polars as pl
 import pytest
 
 from fourpole import quantities as q
-from fourpole.findings.compared import Compared
+from fourpole.findings.compared import Comparison
 from fourpole.report.compared import shown_rows
 
 
@@ -23,6 +23,6 @@ def test_values_and_difference_have_the_digits_of_u(values, u, shown):
         q.FREQUENCY.head: 14.004, "quantity": q.C.column, "first": first, "second": second,
         "difference": second - first, "u(difference)": u, "z [1]": (second - first) / u,
     }  # fmt: skip
-    (one,) = shown_rows(Compared(("a", "b"), pl.DataFrame([row]), ()))
+    (one,) = shown_rows(Comparison(("a", "b"), pl.DataFrame([row]), ()))
     assert (one.first, one.second, one.difference) == shown
     assert (one.where, one.quantity, one.seen) == ("1000 N, 14 Hz", "C N s/m", True)

@@ -25,12 +25,12 @@ from fourpole.findings.claims import (
     TurningAt,
 )
 from fourpole.findings.evidence import Above, Effect
-from fourpole.findings.facts import Measured
+from fourpole.findings.facts import Estimate
 from fourpole.findings.finding import UNSTATED
 from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Extremum, Trend
-from fourpole.findings.verdicts import Doubt, Tally
+from fourpole.findings.verdicts import Tally, VerdictReason
 from fourpole.quantities import CYCLE_LOSS, K1, K2, NONLINEARITY, TR, C
 from fourpole.report.words.claims import STATEMENTS, claims_summary
 from fourpole.report.words.sentence import Sentence, headline, sentences
@@ -74,8 +74,13 @@ def test_the_number_of_tests(tally, text):
 @pytest.mark.parametrize(
     ("detail", "holds", "tests", "text"),
     [
-        (Doubt(Code.CLIPPING), Holds.REJECTED, 2, f"Do not trust D1 and D2: {template(Code.CLIPPING, 'short')}."),
-        (Doubt(None, "why"), Holds.WARNING, 12, "Use with care {ten} and 2 more (12 tests): why."),
+        (
+            VerdictReason(Code.CLIPPING),
+            Holds.REJECTED,
+            2,
+            f"Do not trust D1 and D2: {template(Code.CLIPPING, 'short')}.",
+        ),
+        (VerdictReason(None, "why"), Holds.WARNING, 12, "Use with care {ten} and 2 more (12 tests): why."),
     ],
 )
 def test_tests_not_to_trust(detail, holds, tests, text):
@@ -141,7 +146,7 @@ def test_a_comparison(found, holds, text):
 
 
 def test_a_level():
-    values = {P1: Measured(100e3, 1e3), P4: Measured(120e3, 2.4e3)}
+    values = {P1: Estimate(100e3, 1e3), P4: Estimate(120e3, 2.4e3)}
     assert said(Level(values), Holds.MEASURED, ("A",)) == (
         "K1 of A lies between 100 kN/m (1.00 bar, 1000 N) and 120 kN/m (2.00 bar, 2000 N), each with a standard "
         "uncertainty of 1.0 to 2.0 %."
@@ -149,18 +154,18 @@ def test_a_level():
 
 
 def test_a_level_of_one_value():
-    assert said(Level({P1: Measured(100e3, 1e3)}), Holds.MEASURED, ("A",)) == (
+    assert said(Level({P1: Estimate(100e3, 1e3)}), Holds.MEASURED, ("A",)) == (
         "K1 of A is 100 kN/m at 1.00 bar, 1000 N, with a standard uncertainty of 1.0 %."
     )
 
 
 def test_linearity():
-    found = Departure({(1e5,): Measured(0.01, 0.0), (2e5,): Measured(0.02, 0.0)})
+    found = Departure({(1e5,): Estimate(0.01, 0.0), (2e5,): Estimate(0.02, 0.0)})
     assert said(found, Holds.NON_LINEAR, ("A",), NONLINEARITY, ("pressure",)) == (
         "Under static load A is non-linear: its load-deflection curves depart from a straight line by 1.0 to 2.0 % of "
         "the load span (2 pressures)."
     )
-    mount = Departure({(UNSTATED,): Measured(0.001, 0.0)})
+    mount = Departure({(UNSTATED,): Estimate(0.001, 0.0)})
     assert said(mount, Holds.NEARLY_LINEAR, ("A",), NONLINEARITY, ("pressure",)) == (
         "Under static load A is nearly linear: its load-deflection curve departs from a straight line by 0.1 % of the "
         "load span."
@@ -170,7 +175,7 @@ def test_linearity():
 def test_the_loss_of_a_cycle_of_all_specimens():
     about = FindingConditions(("pressure",))
     found = [
-        Finding(Topic.LOSS, CYCLE_LOSS, (name,), Holds.MEASURED, CycleLoss({(1e5,): Measured(loss, 0.0)}), about)
+        Finding(Topic.LOSS, CYCLE_LOSS, (name,), Holds.MEASURED, CycleLoss({(1e5,): Estimate(loss, 0.0)}), about)
         for name, loss in (("A", 1.5), ("B", 2.5))
     ]
     assert [one.text for one in sentences(found)] == [
@@ -584,7 +589,7 @@ def test_a_sentence_names_its_tests_where_it_is_about_tests():
     bad = pl.when(pl.col("test") == "D12").then(1.2).otherwise(1.0)
     found = found_in(Study(results.static, results.dynamic.with_columns(pl.col("TR measured [1]") * bad)))
     named = {type(one.detail): each.tests for one, each in zip(found, sentences(found), strict=True) if each.tests}
-    assert named == {Doubt: ("D3",), Prediction: ("D12",)}
+    assert named == {VerdictReason: ("D3",), Prediction: ("D12",)}
 
 
 @pytest.mark.parametrize("kind", ["one test", "static only", "dynamic only"])
@@ -628,7 +633,7 @@ def test_where_nothing_is_used_the_headline_is_the_number_of_tests():
     tables.pressures = tables.pressures[:2]
     for results in (empty, tables.results()):
         found = found_in(results)
-        assert {type(each.detail) for each in found[1:]} <= {Doubt}
+        assert {type(each.detail) for each in found[1:]} <= {VerdictReason}
         assert headline(found) == [sentences(found)[0].text]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from fourpole.app.console import out, print_json, print_table, say
 from fourpole.errors import CampaignError
-from fourpole.findings.compared import DIFFERS, NOT_SEEN, Compared, compare
+from fourpole.findings.compared import DIFFERS, NOT_SEEN, Comparison, compare
 from fourpole.io.write import write_table, write_text
 from fourpole.report.compared import outcome, render_compared, shown_rows
 
@@ -42,7 +42,7 @@ def run_compare(
             (say if as_json else out)(f"{what}: {path}")
 
 
-def _show(compared: Compared) -> None:
+def _show(compared: Comparison) -> None:
     rows = shown_rows(compared)
     out(f"{compared.names[1]} less {compared.names[0]}; ± is U (k = 2), z the difference over u")
     for seen, heading in ((True, DIFFERS), (False, NOT_SEEN)):
@@ -66,7 +66,7 @@ def _short(name: str) -> str:
     return name if len(name) <= 8 else f"{name[:7]}…"
 
 
-def _document(compared: Compared) -> dict[str, Any]:
+def _document(compared: Comparison) -> dict[str, Any]:
     """The comparison for programs, in SI."""
     return {
         "first": compared.names[0],

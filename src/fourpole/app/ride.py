@@ -27,7 +27,7 @@ from fourpole.io.tables.pair import read_curve, read_profile
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
 from fourpole.report.digits import PLUS_MINUS, number, with_u
-from fourpole.ride.compare import Compared, compare_in_time, compare_on_class
+from fourpole.ride.compare import RideComparison, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
 from fourpole.ride.time import axles
@@ -123,7 +123,7 @@ class _Asked:
         return f"{self.vehicle.name}, {self.road}, {3.6 * self.speed:.4g} km/h"
 
 
-def _ridden(asked: _Asked, way: _Road, step: float, options: RideOptions) -> Compared:
+def _ridden(asked: _Asked, way: _Road, step: float, options: RideOptions) -> RideComparison:
     """The rides of all tyres: in time, or else by the spectrum of a road class."""
     body, tyres = asked.vehicle.vehicle.body, [one.tyre for one in asked.tyres]
     if way.spectrum is not None and options.duration is None:
@@ -239,7 +239,7 @@ def _files(tyres: Sequence[RideTyre]) -> list[str]:
     return [str(Path(*each[-depth:])) for each in parts]
 
 
-def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
+def _notes(asked: _Asked, found: RideComparison) -> Iterator[str]:
     """What a reader of the numbers must know, each once."""
     yield from dict.fromkeys(remark for one in asked.tyres for remark in one.remarks)
     if (outside := most_outside(found, [tyre.band for tyre in asked.tyres])) is not None:
@@ -264,7 +264,7 @@ def _notes(asked: _Asked, found: Compared) -> Iterator[str]:
         yield f"the ride lasts {duration:.2g} s, less than one cycle at 0.4 Hz, the lowest frequency of Wk"
 
 
-def _contact_notes(found: Compared, loads: FloatArray) -> Iterator[str]:
+def _contact_notes(found: RideComparison, loads: FloatArray) -> Iterator[str]:
     """Whether wheels leave the road or tyres their curve, or would leave the road."""
     if found.contact:
         air, beyond = (max(float(np.max(getattr(one, name))) for one in found.contact) for name in ("in_air", "beyond"))
@@ -291,7 +291,7 @@ def _curve_notes(asked: _Asked, curve: LoadDeflection) -> Iterator[str]:
             )
 
 
-def _sentences(asked: _Asked, found: Compared) -> Iterator[str]:
+def _sentences(asked: _Asked, found: RideComparison) -> Iterator[str]:
     """For each further tyre whether it is more comfortable than the first, and by how much."""
     at, first = found.names.index("comfort"), asked.labels[0]
     pairs = zip(asked.labels, found.difference[:, at].tolist(), found.difference_std[:, at].tolist(), strict=True)
@@ -303,7 +303,7 @@ def _sentences(asked: _Asked, found: Compared) -> Iterator[str]:
             yield f"{label} is {less} comfortable than {first}: a_w differs by {with_u(100 * apart, 100 * std)} %"
 
 
-def _show(asked: _Asked, found: Compared) -> None:
+def _show(asked: _Asked, found: RideComparison) -> None:
     """Print the measures with U, the differences from the first tyre, and what a constant damper gets wrong."""
     out(f"Ride: {asked.said}")
     columns = [
@@ -361,7 +361,7 @@ def _place(one: Quantity) -> str:
     return f" {one.key.rpartition(' ')[2]}" if one.symbol and one.key.endswith((" front", " rear")) else ""
 
 
-def _rows(asked: _Asked, found: Compared) -> list[dict[str, Any]]:
+def _rows(asked: _Asked, found: RideComparison) -> list[dict[str, Any]]:
     """The table in SI, a row per tyre."""
     rows = []
     for at, one in enumerate(asked.tyres):
@@ -386,7 +386,7 @@ def _finite(value: Any) -> Any:
     return (float(value) if np.isfinite(value) else None) if isinstance(value, (float, np.floating)) else value
 
 
-def _document(asked: _Asked, found: Compared, notes: Sequence[str]) -> dict[str, Any]:
+def _document(asked: _Asked, found: RideComparison, notes: Sequence[str]) -> dict[str, Any]:
     return {
         "vehicle": {"name": asked.vehicle.name, "source": asked.vehicle.source, **vars(asked.vehicle.vehicle)},
         "road": asked.road,
@@ -398,7 +398,7 @@ def _document(asked: _Asked, found: Compared, notes: Sequence[str]) -> dict[str,
     }
 
 
-def _written(folder: Path, asked: _Asked, found: Compared, notes: Sequence[str]) -> list[Path]:
+def _written(folder: Path, asked: _Asked, found: RideComparison, notes: Sequence[str]) -> list[Path]:
     """Write the table, the document and the figure. The plot room is imported here because that takes a second."""
     import json
 

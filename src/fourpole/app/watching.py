@@ -16,7 +16,7 @@ from fourpole.errors import TableError
 from fourpole.io.documents import json_of
 from fourpole.io.processes import DEVNULL, Process, interrupt, start_module
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
-from fourpole.study.watch import Judged, Watch
+from fourpole.study.watch import Watch, WatchedFile
 
 #: Time between two looks [s].
 _EVERY = 0.5
@@ -93,25 +93,25 @@ class _Joint:
         self._said.close()
 
 
-def document(one: Judged) -> dict[str, Any]:
+def document(one: WatchedFile) -> dict[str, Any]:
     """A judgement as plain data, with its results in words."""
     return {**asdict(one), "condition": _condition(one), "results": _results(one)}
 
 
-def _condition(one: Judged) -> str:
+def _condition(one: WatchedFile) -> str:
     if not one.row:
         return ""
     where = condition(one.row, dynamic=q.FREQUENCY.head in one.row)
     return ", ".join(part for part in (str(one.row.get("tyre") or ""), where) if part)
 
 
-def _results(one: Judged) -> list[str]:
+def _results(one: WatchedFile) -> list[str]:
     """The results of the test in words, each with its unit."""
     shown = DYNAMIC if q.FREQUENCY.head in one.row else STATIC
     return [f"{column.symbol} {said}" for column in shown[4:8] if one.row and (said := words(column, one.row))]
 
 
-def _print(one: Judged) -> None:
+def _print(one: WatchedFile) -> None:
     where = _condition(one)
     out(f"{_MARKS[one.verdict]:<9} {one.test}{f': {where}' if where else ''}")
     for text in (*one.remarks, *_results(one), *(f"guessed: {text}" for text in one.doubts)):

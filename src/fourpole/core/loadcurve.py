@@ -22,7 +22,16 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.checks import CURVE_DOUBTS
-from fourpole.core.meancurve import Local, MeanCurve, Points, deflection_at, fit_curve, in_part, off_the_curve, surest
+from fourpole.core.meancurve import (
+    CurvePoints,
+    Local,
+    MeanCurve,
+    deflection_at,
+    fit_curve,
+    in_part,
+    off_the_curve,
+    surest,
+)
 from fourpole.errors import LoadCurveError, Message
 
 _FEWEST_POINTS = 5
@@ -183,11 +192,11 @@ class LoadCurve(ByValue):
         return self._fitted[0]
 
     @cached_property
-    def _fitted(self) -> tuple[MeanCurve, Points, BoolArray]:
+    def _fitted(self) -> tuple[MeanCurve, CurvePoints, BoolArray]:
         """Mean curve of the last complete cycle, the points that it uses, and which of all in contact these are."""
         return self._fit(-1)
 
-    def _fit(self, cycle: int) -> tuple[MeanCurve, Points, BoolArray]:
+    def _fit(self, cycle: int) -> tuple[MeanCurve, CurvePoints, BoolArray]:
         """Mean curve of a cycle without its outliers, the points that it uses, and which of those in contact."""
         points = self._cycle(cycle)
         curve = fit_curve(*points)
@@ -197,10 +206,10 @@ class LoadCurve(ByValue):
             curve = fit_curve(*points)
         return curve, points, used
 
-    def _cycle(self, cycle: int) -> Points:
+    def _cycle(self, cycle: int) -> CurvePoints:
         """Those points of a cycle at which the specimen is in contact."""
         x, f, side = self.branches.of_cycle(cycle, self.deflection, self.load)
-        return Points(x, f, side).part(in_contact(x, f))
+        return CurvePoints(x, f, side).part(in_contact(x, f))
 
     @cached_property
     def outliers(self) -> int:
@@ -211,7 +220,7 @@ class LoadCurve(ByValue):
         return int((inside & ~self._fitted[2]).sum())
 
     @cached_property
-    def _last_but_one(self) -> tuple[MeanCurve, Points, BoolArray] | None:
+    def _last_but_one(self) -> tuple[MeanCurve, CurvePoints, BoolArray] | None:
         """The cycle before the last, as `_fitted`; None if it is the first, which conditions the rubber."""
         return self._fit(-2) if self.cycles > 2 else None
 

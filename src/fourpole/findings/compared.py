@@ -15,9 +15,17 @@ from fourpole.core.arrays import ByValue
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, SAME_FREQUENCY, Condition, Sameness
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.sources import Kind
+from fourpole.core.sources import SourceKind
 from fourpole.errors import CampaignError
-from fourpole.findings.points import QUANTITIES, Common, Points, differences, none, of_one_campaign, of_two_campaigns
+from fourpole.findings.points import (
+    QUANTITIES,
+    Common,
+    MeasuredPoints,
+    differences,
+    none,
+    of_one_campaign,
+    of_two_campaigns,
+)
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import resolved, results_in
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
@@ -52,7 +60,7 @@ _TEMPERATURE = [axis.column for axis in AXES].index(q.TEMPERATURE.head)
 
 
 @dataclass(frozen=True, eq=False)
-class Compared(ByValue):
+class Comparison(ByValue):
     """The second results less the first.
 
     Attributes
@@ -112,7 +120,7 @@ def compare(
     *,
     specimens: tuple[str, str] | None = None,
     independent: bool = False,
-) -> Compared:
+) -> Comparison:
     r"""Compare two runs or two specimens: the second less the first, where common errors cancel.
 
     .. math:: z = \frac{x_2 - x_1}{u(x_2 - x_1)}, \qquad u^2(x_2 - x_1) = u^2(x_1) + u^2(x_2) - 2\,u(x_1, x_2)
@@ -165,7 +173,7 @@ def compare(
     if unlike and not independent:
         text = f"Where K* differs by more than 20 % ({unlike} pairs), no error of the dynamic tests is taken as common."
         said = (*said, text)
-    return Compared((sides[0].name, sides[1].name), table, said, results.shown)
+    return Comparison((sides[0].name, sides[1].name), table, said, results.shown)
 
 
 def compared_by(first: Study, second: Study, common: Common, quantities: Sequence[q.Quantity]) -> pl.DataFrame:
@@ -264,7 +272,7 @@ def _rows(sides: _Sides, common: Common | None, quantities: Sequence[q.Quantity]
 
 
 def _dynamic_rows(
-    points: Sequence[Points],
+    points: Sequence[MeasuredPoints],
     conditions: Sequence[list[Condition]],
     rule: Sameness,
     common: Common | None,
@@ -297,10 +305,10 @@ def _tests(keys: Sequence[tuple[str, int]]) -> str:
     return "; ".join(dict.fromkeys(test for test, _ in keys))
 
 
-def _points(results: Study, table: pl.DataFrame, group: np.ndarray) -> Points:
+def _points(results: Study, table: pl.DataFrame, group: np.ndarray) -> MeasuredPoints:
     """The points of some rows of dynamic.csv."""
     covariance = results.covariance
-    return Points.of(table, _budget(results), group, covariance if covariance.height else None)
+    return MeasuredPoints.of(table, _budget(results), group, covariance if covariance.height else None)
 
 
 def _budget(results: Study) -> pl.DataFrame:
@@ -322,7 +330,7 @@ def _temperature_near(state: Condition, other: Condition) -> bool:
     return AXES[_TEMPERATURE].same(state.values[_TEMPERATURE], other.values[_TEMPERATURE], blank=True)
 
 
-def _repeats(points: Points, states: Sequence[Condition]) -> list[list[int]]:
+def _repeats(points: MeasuredPoints, states: Sequence[Condition]) -> list[list[int]]:
     """Places of the points of each condition and frequency, by rising condition and frequency."""
     group, frequency = points.group, points.frequency
     repeats: list[list[int]] = []
@@ -340,7 +348,7 @@ def _repeats(points: Points, states: Sequence[Condition]) -> list[list[int]]:
     return repeats
 
 
-def _pairs(means: Sequence[Points], states: Sequence[list[Condition]]) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(means: Sequence[MeasuredPoints], states: Sequence[list[Condition]]) -> tuple[np.ndarray, np.ndarray]:
     """Places of each mean of the first and of its nearest one of the second, for those that have one."""
     first, second = means
     members: dict[int, list[int]] = {}
@@ -361,11 +369,11 @@ def _pairs(means: Sequence[Points], states: Sequence[list[Condition]]) -> tuple[
 
 
 def _static_rows(
-    sides: _Sides, rule: Sameness, points: Sequence[Points], common: Common | None
+    sides: _Sides, rule: Sameness, points: Sequence[MeasuredPoints], common: Common | None
 ) -> Iterator[dict[str, Any]]:
     """Rows of K1: one per static condition that both have."""
     gains = [_gain(each) for each in points]
-    shared = common is None or common(Kind.K1_GAINS.text)
+    shared = common is None or common(SourceKind.K1_GAINS.text)
     tables = [side.used(side.results.static, q.K1) for side in sides]
     conditions = [side.conditions(table, rule) for side, table in zip(sides, tables, strict=True)]
     groups = [group.tolist() for group in _groups(conditions, rule)]
@@ -388,7 +396,7 @@ def _mean_k1(table: pl.DataFrame) -> tuple[float, float, str]:
     return value, std, "; ".join(dict.fromkeys(table[q.TEST.head]))
 
 
-def _gain(points: Points) -> float:
+def _gain(points: MeasuredPoints) -> float:
     """Relative standard uncertainty of K1 from the gains of load and deflection [1]; 0 if the budget has none."""
     with np.errstate(invalid="ignore"):
         share = points.k1_gain / points.k1

@@ -12,7 +12,7 @@ from fourpole import quantities as q
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, FREQUENCY
 from fourpole.core.stats import share_within
-from fourpole.findings.facts import Facts, Measured
+from fourpole.findings.facts import Estimate, Facts
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.findings.summary import conditions_of, ends_of, intervals_of, k1_of, mean_of, scatters_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
@@ -36,7 +36,7 @@ class Conformity(StrEnum):
 
 
 @dataclass(frozen=True)
-class Judged:
+class LimitDecision:
     """One result held against one limit.
 
     Attributes
@@ -50,7 +50,7 @@ class Judged:
         Pressure [Pa], preload [N], temperature [degC] and frequency [Hz] of the result, as far as they are stated.
     low, high : float or None
         The limits, in SI.
-    value : Measured or None
+    value : Estimate or None
         The result; None where there is none.
     interval : (float, float) or None
         The coverage interval that is held against the limits: value ± U with k = 2, or the skewed 95 % interval.
@@ -67,14 +67,14 @@ class Judged:
     condition: Mapping[str, float]
     low: float | None
     high: float | None
-    value: Measured | None
+    value: Estimate | None
     interval: tuple[float, float] | None
     outcome: Conformity
     probability: float | None
     warned: tuple[str, ...] = ()
 
 
-def judged(results: Study) -> tuple[Judged, ...]:
+def judged(results: Study) -> tuple[LimitDecision, ...]:
     """Each result to which a limit applies, held against it.
 
     A result passes if its whole coverage interval is within the limits, and fails if its whole interval is beyond one
@@ -106,13 +106,13 @@ def judged(results: Study) -> tuple[Judged, ...]:
     return tuple(result for number, limit in enumerate(limits, start=1) for result in _held(number, limit, known))
 
 
-def outcome_of(results: Sequence[Judged]) -> Conformity:
+def outcome_of(results: Sequence[LimitDecision]) -> Conformity:
     """The outcome of all results together: the worst one; pass without any."""
     order = list(Conformity)
     return max((result.outcome for result in results), key=order.index, default=Conformity.PASS)
 
 
-def conformity_rows(results: Sequence[Judged]) -> list[dict[str, Any]]:
+def conformity_rows(results: Sequence[LimitDecision]) -> list[dict[str, Any]]:
     """The results held against limits as rows for programs, in SI; a value that is not there is None."""
     return [
         {
@@ -143,7 +143,7 @@ class _Known:
     quantity: Quantity
     names: tuple[str, str]
     condition: Mapping[str, float]
-    value: Measured
+    value: Estimate
     skewed: tuple[float, float] | None
     warned: tuple[str, ...]
 
@@ -155,7 +155,7 @@ def _known(results: Study) -> Iterator[_Known]:
     warned = {str(row["test"]) for rows in facts.rows for row in rows if row["verdict"] == Verdict.WARNING}
 
     def known(
-        quantity: Quantity, specimen: str, key: Key, value: Measured, skewed: tuple[float, float] | None = None
+        quantity: Quantity, specimen: str, key: Key, value: Estimate, skewed: tuple[float, float] | None = None
     ) -> _Known:
         names = specimen, facts.stated(specimen)
         place = {name: setting for name, setting in zip(_SETTINGS, key, strict=False) if setting != UNSTATED}
@@ -188,7 +188,7 @@ def _temperatures(facts: Facts) -> dict[str, float]:
     return {name: sum(values) / len(values) for name, values in warm.items()}
 
 
-def _held(number: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterator[Judged]:
+def _held(number: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterator[LimitDecision]:
     """One limit against each result that it applies to."""
     quantity = LIMITED[limit["quantity"]]
     low, high = limit.get("low"), limit.get("high")
@@ -204,13 +204,13 @@ def _held(number: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Ite
         and all(_AXES[axis].same(result.condition.get(axis), value) for axis, value in wanted.items())
     ]
     if not concerned:
-        yield Judged(number, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
+        yield LimitDecision(number, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
     least, most = -inf if low is None else low, inf if high is None else high
     for result in concerned:
         value, interval = result.value, result.skewed or ends_of(result.value)
         probability = None if result.skewed else share_within(value.value, value.std, least, most)
         decision = interval, _outcome(interval, least, most), probability, result.warned
-        yield Judged(number, quantity, result.names[0], result.condition, low, high, value, *decision)
+        yield LimitDecision(number, quantity, result.names[0], result.condition, low, high, value, *decision)
 
 
 def _outcome(interval: tuple[float, float], low: float, high: float) -> Conformity:

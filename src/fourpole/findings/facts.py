@@ -30,7 +30,7 @@ _MOST_PAIRED = 3
 
 
 @dataclass(frozen=True)
-class Measured:
+class Estimate:
     """A value, the mean of repeats, with its standard uncertainty and the names of its tests."""
 
     value: float
@@ -53,7 +53,7 @@ class Curve:
     tests: tuple[str, ...] = ()
 
 
-Values = Mapping[Key, Measured]
+Values = Mapping[Key, Estimate]
 
 
 Row = dict[str, Any]
@@ -162,7 +162,7 @@ class Facts:
         """Nominal condition of a row: its value on each axis, in SI."""
         return tuple(self.nominal[axis].get(_number(row.get(_AXES[axis].column)), UNSTATED) for axis in axes)
 
-    def values(self, quantity: Quantity, tyre: str) -> dict[Key, Measured]:
+    def values(self, quantity: Quantity, tyre: str) -> dict[Key, Estimate]:
         """A quantity of a tyre by nominal condition; values that are blank or not positive are left out."""
         groups: dict[Key, list[tuple[float, float, str]]] = {}
         for row in self.used(quantity):
@@ -170,7 +170,7 @@ class Facts:
                 groups.setdefault(self.key(row, quantity.over), []).append((*measured, row["test"]))
         return {key: averaged(groups[key]) for key in sorted(groups)}
 
-    def by_tyre(self, quantity: Quantity) -> dict[str, dict[Key, Measured]]:
+    def by_tyre(self, quantity: Quantity) -> dict[str, dict[Key, Estimate]]:
         """The same of each tyre that has a value."""
         return {tyre: values for tyre in self.tyres if (values := self.values(quantity, tyre))}
 
@@ -198,7 +198,7 @@ class Facts:
 
 def finding_on(
     quantity: Quantity,
-    values: Mapping[str, Mapping[Key, Measured] | Mapping[Key, Curve]],
+    values: Mapping[str, Mapping[Key, Estimate] | Mapping[Key, Curve]],
     keys: Iterable[Key],
     holds: Holds,
     detail: Detail,
@@ -259,12 +259,12 @@ def _setup(row: Mapping[str, Any]) -> Setup:
     return Setup(row.get("rig") or "", mass if mass > 0.0 else 0.0)
 
 
-def averaged(repeats: Sequence[tuple[float, float, str]]) -> Measured:
+def averaged(repeats: Sequence[tuple[float, float, str]]) -> Estimate:
     """Mean of repeats; its uncertainty is that of their scatter or the mean stated one, whichever is larger."""
     values = np.array([value for value, _, _ in repeats])
     stated = float(np.mean([std for _, std, _ in repeats]))
     scatter = float(values.std(ddof=1)) / sqrt(values.size) if values.size > 1 else 0.0
-    return Measured(float(values.mean()), max(stated, scatter), tuple(test for _, _, test in repeats))
+    return Estimate(float(values.mean()), max(stated, scatter), tuple(test for _, _, test in repeats))
 
 
 def _values_on(axis: Axis, tables: Iterable[Sequence[Row]]) -> list[float]:

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from fourpole.findings.evidence import Effect, between, mean_effect
-from fourpole.findings.facts import Facts, Measured, Values, common, finding_on
+from fourpole.findings.facts import Estimate, Facts, Values, common, finding_on
 from fourpole.findings.finding import Finding, Holds, Key
 from fourpole.quantities import CYCLE_LOSS, NONLINEARITY, Quantity
 
@@ -25,7 +25,7 @@ class Level:
     """Values with their uncertainties by condition, in SI."""
 
     kind: ClassVar[str] = "level"
-    values: Mapping[Key, Measured]
+    values: Mapping[Key, Estimate]
 
     @property
     def numbers(self) -> list[float]:

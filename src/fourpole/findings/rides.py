@@ -8,7 +8,7 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.ride.compare import Compared
+from fourpole.ride.compare import RideComparison
 from fourpole.ride.contact import LoadDeflection
 
 #: Share of the weighted mean square outside the tested frequencies above which a note says so [1].
@@ -27,7 +27,7 @@ def is_told(difference: float, std: float) -> bool:
     return abs(difference) > COVERAGE_FACTOR * std
 
 
-def most_outside(rides: Compared, bands: Sequence[tuple[float, float]]) -> tuple[int, float] | None:
+def most_outside(rides: RideComparison, bands: Sequence[tuple[float, float]]) -> tuple[int, float] | None:
     """The tyre with the largest share of a_w² outside its tested frequencies [Hz], with this share; None if small."""
     shares = [float(ride.share_outside(*band)) for (ride, _), band in zip(rides.spectra, bands, strict=False)]
     if not shares or max(shares) <= _OUTSIDE:
@@ -49,7 +49,7 @@ def other_tangents(curve: LoadDeflection, at_rest: float, loads: FloatArray) -> 
             yield load, tangent
 
 
-def is_pulled(rides: Compared, loads: FloatArray) -> bool:
+def is_pulled(rides: RideComparison, loads: FloatArray) -> bool:
     """Whether the road pulls a wheel down in a linear ride: at some sample, or at three standard deviations."""
     if rides.series:
         return any(bool(np.any(ride.load < -loads[:, None])) for ride in rides.series)
@@ -57,7 +57,7 @@ def is_pulled(rides: Compared, loads: FloatArray) -> bool:
     return bool(np.any(_DEVIATIONS * rides.values[:, wheels] > loads))
 
 
-def too_short(rides: Compared) -> float | None:
+def too_short(rides: RideComparison) -> float | None:
     """Duration [s] of rides in time that are shorter than a cycle of the lowest frequency of Wk; else None."""
     if not rides.series:
         return None

@@ -15,7 +15,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.polar import polar
-from fourpole.findings.facts import Facts, Measured, known, natural
+from fourpole.findings.facts import Estimate, Facts, known, natural
 from fourpole.findings.finding import UNSTATED, Key
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
@@ -39,7 +39,7 @@ Conditions = dict[tuple[str, Key], dict[float, list[dict[str, Any]]]]
 
 
 @dataclass(frozen=True)
-class Scatter:
+class RepeatScatter:
     """How far repeats of one quantity of a specimen scatter: relative standard deviation [1], degrees of freedom."""
 
     relative: float = 0.0
@@ -78,7 +78,7 @@ class SummaryRow:
     amplitude: Range
     frequency: Range
     tests: tuple[str, ...]
-    values: Mapping[str, tuple[Measured, Measured]]
+    values: Mapping[str, tuple[Estimate, Estimate]]
     largest: Mapping[str, float]
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scatter: float = 0.0
@@ -177,14 +177,14 @@ def conditions_of(facts: Facts) -> Conditions:
 
 
 def mean_of(
-    quantity: Quantity, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter] | None = None
-) -> Measured | None:
+    quantity: Quantity, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, RepeatScatter] | None = None
+) -> Estimate | None:
     """A quantity averaged over the rows of some tests; None where none of them has it. `pooled` as of `scatters_of`."""
     repeats = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
     return mean_of_repeats(repeats, (pooled or {}).get(quantity.key)) if repeats else None
 
 
-def scatters_of(conditions: Conditions) -> dict[str, dict[str, Scatter]]:
+def scatters_of(conditions: Conditions) -> dict[str, dict[str, RepeatScatter]]:
     """The scatter of repeats of each specimen, pooled over its conditions, by the key of the quantity."""
     groups: dict[str, list[list[dict[str, Any]]]] = {}
     for (specimen, _), tested in conditions.items():
@@ -198,7 +198,7 @@ def scatters_of(conditions: Conditions) -> dict[str, dict[str, Scatter]]:
     }
 
 
-def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
+def k1_of(facts: Facts, specimen: str) -> dict[Key, Estimate]:
     """K1 of a specimen by nominal pressure and preload: of its static tests, else as its dynamic tests state it."""
     for rows in (facts.used_static, facts.used_dynamic):
         groups: dict[Key, list[tuple[float, float, str]]] = {}
@@ -211,7 +211,11 @@ def k1_of(facts: Facts, specimen: str) -> dict[Key, Measured]:
 
 
 def _row(
-    specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter]
+    specimen: str,
+    condition: Key,
+    frequency: float,
+    tests: Sequence[Mapping[str, Any]],
+    pooled: Mapping[str, RepeatScatter],
 ) -> SummaryRow:
     pressure, preload = map(_twice, condition)
     means = {quantity.key: mean for quantity in SUMMARISED if (mean := mean_of(quantity, tests, pooled)) is not None}
@@ -245,7 +249,7 @@ def _middle(tests: Sequence[Mapping[str, Any]], quantity: Quantity) -> Range:
 
 
 def intervals_of(
-    results: Study, rows: Sequence[Mapping[str, Any]], pooled: Mapping[str, Scatter] | None = None
+    results: Study, rows: Sequence[Mapping[str, Any]], pooled: Mapping[str, RepeatScatter] | None = None
 ) -> dict[str, tuple[float, float]]:
     """The 95 % intervals of K2 and C over the repeats in some rows, where that of one of them is skewed.
 
@@ -274,7 +278,7 @@ def _skewed(results: Study) -> dict[tuple[Any, str], tuple[float, float | None]]
 
 
 def _about_mean(
-    repeats: Sequence[tuple[tuple[float, float], tuple[float, float | None] | None]], pooled: Scatter | None
+    repeats: Sequence[tuple[tuple[float, float], tuple[float, float | None] | None]], pooled: RepeatScatter | None
 ) -> tuple[float, float]:
     """The interval about the mean of repeats, each a value with its uncertainty, and its interval if it is skewed."""
     ((_, only), *others) = repeats
@@ -343,19 +347,19 @@ def _whole(ranges: Iterable[Range]) -> Range:
     return (min(ends), max(ends)) if ends else None
 
 
-def ends_of(measured: Measured) -> tuple[float, float]:
+def ends_of(measured: Estimate) -> tuple[float, float]:
     """Value ± U, with k = 2."""
     return measured.value - COVERAGE_FACTOR * measured.std, measured.value + COVERAGE_FACTOR * measured.std
 
 
-def _size(measured: Measured) -> float:
+def _size(measured: Estimate) -> float:
     return measured.value
 
 
 # ---- repeats
 
 
-def scatter_in(groups: Iterable[Sequence[float]]) -> Scatter:
+def scatter_in(groups: Iterable[Sequence[float]]) -> RepeatScatter:
     r"""The scatter of repeats within groups, pooled over the groups.
 
     .. math:: s^2 = \sum_i (n_i - 1) (s_i/\bar x_i)^2 / \sum_i (n_i - 1)
@@ -370,10 +374,10 @@ def scatter_in(groups: Iterable[Sequence[float]]) -> Scatter:
         if mean := float(values.mean()):
             squares += float(((values / mean - 1) ** 2).sum())
             dof += values.size - 1
-    return Scatter(sqrt(squares / dof) if dof else 0.0, dof)
+    return RepeatScatter(sqrt(squares / dof) if dof else 0.0, dof)
 
 
-def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: Scatter | None = None) -> Measured:
+def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: RepeatScatter | None = None) -> Estimate:
     r"""Mean of values with their standard uncertainties and tests, such that twice its u is a 95 % interval.
 
     .. math:: u^2 = \bar u^2 + (t/2)^2 s^2/n
@@ -388,10 +392,10 @@ def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: Scatter
     values = np.array([value for value, _, _ in repeats])
     stated = float(np.mean([std for _, std, _ in repeats]))
     std = hypot(stated, 0.5 * reach_of_scatter(values, pooled))
-    return Measured(float(values.mean()), std, tuple(test for *_, test in repeats))
+    return Estimate(float(values.mean()), std, tuple(test for *_, test in repeats))
 
 
-def reach_of_scatter(values: FloatArray, pooled: Scatter | None = None) -> float:
+def reach_of_scatter(values: FloatArray, pooled: RepeatScatter | None = None) -> float:
     """Half the 95 % interval of a mean by the scatter of repeats alone; 0 for one value."""
     if values.size < 2:
         return 0.0

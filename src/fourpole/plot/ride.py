@@ -13,7 +13,7 @@ from fourpole.plot.drawn import figure_of
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.style import Style, drawing
 from fourpole.ride.comfort import weighting
-from fourpole.ride.compare import Compared
+from fourpole.ride.compare import RideComparison
 
 #: Key of the figure in its files, and its title.
 KEY, TITLE = "ride", "Ride"
@@ -27,7 +27,7 @@ _FREQUENCY = AxisData("frequency", "Hz", log=True)
 _TIME = AxisData("time", "s")
 
 
-def ride_figure(found: Compared, labels: Sequence[str], notes: Sequence[str] = ()) -> FigureData:
+def ride_figure(found: RideComparison, labels: Sequence[str], notes: Sequence[str] = ()) -> FigureData:
     """The rides as data: of spectra where the road has one, otherwise over time."""
     shown = list(range(min(len(labels), _MOST)))
     left_out = [f"{len(shown)} of {len(labels)} tyres shown"] if len(shown) < len(labels) else []
@@ -40,7 +40,7 @@ def ride_figure(found: Compared, labels: Sequence[str], notes: Sequence[str] = (
     )  # fmt: skip
 
 
-def _spectra(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
+def _spectra(found: RideComparison, shown: Sequence[int]) -> tuple[Panel, ...]:
     """Spectra of the acceleration, as it is and weighted, with the bands that the model's uncertainty gives them."""
     plain: list[Series] = []
     weighted: list[Series] = []
@@ -58,7 +58,7 @@ def _spectra(found: Compared, shown: Sequence[int]) -> tuple[Panel, ...]:
     return tuple(Panel(_FREQUENCY, ordinate, tuple(series), title=name) for name, series in names)
 
 
-def _shown_part(found: Compared) -> tuple[slice, str]:
+def _shown_part(found: RideComparison) -> tuple[slice, str]:
     """The samples to show, and what is said of those left out.
 
     Of a short ride all until hardly any acceleration is left; of a longer one those about the largest acceleration.
@@ -74,7 +74,7 @@ def _shown_part(found: Compared) -> tuple[slice, str]:
     return slice(first, first + wanted), f"the {_PART:g} s about the largest weighted acceleration of the first tyre"
 
 
-def _series(found: Compared, shown: Sequence[int], part: slice) -> tuple[Panel, ...]:
+def _series(found: RideComparison, shown: Sequence[int], part: slice) -> tuple[Panel, ...]:
     """Weighted acceleration and dynamic load of the first wheel over time."""
     acceleration, load = [], []
     for at in shown:

@@ -11,7 +11,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, RATIO, Compared
+from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, RATIO, Comparison
 from fourpole.quantities import LOSS_ANGLE, MODULUS, ShownUnits
 from fourpole.report.digits import decimals_of, rounded
 from fourpole.report.words.phrases import counted
@@ -48,7 +48,7 @@ class ShownRow:
     seen: bool
 
 
-def shown_rows(compared: Compared, most: int | None = None) -> list[ShownRow]:
+def shown_rows(compared: Comparison, most: int | None = None) -> list[ShownRow]:
     """The rows as text in the units that the first results want, the largest ratio first; at most `most` of them."""
     several = compared.rows["specimen"].n_unique() > 1
     return [_shown(row, compared.shown, several=several) for row in compared.rows[:most].rows(named=True)]
@@ -85,7 +85,7 @@ def _ratio(z: float) -> str:
     return (f"{z:+.1f}" if abs(z) < 99.5 else f"{z:+.0f}").replace("-", "−")
 
 
-def outcome(compared: Compared) -> str:
+def outcome(compared: Comparison) -> str:
     """How many differences are seen, and how many chance alone would show, as a sentence."""
     count = compared.rows.height
     chance = erfc(COVERAGE_FACTOR / sqrt(2.0)) * count
@@ -104,7 +104,7 @@ _STATE = ("specimen", q.PRESSURE.head, q.PRELOAD.head, q.TEMPERATURE.head)
 _MOST = 1000
 
 
-def render_compared(compared: Compared) -> str:
+def render_compared(compared: Comparison) -> str:
     """The page as text; whatever the results state is escaped, and the page loads and runs nothing."""
     from markupsafe import Markup  # this and the room of figures take a second, which words do not need
 
@@ -118,7 +118,7 @@ def render_compared(compared: Compared) -> str:
     )
 
 
-def compared_parts(compared: Compared) -> dict[str, Any]:
+def compared_parts(compared: Comparison) -> dict[str, Any]:
     """What the template "compared" shows of a comparison."""
     shown = _most_different(compared)
     rows = shown_rows(compared, _MOST)
@@ -136,7 +136,7 @@ def compared_parts(compared: Compared) -> dict[str, Any]:
     }
 
 
-def _most_different(compared: Compared) -> pl.DataFrame:
+def _most_different(compared: Comparison) -> pl.DataFrame:
     """The rows of the condition with the largest ratio of |K*| or the loss angle, by rising frequency."""
     names = [one.column for one in _FIGURE]
     rows = compared.rows.filter(pl.col("quantity").is_in(names), pl.col(q.FREQUENCY.head).is_not_null())
@@ -146,7 +146,7 @@ def _most_different(compared: Compared) -> pl.DataFrame:
     return rows.filter(pl.col(head).eq_missing(first[head]) for head in _STATE).sort(q.FREQUENCY.head)
 
 
-def _figure(shown: pl.DataFrame, compared: Compared) -> dict[str, str]:
+def _figure(shown: pl.DataFrame, compared: Comparison) -> dict[str, str]:
     """The figure as a data: URL, and its condition without a frequency."""
     from fourpole.plot.compared import draw_compared
     from fourpole.plot.figure import figure_bytes

@@ -13,7 +13,7 @@ import numpy as np
 from fourpole.core.condition import Axis
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import fixed, known, number, with_std
-from fourpole.findings.facts import Measured
+from fourpole.findings.facts import Estimate
 from fourpole.quantities import Quantity, ShownUnits
 
 __all__ = [
@@ -46,7 +46,7 @@ def expanded(value: float, std: float) -> tuple[str, str]:
     return rounded(value, decimals), rounded(reach, decimals)
 
 
-def in_unit(measured: Measured, quantity: Quantity) -> tuple[str, str]:
+def in_unit(measured: Estimate, quantity: Quantity) -> tuple[str, str]:
     """A measured value and its U in the unit shown of its quantity."""
     return expanded(measured.value / quantity.scale, measured.std / quantity.scale)
 

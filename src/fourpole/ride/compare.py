@@ -157,7 +157,7 @@ def relative_difference(
 
 
 @dataclass(frozen=True, eq=False)
-class Compared(ByValue):
+class RideComparison(ByValue):
     """Rides of R tyres.
 
     Attributes
@@ -194,7 +194,7 @@ class Compared(ByValue):
 
 def compare_on_class(
     body: Body, tyres: Sequence[Tyre], road: ClassRoad, speed: float, matched: Sequence[float]
-) -> Compared:
+) -> RideComparison:
     """Rides on a road of a known spectrum.
 
     Parameters
@@ -223,7 +223,7 @@ def compare_on_class(
 
 def _on_class(
     body: Body, tyres: Sequence[Tyre], road: ClassRoad, speed: float, matched: Sequence[float], count: int
-) -> tuple[Compared, Ride]:
+) -> tuple[RideComparison, Ride]:
     """The comparison at a number of frequencies, and the ride that these resolve least."""
     omega = 2 * np.pi * frequencies_of(road, speed, count)
     vehicle = Condensed.of(body, omega)
@@ -250,7 +250,7 @@ def compare_in_time(
     lift: bool = False,
     curve: LoadDeflection | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Compared:
+) -> RideComparison:
     """Rides over a road in time; uncertainties are by differences.
 
     Parameters
@@ -344,12 +344,12 @@ def _compared(
     tyres: Sequence[Tyre],
     matched: Sequence[float],
     ridden: Callable[[Tyre], FloatArray],
-) -> Compared:
+) -> RideComparison:
     """The comparison, without the rides themselves."""
     apart = [relative_difference((values[0], of[0]), pair) for pair in zip(values, of, strict=True)]
     dampers = [constant_damper(tyre, frequency) for tyre, frequency in zip(tyres, matched, strict=True)]
     wrong = [relative_difference((value, {}), (ridden(one), {})) for one, value in zip(dampers, values, strict=True)]
-    return Compared(
+    return RideComparison(
         names=measures,
         values=np.stack(values),
         std=np.stack([standard(one, len(measures)) for one in of]),

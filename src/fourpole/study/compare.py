@@ -29,7 +29,7 @@ from fourpole.core.joint.outputs import relative_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.routes import no_arm
 from fourpole.core.scales import check_scale, k1_exchanged
-from fourpole.study.identify import Group
+from fourpole.study.identify import RigGroup
 from fourpole.study.points import Points, StaticStiffness
 from fourpole.words import said
 
@@ -353,7 +353,7 @@ def _differences(sparse: Alone, dense: Alone) -> tuple[ComplexArray, FloatArray]
 # --- each point, once its tests are identified -----------------------------------------------------------------------
 
 
-def judge_points(points: Points, groups: Sequence[Group], route: str) -> Points:
+def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Points:
     """The points with the checks of their identification; that of linearity is the first, because all assume it."""
     unused = np.isfinite(points.phasors.frequency) & (points.condition < 0) & (route != "joint")
     last = [
@@ -373,7 +373,7 @@ def judge_points(points: Points, groups: Sequence[Group], route: str) -> Points:
     return replace(judged_points, checks=tuple(first))
 
 
-def _joint_checks(group: Group, place: int) -> Iterator[Check]:
+def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
     """Checks whether a test is an outlier, whether the rig fits, and whether the joint route converged."""
     joint, estimate = group.joint, group.estimate
     if joint is None or estimate is None:
@@ -402,7 +402,7 @@ def _joint_checks(group: Group, place: int) -> Iterator[Check]:
         yield reported(Code.CONVERGENCE, Verdict.WARNING)
 
 
-def _arm_check(group: Group, place: int, stiffness: StaticStiffness) -> Check:
+def _arm_check(group: RigGroup, place: int, stiffness: StaticStiffness) -> Check:
     """Check whether K2 and C exist, and whether their uncertainty is small enough for propagation."""
     result = group.result
     value, k1 = complex(result.stiffness[place]), float(result.k1[place])
@@ -425,7 +425,7 @@ def _arm_check(group: Group, place: int, stiffness: StaticStiffness) -> Check:
     return reported(Code.UNCERTAINTY, Verdict.WARNING, worst, NOT_LINEAR, name=("K2", "C")[which], **ends)
 
 
-def _ends(group: Group, place: int, which: int) -> dict[str, float]:
+def _ends(group: RigGroup, place: int, which: int) -> dict[str, float]:
     """The ends of the 95 % interval of K2 or C by Monte Carlo; empty if there is none."""
     if place not in group.intervals:
         return {}

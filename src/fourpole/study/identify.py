@@ -26,7 +26,7 @@ from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_
 from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import Kind, Source
+from fourpole.core.sources import Source, SourceKind
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import Key
 from fourpole.study.points import Points, StaticStiffness
@@ -45,7 +45,7 @@ _NOTED = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Group(ByValue):
+class RigGroup(ByValue):
     """The tests of one rig that were identified together.
 
     Attributes
@@ -120,7 +120,7 @@ def check_rig(campaign: Campaign, route: str) -> None:
 
 def identify_points(
     campaign: Campaign, points: Points, route: str, draws: int, seed: int
-) -> tuple[list[Group], list[str]]:
+) -> tuple[list[RigGroup], list[str]]:
     """Identify the usable tests of each rig together.
 
     Parameters
@@ -135,7 +135,7 @@ def identify_points(
 
     Returns
     -------
-    groups : list of Group
+    groups : list of RigGroup
         The tests of each rig.
     notes : list of str
         Departures from the requested route with their reasons, and notes on each rig as found.
@@ -212,7 +212,7 @@ def channel_uncertainty(campaign: Campaign, corrections: Sequence[Sequence[Corre
 
 def _identified(
     rig_name: str, points: Points, rows: np.ndarray, setup: dict[str, Any], order: RunOrder, route: str
-) -> tuple[Group, list[str]]:
+) -> tuple[RigGroup, list[str]]:
     """The tests of one rig identified by a route, or by the route that they allow instead; and notes."""
     keys, checks = points.keys, [points.checks[index] for index in rows]
     phasors, used, note = _usable(setup["rig"], points.phasors.part(rows), checks, route)
@@ -260,7 +260,7 @@ def _usable(
 _OfRig = tuple[str, np.ndarray, tuple[Key, ...], Phasors]
 
 
-def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness]) -> Group:
+def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness]) -> RigGroup:
     """The tests of one rig, each by itself by a route."""
     phasors, rig, k1 = of_rig[-1], setup["rig"], setup["k1"]
     arguments = {name: setup[name] for name in ("added_mass", "added_mass_std", "channels")}
@@ -270,10 +270,10 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     moved = (setup["apart"] * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
     result = replace(result, condition_covariance=result.condition_covariance + moved)
     variance = variance_by_source(phasors, rig, k1, **arguments)
-    return Group(*of_rig, route, result, k1_apart(variance, [of_test.parts for of_test in stiffness]))
+    return RigGroup(*of_rig, route, result, k1_apart(variance, [of_test.parts for of_test in stiffness]))
 
 
-def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> Group:
+def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
     joint = solve_joint(phasors, **setup)
@@ -283,7 +283,7 @@ def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStif
     gain = _mass_gain(joint, setup, k1_std, phasors, values, result)
     estimate = replace(rig_estimate(rig_name, keys, joint, values), order=order, mass_gain=gain)
     variance = k1_apart(joint_variance_by_source(joint, values, k1_std), parts)
-    return Group(*of_rig, "joint", result, variance, joint, estimate)
+    return RigGroup(*of_rig, "joint", result, variance, joint, estimate)
 
 
 def _with_drift(
@@ -297,7 +297,7 @@ def _with_drift(
     drift = {
         parameter.source.of: float(np.hypot(joint.found[index], joint.found_std[index]))
         for index, parameter in enumerate(joint.stated.parameters)
-        if parameter.source.kind is Kind.DRIFT
+        if parameter.source.kind is SourceKind.DRIFT
     }
     time = setup["time"]
     length = float(np.ptp(time))
@@ -307,7 +307,7 @@ def _with_drift(
     place = joint.problem.observed.place[np.argsort(joint.order)]
     apart = np.where(np.isfinite(static_time), (time - static_time) / length, np.sqrt(place**2 + 1 / 12))
     moved = np.array([drift.get(name, 0.0) for name in setup["specimen"]]) * np.abs(apart) * np.nan_to_num(setup["k1"])
-    wider = [{**part, Source(Kind.K1_DRIFT): float(std)} if part else part
+    wider = [{**part, Source(SourceKind.K1_DRIFT): float(std)} if part else part
              for part, std in zip(parts, moved, strict=True)]  # fmt: skip
     return np.hypot(k1_std, moved), wider
 
@@ -337,7 +337,9 @@ def _mass_gain(
     return mass_gain(without, relative_uncertainties(result, exact, bare))
 
 
-def _intervals(group: Group, setup: Mapping[str, Any], draws: int, seed: int) -> dict[int, tuple[Interval, Interval]]:
+def _intervals(
+    group: RigGroup, setup: Mapping[str, Any], draws: int, seed: int
+) -> dict[int, tuple[Interval, Interval]]:
     """Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
 
     The random numbers of a row depend on its test and point only, not on other tests or their order.

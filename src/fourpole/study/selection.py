@@ -20,7 +20,7 @@ from fourpole.fitting.likelihood import likelihood_columns
 from fourpole.fitting.rows import KEY, pair_columns, tyre_columns
 from fourpole.quantities import DERIVED
 from fourpole.study import tables as of
-from fourpole.study.identify import Group
+from fourpole.study.identify import RigGroup
 from fourpole.study.points import Points
 from fourpole.study.rig_solution import residual_columns
 from fourpole.study.static import StaticRow
@@ -33,7 +33,7 @@ def select_tables(
     campaign: Campaign,
     statics: Sequence[StaticRow],
     points: Points,
-    groups: Sequence[Group],
+    groups: Sequence[RigGroup],
     likelihoods: Mapping[str, Likelihood],
     conditions: Sequence[tuple[str, Check]],
     route: str,
@@ -46,7 +46,7 @@ def select_tables(
     statics : sequence of StaticRow
     points : Points
         The points with all columns and checks.
-    groups : sequence of Group
+    groups : sequence of RigGroup
         The tests of each rig as identified together.
     likelihoods : mapping of str to Likelihood
         The tests of each rig as the joint route weighed them.
@@ -88,7 +88,7 @@ def select_tables(
     return {spec.name: made[spec] for spec in of.TABLES.values()}
 
 
-def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], route: str) -> _Columns:
+def point_columns(campaign: Campaign, points: Points, groups: Sequence[RigGroup], route: str) -> _Columns:
     """All columns of the points by head: of the statement, the amplitudes, the spectra, the identification."""
     tests, phasors, specimens = points.tests, points.phasors, campaign.stated.all_specimens
     stated = {
@@ -126,7 +126,7 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[Group], r
     }
 
 
-def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Group], route: str) -> _Columns:
+def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[RigGroup], route: str) -> _Columns:
     """The columns of the identification, and the amplitude of the deflection; `route` is that of other rows."""
     phasors, rigs = points.phasors, {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     count = len(points.tests)
@@ -152,7 +152,7 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Gro
     return {**columns, q.ROUTE.head: routes, q.DEFLECTION_AMPLITUDE.head: np.array(deflection, dtype=float)}
 
 
-def _keys_of(group: Group, places: Sequence[int] | np.ndarray) -> _Columns:
+def _keys_of(group: RigGroup, places: Sequence[int] | np.ndarray) -> _Columns:
     """The columns test, point and rig of some tests of a group."""
     tests, points = zip(*(group.keys[place] for place in places), strict=True) if len(places) else ((), ())
     return {
@@ -244,7 +244,7 @@ def _correction_rows(points: Points) -> list[_Columns]:
     ]
 
 
-def _quantile_rows(groups: Sequence[Group]) -> list[_Columns]:
+def _quantile_rows(groups: Sequence[RigGroup]) -> list[_Columns]:
     """Rows of quantiles.csv: intervals of K2 and C by Monte Carlo, where value ± 1.96 u is none."""
     return [
         {
@@ -260,7 +260,7 @@ def _quantile_rows(groups: Sequence[Group]) -> list[_Columns]:
     ]
 
 
-def _budget(group: Group) -> _Columns:
+def _budget(group: RigGroup) -> _Columns:
     """The sources of uncertainty of each quantity that is known, but for those that are zero."""
     result, variance = group.result, np.stack(list(group.variance.values()))
     stiffness, arm = np.isfinite(result.stiffness), np.isfinite(result.k2)
@@ -278,7 +278,7 @@ def _budget(group: Group) -> _Columns:
     }
 
 
-def _covariance(group: Group) -> _Columns:
+def _covariance(group: RigGroup) -> _Columns:
     """The covariance of K*, as the condition's own part and the part of shared errors.
 
     Two tests of a rig have the covariance shared_i · shared_j, summed over the shared errors. Two tests of one

@@ -24,7 +24,7 @@ from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core.checks import Verdict
-from fourpole.core.sources import Kind
+from fourpole.core.sources import SourceKind
 from fourpole.errors import FourpoleError
 from fourpole.guess.gather import FolderContents, gather_more, recording_files
 from fourpole.guess.together import guess_more
@@ -49,7 +49,7 @@ _FORMER = 4
 
 
 @dataclass(frozen=True)
-class Judged:
+class WatchedFile:
     """The judgement on one recording.
 
     Attributes
@@ -123,7 +123,7 @@ class Watch:
             return inside(self.folder, test.file).is_file() and (self.folder / test.file).is_file()
         return False
 
-    def look(self) -> Iterator[Judged]:
+    def look(self) -> Iterator[WatchedFile]:
         """The judgements on recordings that have been all there since the last look, each once for each content."""
         now = self._clock()
         ready = [path for path, state in self._present() if self._is_ready(path, state, now)]
@@ -152,7 +152,7 @@ class Watch:
                 self._files[path].answered = True
                 yield judged
 
-    def _unreadable(self, paths: Sequence[Path], more: FolderContents) -> Iterator[Judged]:
+    def _unreadable(self, paths: Sequence[Path], more: FolderContents) -> Iterator[WatchedFile]:
         """The judgements on files that cannot be read, when they have had time to become whole."""
         why = dict(more.left_out) | {each.file: each.problem for each in more.recordings if each.problem}
         good = {recording.file.partition("#")[0] for recording in more.recordings if not recording.problem}
@@ -161,7 +161,7 @@ class Watch:
             if name not in good and self._has_waited(path):
                 reason = next((text for file, text in why.items() if file.partition("#")[0] == name), "is no recording")
                 self._files[path].answered = True
-                yield Judged(
+                yield WatchedFile(
                     path.stem, name, Verdict.REJECTED, (f"{reason}; it is judged again when the file changes",)
                 )
 
@@ -185,7 +185,7 @@ class Watch:
             return False
         return not seen.answered and now - seen.since >= SETTLED
 
-    def _judged(self, campaign: Campaign, test: Test, former: Study | None, doubts: tuple[str, ...]) -> Judged:
+    def _judged(self, campaign: Campaign, test: Test, former: Study | None, doubts: tuple[str, ...]) -> WatchedFile:
         compared = [*_statics(campaign, test), *_alike(campaign, test, former)]
         names = {other.name for other in (*compared, test)}
         some = tuple(other for other in campaign.tests if other.name in names)
@@ -194,9 +194,9 @@ class Watch:
                 replace(_with_rig(campaign, former), tests=some), cache=self.folder / "results" / "cache", workers=1
             )
         except FourpoleError as error:
-            return Judged(test.name, test.file, Verdict.REJECTED, (str(error),), doubts=doubts)
+            return WatchedFile(test.name, test.file, Verdict.REJECTED, (str(error),), doubts=doubts)
         result = study.tests[test.name]
-        return Judged(test.name, test.file, result.verdict, result.remarks, result.row, doubts)
+        return WatchedFile(test.name, test.file, result.verdict, result.remarks, result.row, doubts)
 
 
 def _former(folder: Path) -> Study | None:
@@ -213,7 +213,7 @@ def _with_rig(campaign: Campaign, former: Study | None) -> Campaign:
         return campaign
     values = dict(rigs[""].values)
     for value in former.rigs[0].values:
-        name = value.source.of if value.source.kind is Kind.RIG_VALUE else ""
+        name = value.source.of if value.source.kind is SourceKind.RIG_VALUE else ""
         if name in values and value.found is not None and value.found_std is not None:
             values[name] = Stated(value.found, value.found_std, assumed=False)
     rig = RigFile.model_construct(values=values, output=rigs[""].output)

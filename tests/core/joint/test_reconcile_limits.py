@@ -12,13 +12,13 @@ from fourpole.core.joint import reconcile, specimens
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.joint.reconcile import _Diagnosis
 from fourpole.core.joint.scatter import MEDIAN
-from fourpole.core.joint.specimens import Misfit, State
-from fourpole.core.sources import Kind, Source
+from fourpole.core.joint.specimens import Misfit, SpecimenState
+from fourpole.core.sources import Source, SourceKind
 
 BELOW, ABOVE = 0.99, 1.01
 
 
-MASS = Source(Kind.UNSTATED, "mass")
+MASS = Source(SourceKind.UNSTATED, "mass")
 
 
 def candidate(explains=100.0, source=MASS, released=False):
@@ -47,7 +47,7 @@ def state(**changes):
     problem = SimpleNamespace(observed=tests, reweighted=lambda whiten: problem)
     solution = SimpleNamespace(z=np.zeros(3), stiffness=np.ones(20, dtype=complex))
     own = {name: changes.pop(name) for name in ("negligible", "finished") if name in changes}
-    return State(problem, solution, solution.stiffness, np.ones(20), misfit=Misfit(0.0, 0.0, **changes), **own)
+    return SpecimenState(problem, solution, solution.stiffness, np.ones(20), misfit=Misfit(0.0, 0.0, **changes), **own)
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def mended(monkeypatch):
     def applied(state, found):
         noted.causes += [one.source.text for one in found.causes]
 
-    monkeypatch.setattr(State, "solve", solved)
+    monkeypatch.setattr(SpecimenState, "solve", solved)
     monkeypatch.setattr(reconcile, "_apply", applied)
     monkeypatch.setattr(reconcile, "without_rig", lambda problem, z, stiffness, level: problem)
     monkeypatch.setattr(reconcile, "_unsteady_drive", lambda *arguments: None)
@@ -77,8 +77,8 @@ def mended(monkeypatch):
 
 # Causes: stated values without their statement, and what nobody stated.
 
-GAIN = Source(Kind.GAIN, "F1")
-CROSSED = Source(Kind.CROSSTALK, "V2 in F1")
+GAIN = Source(SourceKind.GAIN, "F1")
+CROSSED = Source(SourceKind.CROSSTALK, "V2 in F1")
 
 
 @pytest.mark.parametrize(("factor", "cause"), [(BELOW, False), (ABOVE, True)])

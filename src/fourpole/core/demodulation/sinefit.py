@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.demodulation.terms import Rows, Terms, rows_of
+from fourpole.core.demodulation.terms import TermRows, Terms, rows_of
 from fourpole.core.demodulation.tracks import Track
 
 _ITERATIONS = 12
@@ -84,7 +84,7 @@ class SineFit(Terms):
         return self.track.exact_rate / self.track.time.size
 
     @cached_property
-    def rows(self) -> Rows:
+    def rows(self) -> TermRows:
         """The terms as rows over the samples."""
         return rows_of(self.track, Terms(self.omega, self.harmonics, self.lines, self.unsteady))
 

@@ -51,7 +51,7 @@ class Terms(ByValue):
         return np.concatenate([multiples, *(part for line in self.lines for part in (others + line, others - line))])
 
 
-class Rows(Protocol):
+class TermRows(Protocol):
     """The rows of some terms on a track: sines, parabolas of unsteady harmonics, what follows a speed, then the drift.
 
     Inner products have these P rows first, then the 2 S rows of the sines times the time u from the middle [s], along
@@ -81,7 +81,7 @@ class Rows(Protocol):
         """The fundamental as a rotation (N,)."""
 
 
-def rows_of(track: Track, terms: Terms) -> Rows:
+def rows_of(track: Track, terms: Terms) -> TermRows:
     """The rows of terms on a track: closed formulas, or a table where a reference gives the phase."""
     return _Uniform(track, terms) if track.course is None else _Table(track, terms, track.course)
 

@@ -13,8 +13,8 @@ from fourpole.core.confidence import CHANCE
 from fourpole.core.joint.misfit import Candidate, Residuals, is_unlikely, residuals
 from fourpole.core.joint.scatter import MEDIAN, deviations, robust_scatter, scatter_of, squares
 from fourpole.core.joint.shared import DRIFTS, Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve_either, with_columns, without_stiffness
-from fourpole.core.sources import Kind, Source
+from fourpole.core.joint.solve import JointProblem, Solution, solve_either, with_columns, without_stiffness
+from fourpole.core.sources import Source, SourceKind
 
 #: The statement of the rig counts as wrong if all noise is more than this many times that of the recordings.
 NOISE_IN_DOUBT = 2.0
@@ -67,13 +67,13 @@ class Misfit:
 
 
 @dataclass(eq=False)
-class State(ByValue):
+class SpecimenState(ByValue):
     """The problem, its solution and the misfit after some rounds.
 
     `start` is the first K* of each condition; `negligible` is false if enlarged noise hides an error of Zr.
     """
 
-    problem: Problem
+    problem: JointProblem
     solution: Solution
     start: ComplexArray
     outlier: FloatArray
@@ -87,7 +87,7 @@ class State(ByValue):
         as_stated = not (self.misfit.conflicts or self.misfit.added or self.misfit.rig_error)
         return self.finished and as_stated and (self.negligible or self.misfit.inflation <= NOISE_IN_DOUBT)
 
-    def solve(self, problem: Problem, **misfit: Any) -> None:
+    def solve(self, problem: JointProblem, **misfit: Any) -> None:
         """Solve a changed problem from the present solution; `misfit` has the fields of the misfit that changed."""
         self.misfit = replace(self.misfit, **misfit)
         self.problem, self.solution = solve_either(problem, self.solution.stiffness, self.solution.z)
@@ -111,7 +111,7 @@ _SCATTER_ROUNDS = 4
 _MOST_ROUNDS = 12
 
 
-def fit_specimens(state: State) -> None:
+def fit_specimens(state: SpecimenState) -> None:
     """Find outliers, scatter and drift of K*, as far as chance does not explain the residuals, and solve with them."""
     _set_scatter(state, robust=True)
     for _ in range(_MOST_ROUNDS):
@@ -127,13 +127,13 @@ def fit_specimens(state: State) -> None:
         _set_scatter(state)
 
 
-def _weaken(state: State, factor: FloatArray) -> None:
+def _weaken(state: SpecimenState, factor: FloatArray) -> None:
     """Enlarge the variance of tests by factors, and solve."""
     state.outlier = state.outlier * factor
     state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(factor)[:, None, None]))
 
 
-def _without_worst(state: State, left: Residuals) -> bool:
+def _without_worst(state: SpecimenState, left: Residuals) -> bool:
     """Weaken the worst test if the other tests then agree much better; else leave all as it is.
 
     One bad test may bend the whole solution, so that many tests look bad.
@@ -150,7 +150,7 @@ def _without_worst(state: State, left: Residuals) -> bool:
     return True
 
 
-def _set_scatter(state: State, *, robust: bool = False) -> None:
+def _set_scatter(state: SpecimenState, *, robust: bool = False) -> None:
     """Solve with the scatter of K* that its repeats show, until both agree."""
     for _ in range(_SCATTER_ROUNDS):
         departures = deviations(state.problem, state.solution.z, state.solution.stiffness)
@@ -168,7 +168,7 @@ def _set_scatter(state: State, *, robust: bool = False) -> None:
         state.solve(replace(state.problem, scatter=scatter))
 
 
-def _add_drifts(state: State) -> bool:
+def _add_drifts(state: SpecimenState) -> bool:
     """Add the drifts of the specimens that were repeated, if chance cannot explain them; False if it can."""
     problem, observed = state.problem, state.problem.observed
     repeated = _repeated(problem)
@@ -198,7 +198,7 @@ def _add_drifts(state: State) -> bool:
     return True
 
 
-def goes_with_mass(problem: Problem) -> bool:
+def goes_with_mass(problem: JointProblem) -> bool:
     """Whether repeats at another place in the run have another added mass, too.
 
     An error of a sensor, which acts otherwise with another mass, then looks as a drift does.
@@ -213,20 +213,20 @@ def goes_with_mass(problem: Problem) -> bool:
     return bool(place @ place > 0 and rest @ rest < _APART * (place @ place))
 
 
-def _repeated(problem: Problem) -> np.ndarray:
+def _repeated(problem: JointProblem) -> np.ndarray:
     """Numbers of the specimens with a repeated condition."""
     conditions = problem.conditions
     many = conditions.sizes[conditions.label[conditions.first :]] > 1
     return np.unique(problem.observed.specimen[conditions.first :][many])
 
 
-def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Shared:
+def _with_drifts(problem: JointProblem, specimens: np.ndarray, std: float) -> Shared:
     """The shared values with drifts of some specimens."""
     names = problem.names
     added = [
         SharedParameter(Source(kind, names[number]), unit, number, 0.0, std)
         for number in specimens.tolist()
-        for kind, unit in ((Kind.DRIFT, "1"), (Kind.ANGLE_DRIFT, "rad"))
+        for kind, unit in ((SourceKind.DRIFT, "1"), (SourceKind.ANGLE_DRIFT, "rad"))
     ]
     return replace(problem.shared, parameters=(*problem.shared.parameters, *added))
 
@@ -237,7 +237,7 @@ def without_drifts(shared: Shared, z: FloatArray) -> tuple[Shared, FloatArray]:
     return replace(shared, parameters=tuple(shared.parameters[index] for index in kept)), z[kept]
 
 
-def _fall(wider: Problem, solution: Solution) -> float:
+def _fall(wider: JointProblem, solution: Solution) -> float:
     """Fall of the objective [1] if the shared values that `wider` has in addition, 0 so far, become free."""
     p, z = len(wider.shared), np.append(solution.z, np.zeros(len(wider.shared) - solution.z.size))
     triangle = np.hstack([np.eye(p), -z[:, None]])
@@ -250,7 +250,7 @@ def _fall(wider: Problem, solution: Solution) -> float:
     return float(np.sum(triangle[solution.z.size : p, -1] ** 2))
 
 
-def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
+def _outliers(state: SpecimenState, left: Residuals) -> tuple[BoolArray, bool]:
     """Flags (N,) of the tests that do not agree with the others, and whether there are too many of them.
 
     In each condition only the worst test is flagged. No test is flagged if too many of all tests, of the tests with one

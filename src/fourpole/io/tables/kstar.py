@@ -31,7 +31,7 @@ from fourpole.io.tables.columns import (
     unread,
 )
 from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
-from fourpole.io.tables.responses import Measured, read_response
+from fourpole.io.tables.responses import MeasuredResponse, read_response
 from fourpole.models.shape import Shape
 from fourpole.units import shown
 
@@ -256,7 +256,7 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     )
 
 
-def _of_response(found: Measured, options: TableOptions, name: str) -> KStarTable:
+def _of_response(found: MeasuredResponse, options: TableOptions, name: str) -> KStarTable:
     """The table of a frequency response."""
     if not found.is_stiffness and not options.ratio:
         raise TableError(f"{name}: {found.said[0]}: {_RIG}")

@@ -76,7 +76,7 @@ class Response(ByValue):
 
 
 @dataclass(frozen=True, eq=False)
-class Measured(ByValue):
+class MeasuredResponse(ByValue):
     """A frequency response in SI: V1/F1 [m/(N s)], or K* [N/m] (`is_stiffness`), with its coherence if there is one."""
 
     frequency: FloatArray
@@ -87,7 +87,7 @@ class Measured(ByValue):
     remarks: list[str]
 
 
-def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measured:
+def read_response(path: Path, stated: Sequence[Statement], label: str) -> MeasuredResponse:
     """The frequency response of a UFF file that gives V1/F1 or K*; of several, the one that --column frf= names.
 
     Raises
@@ -117,7 +117,7 @@ def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measur
     coherence = next((_on(one, other) for other in every if other.is_coherence and _same_place(one, other)), None)
     what = "driving point" if driven else "transfer, with the output blocked"
     said = [f"frequency response {shown(one.name)}: {_NAMES.get(kind, kind)}, {what}"]
-    return Measured(one.frequency, found, not driven, coherence, said, remarks)
+    return MeasuredResponse(one.frequency, found, not driven, coherence, said, remarks)
 
 
 def _chosen(known: Sequence[Response], statement: Statement | None, label: str) -> Response:

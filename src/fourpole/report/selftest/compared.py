@@ -8,7 +8,7 @@ from math import isfinite
 
 
 @dataclass(frozen=True)
-class Compared:
+class ReferenceComparison:
     """One value, expected and found.
 
     Attributes
@@ -47,21 +47,23 @@ class Compared:
         return abs(self.difference) / self.tolerance if self.tolerance else (0.0 if self.good else float("inf"))
 
 
-def number(check: str, function: str, value: str, unit: str, expected: str, found: float, tolerance: float) -> Compared:
+def number(
+    check: str, function: str, value: str, unit: str, expected: str, found: float, tolerance: float
+) -> ReferenceComparison:
     """A number held against an expected one; one that is not finite never passes."""
     difference = found - float(expected)
     good = isfinite(difference) and abs(difference) <= tolerance
-    return Compared(check, function, value, unit, expected, repr(float(found)), difference, tolerance, good)
+    return ReferenceComparison(check, function, value, unit, expected, repr(float(found)), difference, tolerance, good)
 
 
-def word(check: str, function: str, value: str, expected: str, found: str) -> Compared:
+def word(check: str, function: str, value: str, expected: str, found: str) -> ReferenceComparison:
     """A text held against an expected one."""
-    return Compared(check, function, value, "", expected, found, None, None, found == expected)
+    return ReferenceComparison(check, function, value, "", expected, found, None, None, found == expected)
 
 
-def failed(check: str, function: str, value: str, why: str) -> Compared:
+def failed(check: str, function: str, value: str, why: str) -> ReferenceComparison:
     """A value that could not be computed at all."""
-    return Compared(check, function, value, "", "a value", why, None, None, False)
+    return ReferenceComparison(check, function, value, "", "a value", why, None, None, False)
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,9 @@ class Summary:
     largest: float
 
 
-def summaries(found: Sequence[Compared]) -> list[Summary]:
+def summaries(found: Sequence[ReferenceComparison]) -> list[Summary]:
     """The checks in their order, each with its values counted."""
-    groups: dict[str, list[Compared]] = {}
+    groups: dict[str, list[ReferenceComparison]] = {}
     for one in found:
         groups.setdefault(one.check, []).append(one)
     return [
