@@ -87,13 +87,29 @@ def test_some_tests_of_a_study(study):
         ({"tyre": "radail-ply"}, "no test has tyre 'radail-ply': did you mean 'radial-ply'?"),
         ({"tyre": "bias"}, "no test has tyre 'bias': there is cross-ply, radial-ply"),
         ({"presure": 1e5}, "no axis 'presure': did you mean 'pressure'?"),
-        ({"pressure": "3 bar"}, "no test has pressure '3 bar': there is 135000, 205000"),
+        ({"pressure": "3 bar"}, "no test has pressure '3 bar': there is 1.35 bar, 2.05 bar"),
     ],
 )
 def test_a_state_that_is_not_there_is_said_with_what_there_is(study, where, said):
     with pytest.raises(CampaignError) as error:
         study.only(**where)
     assert str(error.value) == said
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"u": 0.0}, "finite values above 0 N/m"),
+        ({"u": "-0.5 %"}, "finite values above 0 N/m"),
+        ({"u": np.nan}, "finite values above 0 N/m"),
+        ({"u": [500.0] * 3}, r"shapes \(5,\), \(5,\) and \(3,\)"),
+        ({"u": 500.0, "k1": 150e3}, "give u_k1"),
+    ],
+)
+def test_uncertainties_that_cannot_be_are_refused(given, said):
+    k_star = Zener().stiffness([150e3, 60e3, 300.0], 2 * np.pi * np.geomspace(5.0, 80.0, 5))
+    with pytest.raises(ModelError, match=said):
+        fourpole.fit(np.geomspace(5.0, 80.0, 5), k_star, model="zener", **given)
 
 
 def test_a_table_for_pandas_needs_no_arrow(study, monkeypatch):

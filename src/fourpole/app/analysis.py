@@ -20,8 +20,9 @@ from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.checks import Code, Verdict, worst_verdict
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.findings.verdicts import checks_by_test, kind_of
+from fourpole.findings.verdicts import checks_by_point, kind_of
 from fourpole.fitting.effort import seconds_of_fits
+from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.child import SECONDS
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes, sha256_of
@@ -284,11 +285,18 @@ def _verdicts(study: Study) -> pl.DataFrame:
 
 def _notes(study: Study) -> list[str]:
     """The remarks of the tests that are rejected or have a warning, then notes and assumptions."""
-    notes, every = [], checks_by_test(study.checks)
+    notes, checks = [], checks_by_point(study.checks)
+    keys = [key for table in (study.static, study.dynamic) for key in keys_of(table)]
+    rows: dict[tuple[str, str, str], Key] = {}
+    for key, row in zip(keys, _verdicts(study).rows(), strict=True):
+        rows.setdefault(row, key)
     for verdict in (Verdict.REJECTED, Verdict.WARNING):
-        rows = _verdicts(study).filter(pl.col("verdict") == verdict).unique(maintain_order=True)
-        checks = {name: [one for one in found if one.verdict == verdict] for name, found in every.items()}
-        kinds = gathered_alike((name, kind_of(checks.get(name, ()), text), text) for name, _, text in rows.rows())
+        remarks = []
+        for (name, holds, text), key in rows.items():
+            if holds == verdict:
+                reasons = [check for check in checks.get(key, ()) if check.verdict == verdict]
+                remarks.append((name, kind_of(reasons, text), text))
+        kinds = gathered_alike(remarks)
         notes += [f"{verdict}: {one.tests}: {one.text}" for one in kinds[:_MOST_LISTED]]
         if more := sum(len(one.names) for one in kinds[_MOST_LISTED:]):
             notes.append(f"... and {more} more with verdict {verdict}; see the tables")

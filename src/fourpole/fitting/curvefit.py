@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole import units
-from fourpole.core.arrays import ByValue, ComplexArray
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import COVERAGE
 from fourpole.errors import ModelError
 from fourpole.models.choice import choose
@@ -86,7 +86,7 @@ def fit(
     Raises
     ------
     ModelError
-        If there is no such model, or K* is not known at enough frequencies.
+        If there is no such model, K* is not known at enough frequencies, shapes differ, or u is not above 0.
     UnitError
         If a text is no quantity.
 
@@ -99,11 +99,17 @@ def fit(
     >>> {symbol: round(value) for symbol, value in found.params.items()}, abs(found.predict([10.0])).round(-3)
     ({'K1': 180000, 'K2': 120000, 'C': 700}, array([198000.]))
     """
-    stiffness = np.atleast_1d(np.asarray(k_star, dtype=complex))
-    data = StiffnessData.of(
-        2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float)), stiffness, _std(u, stiffness),
-        k1=_stiffness(k1), k1_std=_stiffness(u_k1),
-    )  # fmt: skip
+    hertz, stiffness = np.atleast_1d(np.asarray(frequency, dtype=float)), np.atleast_1d(np.asarray(k_star, complex))
+    static = units.quantity(k1, "stiffness") if isinstance(k1, str) else float(k1)
+    std, static_std = _std(u, stiffness), float(_std(u_k1, np.asarray(static)))
+    if hertz.shape != stiffness.shape or std.shape not in ((), stiffness.shape):
+        shapes = f"{hertz.shape}, {stiffness.shape} and {std.shape}"
+        raise ModelError(f"frequency, k_star and u have the shapes {shapes}: give as many of each, or one u")
+    if not (np.all(np.isfinite(std)) and np.all(std > 0)):
+        raise ModelError("u is a standard uncertainty: give finite values above 0 N/m, or a text as '0.5 %'")
+    if np.isfinite(static) and not static_std > 0:
+        raise ModelError("k1 without its standard uncertainty counts for nothing: give u_k1, above 0 N/m")
+    data = StiffnessData.of(2 * np.pi * hertz, stiffness, std, k1=static, k1_std=static_std)
     choice = choose(data, None if model == "auto" else (model,))
     best = choice.best.fit
     symbols = best.model.symbols
@@ -118,12 +124,9 @@ def fit(
     )
 
 
-def _std(u: ArrayLike | str, stiffness: ComplexArray) -> ArrayLike:
-    """Standard uncertainty of K* [N/m] from a number, an array or a text."""
+def _std(u: ArrayLike | str, stiffness: ArrayLike) -> FloatArray:
+    """Standard uncertainty of a stiffness [N/m] from a number, an array or a text."""
     if not isinstance(u, str):
-        return u
-    return units.quantity(u, "ratio") * np.abs(stiffness) if "%" in u else units.quantity(u, "stiffness")
-
-
-def _stiffness(value: float | str) -> float:
-    return units.quantity(value, "stiffness") if isinstance(value, str) else float(value)
+        return np.asarray(u, dtype=float)
+    relative = "%" in u
+    return np.asarray(units.quantity(u, "ratio") * np.abs(stiffness) if relative else units.quantity(u, "stiffness"))

@@ -34,6 +34,9 @@ from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
 from fourpole.study.tables import DYNAMIC, TABLE_FILES, TABLES, verdict_counts
 from fourpole.units import nearest, quantity, shown
 
+#: Quantities of the axes that every campaign has.
+_STATES = (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)
+
 if TYPE_CHECKING:
     from xarray import Dataset
 
@@ -234,7 +237,8 @@ class Study(TestedTables):
                 kept[name] = kept[name].filter(self._is_at(kept[name], axis, value))
             if not any(kept[name].height for name in ("static", "dynamic")):
                 there = self._values_of(axis)
-                near = nearest(str(value), there)
+                named = axis in ("tyre", "specimen") or self._axis(axis).text
+                near = nearest(str(value), there) if named else ""
                 hint = f"did you mean {near!r}?" if near else f"there is {', '.join(there) or 'none'}"
                 raise CampaignError(f"no test has {axis} {shown(str(value))}: {hint}")
         tests = pl.concat([kept[name].select(q.TEST.head) for name in ("static", "dynamic")])[q.TEST.head].unique()
@@ -268,7 +272,8 @@ class Study(TestedTables):
         column = TYRE.head if axis in ("tyre", "specimen") else self._axis(axis).column
         tables = [table for table in (self.static, self.dynamic) if column in table.columns]
         values = dict.fromkeys(value for table in tables for value in table[column].to_list() if value is not None)
-        return [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
+        scale, unit = {one.head: (one.scale, f" {one.shown}") for one in _STATES}.get(column, (1.0, ""))
+        return [f"{value / scale:.6g}{unit}" if isinstance(value, float) else str(value) for value in values]
 
     @cached_property
     def likelihoods(self) -> Mapping[str, Likelihood]:

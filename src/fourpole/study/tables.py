@@ -31,6 +31,8 @@ _TYPES = {"number": pl.Float64, "text": pl.String, "count": pl.Int64, "lists": p
 _KINDS = {quantity.head: quantity.kind for quantity in QUANTITIES}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}
+#: Columns that results of older versions lack; they are read as blank.
+LATER = (q.VALUES.head,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,10 +282,13 @@ def read_table(results: Published, spec: TableSpec, needed: Collection[str] | No
         raise CampaignError(f"{name}: cannot be read ({why}): {_AGAIN}") from None
     except TableError as error:
         raise CampaignError(f"{error}: {_AGAIN}") from None
-    lacking = [name for name in (spec.columns if needed is None else needed) if name not in frame.columns]
+    lacking = [name for name in (spec.columns if needed is None else needed) if name not in (*frame.columns, *LATER)]
     if lacking and ending != ".parquet":
         raise CampaignError(f"{name}: has no column {lacking[0]!r}: {_AGAIN}")
-    return frame if ending == ".parquet" else frame.with_columns(pl.col(pl.String).fill_null(""))
+    if ending == ".parquet":
+        return frame
+    later = (pl.lit("").alias(name) for name in LATER if name in spec.columns and name not in frame.columns)
+    return frame.with_columns(*later, pl.col(pl.String).fill_null(""))
 
 
 def _parsed(content: bytes, name: str, known: Mapping[str, Any]) -> pl.DataFrame:

@@ -26,7 +26,7 @@ from fourpole.study.analysis import DRAWS, SEED, analyse
 from fourpole.study.record import section
 from fourpole.study.repeated import Difference, differences
 from fourpole.study.study import Study
-from fourpole.study.tables import TABLE_FILES, TABLES
+from fourpole.study.tables import LATER, TABLE_FILES, TABLES
 from fourpole.version import VERSION
 from fourpole.words import first_of
 
@@ -375,4 +375,5 @@ def _repeated(former: Path, new: Path, name: str) -> Repeated:
     except (pl.exceptions.PolarsError, OSError, TableError) as error:
         unread = Difference("", "", 0, f"cannot be read: {error}", "a table", float("nan"), float("inf"))
         return Repeated(name, False, (unread,))
-    return Repeated(name, False, tuple(differences(tables[0], tables[1], key)))
+    later = [column for column in LATER if column not in tables[0].columns]
+    return Repeated(name, False, tuple(differences(tables[0], tables[1].drop(later, strict=False), key)))
