@@ -1,6 +1,7 @@
 """A study as people use it in a script: the tests of one state, fits by name, tables for pandas, recordings again."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
@@ -11,6 +12,7 @@ from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, ModelError, RigError, UnitError
 from fourpole.models import Zener
 from fourpole.study import analyse, read_results
+from fourpole.study.tables import TABLES, read_table
 from fourpole.virtual import simulate_campaign
 
 
@@ -173,3 +175,14 @@ def test_a_rig_takes_texts_with_their_units():
 def test_tables_of_a_folder_are_read_when_they_are_asked_for(again, monkeypatch):
     assert isinstance(again.phasors, pl.DataFrame)
     assert again.table("weather").is_empty()
+
+
+def test_checks_of_an_older_version_have_blank_values(study):
+    """checks.csv had no column of values."""
+    text = study.checks.drop("values").write_csv()
+    older = SimpleNamespace(has=lambda _: True, read=lambda _: text.encode())
+    checks = read_table(older, TABLES["checks"])
+    assert checks.columns[:7] == study.checks.columns[:7]
+    assert set(checks["values"]) == {""}
+    with pytest.raises(CampaignError, match="has no column 'code'"):
+        read_table(SimpleNamespace(has=older.has, read=lambda _: b"test,verdict\nD1,ok\n"), TABLES["checks"])

@@ -33,8 +33,8 @@ UNITS = {
     "pressures": "Pa",
     **dict.fromkeys(("decibel", "linear"), "dB"),
 }
-#: Values that say which case of a check it is, and are no number or name.
-CASES = ("error", "because", "looks", "branch")
+#: Values that say which case of a check it is: codes, and the quantity that it names.
+CASES = ("error", "because", "looks", "branch", "name")
 
 
 @cache
