@@ -92,7 +92,8 @@ def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
         return simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 24.0], **settings)
 
     monkeypatch.setattr("fourpole.virtual.simulate_campaign", small)
-    monkeypatch.setattr(analysis, "_drawn", lambda study, new, *_: new / "report.html")
+    monkeypatch.setattr(analysis, "_modelled", lambda study, *_: study)
+    monkeypatch.setattr("fourpole.app.report.make_report", lambda study, new, png: new / "report.html")
     small(tmp_path / "demo", seed=8)
     (tmp_path / "demo" / "results").mkdir()
     (tmp_path / "demo" / "results" / "dynamic.csv").write_text("old")

@@ -214,9 +214,7 @@ def _written(study: Study, results: Path, wanted: Wanted) -> Path | None:
         study.write_into(new, results, {"findings": findings_table(findings(study))})
         if not wanted.tables_only:
             obsolete += _files_of_report()
-            from fourpole.app.report import (
-                make_report,  # this loads the rooms of figures and words, which takes a second
-            )
+            from fourpole.app.report import make_report  # loads the rooms of figures and words, which takes a second
 
             modelled = _modelled(study, new, results, obsolete, wanted.models)
             return results / make_report(modelled, new, png=wanted.png).name
