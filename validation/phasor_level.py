@@ -11,7 +11,7 @@ from laboratories import MASSES, Case, case
 from fourpole.core.arrays import FloatArray as Array
 from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import identification
-from fourpole.core.sources import SourceRole
+from fourpole.core.sources import Role
 from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES
 
 __all__ = ["EVERY", "run"]
@@ -94,7 +94,7 @@ def _shared(this: Case, joint: Joint) -> dict[str, _Triple]:
     return {
         source.text: (np.array([found]), np.array([true[source.text]]), np.array([u]))
         for source, found, u in zip(sources, joint.found, joint.found_std, strict=True)
-        if source.role is not SourceRole.UNSTATED  # has no true value: counted by itself
+        if source.role is not Role.UNSTATED  # has no true value: counted by itself
     }
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 
-from fourpole.core.meancurve import CurvePoints, deflection_at, fit_mean_curve, in_part, surest
+from fourpole.core.meancurve import Pairs, deflection_at, fit_mean_curve, in_part, surest
 
 pytestmark = pytest.mark.thorough
 
@@ -104,7 +104,7 @@ WAY = np.linspace(0.0, 1.0, 401)
 
 
 def best(load_of, at=0.5):
-    points = CurvePoints(WAY, load_of, None)
+    points = Pairs(WAY, load_of, None)
     whole = fit_mean_curve(*points)
     load = float(np.interp(at, WAY, load_of))
     return whole, surest(points, whole, deflection_at(whole, load), load)
@@ -133,5 +133,5 @@ def test_noise_is_best_averaged_over_the_whole():
 
 
 def test_a_part_of_few_points_is_none():
-    points = CurvePoints(WAY[::40], 1e3 * WAY[::40], None)
+    points = Pairs(WAY[::40], 1e3 * WAY[::40], None)
     assert in_part(points, 0.5, 0.3, 500.0) is None

@@ -6,41 +6,41 @@ from hypothesis import strategies as st
 
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.rig import PARAMETERS
-from fourpole.core.sources import PARTS, RATIOS, Source, SourceKind, SourceRole
+from fourpole.core.sources import PARTS, RATIOS, Kind, Role, Source
 
 #: Each kind with what it can be of; a source of kind OTHER has any text.
-OF = {kind: kind.of or ("",) for kind in SourceKind if kind is not SourceKind.OTHER}
+OF = {kind: kind.of or ("",) for kind in Kind if kind is not Kind.OTHER}
 ALL = [
     *(Source(kind, of) for kind, every in OF.items() for of in every),
-    *(Source(kind, *pair) for kind in (SourceKind.GAIN, SourceKind.PHASE) for pair in RATIOS),
+    *(Source(kind, *pair) for kind in (Kind.GAIN, Kind.PHASE) for pair in RATIOS),
 ]
 
 
 @pytest.mark.parametrize(
     ("source", "text"),
     [
-        (Source(SourceKind.NOISE), "sensor noise"),
-        (Source(SourceKind.FREQUENCY), "frequency"),
-        (Source(SourceKind.RIG_MISFIT), "rig misfit"),
-        (Source(SourceKind.GAIN, "F1"), "gain F1"),
-        (Source(SourceKind.GAIN, "F1", "V1"), "gain F1/V1"),
-        (Source(SourceKind.PHASE, "V2", "V1"), "phase V2-V1"),
-        (Source(SourceKind.DELAY, "V1"), "delay V1"),
-        (Source(SourceKind.RESPONSE_GAIN, "V2"), "response gain V2"),
-        (Source(SourceKind.RESPONSE_PHASE, "V2"), "response phase V2"),
-        (Source(SourceKind.RIG_VALUE, "preload_stiffness"), "preload_stiffness"),
-        (Source(SourceKind.UNSTATED, "friction"), "unstated friction"),
-        (Source(SourceKind.ADDED_MASS), "added mass"),
-        (Source(SourceKind.ADDED_MASS, mass=2.5), "added mass 2.5 kg"),
-        (Source(SourceKind.K1), "K1"),
-        (Source(SourceKind.K1_FIT), "K1 fit"),
-        (Source(SourceKind.K1_GAP), "K1 branch gap"),
-        (Source(SourceKind.K1_CYCLES), "K1 cycles"),
-        (Source(SourceKind.K1_ZERO), "K1 zero"),
-        (Source(SourceKind.K1_GAINS), "K1 gains"),
-        (Source(SourceKind.K1_REPEATS), "K1 repeats"),
-        (Source(SourceKind.K1_STATED), "K1 stated"),
-        (Source(SourceKind.OTHER, "the weather"), "the weather"),
+        (Source(Kind.NOISE), "sensor noise"),
+        (Source(Kind.FREQUENCY), "frequency"),
+        (Source(Kind.RIG_MISFIT), "rig misfit"),
+        (Source(Kind.GAIN, "F1"), "gain F1"),
+        (Source(Kind.GAIN, "F1", "V1"), "gain F1/V1"),
+        (Source(Kind.PHASE, "V2", "V1"), "phase V2-V1"),
+        (Source(Kind.DELAY, "V1"), "delay V1"),
+        (Source(Kind.RESPONSE_GAIN, "V2"), "response gain V2"),
+        (Source(Kind.RESPONSE_PHASE, "V2"), "response phase V2"),
+        (Source(Kind.RIG_VALUE, "preload_stiffness"), "preload_stiffness"),
+        (Source(Kind.UNSTATED, "friction"), "unstated friction"),
+        (Source(Kind.ADDED_MASS), "added mass"),
+        (Source(Kind.ADDED_MASS, mass=2.5), "added mass 2.5 kg"),
+        (Source(Kind.K1), "K1"),
+        (Source(Kind.K1_FIT), "K1 fit"),
+        (Source(Kind.K1_GAP), "K1 branch gap"),
+        (Source(Kind.K1_CYCLES), "K1 cycles"),
+        (Source(Kind.K1_ZERO), "K1 zero"),
+        (Source(Kind.K1_GAINS), "K1 gains"),
+        (Source(Kind.K1_REPEATS), "K1 repeats"),
+        (Source(Kind.K1_STATED), "K1 stated"),
+        (Source(Kind.OTHER, "the weather"), "the weather"),
     ],
 )
 def test_the_text_on_disk_is_fixed(source, text):
@@ -49,15 +49,15 @@ def test_the_text_on_disk_is_fixed(source, text):
 
 
 def test_every_kind_has_its_text_and_comes_back():
-    assert {source.kind for source in ALL} | {SourceKind.OTHER} == set(SourceKind)
+    assert {source.kind for source in ALL} | {Kind.OTHER} == set(Kind)
     assert len({source.text for source in ALL}) == len(ALL)
     assert [Source.read(source.text) for source in ALL] == ALL
 
 
 @given(st.floats(allow_nan=False, min_value=0, allow_infinity=False))
 def test_an_added_mass_comes_back_with_the_digits_of_its_text(mass):
-    found = Source.read(Source(SourceKind.ADDED_MASS, mass=mass).text)
-    assert found == Source(SourceKind.ADDED_MASS, mass=float(f"{mass:g}"))
+    found = Source.read(Source(Kind.ADDED_MASS, mass=mass).text)
+    assert found == Source(Kind.ADDED_MASS, mass=float(f"{mass:g}"))
 
 
 OURS = [source.text for source in ALL]
@@ -80,11 +80,9 @@ def test_the_rig_goes_with_the_source_but_is_no_part_of_its_text():
 
 
 def test_roles_are_those_of_the_shared_values():
-    assert {Source(SourceKind.RIG_VALUE, name).role for name in PARAMETERS} == {SourceRole.RIG}
-    assert {Source(SourceKind.UNSTATED, part).role for part in PARTS} == {SourceRole.UNSTATED}
-    assert {Source(kind, name).role for kind in (SourceKind.GAIN, SourceKind.DELAY) for name in SYMBOLS.values()} == {
-        SourceRole.CHANNEL
-    }
-    assert Source(SourceKind.PHASE, "F1", "V1").role is SourceRole.RATIO
-    assert Source(SourceKind.ADDED_MASS, mass=10.0).role is SourceRole.MASS
-    assert {kind.role for kind in SourceKind if kind.name.startswith("K1")} == {SourceRole.STATIC}
+    assert {Source(Kind.RIG_VALUE, name).role for name in PARAMETERS} == {Role.RIG}
+    assert {Source(Kind.UNSTATED, part).role for part in PARTS} == {Role.UNSTATED}
+    assert {Source(kind, name).role for kind in (Kind.GAIN, Kind.DELAY) for name in SYMBOLS.values()} == {Role.CHANNEL}
+    assert Source(Kind.PHASE, "F1", "V1").role is Role.RATIO
+    assert Source(Kind.ADDED_MASS, mass=10.0).role is Role.MASS
+    assert {kind.role for kind in Kind if kind.name.startswith("K1")} == {Role.STATIC}

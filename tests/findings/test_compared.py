@@ -14,7 +14,7 @@ import fourpole
 from fourpole import analyse
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, compare
-from fourpole.findings.points import QUANTITIES, MeasuredPoints, differences
+from fourpole.findings.points import QUANTITIES, Readings, differences
 from fourpole.study import read_results
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
@@ -219,7 +219,7 @@ def points(stiffness, k1, effect, u=100.0):
         for at, test in enumerate(tests)
         for name, value in (("Re K*", abs(re[at])), ("Im K*", abs(im[at])), ("loss factor", loss[at]))
     ]
-    return MeasuredPoints.of(pl.DataFrame(table), pl.DataFrame(budget), np.zeros(count, dtype=int))
+    return Readings.of(pl.DataFrame(table), pl.DataFrame(budget), np.zeros(count, dtype=int))
 
 
 @pytest.mark.parametrize("effect", [900 + 200j, 900 - 200j, -300 + 700j])

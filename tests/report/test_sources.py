@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from fourpole.core.sources import RATIOS, Source, SourceKind, SourceRole
+from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.report.words.sources import About, remedy, source_in_words
 
 PLAIN = About(joint=True, massed=False, with_v2=True, fits=True, scatter=False, candidate="")
@@ -20,51 +20,44 @@ SITUATIONS = [
     replace(PLAIN, joint=False, with_v2=False, blocked=True),
 ]
 SOURCES = [
-    *(
-        Source(kind, of)
-        for kind in SourceKind
-        for of in kind.of or ("something new" if kind is SourceKind.OTHER else "",)
-    ),
-    *(Source(SourceKind.GAIN, *pair) for pair in RATIOS),
-    Source(SourceKind.ADDED_MASS, mass=10.0),
+    *(Source(kind, of) for kind in Kind for of in kind.of or ("something new" if kind is Kind.OTHER else "",)),
+    *(Source(Kind.GAIN, *pair) for pair in RATIOS),
+    Source(Kind.ADDED_MASS, mass=10.0),
 ]
 
 
 def test_all_kinds_are_looked_at():
-    assert {source.kind for source in SOURCES} == set(SourceKind)
+    assert {source.kind for source in SOURCES} == set(Kind)
 
 
 @pytest.mark.parametrize(
     ("source", "words"),
     [
-        (Source(SourceKind.NOISE), "the noise of the sensors"),
-        (Source(SourceKind.FREQUENCY), "the uncertainty of the frequency"),
-        (Source(SourceKind.RIG_MISFIT), "the misfit of the rig"),
-        (Source(SourceKind.GAIN, "F1"), "F1's gain"),
-        (Source(SourceKind.PHASE, "V1"), "V1's phase"),
-        (Source(SourceKind.DELAY, "V2"), "V2's delay"),
-        (Source(SourceKind.RESPONSE_GAIN, "F1"), "the gain of F1's calibrated response"),
-        (Source(SourceKind.RESPONSE_PHASE, "F1"), "the phase of F1's calibrated response"),
-        (Source(SourceKind.RIG_VALUE, "tyre_mass"), "the moving part of the tyre"),
-        (Source(SourceKind.UNSTATED, "friction"), "dry friction that is not stated"),
-        (Source(SourceKind.ADDED_MASS, mass=10.0), "the weight of the added mass 10 kg"),
-        (Source(SourceKind.K1), "K1"),
-        (Source(SourceKind.K1_FIT), "the fit of K1"),
-        (Source(SourceKind.K1_CYCLES), "the change of K1 from cycle to cycle"),
-        (Source(SourceKind.K1_GAINS), "the calibration of load and deflection in K1"),
-        (Source(SourceKind.K1_REPEATS), "the scatter of K1 between repeated static tests"),
-        (Source(SourceKind.K1_STATED), "K1 as stated"),
-        (Source(SourceKind.OTHER, "the moon"), "the moon"),
-        (Source(SourceKind.CROSSTALK, "V2 in F1"), "the cross-talk of V2 in F1"),
-        (Source(SourceKind.GAIN_DRIFT, "V1"), "the drift of V1's gain"),
-        (Source(SourceKind.DRIFT, "radial"), "the drift of radial over the run"),
-        (Source(SourceKind.ANGLE_DRIFT, "radial"), "the drift of the loss angle of radial over the run"),
-        (Source(SourceKind.K1_DRIFT), "the drift of the specimen between its static and its dynamic test"),
-        (
-            Source(SourceKind.K1_TEMPERATURE),
-            "the temperature of the static test, which is not that of the dynamic test",
-        ),
-        (Source(SourceKind.UNSTATED, "input"), "an input mass that is not stated"),
+        (Source(Kind.NOISE), "the noise of the sensors"),
+        (Source(Kind.FREQUENCY), "the uncertainty of the frequency"),
+        (Source(Kind.RIG_MISFIT), "the misfit of the rig"),
+        (Source(Kind.GAIN, "F1"), "F1's gain"),
+        (Source(Kind.PHASE, "V1"), "V1's phase"),
+        (Source(Kind.DELAY, "V2"), "V2's delay"),
+        (Source(Kind.RESPONSE_GAIN, "F1"), "the gain of F1's calibrated response"),
+        (Source(Kind.RESPONSE_PHASE, "F1"), "the phase of F1's calibrated response"),
+        (Source(Kind.RIG_VALUE, "tyre_mass"), "the moving part of the tyre"),
+        (Source(Kind.UNSTATED, "friction"), "dry friction that is not stated"),
+        (Source(Kind.ADDED_MASS, mass=10.0), "the weight of the added mass 10 kg"),
+        (Source(Kind.K1), "K1"),
+        (Source(Kind.K1_FIT), "the fit of K1"),
+        (Source(Kind.K1_CYCLES), "the change of K1 from cycle to cycle"),
+        (Source(Kind.K1_GAINS), "the calibration of load and deflection in K1"),
+        (Source(Kind.K1_REPEATS), "the scatter of K1 between repeated static tests"),
+        (Source(Kind.K1_STATED), "K1 as stated"),
+        (Source(Kind.OTHER, "the moon"), "the moon"),
+        (Source(Kind.CROSSTALK, "V2 in F1"), "the cross-talk of V2 in F1"),
+        (Source(Kind.GAIN_DRIFT, "V1"), "the drift of V1's gain"),
+        (Source(Kind.DRIFT, "radial"), "the drift of radial over the run"),
+        (Source(Kind.ANGLE_DRIFT, "radial"), "the drift of the loss angle of radial over the run"),
+        (Source(Kind.K1_DRIFT), "the drift of the specimen between its static and its dynamic test"),
+        (Source(Kind.K1_TEMPERATURE), "the temperature of the static test, which is not that of the dynamic test"),
+        (Source(Kind.UNSTATED, "input"), "an input mass that is not stated"),
     ],
     ids=lambda one: one if isinstance(one, str) else "",
 )
@@ -75,25 +68,22 @@ def test_the_name_of_a_source(source, words):
 @pytest.mark.parametrize(
     ("source", "text"),
     [
-        (Source(SourceKind.NOISE), "record longer or over more cycles: four times as many halve it"),
-        (Source(SourceKind.FREQUENCY), "record longer at a steady speed"),
-        (Source(SourceKind.RIG_MISFIT), "resolve the misfit first: look for a part of the rig that is not stated"),
-        (Source(SourceKind.GAIN, "V1"), ", or calibrate the gain of V1"),
-        (Source(SourceKind.PHASE, "V1"), ", or calibrate the phase of V1"),
-        (Source(SourceKind.DELAY, "V1"), ", or measure the delay of V1 and state it with a smaller uncertainty"),
-        (Source(SourceKind.RESPONSE_GAIN, "V1"), ", or calibrate the response of V1 with a smaller uncertainty"),
-        (Source(SourceKind.UNSTATED, "mass"), "or measure it and state it in campaign.toml"),
-        (Source(SourceKind.ADDED_MASS, mass=10.0), "weigh the added mass on a better balance"),
-        (Source(SourceKind.K1_STATED), "state K1 with a smaller uncertainty, or add a static test"),
-        (Source(SourceKind.K1_FIT), "repeat the static test with finer steps of load round the preload"),
-        (Source(SourceKind.K1_GAP), "(the gap is the rubber's own hysteresis, which no test closes)"),
-        (Source(SourceKind.K1_CYCLES), "repeat the static test with more cycles, until two follow each other closely"),
-        (Source(SourceKind.K1_GAINS), "calibrate the load and deflection channels of the static rig"),
-        (
-            Source(SourceKind.K1_REPEATS),
-            "repeat them more often: four times as many halve the uncertainty of their mean",
-        ),
-        (Source(SourceKind.OTHER, "the moon"), "state the moon with a smaller uncertainty"),
+        (Source(Kind.NOISE), "record longer or over more cycles: four times as many halve it"),
+        (Source(Kind.FREQUENCY), "record longer at a steady speed"),
+        (Source(Kind.RIG_MISFIT), "resolve the misfit first: look for a part of the rig that is not stated"),
+        (Source(Kind.GAIN, "V1"), ", or calibrate the gain of V1"),
+        (Source(Kind.PHASE, "V1"), ", or calibrate the phase of V1"),
+        (Source(Kind.DELAY, "V1"), ", or measure the delay of V1 and state it with a smaller uncertainty"),
+        (Source(Kind.RESPONSE_GAIN, "V1"), ", or calibrate the response of V1 with a smaller uncertainty"),
+        (Source(Kind.UNSTATED, "mass"), "or measure it and state it in campaign.toml"),
+        (Source(Kind.ADDED_MASS, mass=10.0), "weigh the added mass on a better balance"),
+        (Source(Kind.K1_STATED), "state K1 with a smaller uncertainty, or add a static test"),
+        (Source(Kind.K1_FIT), "repeat the static test with finer steps of load round the preload"),
+        (Source(Kind.K1_GAP), "(the gap is the rubber's own hysteresis, which no test closes)"),
+        (Source(Kind.K1_CYCLES), "repeat the static test with more cycles, until two follow each other closely"),
+        (Source(Kind.K1_GAINS), "calibrate the load and deflection channels of the static rig"),
+        (Source(Kind.K1_REPEATS), "repeat them more often: four times as many halve the uncertainty of their mean"),
+        (Source(Kind.OTHER, "the moon"), "state the moon with a smaller uncertainty"),
     ],
     ids=lambda one: one if isinstance(one, str) else "",
 )
@@ -102,7 +92,7 @@ def test_the_remedy_of_a_source(source, text):
 
 
 def test_without_a_weighed_mass_a_channel_wants_one():
-    assert remedy(Source(SourceKind.GAIN, "V1"), PLAIN).startswith(
+    assert remedy(Source(Kind.GAIN, "V1"), PLAIN).startswith(
         "repeat one condition with a weighed mass added and use the joint route, which makes calibrated sensors "
         "unnecessary, or "
     )
@@ -116,11 +106,11 @@ def test_without_a_weighed_mass_a_channel_wants_one():
     ],
 )
 def test_a_value_of_the_rig_is_weighed_or_measured(value, text):
-    assert remedy(Source(SourceKind.RIG_VALUE, value), replace(PLAIN, massed=True)) == text
+    assert remedy(Source(Kind.RIG_VALUE, value), replace(PLAIN, massed=True)) == text
 
 
 def test_without_a_weighed_mass_a_value_of_the_rig_wants_one():
-    text = remedy(Source(SourceKind.RIG_VALUE, "moving_mass"), PLAIN)
+    text = remedy(Source(Kind.RIG_VALUE, "moving_mass"), PLAIN)
     assert text.endswith(", or repeat one condition with a weighed mass added")
 
 
@@ -135,7 +125,7 @@ def test_every_source_has_words_and_a_remedy_in_every_situation(source):
         assert not re.search(r"[{}_]", text)
 
 
-@pytest.mark.parametrize("source", [Source(SourceKind.CROSSTALK, "V2 in F1"), Source(SourceKind.GAIN_DRIFT, "V1")])
+@pytest.mark.parametrize("source", [Source(Kind.CROSSTALK, "V2 in F1"), Source(Kind.GAIN_DRIFT, "V1")])
 def test_a_weighed_mass_calibrates_no_cross_talk_and_no_drift(source):
     assert "mass" not in remedy(source, replace(PLAIN, massed=True))
     assert "state" not in remedy(source, PLAIN)
@@ -143,13 +133,13 @@ def test_a_weighed_mass_calibrates_no_cross_talk_and_no_drift(source):
 
 def test_what_nobody_states_is_not_asked_to_be_stated():
     """A scatter, a fit or a gap is no statement: to state it with a smaller uncertainty is no remedy."""
-    stated = {SourceRole.RIG, SourceRole.CHANNEL, SourceRole.RATIO, SourceRole.OTHER}
+    stated = {Role.RIG, Role.CHANNEL, Role.RATIO, Role.OTHER}
     for source in SOURCES:
-        if source.role not in stated and source.kind not in (SourceKind.K1, SourceKind.K1_STATED, SourceKind.UNSTATED):
+        if source.role not in stated and source.kind not in (Kind.K1, Kind.K1_STATED, Kind.UNSTATED):
             assert not remedy(source, PLAIN).startswith("state "), source
 
 
 def test_where_no_mass_moves_or_v2_is_not_recorded_the_remedy_is_another():
-    gain, bare = Source(SourceKind.GAIN, "V1"), replace(PLAIN, joint=False, with_v2=False)
+    gain, bare = Source(Kind.GAIN, "V1"), replace(PLAIN, joint=False, with_v2=False)
     assert remedy(gain, replace(bare, blocked=True)) == "calibrate the gain of V1"
     assert remedy(gain, bare).startswith("measure V2 too, repeat one condition with a weighed mass")

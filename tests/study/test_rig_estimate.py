@@ -6,7 +6,7 @@ import pytest
 from tests.plot.conftest import empty_results, results_of
 from tests.plot.rig_found import MISFIT, VALUES, rig_table, with_rig_found
 
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.study.rig_estimate import NoteCode, Outlier
 from fourpole.words import cause_words
 
@@ -30,7 +30,7 @@ def test_a_misfit_has_its_candidates_and_what_was_enlarged(plain):
     assert (found.fits, found.rig_error, found.inflation) == (False, 0.02, 1.5)
     second = found.candidates[1]
     assert (cause_words(second), second.value, second.std) == ("a gain of F1 off by +4.5 %", 0.045, 0.001)
-    assert (second.explains, second.source) == (2000.0, Source(SourceKind.GAIN, "F1"))
+    assert (second.explains, second.source) == (2000.0, Source(Kind.GAIN, "F1"))
     assert found.notes == (NoteCode.MISFIT,)
 
 

@@ -12,7 +12,7 @@ from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import outputs
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.study.compare import _arm_check
 from fourpole.study.identify import _skew, _with_drift, added_masses
 from fourpole.study.points import StaticStiffness
@@ -144,11 +144,11 @@ def test_a_drift_is_in_the_uncertainty_of_k1(static):
     joint = solve_joint(phasors, **setup)
     assert [source.of for source in joint.misfit.drifts] == ["radial", "radial"]
     when = np.nan if static is None else 7200.0 * static
-    k1 = StaticStiffness(180e3, 500.0, parts={Source(SourceKind.K1_FIT): 500.0}, time=when)
+    k1 = StaticStiffness(180e3, 500.0, parts={Source(Kind.K1_FIT): 500.0}, time=when)
     k1_std, parts = _with_drift(setup, joint, [k1] * 12, RunOrder.TIME)
     apart = np.sqrt(place**2 + 1 / 12) if static is None else np.abs(place - static)
     expected = 0.02 * 180e3 * apart
-    drawn = np.array([part[Source(SourceKind.K1_DRIFT)] for part in parts])
+    drawn = np.array([part[Source(Kind.K1_DRIFT)] for part in parts])
     assert drawn == pytest.approx(expected, rel=0.02, abs=1.0)
     assert k1_std == pytest.approx(np.hypot(500.0, drawn))
 

@@ -7,7 +7,7 @@ from fourpole import quantities as q
 from fourpole.campaign.row import Test as Row
 from fourpole.campaign.schema import ConditionsFile, parse_campaign
 from fourpole.core.condition import temperature_std
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import CampaignError
 from fourpole.study.identify import temperature_note
 from fourpole.study.static import StaticRow, stiffness_for
@@ -55,10 +55,10 @@ def test_k1_of_another_temperature_is_as_uncertain_as_it_is_far():
         return Row(name, 2, kind=kind, tyre="radial", values=values)
 
     columns = {q.K1.head: 180e3, q.K1.u_head: 900.0, q.K1_OF.head: "mean"}
-    static = StaticRow(row("S1", "static", 20.0), 1000.0, columns, parts={Source(SourceKind.K1_FIT): 900.0})
+    static = StaticRow(row("S1", "static", 20.0), 1000.0, columns, parts={Source(Kind.K1_FIT): 900.0})
     near, far, same = (stiffness_for(row("D", "dynamic", t), [static], per_kelvin=0.01) for t in (23.0, 30.0, 20.0))
     assert near.std == pytest.approx(np.hypot(900.0, 0.03 * 180e3))
-    assert near.parts[Source(SourceKind.K1_TEMPERATURE)] == pytest.approx(0.03 * 180e3)
+    assert near.parts[Source(Kind.K1_TEMPERATURE)] == pytest.approx(0.03 * 180e3)
     assert not near.checks
     assert far.std == pytest.approx(np.hypot(900.0, 0.1 * 180e3))
     assert len(far.checks) == 1

@@ -289,12 +289,11 @@ def _notes(study: Study) -> list[str]:
     for key, row in zip(keys, _verdicts(study).rows(), strict=True):
         rows.setdefault(row, key)
     for verdict in (Verdict.REJECTED, Verdict.WARNING):
-        remarks = []
-        for (name, holds, text), key in rows.items():
-            if holds == verdict:
-                reasons = [check for check in checks.get(key, ()) if check.verdict == verdict]
-                remarks.append((name, kind_of(reasons, text), text))
-        kinds = gathered_alike(remarks)
+        kinds = gathered_alike(
+            (name, kind_of([check for check in checks.get(key, ()) if check.verdict == verdict], text), text)
+            for (name, holds, text), key in rows.items()
+            if holds == verdict
+        )
         notes += [f"{verdict}: {one.tests}: {one.text}" for one in kinds[:_MOST_LISTED]]
         if more := sum(len(one.names) for one in kinds[_MOST_LISTED:]):
             notes.append(f"... and {more} more with verdict {verdict}; see the tables")

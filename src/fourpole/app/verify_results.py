@@ -11,15 +11,15 @@ from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, out, pr
 from fourpole.findings import findings, findings_table
 from fourpole.io.origin import origin
 from fourpole.study.repeated import Difference
-from fourpole.study.verified import FileState, Repeated, VerifiedFile, VerifiedResults, verify_results
+from fourpole.study.verified import Match, Proof, Repeated, VerifiedResults, verify_results
 from fourpole.words import first_of
 
 _MOST_NAMED = 8
 #: What is wrong with a file, in words, and what to do.
 _WRONG = {
-    FileState.CHANGED: "has changed since",
-    FileState.MISSING: "is not there",
-    FileState.ADDED: "was not written with these results",
+    Match.CHANGED: "has changed since",
+    Match.MISSING: "is not there",
+    Match.ADDED: "was not written with these results",
 }
 
 
@@ -58,20 +58,20 @@ def _show(found: VerifiedResults) -> None:
         out("Not verified.")
 
 
-def _show_files(head: str, files: Sequence[VerifiedFile], one: str, many: str, *, named: bool = True) -> None:
+def _show_files(head: str, files: Sequence[Proof], one: str, many: str, *, named: bool = True) -> None:
     """The state of all files of a kind in one line, and of each that is not as it was in one more, if `named`."""
     if not files:
         return
     count = Counter(file.state for file in files)
-    good = count[FileState.SAME]
+    good = count[Match.SAME]
     parts = [f"{good} of {counted(len(files), 'file')} {one if good == 1 else many}"] if good else []
-    parts += [f"{number} {state.value}" for state, number in count.items() if state is not FileState.SAME]
+    parts += [f"{number} {state.value}" for state, number in count.items() if state is not Match.SAME]
     out(f"{head:<10}{', '.join(parts)}")
     for state, text in _WRONG.items() if named else ():
         _warn_of([file for file in files if file.state is state], text)
 
 
-def _warn_of(files: Sequence[VerifiedFile], text: str) -> None:
+def _warn_of(files: Sequence[Proof], text: str) -> None:
     for file in files[:_MOST_NAMED]:
         warn(file.why if file.why.startswith(f"{file.name}: ") else f"{file.name}: {file.why or text}")
     if len(files) > _MOST_NAMED:
@@ -117,9 +117,9 @@ def _unknown(found: VerifiedResults) -> str:
     parts = [found.not_run] if found.not_run and not found.quick else []
     files = [one for one in found.unknown if one not in found.inputs or (found.campaign is not None and not parts)]
     for state, text in (
-        (FileState.MISSING, "not there"),
-        (FileState.ELSEWHERE, "on a server"),
-        (FileState.UNKNOWN, "without a hash, because an earlier version wrote them"),
+        (Match.MISSING, "not there"),
+        (Match.ELSEWHERE, "on a server"),
+        (Match.UNKNOWN, "without a hash, because an earlier version wrote them"),
     ):
         names = [one.name for one in files if one.state is state]
         if names and not any(text in part for part in parts):

@@ -9,7 +9,7 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import CHANNELS, SYMBOLS
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +79,16 @@ class ChannelUncertainty(ByValue):
         listed = []
         for channel, role in enumerate(CHANNELS):
             symbol = SYMBOLS[role]
-            listed.append(ChannelError(Source(SourceKind.GAIN, symbol), "1", channel, float(self.gain[channel]), ones))
+            listed.append(ChannelError(Source(Kind.GAIN, symbol), "1", channel, float(self.gain[channel]), ones))
             listed.append(
-                ChannelError(Source(SourceKind.PHASE, symbol), "rad", channel, float(self.phase[channel]), 1j * ones)
+                ChannelError(Source(Kind.PHASE, symbol), "rad", channel, float(self.phase[channel]), 1j * ones)
             )
             listed.append(
-                ChannelError(Source(SourceKind.DELAY, symbol), "s", channel, float(self.delay[channel]), -1j * omega)
+                ChannelError(Source(Kind.DELAY, symbol), "s", channel, float(self.delay[channel]), -1j * omega)
             )
             if self.response is not None:
                 gain, phase = self.response[:, channel].real, self.response[:, channel].imag
-                sources = Source(SourceKind.RESPONSE_GAIN, symbol), Source(SourceKind.RESPONSE_PHASE, symbol)
+                sources = Source(Kind.RESPONSE_GAIN, symbol), Source(Kind.RESPONSE_PHASE, symbol)
                 listed.append(ChannelError(sources[0], "1", channel, float(gain.any()), gain + 0j))
                 listed.append(ChannelError(sources[1], "1", channel, float(phase.any()), 1j * phase))
         return [error for error in listed if possible or error.std > 0]

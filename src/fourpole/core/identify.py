@@ -27,7 +27,7 @@ from fourpole.core.routes import (
     transmissibility_route,
     why_no_arm,
 )
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import RigError
 
 #: The outputs whose uncertainty is split into its sources, with their units, in the order of every budget.
@@ -263,12 +263,12 @@ def variance_by_source(
         return np.diagonal(_propagate(answers.jacobian, covariance), 0, 1, 2)
 
     phasor = slice(0, 6)
-    sources = {Source(SourceKind.NOISE): alone(phasors.covariance.reshape(count, 6, 6), phasor)}
-    sources[Source(SourceKind.FREQUENCY)] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
+    sources = {Source(Kind.NOISE): alone(phasors.covariance.reshape(count, 6, 6), phasor)}
+    sources[Source(Kind.FREQUENCY)] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
     for error in answers.channels.errors(answers.omega):
         sources[error.source] = alone(error_covariance(error, answers.amplitudes), phasor)
-    values = [Source(SourceKind.RIG_VALUE, name) for name in PARAMETERS]
-    for i, source in enumerate((*values, Source(SourceKind.ADDED_MASS), Source(SourceKind.K1)), start=6):
+    values = [Source(Kind.RIG_VALUE, name) for name in PARAMETERS]
+    for i, source in enumerate((*values, Source(Kind.ADDED_MASS), Source(Kind.K1)), start=6):
         sources[source] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
     return answers.curvature.distributed(sources)
 

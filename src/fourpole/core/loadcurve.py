@@ -22,16 +22,7 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.branches import Branches, in_contact, split_branches
 from fourpole.core.checks import CURVE_DOUBTS
-from fourpole.core.meancurve import (
-    CurvePoints,
-    Local,
-    MeanCurve,
-    deflection_at,
-    fit_curve,
-    in_part,
-    off_the_curve,
-    surest,
-)
+from fourpole.core.meancurve import Local, MeanCurve, Pairs, deflection_at, fit_curve, in_part, off_the_curve, surest
 from fourpole.errors import LoadCurveError, Message
 
 _FEWEST_POINTS = 5
@@ -192,11 +183,11 @@ class LoadCurve(ByValue):
         return self._fitted[0]
 
     @cached_property
-    def _fitted(self) -> tuple[MeanCurve, CurvePoints, BoolArray]:
+    def _fitted(self) -> tuple[MeanCurve, Pairs, BoolArray]:
         """Mean curve of the last complete cycle, the points that it uses, and which of all in contact these are."""
         return self._fit(-1)
 
-    def _fit(self, cycle: int) -> tuple[MeanCurve, CurvePoints, BoolArray]:
+    def _fit(self, cycle: int) -> tuple[MeanCurve, Pairs, BoolArray]:
         """Mean curve of a cycle without its outliers, the points that it uses, and which of those in contact."""
         points = self._cycle(cycle)
         curve = fit_curve(*points)
@@ -206,10 +197,10 @@ class LoadCurve(ByValue):
             curve = fit_curve(*points)
         return curve, points, used
 
-    def _cycle(self, cycle: int) -> CurvePoints:
+    def _cycle(self, cycle: int) -> Pairs:
         """Those points of a cycle at which the specimen is in contact."""
         x, f, side = self.branches.of_cycle(cycle, self.deflection, self.load)
-        return CurvePoints(x, f, side).part(in_contact(x, f))
+        return Pairs(x, f, side).part(in_contact(x, f))
 
     @cached_property
     def outliers(self) -> int:
@@ -220,7 +211,7 @@ class LoadCurve(ByValue):
         return int((inside & ~self._fitted[2]).sum())
 
     @cached_property
-    def _last_but_one(self) -> tuple[MeanCurve, CurvePoints, BoolArray] | None:
+    def _last_but_one(self) -> tuple[MeanCurve, Pairs, BoolArray] | None:
         """The cycle before the last, as `_fitted`; None if it is the first, which conditions the rubber."""
         return self._fit(-2) if self.cycles > 2 else None
 

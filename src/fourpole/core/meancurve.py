@@ -386,16 +386,16 @@ def _covariances_of_rests(
     return wide * misfit / dof * part, common / max(levels - free.size + first, 1) * part, noise * part
 
 
-class CurvePoints(NamedTuple):
+class Pairs(NamedTuple):
     """Deflection [m], load [N] and side (+1 loading, -1 unloading; None for a single branch) of points."""
 
     deflection: FloatArray
     load: FloatArray
     side: FloatArray | None
 
-    def part(self, flags: BoolArray) -> CurvePoints:
+    def part(self, flags: BoolArray) -> Pairs:
         """The points that are flagged."""
-        return CurvePoints(self.deflection[flags], self.load[flags], None if self.side is None else self.side[flags])
+        return Pairs(self.deflection[flags], self.load[flags], None if self.side is None else self.side[flags])
 
 
 class Local(NamedTuple):
@@ -421,7 +421,7 @@ class Local(NamedTuple):
     reach: float = 0.0
 
 
-def surest(points: CurvePoints, whole: MeanCurve, place: float, load: float) -> Local:
+def surest(points: Pairs, whole: MeanCurve, place: float, load: float) -> Local:
     """The tangent at a load [N] from the part of the points with the smallest uncertainty of it.
 
     A part around the load needs no model of the turns, where friction and relaxation bend the branches; the whole has
@@ -442,7 +442,7 @@ def surest(points: CurvePoints, whole: MeanCurve, place: float, load: float) -> 
     return best._replace(std=best.std * spread)
 
 
-def in_part(points: CurvePoints, middle: float, reach: float, load: float) -> Local | None:
+def in_part(points: Pairs, middle: float, reach: float, load: float) -> Local | None:
     """The tangent at a load [N] from the points of a part; None if it has too few, or does not rise to the load."""
     near = points.part(np.abs(points.deflection - middle) <= reach)
     if not _enough(near.deflection, near.side):

@@ -22,7 +22,7 @@ _CROSSED = tuple(
 )
 
 
-class SourceRole(Enum):
+class Role(Enum):
     """The object to which an error belongs."""
 
     TEST = "one test"
@@ -36,46 +36,46 @@ class SourceRole(Enum):
     OTHER = "unknown"
 
 
-class SourceKind(Enum):
+class Kind(Enum):
     """Each kind of source: the start of its text on disk, the possible ends of that text, and its role."""
 
-    NOISE = ("sensor noise", (), SourceRole.TEST)
-    FREQUENCY = ("frequency", (), SourceRole.TEST)
-    RIG_MISFIT = ("rig misfit", (), SourceRole.TEST)
-    GAIN = ("gain ", (*SYMBOLS.values(),), SourceRole.CHANNEL)
-    PHASE = ("phase ", (*SYMBOLS.values(),), SourceRole.CHANNEL)
-    DELAY = ("delay ", (*SYMBOLS.values(),), SourceRole.CHANNEL)
-    RESPONSE_GAIN = ("response gain ", (*SYMBOLS.values(),), SourceRole.CHANNEL)
-    RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), SourceRole.CHANNEL)
-    CROSSTALK = ("cross-talk ", (*_CROSSED,), SourceRole.CHANNEL)
-    GAIN_DRIFT = ("gain drift ", (*SYMBOLS.values(),), SourceRole.CHANNEL)
-    RIG_VALUE = ("", (*PARAMETERS,), SourceRole.RIG)
-    UNSTATED = ("unstated ", (*PARTS,), SourceRole.UNSTATED)
-    ADDED_MASS = ("added mass", (), SourceRole.MASS)
-    DRIFT = ("drift of ", (), SourceRole.SPECIMEN)
-    AMPLITUDE = ("amplitude", (), SourceRole.SPECIMEN)
-    ANGLE_DRIFT = ("loss angle drift of ", (), SourceRole.SPECIMEN)
-    K1 = ("K1", (), SourceRole.STATIC)
-    K1_FIT = ("K1 fit", (), SourceRole.STATIC)
+    NOISE = ("sensor noise", (), Role.TEST)
+    FREQUENCY = ("frequency", (), Role.TEST)
+    RIG_MISFIT = ("rig misfit", (), Role.TEST)
+    GAIN = ("gain ", (*SYMBOLS.values(),), Role.CHANNEL)
+    PHASE = ("phase ", (*SYMBOLS.values(),), Role.CHANNEL)
+    DELAY = ("delay ", (*SYMBOLS.values(),), Role.CHANNEL)
+    RESPONSE_GAIN = ("response gain ", (*SYMBOLS.values(),), Role.CHANNEL)
+    RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), Role.CHANNEL)
+    CROSSTALK = ("cross-talk ", (*_CROSSED,), Role.CHANNEL)
+    GAIN_DRIFT = ("gain drift ", (*SYMBOLS.values(),), Role.CHANNEL)
+    RIG_VALUE = ("", (*PARAMETERS,), Role.RIG)
+    UNSTATED = ("unstated ", (*PARTS,), Role.UNSTATED)
+    ADDED_MASS = ("added mass", (), Role.MASS)
+    DRIFT = ("drift of ", (), Role.SPECIMEN)
+    AMPLITUDE = ("amplitude", (), Role.SPECIMEN)
+    ANGLE_DRIFT = ("loss angle drift of ", (), Role.SPECIMEN)
+    K1 = ("K1", (), Role.STATIC)
+    K1_FIT = ("K1 fit", (), Role.STATIC)
     #: In tables of earlier versions only: the gap of the branches is a property of the specimen, not an error of K1.
-    K1_GAP = ("K1 branch gap", (), SourceRole.STATIC)
-    K1_CYCLES = ("K1 cycles", (), SourceRole.STATIC)
-    K1_ZERO = ("K1 zero", (), SourceRole.STATIC)
-    K1_GAINS = ("K1 gains", (), SourceRole.STATIC)
-    K1_REPEATS = ("K1 repeats", (), SourceRole.STATIC)
-    K1_STATED = ("K1 stated", (), SourceRole.STATIC)
-    K1_DRIFT = ("K1 drift", (), SourceRole.STATIC)
-    K1_TEMPERATURE = ("K1 temperature", (), SourceRole.STATIC)
-    OTHER = ("", (), SourceRole.OTHER)
+    K1_GAP = ("K1 branch gap", (), Role.STATIC)
+    K1_CYCLES = ("K1 cycles", (), Role.STATIC)
+    K1_ZERO = ("K1 zero", (), Role.STATIC)
+    K1_GAINS = ("K1 gains", (), Role.STATIC)
+    K1_REPEATS = ("K1 repeats", (), Role.STATIC)
+    K1_STATED = ("K1 stated", (), Role.STATIC)
+    K1_DRIFT = ("K1 drift", (), Role.STATIC)
+    K1_TEMPERATURE = ("K1 temperature", (), Role.STATIC)
+    OTHER = ("", (), Role.OTHER)
 
-    def __init__(self, text: str, of: tuple[str, ...], role: SourceRole) -> None:
+    def __init__(self, text: str, of: tuple[str, ...], role: Role) -> None:
         self.text = text
         self.of = of
         self.role = role
 
 
 #: Sign between the two channels in the text of a ratio or difference.
-_BETWEEN = {SourceKind.GAIN: "/", SourceKind.PHASE: "-"}
+_BETWEEN = {Kind.GAIN: "/", Kind.PHASE: "-"}
 _MASS = re.compile(r"added mass (\S+) kg")
 
 
@@ -85,7 +85,7 @@ class Source:
 
     Attributes
     ----------
-    kind : SourceKind
+    kind : Kind
     of : str
         The channel (F1, V1, V2), the rig's value (of `core.rig.PARAMETERS`), the unstated part (of `PARTS`) or the
         specimen. For a source of kind OTHER it is the whole text.
@@ -104,16 +104,16 @@ class Source:
     True
     """
 
-    kind: SourceKind
+    kind: Kind
     of: str = ""
     under: str = ""
     mass: float | None = None
     rig: str = ""
 
     @property
-    def role(self) -> SourceRole:
+    def role(self) -> Role:
         """The object to which the error belongs."""
-        return SourceRole.RATIO if self.under else self.kind.role
+        return Role.RATIO if self.under else self.kind.role
 
     @property
     def text(self) -> str:
@@ -125,22 +125,22 @@ class Source:
     @classmethod
     def read(cls, text: str, rig: str = "") -> Source:
         """The source with this text on disk; its kind is OTHER if the text is unknown."""
-        kind, of, under = _KNOWN.get(text, (SourceKind.OTHER, text, ""))
-        if kind is SourceKind.OTHER and (weighed := _MASS.fullmatch(text)):
+        kind, of, under = _KNOWN.get(text, (Kind.OTHER, text, ""))
+        if kind is Kind.OTHER and (weighed := _MASS.fullmatch(text)):
             try:
-                weighed_mass = cls(SourceKind.ADDED_MASS, mass=float(weighed[1]), rig=rig)
+                weighed_mass = cls(Kind.ADDED_MASS, mass=float(weighed[1]), rig=rig)
             except ValueError:
                 return cls(kind, of, rig=rig)
             return weighed_mass if weighed_mass.text == text else cls(kind, of, rig=rig)
-        for drift in (SourceKind.DRIFT, SourceKind.ANGLE_DRIFT):
-            if kind is SourceKind.OTHER and text.startswith(drift.text):
+        for drift in (Kind.DRIFT, Kind.ANGLE_DRIFT):
+            if kind is Kind.OTHER and text.startswith(drift.text):
                 return cls(drift, text.removeprefix(drift.text), rig=rig)
         return cls(kind, of, under, rig=rig)
 
 
-def _known() -> dict[str, tuple[SourceKind, str, str]]:
+def _known() -> dict[str, tuple[Kind, str, str]]:
     """Kind, `of` and `under` by the text, for all sources except single added masses."""
-    single = [(kind, of, "") for kind in SourceKind if kind is not SourceKind.OTHER for of in kind.of or ("",)]
+    single = [(kind, of, "") for kind in Kind if kind is not Kind.OTHER for of in kind.of or ("",)]
     paired = [(kind, over, under) for kind in _BETWEEN for over, under in RATIOS]
     return {Source(*parts).text: parts for parts in (*single, *paired)}
 

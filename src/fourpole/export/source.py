@@ -48,7 +48,7 @@ _PHASORS = "phasors.parquet"
 _LONGEST_NAME = 50
 
 
-class SheetCondition(NamedTuple):
+class SheetRow(NamedTuple):
     """Tests of one tyre, pressure, preload, rig and added mass in rising frequency, each frequency once.
 
     The first five attributes are numbers of groups in the sheet; further tests at the same frequencies are conditions
@@ -150,18 +150,16 @@ class ExportTables(ByValue):
         return int(sheet.tyre[row]), int(sheet.pressure[row]), int(sheet.load[row]), int(sheet.setting[row])
 
     @cached_property
-    def conditions(self) -> tuple[SheetCondition, ...]:
+    def conditions(self) -> tuple[SheetRow, ...]:
         """The tests that are used, by condition."""
         rows: dict[tuple[int, int, int, int, int], list[int]] = {}
         for row, repeat in enumerate(self.repeats):
             if repeat >= 0:
                 rows.setdefault((*self.place(row), repeat), []).append(row)
         frequency = self.sheet.values(q.FREQUENCY.head)
-        return tuple(
-            SheetCondition(*key, tuple(sorted(rows[key], key=lambda row: frequency[row]))) for key in sorted(rows)
-        )
+        return tuple(SheetRow(*key, tuple(sorted(rows[key], key=lambda row: frequency[row]))) for key in sorted(rows))
 
-    def name_of(self, condition: SheetCondition, *, load: bool = True) -> str:
+    def name_of(self, condition: SheetRow, *, load: bool = True) -> str:
         """Name of a condition, with its preload or without."""
         sheet = self.sheet
         parts = [sheet.labels[condition.tyre]]

@@ -16,7 +16,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.errors import FileError, FourpoleError, TableError
-from fourpole.export.source import SIGNS, ExportTables, SheetCondition, ascii_line, unit_of
+from fourpole.export.source import SIGNS, ExportTables, SheetRow, ascii_line, unit_of
 from fourpole.io.door import open_regular
 from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, write_tydex
 from fourpole.io.signals import MAX_FILE_BYTES
@@ -105,7 +105,7 @@ def _value(text: str) -> str:
     return ascii_line(text)[:_LONGEST].strip()
 
 
-def _tydex(source: ExportTables, condition: SheetCondition) -> TydexFile:
+def _tydex(source: ExportTables, condition: SheetRow) -> TydexFile:
     table, rows = source.dynamic, list(condition.rows)
     held = [(floats(table, column)[rows], column, name, words) for column, name, words in _CHANNELS]
     held = [one for one in held if np.isfinite(one[0]).any()]
@@ -131,7 +131,7 @@ def _unit(column: str) -> str:
     return _UNITS.get(unit, unit)
 
 
-def _constants(source: ExportTables, condition: SheetCondition) -> Iterator[TydexEntry]:
+def _constants(source: ExportTables, condition: SheetRow) -> Iterator[TydexEntry]:
     """The constants of a condition: what all its tests have in common."""
     first = source.dynamic.row(condition.rows[0], named=True)
     yield TydexEntry("IDENTITY", _value(str(first["tyre"] or "")), "", "Identity of the tyre")
@@ -162,7 +162,7 @@ def _constants(source: ExportTables, condition: SheetCondition) -> Iterator[Tyde
     yield TydexEntry("ROUTE", _value(source.route), "", "How KDYN was found")
 
 
-def _comments(source: ExportTables, condition: SheetCondition) -> Iterator[str]:
+def _comments(source: ExportTables, condition: SheetRow) -> Iterator[str]:
     names, verdicts, remarks = (source.texts(column) for column in ("test", "verdict", "remarks"))
     yield f"{source.title}: {source.name_of(condition)}"
     yield f"Analysed by {source.version}, {source.made:%Y-%m-%d %H:%M} UTC; route {source.route}"

@@ -13,7 +13,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import TableError
-from fourpole.export.source import ExportTables, SheetCondition, ascii_line, need, some
+from fourpole.export.source import ExportTables, SheetRow, ascii_line, need, some
 from fourpole.io.write import beside
 from fourpole.plot.names import counted
 from fourpole.plot.sheet import floats
@@ -121,12 +121,7 @@ def _functions(source: ExportTables, kind: _Kind) -> Iterator[dict[str, Any]]:
 
 
 def _function(
-    source: ExportTables,
-    kind: _Kind,
-    condition: SheetCondition,
-    rows: Sequence[int],
-    frequency: FloatArray,
-    values: Any,
+    source: ExportTables, kind: _Kind, condition: SheetRow, rows: Sequence[int], frequency: FloatArray, values: Any
 ) -> dict[str, Any]:
     single = len(rows) == 1  # a single value is written as evenly spaced, for which the library needs a step
     return {

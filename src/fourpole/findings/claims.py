@@ -80,7 +80,7 @@ class LackError(Exception):
 
 
 @dataclass(frozen=True)
-class PaperTyre:
+class Ply:
     """One of the two tyres: its role in the paper, its name, and its values by condition."""
 
     role: str
@@ -241,7 +241,7 @@ def _mean(effects: Iterable[Effect]) -> tuple[float, float]:
     return mean.value, mean.std
 
 
-def above(quantity: Quantity, upper: PaperTyre, lower: PaperTyre) -> Reading:
+def above(quantity: Quantity, upper: Ply, lower: Ply) -> Reading:
     """Whether a quantity of the upper tyre is above that of the lower at every condition in common."""
     effects = differences(lower.values(quantity), upper.values(quantity))
     if not effects:
@@ -249,7 +249,7 @@ def above(quantity: Quantity, upper: PaperTyre, lower: PaperTyre) -> Reading:
     return _all_up(Above(quantity.over, effects), effects.values())
 
 
-def nonlinear(cross: PaperTyre, radial: PaperTyre) -> Reading:
+def nonlinear(cross: Ply, radial: Ply) -> Reading:
     """Whether the cross-ply departs from a straight line more than three times as much as the radial-ply."""
     values = cross.values(NONLINEARITY), radial.values(NONLINEARITY)
     keys = common(*values)
@@ -292,7 +292,7 @@ def _means(values: Values) -> dict[tuple[float, float], Estimate]:
     }
 
 
-def optimum(cross: PaperTyre) -> Reading:
+def optimum(cross: Ply) -> Reading:
     """Whether C of the cross-ply, averaged over frequency, has its maximum near 1.68 bar."""
     values = cross.values(C)
     means = _means(values)
@@ -317,7 +317,7 @@ def _has_maximum(values: Values, load: float) -> bool:
     return extremum is not None and extremum.holds is Holds.MAXIMUM
 
 
-def loads_apart(cross: PaperTyre, radial: PaperTyre) -> Reading:
+def loads_apart(cross: Ply, radial: Ply) -> Reading:
     """Whether the loads differ in C at the highest pressure, and hardly at the lowest."""
     parts = tuple(_apart(tyre) for tyre in (cross, radial))
     holds = all(part.high.value > _SPREAD and abs(part.low.value) < _NEGLIGIBLE * part.high.value for part in parts)
@@ -325,7 +325,7 @@ def loads_apart(cross: PaperTyre, radial: PaperTyre) -> Reading:
     return Reading(holds, all(effect.claimed() for effect in high), parts, *_mean(high))
 
 
-def _apart(tyre: PaperTyre) -> ApartAt:
+def _apart(tyre: Ply) -> ApartAt:
     means = _means(tyre.values(C))
     pressures, loads = (sorted({key[i] for key in means}) for i in (0, 1))
     if len(pressures) < 2 or len(loads) < 2:
@@ -337,7 +337,7 @@ def _apart(tyre: PaperTyre) -> ApartAt:
     return ApartAt(tyre.role, ends_of_load, ends, low, high)
 
 
-def turning(tyre: PaperTyre) -> Reading:
+def turning(tyre: Ply) -> Reading:
     """Whether the change of K2 with pressure turns from fall to rise between 16 and 19 Hz."""
     lines = _lines(K2, tyre.role, tyre.values(K2), "pressure")
     trend = lines.trend()
@@ -347,7 +347,7 @@ def turning(tyre: PaperTyre) -> Reading:
     return Reading(holds, sure, Turning(trend.ends, loads), *rises)
 
 
-def _turning_at(tyre: PaperTyre, lines: Lines, trend: Trend, load: float) -> TurningAt:
+def _turning_at(tyre: Ply, lines: Lines, trend: Trend, load: float) -> TurningAt:
     effects = {key[1]: effect for key, effect in trend.effects.items() if key[0] == load}
     bands = [[f for f in effects if inside(f)] for inside in _BANDS]
     if not all(bands):
@@ -357,7 +357,7 @@ def _turning_at(tyre: PaperTyre, lines: Lines, trend: Trend, load: float) -> Tur
     return TurningAt(load, tuple(tuple(effects[f] for f in band) for band in bands), flatness)
 
 
-def likewise(cross: PaperTyre, radial: PaperTyre) -> Reading:
+def likewise(cross: Ply, radial: Ply) -> Reading:
     """Whether K2 of the cross-ply turns with pressure, rises with frequency, and is above that of the radial-ply."""
     turns, rises = turning(cross), rising(K2, cross.values(K2), "frequency", cross.role)
     higher = above(K2, cross, radial)
@@ -366,13 +366,13 @@ def likewise(cross: PaperTyre, radial: PaperTyre) -> Reading:
     return Reading(holds, sure, Likewise(turns.holds, rises.evidence, higher.evidence), higher.effect, higher.std)
 
 
-def isolation(cross: PaperTyre, radial: PaperTyre) -> Reading:
+def isolation(cross: Ply, radial: Ply) -> Reading:
     """Whether TR of the cross-ply is the lower below the stated crossing, and that of the radial-ply beyond it."""
     tested = sorted({key[0] for key in cross.tr})
     near = {min(tested, key=lambda p: abs(p - wanted)) for wanted in _TR_PRESSURES} if tested else set()
     keys = [key for key in common(cross.tr, radial.tr) if key[0] in near]
 
-    def higher(upper: PaperTyre, lower: PaperTyre, side: float) -> tuple[Effect, ...]:
+    def higher(upper: Ply, lower: Ply, side: float) -> tuple[Effect, ...]:
         there = (key for key in keys if side * (key[2] - _TR_CROSSING) > _TR_CLEAR)
         return tuple(between(lower.tr[key].pair, upper.tr[key].pair) for key in there)
 
@@ -382,7 +382,7 @@ def isolation(cross: PaperTyre, radial: PaperTyre) -> Reading:
     return _all_up(evidence, (*evidence.below, *evidence.beyond))
 
 
-def resonance(cross: PaperTyre, radial: PaperTyre) -> Reading:
+def resonance(cross: Ply, radial: Ply) -> Reading:
     """Whether the largest measured TR of the radial-ply is at a lower frequency than that of the cross-ply."""
     pairs = [(peak(cross.curves[key]), peak(radial.curves[key])) for key in common(cross.curves, radial.curves)]
     peaks = [(a, b) for a, b in pairs if a is not None and b is not None]
@@ -452,13 +452,11 @@ def claims(facts: Facts) -> list[Finding]:
         both = tuple(name for names in stated for name in names)
         return [Finding(Topic.CLAIMS, None, both, Holds.NOT_EXAMINED, NoCommonState())]
     nearest = min(warmer, key=lambda pair: warmer[pair])
-    cross, radial = (PaperTyre(role, name, facts) for role, name in zip((CROSS, RADIAL), nearest, strict=True))
+    cross, radial = (Ply(role, name, facts) for role, name in zip((CROSS, RADIAL), nearest, strict=True))
     return [_claim(cross, radial, number, *each) for number, each in enumerate(_readings(cross, radial), start=1)]
 
 
-def _readings(
-    cross: PaperTyre, radial: PaperTyre
-) -> tuple[tuple[Quantity, tuple[PaperTyre, ...], Callable[[], Reading]], ...]:
+def _readings(cross: Ply, radial: Ply) -> tuple[tuple[Quantity, tuple[Ply, ...], Callable[[], Reading]], ...]:
     """The quantity of each claim, the tyres it concerns, and the function that examines it."""
     both = cross, radial
     return (
@@ -478,12 +476,7 @@ def _readings(
 
 
 def _claim(
-    cross: PaperTyre,
-    radial: PaperTyre,
-    number: int,
-    quantity: Quantity,
-    tyres: tuple[PaperTyre, ...],
-    read: Callable[[], Reading],
+    cross: Ply, radial: Ply, number: int, quantity: Quantity, tyres: tuple[Ply, ...], read: Callable[[], Reading]
 ) -> Finding:
     facts, about = cross.facts, tuple(tyre.name for tyre in tyres)
     tests = tuple(dict.fromkeys(row["test"] for row in facts.used(quantity) if row["tyre"] in about))

@@ -15,17 +15,9 @@ from fourpole.core.arrays import ByValue
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, SAME_FREQUENCY, Condition, Sameness
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.sources import SourceKind
+from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError
-from fourpole.findings.points import (
-    QUANTITIES,
-    Common,
-    MeasuredPoints,
-    differences,
-    none,
-    of_one_campaign,
-    of_two_campaigns,
-)
+from fourpole.findings.points import QUANTITIES, Common, Readings, differences, none, of_one_campaign, of_two_campaigns
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import resolved, results_in
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
@@ -272,7 +264,7 @@ def _rows(sides: _Sides, common: Common | None, quantities: Sequence[q.Quantity]
 
 
 def _dynamic_rows(
-    points: Sequence[MeasuredPoints],
+    points: Sequence[Readings],
     conditions: Sequence[list[Condition]],
     rule: Sameness,
     common: Common | None,
@@ -305,10 +297,10 @@ def _tests(keys: Sequence[tuple[str, int]]) -> str:
     return "; ".join(dict.fromkeys(test for test, _ in keys))
 
 
-def _points(results: Study, table: pl.DataFrame, group: np.ndarray) -> MeasuredPoints:
+def _points(results: Study, table: pl.DataFrame, group: np.ndarray) -> Readings:
     """The points of some rows of dynamic.csv."""
     covariance = results.covariance
-    return MeasuredPoints.of(table, _budget(results), group, covariance if covariance.height else None)
+    return Readings.of(table, _budget(results), group, covariance if covariance.height else None)
 
 
 def _budget(results: Study) -> pl.DataFrame:
@@ -330,7 +322,7 @@ def _temperature_near(state: Condition, other: Condition) -> bool:
     return AXES[_TEMPERATURE].same(state.values[_TEMPERATURE], other.values[_TEMPERATURE], blank=True)
 
 
-def _repeats(points: MeasuredPoints, states: Sequence[Condition]) -> list[list[int]]:
+def _repeats(points: Readings, states: Sequence[Condition]) -> list[list[int]]:
     """Places of the points of each condition and frequency, by rising condition and frequency."""
     group, frequency = points.group, points.frequency
     repeats: list[list[int]] = []
@@ -348,7 +340,7 @@ def _repeats(points: MeasuredPoints, states: Sequence[Condition]) -> list[list[i
     return repeats
 
 
-def _pairs(means: Sequence[MeasuredPoints], states: Sequence[list[Condition]]) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(means: Sequence[Readings], states: Sequence[list[Condition]]) -> tuple[np.ndarray, np.ndarray]:
     """Places of each mean of the first and of its nearest one of the second, for those that have one."""
     first, second = means
     members: dict[int, list[int]] = {}
@@ -369,11 +361,11 @@ def _pairs(means: Sequence[MeasuredPoints], states: Sequence[list[Condition]]) -
 
 
 def _static_rows(
-    sides: _Sides, rule: Sameness, points: Sequence[MeasuredPoints], common: Common | None
+    sides: _Sides, rule: Sameness, points: Sequence[Readings], common: Common | None
 ) -> Iterator[dict[str, Any]]:
     """Rows of K1: one per static condition that both have."""
     gains = [_gain(each) for each in points]
-    shared = common is None or common(SourceKind.K1_GAINS.text)
+    shared = common is None or common(Kind.K1_GAINS.text)
     tables = [side.used(side.results.static, q.K1) for side in sides]
     conditions = [side.conditions(table, rule) for side, table in zip(sides, tables, strict=True)]
     groups = [group.tolist() for group in _groups(conditions, rule)]
@@ -396,7 +388,7 @@ def _mean_k1(table: pl.DataFrame) -> tuple[float, float, str]:
     return value, std, "; ".join(dict.fromkeys(table[q.TEST.head]))
 
 
-def _gain(points: MeasuredPoints) -> float:
+def _gain(points: Readings) -> float:
     """Relative standard uncertainty of K1 from the gains of load and deflection [1]; 0 if the budget has none."""
     with np.errstate(invalid="ignore"):
         share = points.k1_gain / points.k1

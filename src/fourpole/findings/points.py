@@ -15,7 +15,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.polar import polar
 from fourpole.core.routes import arm_slopes
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.likelihood import joined
 from fourpole.fitting.rows import KEY, Key, keyed, keys_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, RIG_VALUES, Quantity
@@ -38,7 +38,7 @@ Common = Callable[[str], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredPoints(ByValue):
+class Readings(ByValue):
     """N measured points, which are tests or means of tests.
 
     Attributes
@@ -78,7 +78,7 @@ class MeasuredPoints(ByValue):
     @classmethod
     def of(
         cls, table: pl.DataFrame, budget: pl.DataFrame, group: np.ndarray, covariance: pl.DataFrame | None = None
-    ) -> MeasuredPoints:
+    ) -> Readings:
         """The points of rows of dynamic.csv, each a point; `covariance` is covariance.parquet of the same campaign."""
         keys = keys_of(table)
         re, im, k1, k2, c = (_numbers(table, quantity.head) for quantity in _COLUMNS)
@@ -102,7 +102,7 @@ class MeasuredPoints(ByValue):
             points = replace(points, shared=joined(keys, covariance)[1])
         return points.with_budget(budget) if budget.height else points
 
-    def with_budget(self, budget: pl.DataFrame) -> MeasuredPoints:
+    def with_budget(self, budget: pl.DataFrame) -> Readings:
         """The points with the effect of each source, from the standard uncertainties that budget.csv has."""
         places = pl.DataFrame([(*key, row) for row, (key,) in enumerate(self.keys)], schema=_PLACES, orient="row")
         placed = keyed(budget).join(places, on=list(KEY), how="inner", maintain_order="left")
@@ -119,7 +119,7 @@ class MeasuredPoints(ByValue):
         parts_of_k = (q.STORAGE, q.LOSS, q.LOSS_FACTOR)
         effects = {name: self._signed(*(part(name, quantity) for quantity in parts_of_k)) for name in names}
         with np.errstate(divide="ignore", invalid="ignore"):
-            gain = part(SourceKind.K1_GAINS.text, q.C) / np.abs(self.slopes[:, -1, 2])
+            gain = part(Kind.K1_GAINS.text, q.C) / np.abs(self.slopes[:, -1, 2])
         return replace(self, effects=effects, k1_gain=np.minimum(np.nan_to_num(gain), np.nan_to_num(self.std[:, 0])))
 
     def _signed(self, u_re: FloatArray, u_im: FloatArray, u_loss: FloatArray) -> ComplexArray:
@@ -161,13 +161,13 @@ class MeasuredPoints(ByValue):
         slopes[:, 6:] = arm_slopes(stiffness, self.k1, (self.k2, self.c), 2.0 * np.pi * self.frequency, by)
         return slopes
 
-    def part(self, rows: np.ndarray) -> MeasuredPoints:
+    def part(self, rows: np.ndarray) -> Readings:
         """Some of the points."""
         arrays = {name: getattr(self, name)[rows] for name in (*_ARRAYS, "group")}
         effects = {name: effect[rows] for name, effect in self.effects.items()}
         return replace(self, keys=tuple(self.keys[row] for row in rows.tolist()), effects=effects, **arrays)
 
-    def means(self, members: Sequence[Sequence[int]]) -> MeasuredPoints:
+    def means(self, members: Sequence[Sequence[int]]) -> Readings:
         """The mean of each of some sets of points.
 
         The uncertainty of a mean is the mean one: repeats share K* of their condition in the joint route, and their
@@ -233,7 +233,7 @@ class Differences(ByValue):
 
 
 def differences(
-    points: MeasuredPoints, others: MeasuredPoints, pairs: tuple[np.ndarray, np.ndarray], common: Common | None
+    points: Readings, others: Readings, pairs: tuple[np.ndarray, np.ndarray], common: Common | None
 ) -> Differences:
     r"""The second points less the first, with the uncertainty of each difference.
 
@@ -243,7 +243,7 @@ def differences(
 
     Parameters
     ----------
-    points, others : MeasuredPoints
+    points, others : Readings
     pairs : two (M,) int arrays
         Places of both points of each pair.
     common : function, optional
@@ -259,7 +259,7 @@ def differences(
         apart = np.abs(second.stiffness - first.stiffness) / np.minimum(abs(first.stiffness), abs(second.stiffness))
         unlike = apart > _ALIKE
         cross[:, :2, :2] = np.where(unlike[:, None, None], 0.0, _cross(first, second, common))
-    if common is None or common(SourceKind.K1_GAINS.text):
+    if common is None or common(Kind.K1_GAINS.text):
         cross[:, 2, 2] = first.k1_gain * second.k1_gain
     g1, g2 = first.slopes, second.slopes
     with np.errstate(invalid="ignore"):
@@ -270,7 +270,7 @@ def differences(
     return Differences(first.values, second.values - moved, np.sqrt(variance + u_step**2), unlike)
 
 
-def _cross(first: MeasuredPoints, second: MeasuredPoints, common: Common) -> FloatArray:
+def _cross(first: Readings, second: Readings, common: Common) -> FloatArray:
     """Covariance (M, 2, 2) of K* of both points from the common errors, each in the same direction on both."""
     covariance = np.zeros((first.frequency.size, 2, 2))
     for name in first.effects.keys() & second.effects.keys():
@@ -282,7 +282,7 @@ def _cross(first: MeasuredPoints, second: MeasuredPoints, common: Common) -> Flo
     return covariance
 
 
-def _steps(first: MeasuredPoints, others: MeasuredPoints, rows: np.ndarray) -> tuple[FloatArray, FloatArray]:
+def _steps(first: Readings, others: Readings, rows: np.ndarray) -> tuple[FloatArray, FloatArray]:
     """Change (M, 8) of each quantity of the second from the frequency of the first to its own, and its uncertainty."""
     moved, u = np.zeros((rows.size, len(QUANTITIES))), np.zeros((rows.size, len(QUANTITIES)))
     members = {number: np.flatnonzero(others.group == number) for number in np.unique(others.group[rows]).tolist()}
@@ -354,14 +354,14 @@ def of_two_campaigns(first: Study, second: Study) -> tuple[Callable[[str], bool]
 
     def common(text: str) -> bool:
         source = Source.read(text)
-        if source.kind is SourceKind.K1_GAINS:
+        if source.kind is Kind.K1_GAINS:
             return all(channels[role] is True for role in _STATIC_ROLES)
-        if source.role in (SourceRole.CHANNEL, SourceRole.RATIO):
+        if source.role in (Role.CHANNEL, Role.RATIO):
             names = [name for name in (*source.of.split(" in "), source.under) if name]
             return all(by_symbol.get(name, False) for name in names)
-        if source.role is SourceRole.RIG:
+        if source.role is Role.RIG:
             return values.get(source.of, False)
-        return source.role is SourceRole.MASS
+        return source.role is Role.MASS
 
     return common, _reasons(channels, values, weighed=all(map(_weighs, (first, second))))
 

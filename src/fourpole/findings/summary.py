@@ -39,7 +39,7 @@ Conditions = dict[tuple[str, Key], dict[float, list[dict[str, Any]]]]
 
 
 @dataclass(frozen=True)
-class RepeatScatter:
+class Repeats:
     """How far repeats of one quantity of a specimen scatter: relative standard deviation [1], degrees of freedom."""
 
     relative: float = 0.0
@@ -177,14 +177,14 @@ def conditions_of(facts: Facts) -> Conditions:
 
 
 def mean_of(
-    quantity: Quantity, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, RepeatScatter] | None = None
+    quantity: Quantity, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Repeats] | None = None
 ) -> Estimate | None:
     """A quantity averaged over the rows of some tests; None where none of them has it. `pooled` as of `scatters_of`."""
     repeats = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
     return mean_of_repeats(repeats, (pooled or {}).get(quantity.key)) if repeats else None
 
 
-def scatters_of(conditions: Conditions) -> dict[str, dict[str, RepeatScatter]]:
+def scatters_of(conditions: Conditions) -> dict[str, dict[str, Repeats]]:
     """The scatter of repeats of each specimen, pooled over its conditions, by the key of the quantity."""
     groups: dict[str, list[list[dict[str, Any]]]] = {}
     for (specimen, _), tested in conditions.items():
@@ -211,11 +211,7 @@ def k1_of(facts: Facts, specimen: str) -> dict[Key, Estimate]:
 
 
 def _row(
-    specimen: str,
-    condition: Key,
-    frequency: float,
-    tests: Sequence[Mapping[str, Any]],
-    pooled: Mapping[str, RepeatScatter],
+    specimen: str, condition: Key, frequency: float, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Repeats]
 ) -> SummaryRow:
     pressure, preload = map(_twice, condition)
     means = {quantity.key: mean for quantity in SUMMARISED if (mean := mean_of(quantity, tests, pooled)) is not None}
@@ -249,7 +245,7 @@ def _middle(tests: Sequence[Mapping[str, Any]], quantity: Quantity) -> Range:
 
 
 def intervals_of(
-    results: Study, rows: Sequence[Mapping[str, Any]], pooled: Mapping[str, RepeatScatter] | None = None
+    results: Study, rows: Sequence[Mapping[str, Any]], pooled: Mapping[str, Repeats] | None = None
 ) -> dict[str, tuple[float, float]]:
     """The 95 % intervals of K2 and C over the repeats in some rows, where that of one of them is skewed.
 
@@ -278,7 +274,7 @@ def _skewed(results: Study) -> dict[tuple[Any, str], tuple[float, float | None]]
 
 
 def _about_mean(
-    repeats: Sequence[tuple[tuple[float, float], tuple[float, float | None] | None]], pooled: RepeatScatter | None
+    repeats: Sequence[tuple[tuple[float, float], tuple[float, float | None] | None]], pooled: Repeats | None
 ) -> tuple[float, float]:
     """The interval about the mean of repeats, each a value with its uncertainty, and its interval if it is skewed."""
     ((_, only), *others) = repeats
@@ -359,7 +355,7 @@ def _size(measured: Estimate) -> float:
 # ---- repeats
 
 
-def scatter_in(groups: Iterable[Sequence[float]]) -> RepeatScatter:
+def scatter_in(groups: Iterable[Sequence[float]]) -> Repeats:
     r"""The scatter of repeats within groups, pooled over the groups.
 
     .. math:: s^2 = \sum_i (n_i - 1) (s_i/\bar x_i)^2 / \sum_i (n_i - 1)
@@ -374,10 +370,10 @@ def scatter_in(groups: Iterable[Sequence[float]]) -> RepeatScatter:
         if mean := float(values.mean()):
             squares += float(((values / mean - 1) ** 2).sum())
             dof += values.size - 1
-    return RepeatScatter(sqrt(squares / dof) if dof else 0.0, dof)
+    return Repeats(sqrt(squares / dof) if dof else 0.0, dof)
 
 
-def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: RepeatScatter | None = None) -> Estimate:
+def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: Repeats | None = None) -> Estimate:
     r"""Mean of values with their standard uncertainties and tests, such that twice its u is a 95 % interval.
 
     .. math:: u^2 = \bar u^2 + (t/2)^2 s^2/n
@@ -395,7 +391,7 @@ def mean_of_repeats(repeats: Sequence[tuple[float, float, str]], pooled: RepeatS
     return Estimate(float(values.mean()), std, tuple(test for *_, test in repeats))
 
 
-def reach_of_scatter(values: FloatArray, pooled: RepeatScatter | None = None) -> float:
+def reach_of_scatter(values: FloatArray, pooled: Repeats | None = None) -> float:
     """Half the 95 % interval of a mean by the scatter of repeats alone; 0 for one value."""
     if values.size < 2:
         return 0.0

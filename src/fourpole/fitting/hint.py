@@ -14,7 +14,7 @@ import numpy as np
 from fourpole.core.joint.around import Likelihood
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import solve
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.fitting.measured import Measured
 from fourpole.fitting.near import common_likelihood
 from fourpole.models.causality import Possible, check_possible
@@ -35,10 +35,10 @@ def channel_hint(measured: Sequence[Measured], verdicts: Sequence[Possible]) -> 
     likelihood = None if all(one.possible for one in verdicts) else common_likelihood(measured)
     if likelihood is None or likelihood.problem.shared.masses.size:
         return ""
-    for kind in (SourceKind.GAIN, SourceKind.DELAY):
+    for kind in (Kind.GAIN, Kind.DELAY):
         value = _common_error(measured, likelihood, Source(kind, "V1"))
         if value is not None:
-            size = f"{100 * np.expm1(value):+.2g} %" if kind is SourceKind.GAIN else f"{1e6 * value:+.0f} µs"
+            size = f"{100 * np.expm1(value):+.2g} %" if kind is Kind.GAIN else f"{1e6 * value:+.0f} µs"
             return (
                 f"hint: K* of all conditions would be possible with an error of {size} of the {kind.text.strip()} of "
                 "V1. One mass cannot show it: weigh a mass and add it, or calibrate V1"
@@ -50,7 +50,7 @@ def _common_error(measured: Sequence[Measured], likelihood: Likelihood, source: 
     """The error, in its unit, with which every condition is possible; None if there is no such error."""
     if source not in likelihood.problem.errors:
         return None
-    unit = 1.0 if source.kind is SourceKind.GAIN else 1.0 / float(likelihood.problem.observed.omega.max())
+    unit = 1.0 if source.kind is Kind.GAIN else 1.0 / float(likelihood.problem.observed.omega.max())
     for tried in _TRIED:
         near = _without_error(likelihood, source, tried * unit, _WIDE * unit)
         found = [tried * unit + moved for one in measured if (moved := _error_of(one, near)) is not None]

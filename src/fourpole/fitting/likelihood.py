@@ -20,9 +20,9 @@ from fourpole.core.joint.around import Likelihood
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.joint.solve import JointProblem
+from fourpole.core.joint.solve import Problem
 from fourpole.core.rig import PARAMETERS, Rig
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import FourpoleError, TableError
 from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.published import Published
@@ -84,13 +84,12 @@ def covariance_of(content: bytes) -> pl.DataFrame:
 def likelihood_of(joint: Joint) -> Likelihood:
     """The tests of a joint solution, with the errors of channels that the solution has, and gain and delay of V1."""
     problem, shared = joint.problem, joint.problem.shared
-    wanted = {one.source for one in shared.parameters if one.source.role is SourceRole.CHANNEL}
-    wanted |= {Source(SourceKind.GAIN, "V1"), Source(SourceKind.DELAY, "V1")}
+    wanted = {one.source for one in shared.parameters if one.source.role is Role.CHANNEL}
+    wanted |= {Source(Kind.GAIN, "V1"), Source(Kind.DELAY, "V1")}
     kept = [at for at, source in enumerate(problem.errors) if source in wanted]
     place = {at: number for number, at in enumerate(kept)}
     parameters = tuple(
-        replace(one, index=place[one.index]) if one.source.role is SourceRole.CHANNEL else one
-        for one in shared.parameters
+        replace(one, index=place[one.index]) if one.source.role is Role.CHANNEL else one for one in shared.parameters
     )
     observed = problem.observed
     problem = replace(
@@ -184,7 +183,7 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         for one in record["shared"]
     )
     for one in parameters:
-        if not 0 <= one.index < (len(errors) if one.source.role is SourceRole.CHANNEL else _MOST_SHARED):
+        if not 0 <= one.index < (len(errors) if one.source.role is Role.CHANNEL else _MOST_SHARED):
             raise ValueError(f"{one.source.text} has the index {one.index}")
     observed = Observed(
         omega=2 * np.pi * frequency,
@@ -199,7 +198,7 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         deflection=deflection,
     )
     conditions = JointConditions(label, family, frequency, k1)
-    problem = JointProblem(
+    problem = Problem(
         observed, conditions, Shared(Rig(**record["rig"]), parameters, masses), errors,
         tuple(map(str, record["specimens"])), apart=spread if np.any(spread) else None,
     )  # fmt: skip

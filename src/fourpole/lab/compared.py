@@ -9,7 +9,7 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.checks import Verdict
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import RATIO, compared_by
 from fourpole.findings.points import Common, none
@@ -20,7 +20,7 @@ from fourpole.lab.layout import CONDITIONS, FURTHER, INDEX, MOST_BYTES, TABLES, 
 from fourpole.study.study import Study
 
 #: Roles of the errors that two campaigns share if they used the same sensors, with one calibration, on the same rig.
-_COMMON = (SourceRole.CHANNEL, SourceRole.RIG, SourceRole.MASS, SourceRole.RATIO)
+_COMMON = (Role.CHANNEL, Role.RIG, Role.MASS, Role.RATIO)
 _VALUES = (q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
 
 
@@ -100,7 +100,7 @@ def _study(folder: Path, campaign: str) -> Study:
 def _same_sensors(text: str) -> bool:
     """Whether the error of a source is common to campaigns with the same sensors on the same rig."""
     source = Source.read(text)
-    return source.role in _COMMON or source.kind is SourceKind.K1_GAINS
+    return source.role in _COMMON or source.kind is Kind.K1_GAINS
 
 
 #: What two campaigns share, by the name of the case.

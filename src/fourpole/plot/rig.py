@@ -10,7 +10,8 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.condition import FREQUENCY, Axis
-from fourpole.core.sources import SourceKind, SourceRole
+from fourpole.core.sources import Kind
+from fourpole.core.sources import Role as Part
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.cards import dynamic_cards
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, Tone, look
@@ -34,14 +35,14 @@ _FINDINGS: dict[RigFinding, tuple[Series, str]] = {
     RigFinding.UNSTATED: (look(tone=Tone.ALARM, marker=3, hollow=True), "not stated: size as written"),
 }
 _GROUPS = {
-    SourceRole.RIG: "rig",
-    SourceRole.CHANNEL: "channels",
-    SourceRole.RATIO: "ratios that K* needs",
-    SourceRole.MASS: "added masses",
-    SourceRole.SPECIMEN: "specimens",
+    Part.RIG: "rig",
+    Part.CHANNEL: "channels",
+    Part.RATIO: "ratios that K* needs",
+    Part.MASS: "added masses",
+    Part.SPECIMEN: "specimens",
 }
 #: Errors that are shares of a whole, shown in per cent.
-_SHARES = (SourceKind.DRIFT, SourceKind.GAIN_DRIFT, SourceKind.CROSSTALK)
+_SHARES = (Kind.DRIFT, Kind.GAIN_DRIFT, Kind.CROSSTALK)
 #: A value farther than this from its statement [stated standard uncertainties] is shown at the edge with its distance.
 _EDGE = 6.0
 #: Height of a row [in], and room for the names on the left [in].
@@ -191,11 +192,11 @@ def found(results: Study) -> FigureData | None:
     )  # fmt: skip
 
 
-def _by_group(values: Sequence[SharedValue]) -> dict[SourceRole, list[SharedValue]]:
+def _by_group(values: Sequence[SharedValue]) -> dict[Part, list[SharedValue]]:
     """The values by group; an unstated part, or a value of an unknown kind, stands with the rig's values."""
-    groups: dict[SourceRole, list[SharedValue]] = {role: [] for role in _GROUPS}
+    groups: dict[Part, list[SharedValue]] = {role: [] for role in _GROUPS}
     for value in values:
-        groups[value.source.role if value.source.role in groups else SourceRole.RIG].append(value)
+        groups[value.source.role if value.source.role in groups else Part.RIG].append(value)
     return {role: members for role, members in groups.items() if members}
 
 

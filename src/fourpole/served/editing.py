@@ -105,7 +105,7 @@ class Statement:
 
 
 @dataclass(frozen=True)
-class Problem:
+class FormFault:
     """What is wrong, in the words of the command line, and where: a path in campaign.toml, or row and column."""
 
     text: str
@@ -216,7 +216,7 @@ def exclude(folder: Path, test: str, reason: str) -> None:
         _save(folder, stated.version, {"heads": heads, "rows": rows})
 
 
-def problems_of(folder: Path) -> list[Problem]:
+def problems_of(folder: Path) -> list[FormFault]:
     """What is wrong with the statement as it is, each with its place; the doubts of the command line last."""
     stated = read_statement(folder)
     try:
@@ -224,7 +224,7 @@ def problems_of(folder: Path) -> list[Problem]:
     except FourpoleError as error:
         return [_placed(str(error), stated)]
     found = [
-        Problem(f"tests.csv row {test.row}: {fault}", row=test.row, column=fault.code)
+        FormFault(f"tests.csv row {test.row}: {fault}", row=test.row, column=fault.code)
         for test in campaign.tests
         if not test.excluded
         for fault in test.faults
@@ -232,7 +232,7 @@ def problems_of(folder: Path) -> list[Problem]:
     return [*found, *(_placed(doubt, stated) for doubt in campaign.doubts)]
 
 
-def _placed(text: str, stated: Statement) -> Problem:
+def _placed(text: str, stated: Statement) -> FormFault:
     """A fault with the place that its words name."""
     rows = _of_row(text)
     if rows:
@@ -244,10 +244,10 @@ def _placed(text: str, stated: Statement) -> Problem:
         quoted = _QUOTED.findall(text)
         keys = [key for key, value in stated.channels[role].items() if value in quoted]
         path = f"{path}.{keys[0]}" if keys else path
-    return Problem(text, path)
+    return FormFault(text, path)
 
 
-def _of_row(text: str) -> list[Problem]:
+def _of_row(text: str) -> list[FormFault]:
     """The faults of a row, each at the cell that its words begin with."""
     marks = list(_ROW.finditer(text))
     found = []
@@ -255,7 +255,9 @@ def _of_row(text: str) -> list[Problem]:
         end = marks[at + 1].start() if at + 1 < len(marks) else len(text)
         said = text[mark.end() : end]
         column = re.match(r"([\w()]+)[: ]", said)
-        found.append(Problem(f"tests.csv row {mark[1]}: {said}", row=int(mark[1]), column=column[1] if column else ""))
+        found.append(
+            FormFault(f"tests.csv row {mark[1]}: {said}", row=int(mark[1]), column=column[1] if column else "")
+        )
     return found
 
 

@@ -26,7 +26,7 @@ from fourpole.core.joint.outputs import variance_by_source as joint_variance_by_
 from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_route
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import Key
 from fourpole.study.points import Points, StaticStiffness
@@ -297,7 +297,7 @@ def _with_drift(
     drift = {
         parameter.source.of: float(np.hypot(joint.found[index], joint.found_std[index]))
         for index, parameter in enumerate(joint.stated.parameters)
-        if parameter.source.kind is SourceKind.DRIFT
+        if parameter.source.kind is Kind.DRIFT
     }
     time = setup["time"]
     length = float(np.ptp(time))
@@ -307,7 +307,7 @@ def _with_drift(
     place = joint.problem.observed.place[np.argsort(joint.order)]
     apart = np.where(np.isfinite(static_time), (time - static_time) / length, np.sqrt(place**2 + 1 / 12))
     moved = np.array([drift.get(name, 0.0) for name in setup["specimen"]]) * np.abs(apart) * np.nan_to_num(setup["k1"])
-    wider = [{**part, Source(SourceKind.K1_DRIFT): float(std)} if part else part
+    wider = [{**part, Source(Kind.K1_DRIFT): float(std)} if part else part
              for part, std in zip(parts, moved, strict=True)]  # fmt: skip
     return np.hypot(k1_std, moved), wider
 

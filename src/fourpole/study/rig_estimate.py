@@ -16,7 +16,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import short_repr
 from fourpole.core.joint.misfit import Candidate
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.rows import keys_of
 from fourpole.study.record import section
 from fourpole.words import cause_words, explained
@@ -27,12 +27,9 @@ _HALF = 0.5
 _WORTH_SAYING = 1.2
 #: Relative drift of K* over the run, and its relative scatter, above which a note is made.
 _DRIFTS, _SCATTERS = 1e-3, 1e-4
-_MASS, _SPRING = Source(SourceKind.RIG_VALUE, "moving_mass"), Source(SourceKind.RIG_VALUE, "preload_stiffness")
+_MASS, _SPRING = Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.RIG_VALUE, "preload_stiffness")
 #: The part of the rig that acts as a part of the value before it, so that no test distinguishes the two.
-_HIDDEN_IN = {
-    _MASS: Source(SourceKind.RIG_VALUE, "tyre_mass"),
-    _SPRING: Source(SourceKind.RIG_VALUE, "frame_stiffness"),
-}
+_HIDDEN_IN = {_MASS: Source(Kind.RIG_VALUE, "tyre_mass"), _SPRING: Source(Kind.RIG_VALUE, "frame_stiffness")}
 _HIDDEN_WORDS = {
     _HIDDEN_IN[_MASS]: "; whatever else moves with V2, such as the tyre's own moving part, is in it",
     _HIDDEN_IN[_SPRING]: "; whatever gives way with the spring, such as the frame, is in it",
@@ -255,7 +252,7 @@ class RigEstimate:
     @property
     def drifts(self) -> tuple[SharedValue, ...]:
         """The drifts of the specimens that are large enough for a note."""
-        drifts = [value for value in self.values if value.source.kind is SourceKind.DRIFT and value.found is not None]
+        drifts = [value for value in self.values if value.source.kind is Kind.DRIFT and value.found is not None]
         return tuple(value for value in drifts if abs(value.found or 0.0) > _DRIFTS)
 
     @property
@@ -296,7 +293,7 @@ class RigEstimate:
             f"{_named(value.source)} is stated as {_short(value.stated, value.unit)}, "
             f"the tests give {_short(value.found, value.unit)}"
             for value in self.contradicted
-            if value.source.role is not SourceRole.RATIO
+            if value.source.role is not Role.RATIO
         ]
         chi2 = f"chi-square is {self.chi2 or 0.0:.3g} for {self.dof or 0.0:.0f} degrees of freedom"
         return f"({'; '.join(against) or chi2}); {self.explained}; {self._consequence()}"
@@ -363,7 +360,7 @@ _NOTES = {
 
 def _named(source: Source) -> str:
     """The name of a value in a sentence that states its size."""
-    return source.kind.text if source.role is SourceRole.MASS else source.text.replace("_", " ")
+    return source.kind.text if source.role is Role.MASS else source.text.replace("_", " ")
 
 
 def _short(value: float | None, unit: str) -> str:
@@ -435,7 +432,7 @@ def _read(name: str, rig: pl.DataFrame, residuals: pl.DataFrame, record: dict[st
         fits=record.get("fits") is not False and calibrated,
         outliers=tuple(Outlier(test, factor, point) for (test, point), factor in outliers if factor > 1),
         massed=any((number(mass) or 0.0) > 0 for mass in masses)
-        or any(value.source.role is SourceRole.MASS for value in values),
+        or any(value.source.role is Role.MASS for value in values),
         **_recorded(record),
     )
 
@@ -486,13 +483,13 @@ def _values(rows: pl.DataFrame) -> tuple[SharedValue, ...]:
 
 def _candidate(cells: dict[str, Any]) -> Candidate:
     part = str(cells.get("part") or "")
-    unstated, plain = Source.read(f"{SourceKind.UNSTATED.text}{part}"), Source.read(part)
+    unstated, plain = Source.read(f"{Kind.UNSTATED.text}{part}"), Source.read(part)
     numbers = {name: number(cells.get(name)) for name in ("value", "std", "explains", "size")}
     known: dict[str, Any] = {name: math.nan if value is None else value for name, value in numbers.items()}
     return Candidate(
         str(cells.get("name") or ""),
         unit=str(cells.get("unit") or ""),
-        source=unstated if unstated.kind is SourceKind.UNSTATED else plain,
+        source=unstated if unstated.kind is Kind.UNSTATED else plain,
         released=cells.get("released") is True,
         form="recorded",
         values={"text": str(cells["text"])},

@@ -18,7 +18,7 @@ from fourpole.core.joint.misfit import Candidate, pulls
 from fourpole.core.joint.outputs import Outputs
 from fourpole.core.joint.specimens import goes_with_mass
 from fourpole.core.phasor import Phasors
-from fourpole.core.sources import RATIOS, Source, SourceKind, SourceRole
+from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.fitting.rows import Key
 from fourpole.study.rig_estimate import Outlier, RigEstimate, RigFinding, SharedValue, hidden_in, number
 
@@ -31,7 +31,7 @@ _SHOWS = 3.0
 #: A value further from its statement than this many stated uncertainties may contain an unstated part.
 _FAR = 2.0
 #: Roles of shared values in the order of rig.csv.
-_ORDER = (SourceRole.RIG, SourceRole.UNSTATED, SourceRole.CHANNEL, SourceRole.MASS, SourceRole.SPECIMEN)
+_ORDER = (Role.RIG, Role.UNSTATED, Role.CHANNEL, Role.MASS, Role.SPECIMEN)
 #: Fields that the estimate has of the misfit as they are.
 _OF_MISFIT = ("fits", "chi2", "dof", "rig_error", "inflation", "scatter", "unsteady", "tied")
 #: Candidates that are kept.
@@ -105,7 +105,7 @@ def _values(joint: Joint) -> list[SharedValue]:
         values.append(value)
     values.sort(key=lambda value: _ORDER.index(value.source.role))
     for over, under in RATIOS:
-        for kind, unit, centre in ((SourceKind.GAIN, "1", 1.0), (SourceKind.PHASE, "rad", 0.0)):
+        for kind, unit, centre in ((Kind.GAIN, "1", 1.0), (Kind.PHASE, "rad", 0.0)):
             signs = {Source(kind, over): 1.0, Source(kind, under): -1.0}
             weights = np.array([signs.get(parameter.source, 0.0) for parameter in parameters])
             if weights.any():
@@ -180,9 +180,9 @@ def _rests(joint: Joint, values: Outputs, *, massed: bool) -> str:
     unseen = []
     for index, parameter in enumerate(joint.stated.parameters):
         source, kept = parameter.source, joint.solution.covariance[index, index] > NOT_DETERMINED**2
-        if source.role is SourceRole.CHANNEL and source.kind in _STD_WORDS and kept:
+        if source.role is Role.CHANNEL and source.kind in _STD_WORDS and kept:
             unseen.append(f"{_in_words(source)} ({_STD_WORDS[source.kind](parameter.std)} as stated)")
-        elif source.role is SourceRole.MASS and np.isfinite(limit := _detection_limit(joint, index)):
+        elif source.role is Role.MASS and np.isfinite(limit := _detection_limit(joint, index)):
             unseen.append(f"{_in_words(source)} below {limit:.2g} kg")
     if unseen:
         remedy = "" if massed else "; a weighed mass, added to the moving mass, would show it"
@@ -195,17 +195,14 @@ def _rests(joint: Joint, values: Outputs, *, massed: bool) -> str:
 
 
 #: Standard uncertainty of a gain and of a phase in words.
-_STD_WORDS = {
-    SourceKind.GAIN: lambda std: f"{100 * std:.2g} %",
-    SourceKind.PHASE: lambda std: f"{np.degrees(std):.2g} degrees",
-}
+_STD_WORDS = {Kind.GAIN: lambda std: f"{100 * std:.2g} %", Kind.PHASE: lambda std: f"{np.degrees(std):.2g} degrees"}
 
 
 def _in_words(source: Source) -> str:
     """A stated value by its name in a sentence, with the article."""
-    if source.role is SourceRole.MASS:
+    if source.role is Role.MASS:
         return f"the added mass of {source.mass:g} kg"
-    if source.role is SourceRole.CHANNEL:
+    if source.role is Role.CHANNEL:
         return f"the {source.kind.text.strip()} of {source.of}"
     return f"the {source.of.replace('_', ' ')}"
 
@@ -217,7 +214,7 @@ def _levers(joint: Joint, values: Outputs) -> dict[Source, float]:
     levers = {}
     for index, parameter in enumerate(joint.problem.shared.parameters):
         bulk = parameter.source.of in ("moving_mass", "preload_stiffness")
-        if tyres.any() and (parameter.is_gain or bulk or parameter.source.role is SourceRole.MASS):
+        if tyres.any() and (parameter.is_gain or bulk or parameter.source.role is Role.MASS):
             levers[parameter.source] = float(np.median(moved[tyres, index])) * parameter.stated / parameter.std
     return levers
 
@@ -243,7 +240,7 @@ def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) ->
 def _shown_by_recordings(code: Code, channel: str, count: int, of: int) -> Candidate:
     """A fault that `count` of `of` recordings show, as a cause without a size."""
     shown = {"count": count, "of": of, "channel": channel, "code": code}
-    source = Source(SourceKind.OTHER, code.text)
+    source = Source(Kind.OTHER, code.text)
     return Candidate("recordings", np.nan, np.nan, "1", 0.0, source, 0.0, "recordings", shown)
 
 

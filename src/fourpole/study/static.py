@@ -21,7 +21,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Branch, Check, Code, NoK1, Side, Verdict, fault_of, reported
 from fourpole.core.condition import Sameness
 from fourpole.core.loadcurve import ZERO_OFF, LoadCurve
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import FileError, FourpoleError, LoadCurveError, Message
 from fourpole.io.child import SECONDS, Died, Late, answer_of
 from fourpole.io.door import sha256_of
@@ -244,10 +244,10 @@ def _at_preload(campaign: Campaign, test: Test, curve: LoadCurve, sha256: str, l
             q.SECANT.head: secant.stiffness,
         }
         parts = {
-            Source(SourceKind.K1_FIT): tangent.fit,
-            Source(SourceKind.K1_CYCLES): tangent.cycles,
-            Source(SourceKind.K1_ZERO): tangent.zero,
-            Source(SourceKind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
+            Source(Kind.K1_FIT): tangent.fit,
+            Source(Kind.K1_CYCLES): tangent.cycles,
+            Source(Kind.K1_ZERO): tangent.zero,
+            Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
         }
         checks = [branch_check(curve.measured)] if curve.measured != "mean" else []
         checks += [reported(Code.CURVE, Verdict.WARNING, error=doubt) for doubt in curve.doubts]
@@ -277,7 +277,7 @@ def stiffness_for(
         return StaticStiffness()
     if stated is not None:
         std = defaults.K1_STD * stated if std is None else std
-        return StaticStiffness(stated, std, parts={Source(SourceKind.K1_STATED): std})
+        return StaticStiffness(stated, std, parts={Source(Kind.K1_STATED): std})
     tests = list({static.test.name: static.test for static in statics}.values())
     names, warning = _choice(test, tests, rule)
     at_load = [static for static in statics if static.test.name in names and static.preload == test.value("preload")]
@@ -294,11 +294,11 @@ def _mean(good: Sequence[StaticRow], test: Test, per_kelvin: float, checks: Iter
     parts = {source: float(np.mean([static.parts[source] for static in good])) for source in good[0].parts}
     std = float(np.hypot(np.mean([static.columns[q.K1.u_head] for static in good]), spread))
     if spread > 0:
-        parts[Source(SourceKind.K1_REPEATS)] = float(spread)
+        parts[Source(Kind.K1_REPEATS)] = float(spread)
     own, there = test.value("temperature"), np.array([static.test.values.get("temperature", np.nan) for static in good])
     moved = 0.0 if own is None else per_kelvin * abs(own - float(np.mean(there))) * mean
     if moved and np.isfinite(moved):
-        parts[Source(SourceKind.K1_TEMPERATURE)] = float(moved)
+        parts[Source(Kind.K1_TEMPERATURE)] = float(moved)
         std = float(np.hypot(std, moved))
     time = float(np.mean([static.test.values.get("time", np.nan) for static in good]))
     return StaticStiffness(mean, std, checks=tuple(checks), parts=parts, time=time)
@@ -368,7 +368,7 @@ def _lack(
 
 def k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source, float]]) -> dict[Source, FloatArray]:
     """The variances with that of K1 divided into the parts of K1's own uncertainty."""
-    whole = variance.pop(Source(SourceKind.K1))
+    whole = variance.pop(Source(Kind.K1))
     sources = dict.fromkeys(source for part in parts for source in part)
     squares = {source: np.array([part.get(source, 0.0) ** 2 for part in parts]) for source in sources}
     total = np.sum(list(squares.values()), axis=0) if squares else np.zeros(len(parts))

@@ -35,7 +35,7 @@ _MODELS = ("model.json", "map.json")
 _LISTED = 5
 
 
-class FileState(StrEnum):
+class Match(StrEnum):
     """What became of a file since the analysis."""
 
     SAME = "same"
@@ -48,15 +48,15 @@ class FileState(StrEnum):
 
 
 #: States that say that something is wrong, and those that leave something unknown.
-_BAD = (FileState.CHANGED, FileState.MISSING, FileState.ADDED)
+_BAD = (Match.CHANGED, Match.MISSING, Match.ADDED)
 
 
 @dataclass(frozen=True)
-class VerifiedFile:
+class Proof:
     """A file that was read or written, and its state; `why` says more where there is more to say."""
 
     name: str
-    state: FileState
+    state: Match
     why: str = ""
 
 
@@ -92,7 +92,7 @@ class VerifiedResults:
         Version of Fourpole that wrote the results; empty if study.json does not say.
     commit : str
         Its commit, if it was installed from a repository.
-    inputs, results, models : tuple of VerifiedFile
+    inputs, results, models : tuple of Proof
         What was read, what was written, and the model files beside it.
     repeated : tuple of Repeated
         Tables of the second run; empty without one.
@@ -106,9 +106,9 @@ class VerifiedResults:
     campaign: Path | None
     made_by: str
     commit: str
-    inputs: tuple[VerifiedFile, ...]
-    results: tuple[VerifiedFile, ...]
-    models: tuple[VerifiedFile, ...]
+    inputs: tuple[Proof, ...]
+    results: tuple[Proof, ...]
+    models: tuple[Proof, ...]
     repeated: tuple[Repeated, ...] = ()
     not_run: str = ""
     quick: bool = False
@@ -117,7 +117,7 @@ class VerifiedResults:
     def good(self) -> bool:
         """Whether nothing that was checked is wrong; an input that is gone is not wrong, but see `complete`."""
         wrong = any(file.state in _BAD for file in (*self.results, *self.models))
-        changed = any(file.state is FileState.CHANGED for file in self.inputs)
+        changed = any(file.state is Match.CHANGED for file in self.inputs)
         return not wrong and not changed and not any(table.differences for table in self.repeated)
 
     @property
@@ -126,13 +126,11 @@ class VerifiedResults:
         return not self.unknown and (self.quick or not self.not_run)
 
     @property
-    def unknown(self) -> tuple[VerifiedFile, ...]:
+    def unknown(self) -> tuple[Proof, ...]:
         """The files that could not be checked; a table without a hash is checked by the second run."""
         again = {table.name for table in self.repeated}
         files = (*self.inputs, *(file for file in self.results if file.name not in again), *self.models)
-        return tuple(
-            file for file in files if file.state in (FileState.MISSING, FileState.ELSEWHERE, FileState.UNKNOWN)
-        )
+        return tuple(file for file in files if file.state in (Match.MISSING, Match.ELSEWHERE, Match.UNKNOWN))
 
     @property
     def other_version(self) -> bool:
@@ -237,96 +235,88 @@ def _hashes(record: Mapping[str, Any], key: str) -> dict[str, str]:
     return {name: sha for name, sha in section(record, key).items() if isinstance(sha, str)}
 
 
-def _inputs(campaign: Path | None, record: Mapping[str, Any]) -> tuple[VerifiedFile, ...]:
+def _inputs(campaign: Path | None, record: Mapping[str, Any]) -> tuple[Proof, ...]:
     """Each file that the analysis read."""
     stated = _hashes(record, "sha256")
     if campaign is None:
-        return tuple(VerifiedFile(name, FileState.MISSING, "the campaign is not known") for name in stated)
+        return tuple(Proof(name, Match.MISSING, "the campaign is not known") for name in stated)
     return tuple(_input(campaign, name, sha) for name, sha in stated.items())
 
 
-def _input(campaign: Path, name: str, sha: str) -> VerifiedFile:
+def _input(campaign: Path, name: str, sha: str) -> Proof:
     if is_elsewhere(name):
-        return VerifiedFile(name, FileState.ELSEWHERE)
+        return Proof(name, Match.ELSEWHERE)
     try:
         path = inside(campaign, name)
         if not path.exists():
-            return VerifiedFile(name, FileState.MISSING)
-        return VerifiedFile(
-            name, FileState.SAME if sha256_of(path, max_bytes=MAX_FILE_BYTES) == sha else FileState.CHANGED
-        )
+            return Proof(name, Match.MISSING)
+        return Proof(name, Match.SAME if sha256_of(path, max_bytes=MAX_FILE_BYTES) == sha else Match.CHANGED)
     except TableError:  # an empty file
-        return VerifiedFile(name, FileState.CHANGED, "is empty")
+        return Proof(name, Match.CHANGED, "is empty")
     except FileError as error:
-        return VerifiedFile(name, FileState.MISSING, str(error))
+        return Proof(name, Match.MISSING, str(error))
 
 
-def _record(record: Mapping[str, Any]) -> tuple[VerifiedFile, ...]:
+def _record(record: Mapping[str, Any]) -> tuple[Proof, ...]:
     """study.json itself, by its seal, which those of older versions have not."""
     if KEY not in record and "sizes" not in record:
         return ()
     changed = alterations(record)
-    return (
-        VerifiedFile(NAME, FileState.CHANGED, first_of(changed, _LISTED, "; "))
-        if changed
-        else VerifiedFile(NAME, FileState.SAME),
-    )
+    return (Proof(NAME, Match.CHANGED, first_of(changed, _LISTED, "; ")) if changed else Proof(NAME, Match.SAME),)
 
 
-def _results(folder: Path, record: Mapping[str, Any]) -> tuple[VerifiedFile, ...]:
+def _results(folder: Path, record: Mapping[str, Any]) -> tuple[Proof, ...]:
     """Each table that was written, and tables that were not."""
     stated = _hashes(record, "results")
     if not stated:
-        return tuple(VerifiedFile(name, FileState.UNKNOWN) for name in TABLE_FILES if (folder / name).is_file())
+        return tuple(Proof(name, Match.UNKNOWN) for name in TABLE_FILES if (folder / name).is_file())
     # a model file that is there has a line of its own, by its seal
     mine = {name: sha for name, sha in stated.items() if name not in _MODELS or not (folder / name).is_file()}
     written = [_result(folder, name, sha) for name, sha in mine.items() if Path(name).name == name]
     added = [name for name in TABLE_FILES if name not in stated and (folder / name).exists()]
-    return (*written, *(VerifiedFile(name, FileState.ADDED) for name in added))
+    return (*written, *(Proof(name, Match.ADDED) for name in added))
 
 
-def _result(folder: Path, name: str, sha: str) -> VerifiedFile:
+def _result(folder: Path, name: str, sha: str) -> Proof:
     path = folder / name
     if not path.is_file():
-        return VerifiedFile(name, FileState.MISSING)
+        return Proof(name, Match.MISSING)
     try:
         there = sha256_of(path, max_bytes=MAX_FILE_BYTES)
     except (FileError, TableError) as error:
-        return VerifiedFile(name, FileState.CHANGED, str(error))
+        return Proof(name, Match.CHANGED, str(error))
     if there == sha:
-        return VerifiedFile(name, FileState.SAME)
+        return Proof(name, Match.SAME)
     former = (folder / STORE / there).is_file() and (folder / STORE / sha).is_file()
-    return VerifiedFile(
-        name, FileState.CHANGED, "is of the results before, whose renewal was stopped" if former else ""
-    )
+    return Proof(name, Match.CHANGED, "is of the results before, whose renewal was stopped" if former else "")
 
 
-def _model(folder: Path, name: str, stated: Mapping[str, str]) -> VerifiedFile:
+def _model(folder: Path, name: str, stated: Mapping[str, str]) -> Proof:
     """A model file, by its own seal and the hash of its table; fit and map may have written it after the analysis."""
     try:
         origin = verify(folder / name).file.provenance
         table = stated.get("dynamic.csv") or sha256_of(folder / "dynamic.csv", max_bytes=MAX_FILE_BYTES)
         same = sha256_of(folder / name, max_bytes=MAX_FILE_BYTES) == stated.get(name)
     except FourpoleError as error:
-        return VerifiedFile(name, FileState.CHANGED, str(error))
+        return Proof(name, Match.CHANGED, str(error))
     if origin.sha256 != table:
-        return VerifiedFile(name, FileState.ADDED, "is of another dynamic.csv")
-    return VerifiedFile(name, FileState.SAME if same or not stated else FileState.ANEW)
+        return Proof(name, Match.ADDED, "is of another dynamic.csv")
+    return Proof(name, Match.SAME if same or not stated else Match.ANEW)
 
 
-def _why_not(campaign: Path | None, inputs: tuple[VerifiedFile, ...], *, quick: bool) -> str:
+def _why_not(campaign: Path | None, inputs: tuple[Proof, ...], *, quick: bool) -> str:
     """Why the analysis is not run again; empty if it is."""
     if quick:
         return "hashes only, as wanted"
     if campaign is None:
         return "the campaign is not known: name its folder with --campaign"
-    names = {state: [file.name for file in inputs if file.state is state] for state in FileState}
-    for name in names[FileState.ELSEWHERE]:
+    names = {state: [file.name for file in inputs if file.state is state] for state in Match}
+    for name in names[Match.ELSEWHERE]:
         try:
             check_allowed(address_of(name))
         except FileError as error:
             return str(error)
-    words = ((FileState.CHANGED, "has changed", "have changed"), (FileState.MISSING, "is not there", "are not there"))
+    words = ((Match.CHANGED, "has changed", "have changed"), (Match.MISSING, "is not there", "are not there"))
     for state, single, many in words:
         if wrong := names[state]:
             return f"{wrong[0]} {single}" if len(wrong) == 1 else f"{len(wrong)} inputs {many}, as {wrong[0]}"

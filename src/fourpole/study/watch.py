@@ -24,7 +24,7 @@ from fourpole.campaign.place import inside
 from fourpole.campaign.row import Test
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core.checks import Verdict
-from fourpole.core.sources import SourceKind
+from fourpole.core.sources import Kind
 from fourpole.errors import FourpoleError
 from fourpole.guess.gather import FolderContents, gather_more, recording_files
 from fourpole.guess.together import guess_more
@@ -213,7 +213,7 @@ def _with_rig(campaign: Campaign, former: Study | None) -> Campaign:
         return campaign
     values = dict(rigs[""].values)
     for value in former.rigs[0].values:
-        name = value.source.of if value.source.kind is SourceKind.RIG_VALUE else ""
+        name = value.source.of if value.source.kind is Kind.RIG_VALUE else ""
         if name in values and value.found is not None and value.found_std is not None:
             values[name] = Stated(value.found, value.found_std, assumed=False)
     rig = RigFile.model_construct(values=values, output=rigs[""].output)

@@ -12,10 +12,10 @@ from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.outputs import identification
 from fourpole.core.joint.shared import Shared
-from fourpole.core.joint.solve import JointProblem
+from fourpole.core.joint.solve import Problem
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role
 from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES, Laboratory, PhasorCampaign, draw, simulate_phasors
 from fourpole.virtual.phasor_rig import Conditions as Run
 
@@ -44,13 +44,7 @@ FULL = Laboratory(
 
 
 #: Errors that a joint solution adds after all that is stated.
-_NOBODY_STATES = {
-    SourceKind.UNSTATED,
-    SourceKind.CROSSTALK,
-    SourceKind.GAIN_DRIFT,
-    SourceKind.DRIFT,
-    SourceKind.ANGLE_DRIFT,
-}
+_NOBODY_STATES = {Kind.UNSTATED, Kind.CROSSTALK, Kind.GAIN_DRIFT, Kind.DRIFT, Kind.ANGLE_DRIFT}
 CHANNEL = {"F1": 0, "V1": 1, "V2": 2}
 
 
@@ -99,7 +93,7 @@ class Made:
         assert np.all(np.diff(label) >= 0)
         masses = np.array(self.masses)
         at = np.searchsorted(masses, self.added_mass) if masses.size else np.zeros(self.family.size, dtype=int)
-        return JointProblem(
+        return Problem(
             Observed.of(self.phasors, np.where(self.added_mass > 0, at, -1), self.family < 0, self.errors),
             JointConditions(label, self.family, self.phasors.frequency, self.k1),
             Shared.stated(self.rig, self.errors, masses, self.laboratory.std_added * masses),
@@ -110,11 +104,11 @@ class Made:
         """The truth in stated uncertainties; a gain by its logarithm, as the model has it."""
         truth = self.campaign.truth
         true = {
-            SourceRole.RIG: lambda one: getattr(truth, one.source.of) - one.stated,
-            SourceRole.CHANNEL: lambda one: (
+            Role.RIG: lambda one: getattr(truth, one.source.of) - one.stated,
+            Role.CHANNEL: lambda one: (
                 np.log1p(truth.gain[CHANNEL[one.source.of]]) if one.is_gain else truth.phase[CHANNEL[one.source.of]]
             ),
-            SourceRole.MASS: lambda one: truth.added_mass[self.masses[one.index]] - one.stated,
+            Role.MASS: lambda one: truth.added_mass[self.masses[one.index]] - one.stated,
         }
         stated = [one for one in shared.parameters if one.source.kind not in _NOBODY_STATES]
         assert shared.parameters[: len(stated)] == tuple(stated)

@@ -7,7 +7,7 @@ import pytest
 from tests.core.joint.conftest import USUAL
 
 from fourpole.core.joint.outputs import identification
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.virtual.phasor_rig import Conditions, simulate_phasors
 
 pytestmark = pytest.mark.thorough
@@ -22,11 +22,7 @@ def tied(joint):
 
 @pytest.mark.parametrize(
     ("undeclared", "kind"),
-    [
-        ({"gain F1": 0.04}, SourceKind.GAIN),
-        ({"gain V2": 0.04}, SourceKind.GAIN),
-        ({"phase F1": 0.03}, SourceKind.PHASE),
-    ],
+    [({"gain F1": 0.04}, Kind.GAIN), ({"gain V2": 0.04}, Kind.GAIN), ({"phase F1": 0.03}, Kind.PHASE)],
 )
 def test_with_one_mass_the_gains_and_phases_of_f1_and_v2_are_tied(make, undeclared, kind):
     """The tests see F1/V2 alone."""
@@ -41,14 +37,14 @@ def test_with_one_mass_the_delays_of_f1_and_v2_are_tied(make):
     late[:, 0] *= np.exp(-5e-4j * made.phasors.omega)
     joint = made.recorded(late).identify()
     assert not joint.misfit.fits
-    assert {Source(SourceKind.DELAY, "F1"), Source(SourceKind.DELAY, "V2")} <= tied(joint)
+    assert {Source(Kind.DELAY, "F1"), Source(Kind.DELAY, "V2")} <= tied(joint)
 
 
 @pytest.mark.parametrize("true", [9.0, 9.5, 10.5])
 def test_a_wrong_added_mass_is_named_first_or_in_a_tie(make, true):
     made = weighing(make, true)
     joint = made.identify()
-    assert Source(SourceKind.ADDED_MASS, mass=10.0) in tied(joint)
+    assert Source(Kind.ADDED_MASS, mass=10.0) in tied(joint)
     assert not joint.misfit.fits
     off, _ = made.errors_of(joint)
     assert np.abs(off).max() < 4  # K* is off by 5 %, and its uncertainty holds that
@@ -79,13 +75,7 @@ def test_a_cause_of_impossible_size_is_never_named(make, undeclared, masses):
     made = make(replace(USUAL, undeclared=undeclared), masses=masses, frequencies=4, families=2, within=1.0)
     misfit = made.identify().misfit
     assert not misfit.fits
-    most = {
-        SourceKind.GAIN: 0.25,
-        SourceKind.PHASE: 0.25,
-        SourceKind.DELAY: 3e-3,
-        SourceKind.CROSSTALK: 0.25,
-        SourceKind.GAIN_DRIFT: 0.25,
-    }
+    most = {Kind.GAIN: 0.25, Kind.PHASE: 0.25, Kind.DELAY: 3e-3, Kind.CROSSTALK: 0.25, Kind.GAIN_DRIFT: 0.25}
     gross = misfit.candidates and misfit.candidates[0].std == 0  # a gross error, which is no small change of a value
     for one in () if gross else misfit.candidates:
         assert abs(one.size) <= most.get(one.source.kind, np.inf), one.name
@@ -126,7 +116,7 @@ def test_a_value_stated_as_all_but_exact_loses_its_hold_too(make, std):
     made = make(replace(USUAL, moving_mass=(15.0, std), undeclared={"moving_mass": 16.0}), **TESTS)
     joint = made.identify()
     assert not joint.misfit.fits
-    assert tied(joint) & {Source(SourceKind.RIG_VALUE, "moving_mass"), Source(SourceKind.UNSTATED, "mass")}
+    assert tied(joint) & {Source(Kind.RIG_VALUE, "moving_mass"), Source(Kind.UNSTATED, "mass")}
     off, _ = made.errors_of(joint)
     assert np.abs(off).max() < 4
 
@@ -138,7 +128,7 @@ def test_a_gain_that_drifts_over_the_run_of_all_specimens_is_named(make, several
     seen[:, 0] *= np.exp(0.06 * np.linspace(-0.5, 0.5, len(seen)))
     names = [f"tyre {family if several else 0}" for family in made.family]
     joint = made.recorded(seen).identify(specimen=names, time=np.arange(len(seen), dtype=float))
-    assert Source(SourceKind.GAIN_DRIFT, "F1") in tied(joint)
+    assert Source(Kind.GAIN_DRIFT, "F1") in tied(joint)
 
 
 @pytest.mark.parametrize(("seed", "spread"), [(10, 0.003), (1, 0.006), (10, 0.006)])
@@ -149,14 +139,14 @@ def test_a_gain_that_the_tests_hardly_know_is_never_named(make, seed, spread):
         within=1.0,
     )  # fmt: skip
     named = made.identify(time=np.expm1(3 * made.time / made.time.max())).misfit.candidates
-    assert all(one.std <= 0.05 for one in named if one.released and one.source.kind is SourceKind.GAIN)
+    assert all(one.std <= 0.05 for one in named if one.released and one.source.kind is Kind.GAIN)
 
 
 def test_a_common_error_comes_before_a_rare_one_that_explains_as_much(make):
     """With a weighed mass a gain of V1 off by -6 % looks much as cross-talk of V2 in V1 does."""
     made = make(replace(USUAL, std_added=5e-4, undeclared={"gain V1": -0.06}), masses=(0.0, 10.0), **TESTS)
     joint = made.identify()
-    assert joint.misfit.candidates[0].source == Source(SourceKind.GAIN, "V1")
-    assert not any(source.kind is SourceKind.CROSSTALK for source in joint.misfit.added)
+    assert joint.misfit.candidates[0].source == Source(Kind.GAIN, "V1")
+    assert not any(source.kind is Kind.CROSSTALK for source in joint.misfit.added)
     off, _ = made.errors_of(joint)
     assert np.abs(off).max() < 4

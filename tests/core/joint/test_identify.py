@@ -12,7 +12,7 @@ from fourpole.core.identify import identify
 from fourpole.core.joint import identify_joint
 from fourpole.core.joint.outputs import identification
 from fourpole.core.rig import Rig
-from fourpole.core.sources import SourceRole
+from fourpole.core.sources import Role
 from fourpole.errors import RigError
 from fourpole.virtual.phasor_rig import Laboratory
 
@@ -179,7 +179,7 @@ def test_each_mass_has_the_largest_error_that_is_said_of_it(make):
     std = np.where(made.added_mass == 10.0, 2e-3, 0.0)
     std[np.flatnonzero(std)[0]] = 3e-3
     joint = made.identify(added_mass_std=std)
-    masses = [(one.source.mass, one.std) for one in joint.stated.parameters if one.source.role is SourceRole.MASS]
+    masses = [(one.source.mass, one.std) for one in joint.stated.parameters if one.source.role is Role.MASS]
     assert masses == [(10.0, 3e-3)]  # that of the block is exact
 
 

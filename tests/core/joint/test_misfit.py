@@ -13,7 +13,7 @@ from fourpole.core.joint.misfit import candidates, is_unlikely, pulls, residuals
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Solution, solve
 from fourpole.core.rig import Rig
-from fourpole.core.sources import PARTS, Source, SourceKind
+from fourpole.core.sources import PARTS, Kind, Source
 from fourpole.virtual.phasor_rig import Laboratory
 
 GOOD = Laboratory(
@@ -175,7 +175,7 @@ def test_a_pull_needs_a_thousandth_of_what_is_stated(gained, said):
 @pytest.mark.parametrize(("share", "found"), [(0.99e-20, 0), (1.01e-20, 1)])
 def test_a_part_is_identifiable_by_what_the_free_parameters_leave_of_its_column(monkeypatch, share, found):
     """Of the squared norm of the column of a moving mass, with nothing else that the tests could say."""
-    extras = [Source(SourceKind.UNSTATED, part) for part in PARTS]
+    extras = [Source(Kind.UNSTATED, part) for part in PARTS]
     count = len(extras)
     triangle = np.zeros((count + 1, count + 1))
     triangle[0, 0], triangle[0, -1] = np.sqrt(share), 1e-10

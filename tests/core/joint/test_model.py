@@ -11,7 +11,7 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint import model
 from fourpole.core.joint.model import FLOOR, Observed, inverse_upper, linearise, projected, upper_factor, whitened
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.sources import PARTS, Source, SourceKind, SourceRole
+from fourpole.core.sources import PARTS, Kind, Role, Source
 
 EPS = np.finfo(float).eps
 #: Step in stated uncertainties, which are about 1 % of the values: central differences err by (1 % of) its square.
@@ -46,11 +46,7 @@ def test_every_shared_value_of_every_kind_is_there(at_truth):
     _, problem, _, _ = at_truth
     names = [parameter.source.text for parameter in problem.shared.parameters]
     assert len(names) == 7 + 6 + 3  # of the rig, of the channels, and the masses of 5, 6 and 10 kg
-    assert {parameter.source.role for parameter in problem.shared.parameters} == {
-        SourceRole.RIG,
-        SourceRole.CHANNEL,
-        SourceRole.MASS,
-    }
+    assert {parameter.source.role for parameter in problem.shared.parameters} == {Role.RIG, Role.CHANNEL, Role.MASS}
 
 
 def test_derivatives_by_delays_and_calibrated_responses(make):
@@ -118,7 +114,7 @@ def test_derivatives_by_impedance_are_those_by_a_mass(at_truth):
 def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
     _, problem, z, stiffness = at_truth
     size = {"mass": 0.2, "spring": 200.0, "frame": 1e-6, "loss": 0.01, "friction": 0.5, "input": 0.1}[part]
-    listed = (*problem.shared.parameters, SharedParameter(Source(SourceKind.UNSTATED, part), PARTS[part], 0, 0.0, size))
+    listed = (*problem.shared.parameters, SharedParameter(Source(Kind.UNSTATED, part), PARTS[part], 0, 0.0, size))
     shared = replace(problem.shared, parameters=listed)
     z = np.append(z, 0.0)
     step = STEP * np.eye(z.size)[-1]
@@ -132,7 +128,7 @@ def test_derivatives_by_a_part_that_nobody_stated(at_truth, part):
 def test_derivatives_by_the_rig_beside_a_large_part_that_nobody_stated(at_truth, part, size):
     """A frame in series with the preload spring changes what the spring's stiffness does."""
     _, problem, z, stiffness = at_truth
-    listed = (*problem.shared.parameters, SharedParameter(Source(SourceKind.UNSTATED, part), PARTS[part], 0, 0.0, size))
+    listed = (*problem.shared.parameters, SharedParameter(Source(Kind.UNSTATED, part), PARTS[part], 0, 0.0, size))
     shared, z = replace(problem.shared, parameters=listed), np.append(z, 1.0)
     here = linearise(problem.observed, shared, z, stiffness)
     for at, parameter in enumerate(shared.parameters):
@@ -149,7 +145,7 @@ def test_derivatives_by_the_drift_of_a_specimen(at_truth):
     made, problem, z, stiffness = at_truth
     count = made.family.size
     observed = replace(problem.observed, specimen=np.arange(count) % 2, place=np.linspace(-0.5, 0.5, count))
-    kinds = [(SourceKind.DRIFT, "1", 0.03), (SourceKind.ANGLE_DRIFT, "rad", 0.02)]
+    kinds = [(Kind.DRIFT, "1", 0.03), (Kind.ANGLE_DRIFT, "rad", 0.02)]
     drifts = tuple(SharedParameter(Source(kind, "b"), unit, 1, 0.0, std) for kind, unit, std in kinds)
     shared = replace(problem.shared, parameters=(*problem.shared.parameters, *drifts))
     z = np.append(z, [0.0, 0.0])

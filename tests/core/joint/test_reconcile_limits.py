@@ -13,12 +13,12 @@ from fourpole.core.joint.misfit import Candidate
 from fourpole.core.joint.reconcile import _Diagnosis
 from fourpole.core.joint.scatter import MEDIAN
 from fourpole.core.joint.specimens import Misfit, SpecimenState
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 
 BELOW, ABOVE = 0.99, 1.01
 
 
-MASS = Source(SourceKind.UNSTATED, "mass")
+MASS = Source(Kind.UNSTATED, "mass")
 
 
 def candidate(explains=100.0, source=MASS, released=False):
@@ -77,8 +77,8 @@ def mended(monkeypatch):
 
 # Causes: stated values without their statement, and what nobody stated.
 
-GAIN = Source(SourceKind.GAIN, "F1")
-CROSSED = Source(SourceKind.CROSSTALK, "V2 in F1")
+GAIN = Source(Kind.GAIN, "F1")
+CROSSED = Source(Kind.CROSSTALK, "V2 in F1")
 
 
 @pytest.mark.parametrize(("factor", "cause"), [(BELOW, False), (ABOVE, True)])

@@ -6,7 +6,7 @@ import pytest
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.joint.shared import Shared
 from fourpole.core.rig import Rig
-from fourpole.core.sources import SourceRole
+from fourpole.core.sources import Role
 
 
 def stated(rig=None, gain=(0.01, 0.0, 0.02), phase=(0.0, 0.003, 0.0), masses=(5.0, 10.0), std=(5e-4, 0.0)):
@@ -21,7 +21,7 @@ def errors(gain=(0.01, 0.0, 0.02), phase=(0.0, 0.003, 0.0)):
 def gains_at(shared, z):
     """Of one test."""
     found = np.zeros(3, dtype=complex)
-    for error, value in zip(errors(), shared.offsets(z, SourceRole.CHANNEL, len(errors())), strict=True):
+    for error, value in zip(errors(), shared.offsets(z, Role.CHANNEL, len(errors())), strict=True):
         found[error.channel] += value * error.turn[0]
     return np.exp(found)
 

@@ -11,7 +11,7 @@ from fourpole.core.joint import solve_joint
 from fourpole.core.joint.outputs import identification
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import SourceKind
+from fourpole.core.sources import Kind
 
 THREE = (0.0, 0.0, 0.0)
 
@@ -62,7 +62,7 @@ def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
     assert joint.misfit.fits
     assert [source.of for source in joint.misfit.drifts] == ["radial"] * 2
     at = {one.source.kind: i for i, one in enumerate(joint.stated.parameters)}
-    for kind, true in ((SourceKind.DRIFT, np.real(drift)), (SourceKind.ANGLE_DRIFT, np.imag(drift))):
+    for kind, true in ((Kind.DRIFT, np.real(drift)), (Kind.ANGLE_DRIFT, np.imag(drift))):
         off = joint.found[at[kind]] - true
         assert abs(off) < 4 * joint.found_std[at[kind]]
         assert joint.found_std[at[kind]] < 1e-3
@@ -141,7 +141,7 @@ def test_the_scatter_of_recordings_with_many_lines_is_that_of_few_values():
             joint = solve_joint(phasors, rig, 120e3, **given, lines=lines)
             names = [(one.source.kind, one.source.of) for one in joint.stated.parameters]
             turn = np.zeros(len(names))
-            turn[[names.index((SourceKind.GAIN, "F1")), names.index((SourceKind.GAIN, "V1"))]] = 1.0, -1.0
+            turn[[names.index((Kind.GAIN, "F1")), names.index((Kind.GAIN, "V1"))]] = 1.0, -1.0
             turn *= joint.problem.shared.std
             found = turn @ joint.solution.z - np.log(1.02 / 0.98)
             pulls.append(found / np.sqrt(turn @ joint.solution.covariance @ turn))

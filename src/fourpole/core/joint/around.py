@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.joint.solve import JointProblem, Step, moved, no_worse, sweep
+from fourpole.core.joint.solve import Problem, Step, moved, no_worse, sweep
 
 #: Largest number of Gauss-Newton steps, and of halvings of a step that raises the objective.
 _STEPS, _HALVINGS = 12, 6
@@ -67,14 +67,14 @@ class Likelihood(ByValue):
 
     Attributes
     ----------
-    problem : JointProblem
+    problem : Problem
     z : (p,) float array
         Shared values of the solution, in stated standard uncertainties from the statement.
     stiffness : (c,) complex array [N/m]
         K* of each condition.
     """
 
-    problem: JointProblem
+    problem: Problem
     z: FloatArray
     stiffness: ComplexArray
     _last: dict[bytes, tuple[FloatArray, ComplexArray, FloatArray]] = field(
@@ -120,7 +120,7 @@ class Likelihood(ByValue):
 
 
 def _stepped(
-    problem: JointProblem, z: FloatArray, stiffness: ComplexArray, step: Step, given: np.ndarray, dz: FloatArray
+    problem: Problem, z: FloatArray, stiffness: ComplexArray, step: Step, given: np.ndarray, dz: FloatArray
 ) -> tuple[FloatArray, ComplexArray, Step] | None:
     """The shared values and K* after a step, halved until the objective does not rise; None if it always rises."""
     for share in 0.5 ** np.arange(_HALVINGS):

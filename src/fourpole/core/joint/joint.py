@@ -17,12 +17,12 @@ from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import Shared
-from fourpole.core.joint.solve import JointProblem, Solution, solve_either
+from fourpole.core.joint.solve import Problem, Solution, solve_either
 from fourpole.core.joint.specimens import Misfit
 from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import RigError
 
 #: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,
@@ -36,7 +36,7 @@ class Joint(ByValue):
 
     Attributes
     ----------
-    problem, solution : JointProblem, Solution
+    problem, solution : Problem, Solution
         The tests sorted by condition, and the most probable values.
     order : (N,) int array
         Index of the given test for each row of `problem`.
@@ -53,7 +53,7 @@ class Joint(ByValue):
         Agreement of the statement with the tests.
     """
 
-    problem: JointProblem
+    problem: Problem
     solution: Solution
     order: np.ndarray
     condition: np.ndarray
@@ -125,7 +125,7 @@ def solve_joint(
     if np.sum(np.abs(deflection) > _UNLIKE) < _FEWEST_UNLIKE:
         # A deflection that changes with frequency alone cannot be distinguished from the slope of K* over frequency.
         deflection = np.zeros(count)
-    problem = JointProblem(
+    problem = Problem(
         replace(observed, deflection=deflection),
         conditions,
         stated,
@@ -148,9 +148,7 @@ def solve_joint(
     )
 
 
-def _reconciled(
-    problem: JointProblem, channels: ChannelUncertainty
-) -> tuple[JointProblem, Solution, FloatArray, Misfit]:
+def _reconciled(problem: Problem, channels: ChannelUncertainty) -> tuple[Problem, Solution, FloatArray, Misfit]:
     """The problem after all remedies, its solution, the factors (N,) of the outliers' variances, and the misfit."""
     as_stated = np.zeros(len(problem.shared))
     gross = gross_errors(problem.observed, problem.shared)
@@ -188,13 +186,11 @@ def _unstated_errors(amplitudes: ComplexArray, place: FloatArray) -> list[Channe
         square = np.sum(np.abs(np.where(present, amplitudes, 0.0)) ** 2, axis=0) / present.sum(axis=0)
         scaled = amplitudes / np.sqrt(square)
         for channel, symbol in enumerate(SYMBOLS.values()):
-            errors.append(ChannelError(Source(SourceKind.GAIN_DRIFT, symbol), "1", channel, 0.0, place + 0j))
+            errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", channel, 0.0, place + 0j))
             for other, name in enumerate(SYMBOLS.values()):
                 if other != channel:
                     turn = np.nan_to_num(scaled[:, other] / scaled[:, channel], posinf=0.0, neginf=0.0)
-                    errors.append(
-                        ChannelError(Source(SourceKind.CROSSTALK, f"{name} in {symbol}"), "1", channel, 0.0, turn)
-                    )
+                    errors.append(ChannelError(Source(Kind.CROSSTALK, f"{name} in {symbol}"), "1", channel, 0.0, turn))
     return errors
 
 

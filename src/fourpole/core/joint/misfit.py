@@ -22,25 +22,25 @@ from fourpole.core.joint.model import (
     whitened,
 )
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.joint.solve import JointProblem, Solution, with_columns, without_stiffness
+from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
 from fourpole.core.rig import Rig
-from fourpole.core.sources import PARTS, Source, SourceKind, SourceRole
+from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: An error below this share of a channel, or of the largest part of Zr, counts as noise: no rig is built so accurately.
 NEGLIGIBLE = 1e-4
 #: Roles of the values that have a statement.
-STATED = (SourceRole.RIG, SourceRole.CHANNEL, SourceRole.MASS)
+STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
 #: A stated value of which the tests know less than this share of its variance has no pull. Information below the second
 #: share is round-off.
 _INFORMED, _ROUND_OFF = 1e-3, 1e-8
 #: Largest error of a channel that can be a cause: gain [1], phase [rad], delay [s].
 _LARGEST = {
-    SourceKind.GAIN: 0.25,
-    SourceKind.PHASE: 0.25,
-    SourceKind.DELAY: 3e-3,
-    SourceKind.GAIN_DRIFT: 0.25,
-    SourceKind.CROSSTALK: 0.25,
-    SourceKind.AMPLITUDE: 1.0,
+    Kind.GAIN: 0.25,
+    Kind.PHASE: 0.25,
+    Kind.DELAY: 3e-3,
+    Kind.GAIN_DRIFT: 0.25,
+    Kind.CROSSTALK: 0.25,
+    Kind.AMPLITUDE: 1.0,
 }
 #: Largest error of a mass or a spring, and largest unstated part, that can be a cause: over the stated value.
 _LARGEST_SHARE = 0.5
@@ -88,7 +88,7 @@ class Residuals(ByRows):
         return self.rig + self.tyre
 
 
-def residuals(problem: JointProblem, solution: Solution) -> Residuals:
+def residuals(problem: Problem, solution: Solution) -> Residuals:
     """Residuals of a solution, in the order of the problem."""
     parts = [
         _residuals(problem.observed.part(rows), linear)
@@ -139,7 +139,7 @@ def is_unlikely(chi2: float, dof: float) -> bool:
     return bool(dof > 0 and stats.chi2.sf(chi2, dof) < CHANCE)
 
 
-def largest_part(problem: JointProblem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
+def largest_part(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
     """Modulus of the larger part of Zr, mass or spring (N,) [N s/m]; unlike Zr it does not vanish at resonance.
 
     It is that at shared values z and K* of each condition.
@@ -194,10 +194,10 @@ class Candidate:
     @property
     def of_rig(self) -> bool:
         """Whether the candidate is an unstated part of the rig."""
-        return self.source.kind is SourceKind.UNSTATED
+        return self.source.kind is Kind.UNSTATED
 
 
-def candidates(problem: JointProblem, solution: Solution) -> list[Candidate]:
+def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
     """Causes that could explain a misfit, each by itself; the largest fall of chi-square comes first.
 
     Causes of impossible size are left out. A stated value is tried without its statement, and comes before what nobody
@@ -207,7 +207,7 @@ def candidates(problem: JointProblem, solution: Solution) -> list[Candidate]:
     return sorted(causes, key=lambda cause: (-float(f"{cause.explains:.4g}"), not cause.released))
 
 
-def _released(problem: JointProblem, solution: Solution) -> Iterator[Candidate]:
+def _released(problem: Problem, solution: Solution) -> Iterator[Candidate]:
     """The stated values without their statement."""
     informed = 1.0 - np.diag(solution.covariance)
     for index, parameter in enumerate(problem.shared.parameters):
@@ -220,7 +220,7 @@ def _released(problem: JointProblem, solution: Solution) -> Iterator[Candidate]:
             yield replace(cause, std=float(std), explains=explains, released=True)
 
 
-def _unstated(problem: JointProblem, solution: Solution) -> Iterator[Candidate]:
+def _unstated(problem: Problem, solution: Solution) -> Iterator[Candidate]:
     """The parts of a rig and the errors of the channels that are not among the shared values."""
     p, rig, extras = len(problem.shared), problem.shared.rig, _extras(problem)
     shared = {parameter.source for parameter in problem.shared.parameters}
@@ -235,15 +235,13 @@ def _unstated(problem: JointProblem, solution: Solution) -> Iterator[Candidate]:
         error = index - len(PARTS) - 1
         if error >= 0 and abs(estimate) * np.abs(problem.observed.turns[..., error]).max() < NEGLIGIBLE:
             continue
-        part = SharedParameter(source, "", 0, 1.0 if source.kind is SourceKind.GAIN else 0.0, 0.0)
+        part = SharedParameter(source, "", 0, 1.0 if source.kind is Kind.GAIN else 0.0, 0.0)
         if _possible(part, estimate, whole=_whole(source, rig)) and (cause := _described(part, estimate)):
             std = abs(cause.value) * float(np.sqrt(weight[index]) / abs(pull[index]))
             yield replace(cause, std=std, explains=min(float(pull[index] ** 2 / weight[index]), solution.objective))
 
 
-def _with_extras(
-    problem: JointProblem, solution: Solution, slope: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Triangle of shared values, extra parts and residual; squared norms of the parts' columns; slope of log K*.
 
     `slope` (c, 2, p + extras) is the fall of log K* of each condition per unit of the shared values and parts.
@@ -284,16 +282,16 @@ def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
     return np.concatenate([amplitude, columns, errors], axis=2)
 
 
-def _extras(problem: JointProblem) -> tuple[Source, ...]:
+def _extras(problem: Problem) -> tuple[Source, ...]:
     """The parts and errors that are tried as explanations, in the order of `_extra_columns`."""
-    return (Source(SourceKind.AMPLITUDE), *(Source(SourceKind.UNSTATED, part) for part in PARTS), *problem.errors)
+    return (Source(Kind.AMPLITUDE), *(Source(Kind.UNSTATED, part) for part in PARTS), *problem.errors)
 
 
 def _whole(source: Source, rig: Rig) -> float:
     """The stated value with which the size of an unstated part is compared, in its unit; infinite if there is none."""
     whole = {"mass": rig.moving_mass, "spring": rig.preload_stiffness, "frame": 1 / rig.preload_stiffness,
              "loss": 1.0, "input": rig.moving_mass}  # fmt: skip
-    return whole.get(source.of, np.inf) if source.kind is SourceKind.UNSTATED else np.inf
+    return whole.get(source.of, np.inf) if source.kind is Kind.UNSTATED else np.inf
 
 
 def _possible(parameter: SharedParameter, size: float, std: float = 0.0, whole: float = np.inf) -> bool:
@@ -302,34 +300,34 @@ def _possible(parameter: SharedParameter, size: float, std: float = 0.0, whole: 
     `whole` is the value with which an unstated part is compared.
     """
     kind, role = parameter.source.kind, parameter.source.role
-    if kind in _LARGEST or role is SourceRole.MASS or parameter.source.of in _BULK:
+    if kind in _LARGEST or role is Role.MASS or parameter.source.of in _BULK:
         largest = _LARGEST.get(kind, _LARGEST_SHARE * parameter.stated)
         return abs(size) <= largest and std <= _KNOWN * largest
-    if role is SourceRole.UNSTATED:
+    if role is Role.UNSTATED:
         return abs(size) <= _LARGEST_SHARE * whole
-    return role is SourceRole.CHANNEL or parameter.stated + size >= 0
+    return role is Role.CHANNEL or parameter.stated + size >= 0
 
 
 def _described(parameter: SharedParameter, size: float) -> Candidate | None:
     """A cause of this size, with its name and words; None for a part whose size has an impossible sign."""
     source, kind, of = parameter.source, parameter.source.kind, parameter.source.of
-    if kind is SourceKind.UNSTATED:
+    if kind is Kind.UNSTATED:
         return _described_part(source, size)
     name, unit, form = f"sensor {of}", "1", kind.name.lower()
     values: dict[str, Any] = {"of": of, "percent": 100 * size}
-    if kind is SourceKind.AMPLITUDE:
+    if kind is Kind.AMPLITUDE:
         name, values = "specimen", {"percent": 100 * (2**size - 1)}
-    elif kind is SourceKind.PHASE:
+    elif kind is Kind.PHASE:
         unit, values = "rad", {"of": of, "degrees": np.degrees(size)}
-    elif kind is SourceKind.DELAY:
+    elif kind is Kind.DELAY:
         unit, form, values = "s", "late" if size > 0 else "early", {"of": of, "milliseconds": abs(size) * 1e3}
-    elif kind is SourceKind.CROSSTALK:
+    elif kind is Kind.CROSSTALK:
         crossed, _, channel = of.partition(" in ")
         name, values = f"sensor {channel}", {"of": crossed, "into": channel, "percent": 100 * size}
-    elif source.role is SourceRole.CHANNEL and kind not in (SourceKind.GAIN, SourceKind.GAIN_DRIFT):
+    elif source.role is Role.CHANNEL and kind not in (Kind.GAIN, Kind.GAIN_DRIFT):
         form, values = "response", {"of": source.text, "times": abs(size)}
-    elif source.role is not SourceRole.CHANNEL:
-        name, unit = "added mass" if source.role is SourceRole.MASS else of.replace("_", " "), parameter.unit
+    elif source.role is not Role.CHANNEL:
+        name, unit = "added mass" if source.role is Role.MASS else of.replace("_", " "), parameter.unit
         shown = unit if unit != "1" else ""
         form, values = "stated", {"value": parameter.stated + size, "stated": parameter.stated, "unit": shown}
     return Candidate(name, size, 0.0, unit, 0.0, source, size, form, values)
@@ -413,7 +411,7 @@ def _gross_causes(size: float, angle: float) -> list[Candidate]:
 
 def _gross(channel: str, size: float, form: str, **values: object) -> Candidate:
     """A gross error of a channel, whose factor is `size`; it counts as the cause of all of chi-square."""
-    source = Source(SourceKind.GAIN, channel)
+    source = Source(Kind.GAIN, channel)
     return Candidate(f"sensor {channel}", size - 1, 0.0, "1", np.inf, source, size - 1, form, values)
 
 

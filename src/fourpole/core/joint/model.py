@@ -21,9 +21,9 @@ from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.joint.shared import DRIFTS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 
-_INPUT_MASSES = (Source(SourceKind.RIG_VALUE, "input_mass"), Source(SourceKind.UNSTATED, "input"))
+_INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "input"))
 #: Values of the rig on which an unstated frame in series with the preload spring acts.
 _SUPPORT = ("preload_stiffness", "preload_damping", "preload_loss_factor", "frame_stiffness")
 #: Least relative uncertainty of an amplitude, which is the resolution of single precision.
@@ -99,7 +99,7 @@ class Observed(ByRows):
 
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
-        return np.asarray(np.exp(self.turns @ shared.offsets(z, SourceRole.CHANNEL, self.turns.shape[-1])))
+        return np.asarray(np.exp(self.turns @ shared.offsets(z, Role.CHANNEL, self.turns.shape[-1])))
 
     def drifted(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """K* of each test over that in the middle of the run, at the mean amplitude (N,) [1]."""
@@ -113,7 +113,7 @@ class Observed(ByRows):
             if parameter.source.kind in DRIFTS:
                 own = self.specimen == parameter.index
                 change[:, index] = np.where(own, DRIFTS[parameter.source.kind] * self.place * parameter.std, 0.0)
-            elif parameter.source.kind is SourceKind.AMPLITUDE:
+            elif parameter.source.kind is Kind.AMPLITUDE:
                 change[:, index] = self.deflection * parameter.std
         return parts(change, axis=1)
 
@@ -265,7 +265,7 @@ def _impedance_by_shared(
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
     for index, parameter in enumerate(shared.parameters):
         role, of = parameter.source.role, parameter.source.of
-        if role is SourceRole.RIG:
+        if role is Role.RIG:
             change[:, index] = gradient[:, parameter.index]
             if of in _SUPPORT:
                 change[:, index] *= through_frame
@@ -273,9 +273,9 @@ def _impedance_by_shared(
                 change[:, index] += extra.get("loss", 0.0) / observed.omega
             if of == "tyre_mass":
                 change[observed.rigid, index] = 0.0
-        elif role is SourceRole.UNSTATED and of in shapes:
+        elif role is Role.UNSTATED and of in shapes:
             change[:, index] = shapes[of]
-        elif role is SourceRole.MASS:
+        elif role is Role.MASS:
             change[:, index] = np.where(observed.mass_at == parameter.index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)
 
@@ -291,7 +291,7 @@ def _by_shared(
     """Derivatives of the three amplitudes by z (N, 3, p)."""
     change = by_zr[:, :, None] * zr_by_shared[:, None, :]
     for index, parameter in enumerate(shared.parameters):
-        if parameter.source.role is SourceRole.CHANNEL:
+        if parameter.source.role is Role.CHANNEL:
             change[:, :, index] = observed.turns[:, :, parameter.index] * parameter.std * predicted
         elif parameter.source in _INPUT_MASSES:
             change[:, 0, index] = parameter.std * by_input_mass

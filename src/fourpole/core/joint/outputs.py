@@ -15,11 +15,11 @@ from fourpole.core.identify import Identification
 from fourpole.core.joint.joint import Joint, solve_joint
 from fourpole.core.joint.misfit import largest_part
 from fourpole.core.joint.scatter import OwnTests, own_tests
-from fourpole.core.joint.solve import JointProblem, Solution
+from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import arm_slopes, maxwell_arm, relative_route, why_no_arm
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ def _per_test(joint: Joint, values: np.ndarray, missing: float) -> np.ndarray:
     return of_tests
 
 
-def _by_frequency(problem: JointProblem, solution: Solution, relative: FloatArray) -> FloatArray:
+def _by_frequency(problem: Problem, solution: Solution, relative: FloatArray) -> FloatArray:
     """Covariance (c, 2, 2) of log K* of each condition from the relative uncertainty (N,) of its tests' frequencies."""
     conditions = problem.conditions
     if not np.any(relative > 0):
@@ -193,16 +193,14 @@ def variance_by_source(joint: Joint, values: Outputs, k1_std: ArrayLike) -> dict
     misfit = np.zeros_like(own)
     misfit[:, 5] = values.tr_of_rig**2
     sources = {
-        Source(SourceKind.NOISE): np.maximum(own - frequency + by_shared - stated.sum(axis=2), 0.0),
-        Source(SourceKind.FREQUENCY): frequency,
+        Source(Kind.NOISE): np.maximum(own - frequency + by_shared - stated.sum(axis=2), 0.0),
+        Source(Kind.FREQUENCY): frequency,
     }
     for index, parameter in enumerate(joint.stated.parameters):
         sources[parameter.source] = stated[:, :, index]
-    sources[Source(SourceKind.RIG_MISFIT)] = misfit
+    sources[Source(Kind.RIG_MISFIT)] = misfit
     with np.errstate(invalid="ignore"):
-        sources[Source(SourceKind.K1)] = (
-            np.where(values.by_k1 == 0, 0.0, values.by_k1 * np.asarray(k1_std)[..., None]) ** 2
-        )
+        sources[Source(Kind.K1)] = np.where(values.by_k1 == 0, 0.0, values.by_k1 * np.asarray(k1_std)[..., None]) ** 2
     return values.curvature.distributed(sources)
 
 
@@ -274,7 +272,7 @@ def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, F
     by_z = np.zeros((*mobility.shape, len(shared)), dtype=complex)
     turns = joint.problem.observed.turns[np.argsort(joint.order)]
     for index, parameter in enumerate(shared.parameters):
-        if parameter.source.role is SourceRole.CHANNEL:
+        if parameter.source.role is Role.CHANNEL:
             turn = turns[:, 0, parameter.index] - turns[:, 1, parameter.index]
             by_z[:, index] = mobility * turn * parameter.std
     noise, rest = parts(by, axis=1), parts(by_z, axis=1)

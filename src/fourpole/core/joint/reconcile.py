@@ -22,9 +22,9 @@ from fourpole.core.joint.misfit import (
 from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
 from fourpole.core.joint.scatter import root_of
 from fourpole.core.joint.shared import SharedParameter
-from fourpole.core.joint.solve import JointProblem, Solution
+from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.joint.specimens import NOISE_IN_DOUBT, Misfit, SpecimenState, fit_specimens, without_drifts
-from fourpole.core.sources import PARTS, Source, SourceKind, SourceRole
+from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: A stated value is a cause of the misfit if it departs from its estimate by this many standard uncertainties.
 _CONFLICT = 3.0
@@ -38,7 +38,7 @@ _SHARE_OF_BEST = 0.8
 _SHARE_OF_CAUSE = 0.3
 #: Rare errors are named only if they explain nearly the whole misfit: at least this share. They come before a common
 #: error only if they leave less than this share of what it leaves.
-_RARE, _WHOLE, _HALF = (SourceKind.CROSSTALK, SourceKind.GAIN_DRIFT), 0.9, 0.5
+_RARE, _WHOLE, _HALF = (Kind.CROSSTALK, Kind.GAIN_DRIFT), 0.9, 0.5
 #: A candidate is a cause if its size is more than this many standard uncertainties, even without a misfit.
 _SIGNIFICANT = 5.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
@@ -52,15 +52,15 @@ _MOST_ROUNDS = 12
 
 
 def reconcile(
-    problem: JointProblem, solution: Solution, start: ComplexArray, gross: Sequence[Candidate] = ()
-) -> tuple[JointProblem, Solution, FloatArray, Misfit]:
+    problem: Problem, solution: Solution, start: ComplexArray, gross: Sequence[Candidate] = ()
+) -> tuple[Problem, Solution, FloatArray, Misfit]:
     """Repeat remedies until chance explains the residuals: scatter, outliers, drift, causes, noise.
 
     The specimen comes first, because K* of repeats that scatters looks like an error of any channel.
 
     Parameters
     ----------
-    problem, solution : JointProblem, Solution
+    problem, solution : Problem, Solution
         The tests, and their solution with the statement unchanged.
     start : (c,) complex array [N/m]
         First value of K* of each condition.
@@ -69,7 +69,7 @@ def reconcile(
 
     Returns
     -------
-    problem, solution : JointProblem, Solution
+    problem, solution : Problem, Solution
         The problem with the weights and priors of the last round, and its solution.
     outlier : (N,) float array [1]
         Factor by which the variance of each test was enlarged as an outlier; 1 for the others.
@@ -161,7 +161,7 @@ def _diagnosed(state: SpecimenState, left: Residuals) -> _Diagnosis:
     # No candidate explains more than the whole chi-square. The exact phasors of a plan have a chi-square of zero.
     named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
     known = {*state.misfit.added, *(problem.shared.parameters[index].source for index in state.misfit.conflicts)}
-    known |= {Source(SourceKind.UNSTATED, part) for part, value in _TWINS.items() if value in known}
+    known |= {Source(Kind.UNSTATED, part) for part, value in _TWINS.items() if value in known}
     bad, least = is_unlikely(rig_chi2, rig_dof), max(_WHOLE * (rig_chi2 - rig_dof), _SIGNIFICANT**2)
     named = [
         candidate
@@ -252,21 +252,21 @@ def _apply(state: SpecimenState, diagnosis: _Diagnosis) -> None:
 
 #: The value of the rig that acts as an unstated part does.
 _TWINS = {
-    "mass": Source(SourceKind.RIG_VALUE, "moving_mass"),
-    "spring": Source(SourceKind.RIG_VALUE, "preload_stiffness"),
-    "loss": Source(SourceKind.RIG_VALUE, "preload_loss_factor"),
-    "input": Source(SourceKind.RIG_VALUE, "input_mass"),
+    "mass": Source(Kind.RIG_VALUE, "moving_mass"),
+    "spring": Source(Kind.RIG_VALUE, "preload_stiffness"),
+    "loss": Source(Kind.RIG_VALUE, "preload_loss_factor"),
+    "input": Source(Kind.RIG_VALUE, "input_mass"),
 }
 
 
-def _parameter(cause: Candidate, loss: float, number: int, problem: JointProblem) -> SharedParameter:
+def _parameter(cause: Candidate, loss: float, number: int, problem: Problem) -> SharedParameter:
     """A cause that nobody stated, as a shared value: 0 as stated, with an uncertainty of the estimated size."""
     std = float(loss * abs(cause.size))
-    if cause.source.role is SourceRole.UNSTATED:
+    if cause.source.role is Role.UNSTATED:
         return SharedParameter(cause.source, PARTS[cause.source.of], number, 0.0, std)
-    if cause.source.kind is SourceKind.AMPLITUDE:
+    if cause.source.kind is Kind.AMPLITUDE:
         return SharedParameter(cause.source, cause.unit, 0, 0.0, std)
-    centre = 1.0 if cause.source.kind is SourceKind.GAIN else 0.0
+    centre = 1.0 if cause.source.kind is Kind.GAIN else 0.0
     index = problem.errors.index(cause.source)
     return SharedParameter(cause.source, cause.unit, index, centre, std)
 
@@ -280,7 +280,7 @@ def _add_rig_error(state: SpecimenState, diagnosis: _Diagnosis) -> None:
     state.solve(widened, rig_error=float(np.hypot(state.misfit.rig_error, diagnosis.level)))
 
 
-def without_rig(problem: JointProblem, z: FloatArray, stiffness: ComplexArray, level: float) -> JointProblem:
+def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level: float) -> Problem:
     """The problem with an error of Zr in each test of a size relative to its largest part.
 
     The error may be common to all tests. Their mean then knows Zr no better than a single test does, so that its

@@ -16,7 +16,7 @@ import scipy
 from fourpole.core.arrays import BoolArray, ByRows, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import inverse_upper, linearise, upper_factor
-from fourpole.core.joint.solve import JointProblem, Solution
+from fourpole.core.joint.solve import Problem, Solution
 
 #: Median of chi-square with 2 degrees of freedom.
 MEDIAN = 1.386
@@ -44,7 +44,7 @@ class Deviations(ByRows):
     covariance: FloatArray
 
 
-def deviations(problem: JointProblem, z: FloatArray, stiffness: ComplexArray) -> Deviations:
+def deviations(problem: Problem, z: FloatArray, stiffness: ComplexArray) -> Deviations:
     """The departures at shared values z and K* of each condition, for all tests of the problem."""
     bare = problem.without_spread if np.any(problem.spread) else problem
     linear = [part for _, _, part in bare.linearised(z, stiffness)]
@@ -74,12 +74,12 @@ def squares(conditions: JointConditions, departures: Deviations, scatter: float)
     return whole
 
 
-def scatter_of(problem: JointProblem, departures: Deviations, used: BoolArray, lost: float = 0.0) -> float:
+def scatter_of(problem: Problem, departures: Deviations, used: BoolArray, lost: float = 0.0) -> float:
     """Scatter of log K* with which the squared departures equal their degrees of freedom (Paule and Mandel).
 
     Parameters
     ----------
-    problem : JointProblem
+    problem : Problem
     departures : Deviations
     used : (N,) bool array
         The tests that count; the others are taken out of their conditions.
@@ -101,7 +101,7 @@ def scatter_of(problem: JointProblem, departures: Deviations, used: BoolArray, l
     return root_of(lambda scatter: float(np.sum(squares(conditions, counted, scatter)[used])) - dof) if dof > 0 else 0.0
 
 
-def robust_scatter(problem: JointProblem, departures: Deviations) -> float:
+def robust_scatter(problem: Problem, departures: Deviations) -> float:
     """Scatter of log K* by the median of the squared departures, which a few bad tests do not change."""
     conditions = problem.conditions
     sizes = np.ones(conditions.label.size)
@@ -147,7 +147,7 @@ class OwnTests(ByRows):
     by_frequency: FloatArray
 
 
-def own_tests(problem: JointProblem, solution: Solution) -> OwnTests:
+def own_tests(problem: Problem, solution: Solution) -> OwnTests:
     """K* of each test by itself and its condition together, in the order of the problem."""
     count = problem.conditions.label.size
     spread = problem.spread
@@ -174,9 +174,7 @@ def own_tests(problem: JointProblem, solution: Solution) -> OwnTests:
     )
 
 
-def _linear_at(
-    problem: JointProblem, solution: Solution, shift: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linear_at(problem: Problem, solution: Solution, shift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivatives by log K*, residuals and derivatives by the shared values, at the K* of each test."""
     conditions = problem.conditions
     stiffness = np.ones(conditions.label.size, dtype=complex)

@@ -11,10 +11,10 @@ import numpy as np
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 
 #: Change of log K* per unit of each kind of drift: of the modulus, and of the angle.
-DRIFTS = {SourceKind.DRIFT: 1.0, SourceKind.ANGLE_DRIFT: 1j}
+DRIFTS = {Kind.DRIFT: 1.0, Kind.ANGLE_DRIFT: 1j}
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class SharedParameter:
     @property
     def is_gain(self) -> bool:
         """Whether the value is a gain, which is 1 for a channel without error."""
-        return self.source.kind is SourceKind.GAIN
+        return self.source.kind is Kind.GAIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,15 +68,15 @@ class Shared(ByValue):
     def stated(cls, rig: Rig, errors: Sequence[ChannelError], masses: FloatArray, masses_std: FloatArray) -> Shared:
         """The shared values of a rig, of the errors of its channels, and of the distinct masses, as stated."""
         listed = [
-            SharedParameter(Source(SourceKind.RIG_VALUE, name), unit, index, getattr(rig, name), float(std))
+            SharedParameter(Source(Kind.RIG_VALUE, name), unit, index, getattr(rig, name), float(std))
             for index, ((name, unit), std) in enumerate(zip(PARAMETERS.items(), rig.uncertainties, strict=True))
             if np.isfinite(getattr(rig, name))
         ]
         for index, error in enumerate(errors):
-            centre = 1.0 if error.source.kind is SourceKind.GAIN else 0.0
+            centre = 1.0 if error.source.kind is Kind.GAIN else 0.0
             listed.append(SharedParameter(error.source, error.unit, index, centre, error.std))
         for index, (mass, std) in enumerate(zip(masses, masses_std, strict=True)):
-            source = Source(SourceKind.ADDED_MASS, mass=float(mass))
+            source = Source(Kind.ADDED_MASS, mass=float(mass))
             listed.append(SharedParameter(source, "kg", index, float(mass), float(std)))
         return cls(rig, tuple(parameter for parameter in listed if parameter.std > 0), masses)
 
@@ -88,7 +88,7 @@ class Shared(ByValue):
         """Stated standard uncertainties (p,), each in its unit."""
         return np.array([parameter.std for parameter in self.parameters])
 
-    def offsets(self, z: FloatArray, role: SourceRole, count: int) -> FloatArray:
+    def offsets(self, z: FloatArray, role: Role, count: int) -> FloatArray:
         """Departures (count,) of the values of a role from their statement, each in its unit."""
         offsets = np.zeros(count)
         for value, parameter in zip(z * self.std, self.parameters, strict=True):
@@ -99,17 +99,17 @@ class Shared(ByValue):
     def rig_at(self, z: FloatArray) -> Rig:
         """The rig with the values at z."""
         names = list(PARAMETERS)
-        moved = self.offsets(z, SourceRole.RIG, len(names))
+        moved = self.offsets(z, Role.RIG, len(names))
         return self.rig.shifted(**{name: getattr(self.rig, name) + moved[index] for index, name in enumerate(names)})
 
     def masses_at(self, z: FloatArray) -> FloatArray:
         """The distinct masses at z [kg]."""
-        return self.masses + self.offsets(z, SourceRole.MASS, self.masses.size)
+        return self.masses + self.offsets(z, Role.MASS, self.masses.size)
 
     def by_amplitude_at(self, z: FloatArray) -> float:
         """Change of the logarithm of the modulus of K* per unit of the logarithm of the deflection's amplitude at z."""
         values = zip(z * self.std, self.parameters, strict=True)
-        return float(sum(value for value, parameter in values if parameter.source.kind is SourceKind.AMPLITUDE))
+        return float(sum(value for value, parameter in values if parameter.source.kind is Kind.AMPLITUDE))
 
     def drift_at(self, z: FloatArray, count: int) -> ComplexArray:
         """Drift of log K* of the first `count` specimens over the run at z, (count,) [1] + j [rad]."""
@@ -123,9 +123,7 @@ class Shared(ByValue):
         """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""
         sizes = zip(z * self.std, self.parameters, strict=True)
         return {
-            parameter.source.of: float(value)
-            for value, parameter in sizes
-            if parameter.source.kind is SourceKind.UNSTATED
+            parameter.source.of: float(value) for value, parameter in sizes if parameter.source.kind is Kind.UNSTATED
         }
 
     def found(self, z: FloatArray) -> FloatArray:

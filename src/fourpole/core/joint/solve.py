@@ -33,7 +33,7 @@ _CORRECTIONS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class JointProblem(ByValue):
+class Problem(ByValue):
     """Tests sorted by condition, and what they share.
 
     Attributes
@@ -75,15 +75,15 @@ class JointProblem(ByValue):
         return np.hypot(self.scatter * together, 0.0 if self.apart is None else self.apart)
 
     @property
-    def without_spread(self) -> JointProblem:
+    def without_spread(self) -> Problem:
         """The same tests as if K* of a test were that of its condition."""
         return replace(self, scatter=0.0, apart=None)
 
-    def reweighted(self, whiten: FloatArray) -> JointProblem:
+    def reweighted(self, whiten: FloatArray) -> Problem:
         """The same tests with another matrix of weights."""
         return replace(self, observed=replace(self.observed, whiten=whiten))
 
-    def widened(self, columns: FloatArray) -> JointProblem:
+    def widened(self, columns: FloatArray) -> Problem:
         """The same tests with additional noise along `columns` (N, 6, k), in units of the present noise."""
         covariance = np.eye(6) + columns @ np.swapaxes(columns, 1, 2)
         return self.reweighted(np.linalg.solve(np.linalg.cholesky(covariance), self.observed.whiten))
@@ -205,12 +205,12 @@ class Step(ByValue):
         return float(max(shared.max(initial=0.0), each.max(initial=0.0)))
 
 
-def solve(problem: JointProblem, start: ComplexArray, z: FloatArray | None = None) -> Solution:
+def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) -> Solution:
     """Gauss-Newton iteration on the residuals without the drive; a step that does not help is halved.
 
     Parameters
     ----------
-    problem : JointProblem
+    problem : Problem
         The tests and their weights.
     start : (c,) complex array [N/m]
         First value of K* of each condition.
@@ -263,9 +263,7 @@ def solve(problem: JointProblem, start: ComplexArray, z: FloatArray | None = Non
     return Solution(z, stiffness, step.covariance, step.own, step.slope, step.objective, count, converged, reason)
 
 
-def solve_either(
-    problem: JointProblem, start: ComplexArray, z: FloatArray | None = None
-) -> tuple[JointProblem, Solution]:
+def solve_either(problem: Problem, start: ComplexArray, z: FloatArray | None = None) -> tuple[Problem, Solution]:
     """The solution of a problem; if its search does not converge, of the problem with K1 unknown, and that problem.
 
     K2 and C may vary too fast near their poles to be interpolated; K* itself does not.
@@ -288,7 +286,7 @@ def moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
     return np.asarray(stiffness * np.exp(change / np.maximum(1.0, np.abs(change))))
 
 
-def sweep(problem: JointProblem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> Step:
+def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> Step:
     """Objective and step from all tests; `before` (c, 2, p) is the slope of log K* from the step before."""
     p = len(problem.shared)
     lead = np.zeros((problem.conditions.label.size, 2, p)) if before is None else problem.conditions.lead(before)

@@ -13,8 +13,8 @@ from fourpole.core.confidence import CHANCE
 from fourpole.core.joint.misfit import Candidate, Residuals, is_unlikely, residuals
 from fourpole.core.joint.scatter import MEDIAN, deviations, robust_scatter, scatter_of, squares
 from fourpole.core.joint.shared import DRIFTS, Shared, SharedParameter
-from fourpole.core.joint.solve import JointProblem, Solution, solve_either, with_columns, without_stiffness
-from fourpole.core.sources import Source, SourceKind
+from fourpole.core.joint.solve import Problem, Solution, solve_either, with_columns, without_stiffness
+from fourpole.core.sources import Kind, Source
 
 #: The statement of the rig counts as wrong if all noise is more than this many times that of the recordings.
 NOISE_IN_DOUBT = 2.0
@@ -73,7 +73,7 @@ class SpecimenState(ByValue):
     `start` is the first K* of each condition; `negligible` is false if enlarged noise hides an error of Zr.
     """
 
-    problem: JointProblem
+    problem: Problem
     solution: Solution
     start: ComplexArray
     outlier: FloatArray
@@ -87,7 +87,7 @@ class SpecimenState(ByValue):
         as_stated = not (self.misfit.conflicts or self.misfit.added or self.misfit.rig_error)
         return self.finished and as_stated and (self.negligible or self.misfit.inflation <= NOISE_IN_DOUBT)
 
-    def solve(self, problem: JointProblem, **misfit: Any) -> None:
+    def solve(self, problem: Problem, **misfit: Any) -> None:
         """Solve a changed problem from the present solution; `misfit` has the fields of the misfit that changed."""
         self.misfit = replace(self.misfit, **misfit)
         self.problem, self.solution = solve_either(problem, self.solution.stiffness, self.solution.z)
@@ -198,7 +198,7 @@ def _add_drifts(state: SpecimenState) -> bool:
     return True
 
 
-def goes_with_mass(problem: JointProblem) -> bool:
+def goes_with_mass(problem: Problem) -> bool:
     """Whether repeats at another place in the run have another added mass, too.
 
     An error of a sensor, which acts otherwise with another mass, then looks as a drift does.
@@ -213,20 +213,20 @@ def goes_with_mass(problem: JointProblem) -> bool:
     return bool(place @ place > 0 and rest @ rest < _APART * (place @ place))
 
 
-def _repeated(problem: JointProblem) -> np.ndarray:
+def _repeated(problem: Problem) -> np.ndarray:
     """Numbers of the specimens with a repeated condition."""
     conditions = problem.conditions
     many = conditions.sizes[conditions.label[conditions.first :]] > 1
     return np.unique(problem.observed.specimen[conditions.first :][many])
 
 
-def _with_drifts(problem: JointProblem, specimens: np.ndarray, std: float) -> Shared:
+def _with_drifts(problem: Problem, specimens: np.ndarray, std: float) -> Shared:
     """The shared values with drifts of some specimens."""
     names = problem.names
     added = [
         SharedParameter(Source(kind, names[number]), unit, number, 0.0, std)
         for number in specimens.tolist()
-        for kind, unit in ((SourceKind.DRIFT, "1"), (SourceKind.ANGLE_DRIFT, "rad"))
+        for kind, unit in ((Kind.DRIFT, "1"), (Kind.ANGLE_DRIFT, "rad"))
     ]
     return replace(problem.shared, parameters=(*problem.shared.parameters, *added))
 
@@ -237,7 +237,7 @@ def without_drifts(shared: Shared, z: FloatArray) -> tuple[Shared, FloatArray]:
     return replace(shared, parameters=tuple(shared.parameters[index] for index in kept)), z[kept]
 
 
-def _fall(wider: JointProblem, solution: Solution) -> float:
+def _fall(wider: Problem, solution: Solution) -> float:
     """Fall of the objective [1] if the shared values that `wider` has in addition, 0 so far, become free."""
     p, z = len(wider.shared), np.append(solution.z, np.zeros(len(wider.shared) - solution.z.size))
     triangle = np.hstack([np.eye(p), -z[:, None]])

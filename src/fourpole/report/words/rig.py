@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from fourpole.core.sources import SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role
 from fourpole.findings.facts import natural
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import known
@@ -23,7 +23,7 @@ _LATE = {"%": 5.0, "°": 3.0}
 #: Candidates that are listed, and all that explain the misfit equally well.
 _MOST_CANDIDATES = 4
 #: Two gains whose errors have the same effect on F1/V2.
-_BLIND = {(SourceKind.GAIN, "F1"), (SourceKind.GAIN, "V2")}
+_BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
 #: Notes whose content is given by other sentences of this module.
 _SAID = (NoteCode.MISFIT, NoteCode.OUTLIERS, NoteCode.NOT_CONVERGED, NoteCode.SCATTER)
 
@@ -103,7 +103,7 @@ def _fit(found: RigEstimate) -> str:
 
 
 def _summary(values: Sequence[ShownValue], *, fits: bool) -> str:
-    own = [value for value in values if value.group is not SourceRole.RATIO]
+    own = [value for value in values if value.group is not Role.RATIO]
     if not own:
         return "All values were stated as exact: there was nothing to find."
     count = Counter(value.finding for value in own)
@@ -133,9 +133,7 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
         )
     # A specimen may drift in a rig that fits.
     added = [
-        value.name
-        for value in values
-        if value.finding is RigFinding.UNSTATED and value.group is not SourceRole.SPECIMEN
+        value.name for value in values if value.finding is RigFinding.UNSTATED and value.group is not Role.SPECIMEN
     ]
     if added:
         yield f"The tests show what you did not state: {joined(added)}. The uncertainties of all results include it."
@@ -205,7 +203,7 @@ def _gain(found: RigEstimate) -> str:
 def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     """Undeclared errors that the tests do not show, and what would show them, as sentences."""
     # If the rig does not fit, the misfit already shows an error of the rig, so only errors of channels can be hidden.
-    groups = {SourceRole.RIG, SourceRole.CHANNEL} if found.fits else {SourceRole.CHANNEL}
+    groups = {Role.RIG, Role.CHANNEL} if found.fits else {Role.CHANNEL}
     every = [value for value in values if value.group in groups and _is_hidden(value)]
     # Of these values only an error that all channels have in common is hidden.
     common = [value for value in every if found.massed and _ratios_seen(value, values)]
@@ -215,8 +213,8 @@ def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
         yield _hidden_errors(hidden, massed=found.massed)
     yield from [] if found.massed else _equal_effects(values)
     yield from _trusted_masses(values)
-    if SourceRole.CHANNEL not in {value.group for value in hidden}:
-        groups = groups | {SourceRole.RATIO}
+    if Role.CHANNEL not in {value.group for value in hidden}:
+        groups = groups | {Role.RATIO}
     yield from _late_errors([value for value in values if value.group in groups and value not in common])
 
 
@@ -233,9 +231,7 @@ def _hidden_errors(hidden: Sequence[ShownValue], *, massed: bool) -> str:
     errors, statement, them = "An error", "its statement", "it"
     if len(hidden) > 1:
         errors, statement, them = "Errors", "their statements", "them"
-    remedy = (
-        "a calibration" if all(value.group is SourceRole.CHANNEL for value in hidden) else "a measurement of its own"
-    )
+    remedy = "a calibration" if all(value.group is Role.CHANNEL for value in hidden) else "a measurement of its own"
     return (
         f"{errors} of {_possessives(hidden)} beyond {statement} would not show in these data; "
         f"{remedy if massed else 'a repeat with a weighed mass'} would show {them}."
@@ -245,7 +241,7 @@ def _hidden_errors(hidden: Sequence[ShownValue], *, massed: bool) -> str:
 def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
     """The dependence of all results on the weight of an added mass, with the detection limit of its error."""
     for value in values:
-        if value.group is SourceRole.MASS and value.finding is RigFinding.NOT_DETERMINED:
+        if value.group is Role.MASS and value.finding is RigFinding.NOT_DETERMINED:
             below = "" if value.detection_limit is None or value.hidden else f" below {value.detection_words}"
             yield (
                 f"The scale of the sensors, and so of K*, rests on the weight of the {value.name}: an undeclared error "
@@ -279,15 +275,15 @@ def _is_hidden(value: ShownValue) -> bool:
 
 def _ratios_seen(value: ShownValue, values: Sequence[ShownValue]) -> bool:
     """Whether an error of every channel ratio of the same kind as a channel's value would be detected."""
-    if value.group is not SourceRole.CHANNEL:
+    if value.group is not Role.CHANNEL:
         return False
-    ratios = [other for other in values if other.group is SourceRole.RATIO and other.source.kind is value.source.kind]
+    ratios = [other for other in values if other.group is Role.RATIO and other.source.kind is value.source.kind]
     return bool(ratios) and not any(other.hidden or is_late(other) for other in ratios)
 
 
 def is_late(value: ShownValue) -> bool:
     """Whether the detection limit is large and exceeds six stated standard uncertainties."""
-    if value.detection_limit is None or value.hidden or value.group is SourceRole.MASS:
+    if value.detection_limit is None or value.hidden or value.group is Role.MASS:
         return False
     if value.detection_limit < DECLARED * (value.stated_std or 0.0):
         return False
@@ -298,7 +294,7 @@ def is_late(value: ShownValue) -> bool:
 
 def _possessive(value: ShownValue) -> str:
     """The name of a value inside a sentence: "V1's gain", "the moving mass m"."""
-    return source_in_words(value.source) if value.group is SourceRole.CHANNEL else f"the {value.name}"
+    return source_in_words(value.source) if value.group is Role.CHANNEL else f"the {value.name}"
 
 
 def _possessives(values: Sequence[ShownValue]) -> str:

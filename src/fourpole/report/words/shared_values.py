@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Literal
 
-from fourpole.core.sources import Source, SourceRole
+from fourpole.core.sources import Role, Source
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, with_std
 from fourpole.report.words.sources import in_words
@@ -15,11 +15,11 @@ from fourpole.study.rig_estimate import RigFinding, SharedValue
 DASH = "–"
 #: Groups of values with their headings.
 GROUPS = {
-    SourceRole.RIG: "Rig",
-    SourceRole.CHANNEL: "Channels, measured over true",
-    SourceRole.RATIO: "What K* needs of the channels",
-    SourceRole.MASS: "Added masses",
-    SourceRole.SPECIMEN: "Specimens",
+    Role.RIG: "Rig",
+    Role.CHANNEL: "Channels, measured over true",
+    Role.RATIO: "What K* needs of the channels",
+    Role.MASS: "Added masses",
+    Role.SPECIMEN: "Specimens",
 }
 #: An error of up to this many stated standard uncertainties counts as declared.
 DECLARED = 6.0
@@ -63,9 +63,9 @@ class ShownValue:
         return self.value.finding
 
     @property
-    def group(self) -> SourceRole:
+    def group(self) -> Role:
         """One of `GROUPS`; an unstated part, or a value of an unknown kind, belongs to the rig's values."""
-        return self.source.role if self.source.role in GROUPS else SourceRole.RIG
+        return self.source.role if self.source.role in GROUPS else Role.RIG
 
     def _shown(self, value: float | None, zero: float = 0.0) -> float | None:
         return None if value is None else (value - zero) / self.scale
@@ -90,7 +90,7 @@ class ShownValue:
         known, known_std = getattr(self.value, which), getattr(self.value, f"{which}_std")
         value, std = self._shown(known, self.zero), self._shown(known_std)
         text, about = with_std(value, None if std is None else coverage * std, 5)
-        departure = self.group in (SourceRole.CHANNEL, SourceRole.RATIO, SourceRole.SPECIMEN)
+        departure = self.group in (Role.CHANNEL, Role.RATIO, Role.SPECIMEN)
         if departure and value is not None and value > 0 and text.strip("0."):
             text = f"+{text}"
         return text or DASH, about

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
-from fourpole.core.sources import Source, SourceKind, SourceRole
+from fourpole.core.sources import Kind, Role, Source
 from fourpole.quantities import RIG_VALUES, ShownUnits
 from fourpole.report.words.phrases import SENTENCES
 
 #: Parts of a rig that are not stated: name inside a sentence, name in a table, SI unit, unit shown and its SI value.
 _UNSTATED: dict[str, tuple[str, str, str, str, float]] = SENTENCES["unstated"]
 #: Name of each kind of source inside a sentence, and its remedy before rig and tests are considered.
-_WORDS: dict[SourceKind, tuple[str, str]] = {SourceKind[name]: texts for name, texts in SENTENCES["sources"].items()}
+_WORDS: dict[Kind, tuple[str, str]] = {Kind[name]: texts for name, texts in SENTENCES["sources"].items()}
 
 
 @dataclass(frozen=True)
@@ -43,17 +43,17 @@ _BY_MASS = (
     "unnecessary, or "
 )
 #: Errors of channels that no mass calibrates.
-_NOBODY_STATES = (SourceKind.CROSSTALK, SourceKind.GAIN_DRIFT)
+_NOBODY_STATES = (Kind.CROSSTALK, Kind.GAIN_DRIFT)
 #: Kinds of source that a mass makes needless to calibrate.
-_CALIBRATED = (SourceKind.GAIN, SourceKind.PHASE, SourceKind.DELAY, SourceKind.RESPONSE_GAIN, SourceKind.RESPONSE_PHASE)
+_CALIBRATED = (Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.RESPONSE_GAIN, Kind.RESPONSE_PHASE)
 #: Name, unit shown and its SI value of errors that are 0 where there is none.
 _SIMPLE = {
-    SourceKind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
-    SourceKind.GAIN_DRIFT: ("drift of {}'s gain over the run", "%", 0.01),
-    SourceKind.DRIFT: ("drift of K* of {} over the run", "%", 0.01),
-    SourceKind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
-    SourceKind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
-    SourceKind.DELAY: ("delay of {}", "ms", 1e-3),
+    Kind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
+    Kind.GAIN_DRIFT: ("drift of {}'s gain over the run", "%", 0.01),
+    Kind.DRIFT: ("drift of K* of {} over the run", "%", 0.01),
+    Kind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
+    Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
+    Kind.DELAY: ("delay of {}", "ms", 1e-3),
 }
 
 
@@ -69,11 +69,11 @@ def source_in_words(source: Source) -> str:
 
 
 def _filled(template: str, source: Source) -> str:
-    value = RIG_VALUES[source.of] if source.kind is SourceKind.RIG_VALUE else None
-    name = _UNSTATED[source.of][0] if source.kind is SourceKind.UNSTATED else value.name if value else source.text
+    value = RIG_VALUES[source.of] if source.kind is Kind.RIG_VALUE else None
+    name = _UNSTATED[source.of][0] if source.kind is Kind.UNSTATED else value.name if value else source.text
     return template.format(
         channel=f"{source.of} against {source.under}" if source.under else source.of,
-        name=(source.of or "the specimen") if source.role is SourceRole.SPECIMEN else name,
+        name=(source.of or "the specimen") if source.role is Role.SPECIMEN else name,
         measure="weigh it" if value and value.unit == "kg" else "measure it by itself",
     )
 
@@ -81,14 +81,14 @@ def _filled(template: str, source: Source) -> str:
 def remedy(source: Source, about: About) -> str:
     """The cheapest remedy of a source."""
     text = _filled(_WORDS[source.kind][1], source)
-    if source.kind is SourceKind.RIG_MISFIT or (source.kind is SourceKind.NOISE and not about.fits):
+    if source.kind is Kind.RIG_MISFIT or (source.kind is Kind.NOISE and not about.fits):
         best = f"resolve the misfit first; the best candidate is {about.candidate}"
-        return best if about.candidate else _WORDS[SourceKind.RIG_MISFIT][1]
-    if source.kind is SourceKind.NOISE and about.scatter:
+        return best if about.candidate else _WORDS[Kind.RIG_MISFIT][1]
+    if source.kind is Kind.NOISE and about.scatter:
         return "steady temperature, conditioning and amplitude, then repeat: the scatter of repeats counts as noise"
-    if source.role is SourceRole.RIG:
+    if source.role is Role.RIG:
         return _rig_remedy(text, about)
-    if source.role is SourceRole.CHANNEL and about.massed and source.kind not in _NOBODY_STATES:
+    if source.role is Role.CHANNEL and about.massed and source.kind not in _NOBODY_STATES:
         if about.joint:
             return "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
         return "use the joint route: with the weighed mass it needs no calibrated sensor"
@@ -120,18 +120,18 @@ def in_words(source: Source, unit: str = "", units: ShownUnits | None = None) ->
         name, shown, scale = _SIMPLE[source.kind]
         return name.format(of or "the specimen"), shown, scale, 0.0
     match source.kind:
-        case SourceKind.UNSTATED:
+        case Kind.UNSTATED:
             _, name, unit, shown, scale = _UNSTATED[of]
             shown, scale = (units or ShownUnits()).wanted.get(unit, (shown, scale))
             return name, shown, scale, 0.0
-        case SourceKind.RIG_VALUE:
+        case Kind.RIG_VALUE:
             value = (units or ShownUnits()).of(RIG_VALUES[of])
             return value.name, value.suffix, value.scale, 0.0
-        case SourceKind.GAIN:
+        case Kind.GAIN:
             return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
-        case SourceKind.PHASE:
+        case Kind.PHASE:
             return f"phase of {of} less {under}" if under else f"phase of {of}", "°", pi / 180, 0.0
-        case SourceKind.RESPONSE_GAIN | SourceKind.RESPONSE_PHASE:
-            what = "gain" if source.kind is SourceKind.RESPONSE_GAIN else "phase"
+        case Kind.RESPONSE_GAIN | Kind.RESPONSE_PHASE:
+            what = "gain" if source.kind is Kind.RESPONSE_GAIN else "phase"
             return f"calibrated response of {of}, {what}, in its u", "", 1.0, 0.0
     return source.text.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0
