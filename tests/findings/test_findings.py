@@ -12,7 +12,7 @@ from fourpole.findings.facts import Curve
 from fourpole.findings.levels import Comparison, Departure, Level
 from fourpole.findings.resonances import Crossing, Crossings, Prediction, Resonance, ResonanceOrder, peak
 from fourpole.findings.trends import Trend
-from fourpole.findings.verdicts import CheckRow, Tally, VerdictReason, checks_by_test
+from fourpole.findings.verdicts import CheckRow, Reason, Tally, checks_by_test
 from fourpole.study.study import Study
 
 pytestmark = pytest.mark.thorough
@@ -273,7 +273,7 @@ def test_tests_are_counted_by_their_worst_verdict():
     found = found_in({"A": Tyre()}, verdicts=verdicts)
     tally = only(found, Tally)
     assert (tally.detail, tally.holds) == (Tally(42, 1, 1), Holds.SOME_USED)
-    doubts = {each.holds: each.tests for each in found if isinstance(each.detail, VerdictReason)}
+    doubts = {each.holds: each.tests for each in found if isinstance(each.detail, Reason)}
     assert doubts == {Holds.REJECTED: ("D1",), Holds.WARNING: ("S2",)}
 
 
@@ -427,8 +427,8 @@ def test_a_doubt_has_the_code_of_its_check_or_the_remark():
     verdicts = {"D1": ("rejected", "F1 is clipped"), "D2": ("warning", "look; again")}
     results = Tables({"A": Tyre()}, verdicts=verdicts).results()
     found = findings(Study(tables=results.tables, checks=checks))
-    doubts = [each.detail for each in found if isinstance(each.detail, VerdictReason)]
-    assert doubts == [VerdictReason(Code.CLIPPING), VerdictReason(None, "look")]
+    doubts = [each.detail for each in found if isinstance(each.detail, Reason)]
+    assert doubts == [Reason(Code.CLIPPING), Reason(None, "look")]
 
 
 def test_rejections_of_one_kind_are_one_reason():
@@ -443,6 +443,6 @@ def test_rejections_of_one_kind_are_one_reason():
     ]  # fmt: skip
     tables = Tables({"A": Tyre()}, verdicts=rejected).results().tables
     found = findings(Study(tables=tables, checks=pl.DataFrame(rows, schema_overrides={"statistic": pl.Float64})))
-    doubts = [each for each in found if isinstance(each.detail, VerdictReason)]
+    doubts = [each for each in found if isinstance(each.detail, Reason)]
     assert [each.tests for each in doubts] == [("D1", "D2", "D3", "D4", "D5"), ("D6",)]
     assert doubts[0].detail.remark.startswith("tests.csv row 2: tyre 'T 1'")

@@ -7,7 +7,7 @@ import pytest
 from fourpole import analyse
 from fourpole.core.checks import Code
 from fourpole.findings import findings
-from fourpole.findings.verdicts import VerdictReason
+from fourpole.findings.verdicts import Reason
 from fourpole.report.page import render_report
 from fourpole.report.words.sentence import sentences
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
@@ -48,7 +48,7 @@ def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague)
     assert results.dynamic["verdict"].to_list() == ["rejected"] * 3
     assert len(set(results.dynamic["remarks"])) == 3
     found = findings(results)
-    assert [(one.detail.code, one.tests) for one in found if isinstance(one.detail, VerdictReason)] == [
+    assert [(one.detail.code, one.tests) for one in found if isinstance(one.detail, Reason)] == [
         (Code.PASSIVE_ARM, ("D1", "D2", "D3"))
     ]
     remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
@@ -61,7 +61,7 @@ def test_the_commonest_warning_stands_once_in_the_report(vague, monte_carlo):
     results = analyse(vague, monte_carlo=monte_carlo)
     assert results.dynamic["verdict"].to_list() == ["warning"] * 3
     found = findings(results)
-    doubts = [(one.detail.code, one.tests) for one in found if isinstance(one.detail, VerdictReason)]
+    doubts = [(one.detail.code, one.tests) for one in found if isinstance(one.detail, Reason)]
     assert doubts == [(Code.UNCERTAINTY, ("D1", "D2", "D3"))]
     remarks = remarks_of(render_report(results, findings=sentences(found), figures={}))
     assert remarks.count(template(Code.UNCERTAINTY, "short")) == 1

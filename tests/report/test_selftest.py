@@ -11,7 +11,7 @@ import pytest
 from tests.report.mutants import mutated
 
 from fourpole.report.selftest.cases import campaign_names, cases, compared_campaign, compared_case, reference
-from fourpole.report.selftest.compared import ReferenceComparison, failed, number, word
+from fourpole.report.selftest.compared import Compared, failed, number, word
 from fourpole.report.selftest.page import HEADS, render_selftest, selftest_csv
 from fourpole.report.selftest.run import self_test
 
@@ -132,9 +132,7 @@ def test_a_value_passes_within_its_tolerance_only():
     assert number("a", "f", "K2", "N/m", "2.0", float("inf"), 1.0).share == float("inf")
     assert word("a", "f", "verdict", "ok", "ok").good
     assert not word("a", "f", "verdict", "ok", "warning").good
-    assert failed("a", "f", "K2", "an error") == ReferenceComparison(
-        "a", "f", "K2", "", "a value", "an error", None, None, False
-    )
+    assert failed("a", "f", "K2", "an error") == Compared("a", "f", "K2", "", "a value", "an error", None, None, False)
 
 
 def test_a_function_that_ends_with_an_error_fails_and_does_not_stop_the_test(known, monkeypatch):

@@ -30,7 +30,7 @@ from fourpole.findings.finding import UNSTATED
 from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Extremum, Trend
-from fourpole.findings.verdicts import Tally, VerdictReason
+from fourpole.findings.verdicts import Reason, Tally
 from fourpole.quantities import CYCLE_LOSS, K1, K2, NONLINEARITY, TR, C
 from fourpole.report.words.claims import STATEMENTS, claims_summary
 from fourpole.report.words.sentence import Sentence, headline, sentences
@@ -74,13 +74,8 @@ def test_the_number_of_tests(tally, text):
 @pytest.mark.parametrize(
     ("detail", "holds", "tests", "text"),
     [
-        (
-            VerdictReason(Code.CLIPPING),
-            Holds.REJECTED,
-            2,
-            f"Do not trust D1 and D2: {template(Code.CLIPPING, 'short')}.",
-        ),
-        (VerdictReason(None, "why"), Holds.WARNING, 12, "Use with care {ten} and 2 more (12 tests): why."),
+        (Reason(Code.CLIPPING), Holds.REJECTED, 2, f"Do not trust D1 and D2: {template(Code.CLIPPING, 'short')}."),
+        (Reason(None, "why"), Holds.WARNING, 12, "Use with care {ten} and 2 more (12 tests): why."),
     ],
 )
 def test_tests_not_to_trust(detail, holds, tests, text):
@@ -589,7 +584,7 @@ def test_a_sentence_names_its_tests_where_it_is_about_tests():
     bad = pl.when(pl.col("test") == "D12").then(1.2).otherwise(1.0)
     found = found_in(Study(results.static, results.dynamic.with_columns(pl.col("TR measured [1]") * bad)))
     named = {type(one.detail): each.tests for one, each in zip(found, sentences(found), strict=True) if each.tests}
-    assert named == {VerdictReason: ("D3",), Prediction: ("D12",)}
+    assert named == {Reason: ("D3",), Prediction: ("D12",)}
 
 
 @pytest.mark.parametrize("kind", ["one test", "static only", "dynamic only"])
@@ -633,7 +628,7 @@ def test_where_nothing_is_used_the_headline_is_the_number_of_tests():
     tables.pressures = tables.pressures[:2]
     for results in (empty, tables.results()):
         found = found_in(results)
-        assert {type(each.detail) for each in found[1:]} <= {VerdictReason}
+        assert {type(each.detail) for each in found[1:]} <= {Reason}
         assert headline(found) == [sentences(found)[0].text]
 
 

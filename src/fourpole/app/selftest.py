@@ -8,7 +8,7 @@ from typing import Any
 from fourpole.app.console import OK, SOME_REJECTED, out, print_json, print_table, progress, warn
 from fourpole.errors import FileError
 from fourpole.io.write import beside, write_text
-from fourpole.report.selftest.compared import ReferenceComparison
+from fourpole.report.selftest.compared import Compared
 from fourpole.report.selftest.page import render_selftest, selftest_csv, shown_share, verdict_of
 from fourpole.report.selftest.run import SelfTest, self_test
 
@@ -55,7 +55,7 @@ def _show(test: SelfTest, files: list[Path]) -> None:
         out(f"written: {path}")
 
 
-def _difference(one: ReferenceComparison) -> str:
+def _difference(one: Compared) -> str:
     """What was expected and found of a value that fails."""
     if one.difference is None:
         return f"expected {one.expected}, found {one.found}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fourpole import quantities as q
-from fourpole.findings.conformity import LimitDecision
+from fourpole.findings.conformity import Decision
 from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.digits import in_unit, with_interval
@@ -35,7 +35,7 @@ def summary_lines(results: Study) -> list[str]:
     return lines
 
 
-def limit_lines(results: Study, held: Sequence[LimitDecision]) -> list[str]:
+def limit_lines(results: Study, held: Sequence[Decision]) -> list[str]:
     """The verdict on the limits in one line; none where no limits are stated."""
     if not held:
         return []

@@ -120,7 +120,8 @@ def _dynamic(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
     """A variable per column of dynamic.csv."""
     table = typed(source.dynamic)
     columns = [name for name in table.columns if name not in _PLACED]
-    fields = _fields(columns)
+    # the frequency found in a recording is not the nominal frequency of the grid
+    fields = {**field_names(columns, taken=_TAKEN), q.FREQUENCY.head: "frequency_found"}
     held = _ancillary(columns, fields)
     variables = {field: _variable(table, column, grid, held.get(column, "")) for column, field in fields.items()}
     values = np.arange(len(_VERDICTS), dtype=np.int8)
@@ -129,11 +130,6 @@ def _dynamic(source: ExportTables, grid: _Grid) -> dict[str, Variable]:
     placed = grid.placed(np.array(flags, dtype=np.int8), -1)
     variables["verdict"] = (grid.dimensions, placed, {"long_name": "verdict on the test", **attributes})
     return variables
-
-
-def _fields(columns: Sequence[str]) -> dict[str, str]:
-    """Names of variables; the frequency found in a recording is not the nominal frequency of the grid."""
-    return {**field_names(columns, taken=_TAKEN), q.FREQUENCY.head: "frequency_found"}
 
 
 def _ancillary(columns: Sequence[str], fields: Mapping[str, str]) -> dict[str, str]:

@@ -36,7 +36,7 @@ class Conformity(StrEnum):
 
 
 @dataclass(frozen=True)
-class LimitDecision:
+class Decision:
     """One result held against one limit.
 
     Attributes
@@ -74,7 +74,7 @@ class LimitDecision:
     warned: tuple[str, ...] = ()
 
 
-def judged(results: Study) -> tuple[LimitDecision, ...]:
+def judged(results: Study) -> tuple[Decision, ...]:
     """Each result to which a limit applies, held against it.
 
     A result passes if its whole coverage interval is within the limits, and fails if its whole interval is beyond one
@@ -106,13 +106,13 @@ def judged(results: Study) -> tuple[LimitDecision, ...]:
     return tuple(result for number, limit in enumerate(limits, start=1) for result in _held(number, limit, known))
 
 
-def outcome_of(results: Sequence[LimitDecision]) -> Conformity:
+def outcome_of(results: Sequence[Decision]) -> Conformity:
     """The outcome of all results together: the worst one; pass without any."""
     order = list(Conformity)
     return max((result.outcome for result in results), key=order.index, default=Conformity.PASS)
 
 
-def conformity_rows(results: Sequence[LimitDecision]) -> list[dict[str, Any]]:
+def conformity_rows(results: Sequence[Decision]) -> list[dict[str, Any]]:
     """The results held against limits as rows for programs, in SI; a value that is not there is None."""
     return [
         {
@@ -188,7 +188,7 @@ def _temperatures(facts: Facts) -> dict[str, float]:
     return {name: sum(values) / len(values) for name, values in warm.items()}
 
 
-def _held(number: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterator[LimitDecision]:
+def _held(number: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Iterator[Decision]:
     """One limit against each result that it applies to."""
     quantity = LIMITED[limit["quantity"]]
     low, high = limit.get("low"), limit.get("high")
@@ -204,13 +204,13 @@ def _held(number: int, limit: Mapping[str, Any], known: Sequence[_Known]) -> Ite
         and all(_AXES[axis].same(result.condition.get(axis), value) for axis, value in wanted.items())
     ]
     if not concerned:
-        yield LimitDecision(number, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
+        yield Decision(number, quantity, name, wanted, low, high, None, None, Conformity.UNDECIDED, None)
     least, most = -inf if low is None else low, inf if high is None else high
     for result in concerned:
         value, interval = result.value, result.skewed or ends_of(result.value)
         probability = None if result.skewed else share_within(value.value, value.std, least, most)
         decision = interval, _outcome(interval, least, most), probability, result.warned
-        yield LimitDecision(number, quantity, result.names[0], result.condition, low, high, value, *decision)
+        yield Decision(number, quantity, result.names[0], result.condition, low, high, value, *decision)
 
 
 def _outcome(interval: tuple[float, float], low: float, high: float) -> Conformity:

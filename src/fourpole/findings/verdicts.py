@@ -45,7 +45,7 @@ class Tally:
 
 
 @dataclass(frozen=True)
-class VerdictReason:
+class Reason:
     """Why tests were rejected or have a warning: the code of a check, or the start of the remark if there is none."""
 
     kind: ClassVar[str] = "doubt"
@@ -92,16 +92,14 @@ def verdicts(facts: Facts) -> list[Finding]:
     checks = checks_by_test(facts.results.checks)
     doubts = [*_of_verdict(Holds.REJECTED, rows, checks), *_of_verdict(Holds.WARNING, rows, checks)]
     # A specimen that is not linear comes first, because all other checks assume a linear one.
-    doubts.sort(
-        key=lambda finding: not (isinstance(finding.detail, VerdictReason) and finding.detail.code is Code.LINEARITY)
-    )
+    doubts.sort(key=lambda finding: not (isinstance(finding.detail, Reason) and finding.detail.code is Code.LINEARITY))
     return [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used), *doubts]
 
 
 def _of_verdict(holds: Holds, rows: Sequence[Row], checks: Mapping[str, Sequence[CheckRow]]) -> list[Finding]:
     """The tests of a verdict by reason, the commonest reason first."""
-    reasons: dict[VerdictReason, set[str]] = {}
-    alike: dict[object, VerdictReason] = {}
+    reasons: dict[Reason, set[str]] = {}
+    alike: dict[object, Reason] = {}
     for row in (row for row in rows if row["verdict"] == holds):
         for doubt, kind in _doubts(checks.get(row["test"], ()), row["verdict"], row["remarks"] or ""):
             reasons.setdefault(doubt if doubt.code else alike.setdefault(kind, doubt), set()).add(row["test"])
@@ -111,14 +109,14 @@ def _of_verdict(holds: Holds, rows: Sequence[Row], checks: Mapping[str, Sequence
     return [Finding(Topic.TRUST, None, (), holds, doubt, tests=in_order(reasons[doubt])) for doubt in order]
 
 
-def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> Sequence[tuple[VerdictReason, object]]:
+def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> Sequence[tuple[Reason, object]]:
     """The reasons of a verdict with their kinds: the checks that gave it, or the first remark without a short form.
 
     A specimen that is not linear is a reason of a rejection, too.
     """
     reasons = [check for check in checks if check.verdict == verdict or check.code is Code.LINEARITY]
-    short = [(VerdictReason(check.code), check.kind) for check in reasons if check.cause]
-    return short or [(VerdictReason(None, _beginning(remarks)), kind_of(reasons, remarks))]
+    short = [(Reason(check.code), check.kind) for check in reasons if check.cause]
+    return short or [(Reason(None, _beginning(remarks)), kind_of(reasons, remarks))]
 
 
 def checks_by_point(checks: pl.DataFrame) -> dict[Key, list[CheckRow]]:

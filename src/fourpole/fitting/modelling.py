@@ -38,7 +38,7 @@ from fourpole.fitting.shifting import TemperatureFile
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence
 from fourpole.models.causality import Possible, check_possible, near_passive
-from fourpole.models.choice import AUTO, STOPPED, Choice, ModelCandidate, choose, fit_conditions, fixed_of
+from fourpole.models.choice import AUTO, STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import by_amplitude, for_maps, model_named, sizes_of
@@ -70,7 +70,7 @@ class TyreFit(ByValue):
         Data of the fits: the model discrepancy is added to their uncertainty.
     choice : Choice
         Comparison of the models.
-    chosen : ModelCandidate
+    chosen : Trial
         The best model, fitted to `data`.
     intervals : tuple of (P, 2) float arrays
         95 % profile-likelihood intervals of each condition.
@@ -88,7 +88,7 @@ class TyreFit(ByValue):
     measured: tuple[Measured, ...]
     data: tuple[StiffnessData, ...]
     choice: Choice
-    chosen: ModelCandidate
+    chosen: Trial
     intervals: tuple[FloatArray, ...]
     verdicts: tuple[Possible, ...]
     discrepancy: float
@@ -250,8 +250,8 @@ def _not_compared(choice: Choice) -> list[str]:
 
 
 def _widened(
-    best: ModelCandidate, data: Sequence[StiffnessData], held: Sequence[Mapping[str, float]]
-) -> tuple[ModelCandidate, list[StiffnessData], float]:
+    best: Trial, data: Sequence[StiffnessData], held: Sequence[Mapping[str, float]]
+) -> tuple[Trial, list[StiffnessData], float]:
     """The candidate with the discrepancy [1] of its model, and the data to whose uncertainty this is added."""
     more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
     wider = [with_error(one, more) for one in data]
@@ -276,12 +276,12 @@ def _discrepancy(
 
 
 def _sharing(
-    best: ModelCandidate,
+    best: Trial,
     measured: Sequence[Measured],
     discrepancy: float,
     share: Sequence[str],
     held: Sequence[Mapping[str, float]],
-) -> ModelCandidate:
+) -> Trial:
     """The candidate with one fit to all conditions, in which some parameters have one value for all."""
     if not share:
         return best
@@ -414,7 +414,7 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
     )
 
 
-def _candidate_entry(one: ModelCandidate) -> CandidateFile:
+def _candidate_entry(one: Trial) -> CandidateFile:
     plain = ("free", "chi2", "dof", "aicc", "bic", "on_bound", "not_converged")
     return CandidateFile(
         model=one.name,

@@ -14,7 +14,7 @@ from fourpole.core.condition import AXES
 from fourpole.errors import ModelError
 from fourpole.fitting.measured import Measured
 from fourpole.fitting.modelparts import Strict
-from fourpole.models.choice import ModelCandidate, fixed_of
+from fourpole.models.choice import Trial, fixed_of
 from fourpole.models.discrepancy import with_error
 from fourpole.models.over_pressure import PressureFit, fit_over_pressures
 
@@ -85,13 +85,13 @@ def check_pressures(where: str, records: Sequence[PressureFile], states: Sequenc
 
 
 def share_over_pressures(
-    best: ModelCandidate,
+    best: Trial,
     measured: Sequence[Measured],
     discrepancy: float,
     held: Sequence[Mapping[str, float]],
     share: Sequence[str],
     common: Sequence[FloatArray],
-) -> tuple[ModelCandidate, tuple[OverPressures, ...]]:
+) -> tuple[Trial, tuple[OverPressures, ...]]:
     """The candidate with one set of parameters for all pressures, where its model has the pressure as a parameter."""
     model = best.fit.model
     if not model.pressure:

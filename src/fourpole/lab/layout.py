@@ -55,13 +55,9 @@ class LabTable:
 
 def _table(spec: TableSpec, *needed: q.Quantity, further: Mapping[str, Any], keyed: bool = True) -> LabTable:
     first = {q.TEST.head: pl.String, q.POINT.head: pl.Int64} if keyed else {}
-    plain = {head: _plain(kind) for head, kind in spec.columns.items()}
+    # a list in place of an array of fixed length, which not every reader knows
+    plain = {head: pl.List(pl.Float64) if isinstance(kind, pl.Array) else kind for head, kind in spec.columns.items()}
     return LabTable(spec, {**ORIGIN, **first, **plain, **further}, tuple(quantity.head for quantity in needed))
-
-
-def _plain(kind: Any) -> Any:
-    """A list in place of an array of fixed length, which not every reader knows."""
-    return pl.List(pl.Float64) if isinstance(kind, pl.Array) else kind
 
 
 #: Tables of the data set by name.

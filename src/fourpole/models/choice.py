@@ -39,7 +39,7 @@ _NO_WEIGHT = 1e6
 
 
 @dataclass(frozen=True)
-class ModelCandidate:
+class Trial:
     """One model fitted to all conditions, with parameters of its own for each.
 
     Attributes
@@ -110,7 +110,7 @@ class Choice:
 
     Attributes
     ----------
-    candidates : tuple of ModelCandidate
+    candidates : tuple of Trial
         Rising in BIC: the best model is the first.
     alike : tuple of str
         Names of models as good as the best, of which the best is not a special case.
@@ -122,7 +122,7 @@ class Choice:
         The best model, and the reason for the choice.
     """
 
-    candidates: tuple[ModelCandidate, ...]
+    candidates: tuple[Trial, ...]
     alike: tuple[str, ...]
     unneeded: tuple[str, ...]
     failed: tuple[tuple[str, str], ...]
@@ -134,11 +134,11 @@ class Choice:
         return any(reason == STOPPED for _, reason in self.failed)
 
     @property
-    def best(self) -> ModelCandidate:
+    def best(self) -> Trial:
         """The candidate with the least BIC."""
         return self.candidates[0]
 
-    def named(self, name: str) -> ModelCandidate:
+    def named(self, name: str) -> Trial:
         """The candidate of a model, by its name."""
         return next(one for one in self.candidates if one.name == name)
 
@@ -196,7 +196,7 @@ def choose(
     return Choice(tuple(candidates), alike, unneeded, failed, _text(candidates, alike, unneeded))
 
 
-def _as_good(candidates: Sequence[ModelCandidate]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _as_good(candidates: Sequence[Trial]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of models as good as the best, of which it is not a special case, and of which it is one."""
     best, *others = candidates
     near = [one.name for one in others if one.bic - best.bic < _ALIKE]
@@ -206,9 +206,9 @@ def _as_good(candidates: Sequence[ModelCandidate]) -> tuple[tuple[str, ...], tup
 
 def _fitted(
     names: Sequence[str], conditions: Sequence[StiffnessData], known: Sequence[Mapping[str, float]]
-) -> tuple[list[ModelCandidate], tuple[tuple[str, str], ...]]:
+) -> tuple[list[Trial], tuple[tuple[str, str], ...]]:
     """The models that could be fitted, and the others with the reason; ModelError if there is no fit."""
-    candidates: list[ModelCandidate] = []
+    candidates: list[Trial] = []
     failed = []
     for name in names:
         try:
@@ -279,9 +279,9 @@ def fixed_of(model: Model, given: Sequence[Mapping[str, float]]) -> dict[str, Fl
 
 def _growing(
     family: str, sizes: Sequence[int], conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
-) -> list[ModelCandidate]:
+) -> list[Trial]:
     """The fits of a family, rising in size, until larger sizes do not reduce the BIC."""
-    found: list[ModelCandidate] = []
+    found: list[Trial] = []
     for size in sizes:
         try:
             found.append(_candidate(model_named(f"{family}:{size}"), conditions, given))
@@ -294,9 +294,7 @@ def _growing(
     return found
 
 
-def _candidate(
-    model: Model, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
-) -> ModelCandidate:
+def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> Trial:
     """One model fitted to all conditions, with its information criteria."""
     fits = fit_conditions(model, conditions, given)
     aicc = bic = 0.0
@@ -306,11 +304,11 @@ def _candidate(
         free = count - one.dof
         aicc += float(one.chi2) + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
         bic += float(one.chi2) + free * float(np.log(count))
-    return ModelCandidate(fits, aicc, bic)
+    return Trial(fits, aicc, bic)
 
 
 def _cross_validate(
-    candidates: list[ModelCandidate], conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
+    candidates: list[Trial], conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
 ) -> None:
     """Give the candidates near the best one their cross-validation error."""
     limit = candidates[0].bic + _WORTH * len(conditions)
@@ -320,7 +318,7 @@ def _cross_validate(
 
 
 def _cross_validation_error(
-    candidate: ModelCandidate, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
+    candidate: Trial, conditions: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]
 ) -> float:
     """Root mean square residual of frequencies, in standard uncertainties, from fits to the other four fifths."""
     model = candidate.fit.model
@@ -362,7 +360,7 @@ def _without(data: StiffnessData, unused: BoolArray) -> StiffnessData:
     return StiffnessData(**wide, covariance=covariance, **data.ramp)
 
 
-def _text(candidates: Sequence[ModelCandidate], alike: Sequence[str], unneeded: Sequence[str]) -> str:
+def _text(candidates: Sequence[Trial], alike: Sequence[str], unneeded: Sequence[str]) -> str:
     """The best model and the reason for the choice, in sentences; the last one without its full stop."""
     best = candidates[0]
     many = f" in {len(best.fits)} conditions" if len(best.fits) > 1 else ""
@@ -378,7 +376,7 @@ def _text(candidates: Sequence[ModelCandidate], alike: Sequence[str], unneeded: 
     return ". ".join([first, *_comparison(candidates, alike, unneeded)])
 
 
-def _comparison(candidates: Sequence[ModelCandidate], alike: Sequence[str], unneeded: Sequence[str]) -> Iterator[str]:
+def _comparison(candidates: Sequence[Trial], alike: Sequence[str], unneeded: Sequence[str]) -> Iterator[str]:
     """Sentences on the models that are as good as the best, or on the next one, and on a simulation in time."""
     best, *others = candidates
     rivals = [one for one in others if not contains(one.name, best.name)]

@@ -13,7 +13,7 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.errors import UnitError
-from fourpole.findings.conformity import Conformity, LimitDecision, judged, outcome_of
+from fourpole.findings.conformity import Conformity, Decision, judged, outcome_of
 from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Topic
 from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, summary
@@ -37,7 +37,7 @@ _KINDS = {Conformity.PASS: Verdict.OK, Conformity.UNDECIDED: Verdict.WARNING, Co
 _AXES = {"pressure": q.PRESSURE, "preload": q.PRELOAD, "temperature": q.TEMPERATURE, "frequency": q.FREQUENCY}
 
 
-def verdict_line(results: Study, held: Sequence[LimitDecision]) -> SimpleNamespace:
+def verdict_line(results: Study, held: Sequence[Decision]) -> SimpleNamespace:
     """The verdict in one line: on the limits if some are stated, else the number of tests by verdict."""
     counts = verdict_counts(results.static, results.dynamic)
     if not held:
@@ -69,7 +69,7 @@ def _against_limits(row: SimpleNamespace) -> str:
     return f"{row.quantity} of {row.condition} {measured}; the limits are {within}"
 
 
-def conformity_table(results: Study, held: Sequence[LimitDecision]) -> SimpleNamespace | None:
+def conformity_table(results: Study, held: Sequence[Decision]) -> SimpleNamespace | None:
     """The limits with their results, and the rule of the decision; None without limits."""
     if not held:
         return None
@@ -89,7 +89,7 @@ def conformity_table(results: Study, held: Sequence[LimitDecision]) -> SimpleNam
     )
 
 
-def _judged_row(one: LimitDecision, shown: ShownUnits) -> SimpleNamespace:
+def _judged_row(one: Decision, shown: ShownUnits) -> SimpleNamespace:
     """One result and its limits in the unit shown."""
     quantity, value, about = shown.of(one.quantity), "", ""
     scale = quantity.scale

@@ -22,7 +22,7 @@ from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.stream import StreamSource, stream, times_of
 from fourpole.study.identify import no_rig, possible_route
 from fourpole.study.load import source_of
-from fourpole.study.reduce import ROUTE_NEEDS, ReductionJob, jobs_of
+from fourpole.study.reduce import ROUTE_NEEDS, Reduction, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 from fourpole.study.workers import check_part_of, pool_of
 from fourpole.words import kind_of, remark_of, why_no_k1
@@ -179,7 +179,7 @@ class _Inspection:
     problems: dict[CampaignProblem, None] = field(default_factory=dict)  # a set that keeps their order
     paths: dict[str, Path] = field(default_factory=dict)
 
-    def test(self, job: ReductionJob) -> None:
+    def test(self, job: Reduction) -> None:
         """Check one test by itself: its row, its file, and the first part of a dynamic recording."""
         test, about = job.test, "file"
         if test.problem:

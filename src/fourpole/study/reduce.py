@@ -72,7 +72,7 @@ _UNKNOWN = Phasors(
 
 
 @dataclass(frozen=True)
-class ReductionJob:
+class Reduction:
     """The reduction of one recording, with all its inputs but the files; any executor can run it.
 
     Attributes
@@ -114,19 +114,19 @@ class ReductionJob:
 
 
 #: The classes of which a job is made, for the worker process.
-OF_WORK = (ReductionJob, Rig, Test, *CHANNEL_CLASSES)
+OF_WORK = (Reduction, Rig, Test, *CHANNEL_CLASSES)
 
 
-def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[ReductionJob]:
+def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Reduction]:
     """The job of each test, for a route."""
     channels, responses, needed = campaign.stated.channels, response_hashes(campaign), ROUTE_NEEDS[route]
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     folder = campaign.folder.absolute()  # a worker of a cluster has another working folder
     remote = permission(test.file for test in tests)
-    return [ReductionJob(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
+    return [Reduction(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
 
 
-def demodulated(job: ReductionJob) -> Demodulated:
+def demodulated(job: Reduction) -> Demodulated:
     """The heavy part of a job: all that the recording gives, whatever the rig; an error is a check that rejects it."""
     sha256 = ""
     try:
@@ -147,7 +147,7 @@ def demodulated(job: ReductionJob) -> Demodulated:
     return Demodulated(checks=(check,), sha256=sha256, lasting=lasting)
 
 
-def points_of(job: ReductionJob, done: Demodulated) -> Points:
+def points_of(job: Reduction, done: Demodulated) -> Points:
     """The rows of one recording, with the checks that depend on the statement of the campaign."""
     result = done.found
     phasors, columns = _UNKNOWN, dict[str, np.ndarray]()
@@ -185,7 +185,7 @@ def _columns_of(lines: Excited) -> dict[str, np.ndarray]:
     return columns
 
 
-def _checks_of_lines(job: ReductionJob, lines: Excited, done: Demodulated) -> Iterator[tuple[Check, ...]]:
+def _checks_of_lines(job: Reduction, lines: Excited, done: Demodulated) -> Iterator[tuple[Check, ...]]:
     """The checks of each line; those of all lines together stand at the first, and at each line if they are not ok.
 
     On a doubtful line, noise would look like a wrong sign of F1.
@@ -214,7 +214,7 @@ def _sensors(channels: ChannelsFile) -> Sensors:
     return Sensors(*(tuple([*values, 0.0, 0.0][:2]) for values in stds))
 
 
-def demodulated_part(job: ReductionJob, path: Path, part: float | None = None) -> Demodulated:
+def demodulated_part(job: Reduction, path: Path, part: float | None = None) -> Demodulated:
     """Amplitudes of all stated channels; a damaged channel that the route does not need is left out with a warning.
 
     With `part` [s], only the first part of this length is used.
@@ -274,7 +274,7 @@ def _preview(recording: Recording) -> Preview | None:
     return raw_preview(tracks[0], len(roles)) if len(tracks) == 1 else None
 
 
-def loaded(job: ReductionJob, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
+def loaded(job: Reduction, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
     """The recording with all stated channels, or with the needed channels only, and its checks."""
     roles = _stated_roles(job)
     spare = [role for role in roles if role not in job.needed]
@@ -296,7 +296,7 @@ def loaded(job: ReductionJob, path: Path, part: float | None = None) -> tuple[Re
     return recording, [*(_left_out(role, because) for role, because in lost), *timed]
 
 
-def _stated_roles(job: ReductionJob) -> list[str]:
+def _stated_roles(job: Reduction) -> list[str]:
     """Roles of the channels that [channels] states; TableError if the route needs another one."""
     driven = (DRIVE,) if job.test.band is not None else ()
     roles = [role for role in (*driven, *CHANNELS) if job.channels.line(role) is not None]
@@ -333,7 +333,7 @@ def unclipped(recording: Recording, needed: tuple[str, ...]) -> tuple[Recording,
     return recording, clipped
 
 
-def _checks_of_sine(job: ReductionJob, result: Demodulation, mean_force: float) -> Iterator[Check]:
+def _checks_of_sine(job: Reduction, result: Demodulation, mean_force: float) -> Iterator[Check]:
     """The checks of one demodulated test; a fault of a channel that the route does not need is a warning."""
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, rig, frequency = job.test, job.rig, float(result.phasors.frequency)
@@ -375,7 +375,7 @@ def response_hashes(campaign: Campaign) -> dict[str, str]:
 # --- the first part of a recording, by which a campaign is checked before its analysis --------------------------------
 
 
-def check_part(job: ReductionJob) -> tuple[Check, ...]:
+def check_part(job: Reduction) -> tuple[Check, ...]:
     """Checks of the first part of a recording that reject the test or leave out a channel.
 
     The part has at most 2 s or 20 cycles, whichever is longer. If no frequency is stated, the cycles are those of the
@@ -410,7 +410,7 @@ def _of_interest(checks: Sequence[Check], *, windowed: bool) -> Iterator[Check]:
     yield from (check for check in checks if check.verdict is Verdict.WARNING and check.code is Code.LEFT_OUT)
 
 
-def _shown_frequency(job: ReductionJob, path: Path, recording: Recording) -> float:
+def _shown_frequency(job: Reduction, path: Path, recording: Recording) -> float:
     """Frequency of the drive [Hz], from the first part; its length is doubled until it has enough cycles."""
     length = _PART
     while (frequency := first_guess(recording)) * length < _CYCLES_OF_PART and recording.duration > 0.9 * length:
@@ -419,7 +419,7 @@ def _shown_frequency(job: ReductionJob, path: Path, recording: Recording) -> flo
     return frequency
 
 
-def _is_plain(job: ReductionJob, recording: Recording) -> bool:
+def _is_plain(job: Reduction, recording: Recording) -> bool:
     """Whether a sine fit at a first guess of the frequency shows that no check rejects the recording."""
     near, preload, rig = job.test.value("frequency"), job.test.value("preload"), job.rig
     if any(channel.chain or channel.crosstalk for channel in recording.channels.values()):

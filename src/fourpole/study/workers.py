@@ -35,7 +35,7 @@ from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
 from fourpole.study.points import Demodulated, Points
 from fourpole.study.reduce import OF_WORK as OF_JOB
-from fourpole.study.reduce import ReductionJob, check_part, demodulated, points_of
+from fourpole.study.reduce import Reduction, check_part, demodulated, points_of
 
 #: Largest number of worker processes that is chosen by itself.
 _MOST = 8
@@ -58,17 +58,17 @@ Answer: TypeAlias = "Demodulated | str"
 OF_WORK = OF_JOB
 
 
-def run_batch(jobs: Sequence[ReductionJob], seconds: float, guarded: bool) -> list[Answer]:
+def run_batch(jobs: Sequence[Reduction], seconds: float, guarded: bool) -> list[Answer]:
     """Demodulate recordings one after the other: the task of any executor; see `run_job`."""
     return [run_job(job, seconds, guarded=guarded) for job in jobs]
 
 
-def run_job(job: ReductionJob, seconds: float, *, guarded: bool = False) -> Answer:
+def run_job(job: Reduction, seconds: float, *, guarded: bool = False) -> Answer:
     """Demodulate a recording.
 
     Parameters
     ----------
-    job : ReductionJob
+    job : Reduction
         The job.
     seconds : float [s]
         Limit of the processor time; a large file has more.
@@ -92,12 +92,12 @@ def run_job(job: ReductionJob, seconds: float, *, guarded: bool = False) -> Answ
     return Demodulated(checks=(check,), lasting=False)
 
 
-def demodulate_packed(job: ReductionJob) -> bytes:
+def demodulate_packed(job: Reduction) -> bytes:
     """The packed result of a job: the work of a worker process."""
     return packed(demodulated(job))
 
 
-def check_part_of(job: ReductionJob, *, guarded: bool = False) -> tuple[Check, ...]:
+def check_part_of(job: Reduction, *, guarded: bool = False) -> tuple[Check, ...]:
     """The checks of the first part of a recording; see `check_part`.
 
     It is read in the worker process of this thread if there is a reason, or if `guarded`.
@@ -112,7 +112,7 @@ def check_part_of(job: ReductionJob, *, guarded: bool = False) -> tuple[Check, .
     return checks
 
 
-def _size(job: ReductionJob) -> int:
+def _size(job: Reduction) -> int:
     """Size of the file of a job [byte]; 0 if it cannot be looked up."""
     identity = identity_or_none(job.folder, job.test.file)
     return 0 if identity is None else identity.size
@@ -164,7 +164,7 @@ class Workers(ThreadPoolExecutor):
 
 
 def reduce_tests(
-    jobs: Sequence[ReductionJob],
+    jobs: Sequence[Reduction],
     *,
     cache: Cache | None = None,
     workers: int | None = None,
@@ -177,7 +177,7 @@ def reduce_tests(
 
     Parameters
     ----------
-    jobs : sequence of ReductionJob
+    jobs : sequence of Reduction
     cache : Cache, optional
     workers : int, optional
         Number of worker processes; 1 for this thread; by default as many as pay.
@@ -214,7 +214,7 @@ def reduce_tests(
 class _Run:
     """The jobs of one analysis, with the identities of their files, estimates of their times [s], and results."""
 
-    jobs: Sequence[ReductionJob]
+    jobs: Sequence[Reduction]
     cache: Cache | None
     seconds: float
     progress: Callable[[int, int], None] | None

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.virtual.bench import Bench, Rocking
-from fourpole.virtual.plan import PlannedTest
+from fourpole.virtual.plan import Planned
 from fourpole.virtual.runs import Run
 from fourpole.virtual.tyres import VirtualTyre
 
@@ -159,7 +159,7 @@ def _tyre(state: Callable[[Run], tuple[float, float]]) -> _Change:
     return change
 
 
-def _real(values: Callable[[PlannedTest], Mapping[str, Any]], lies: bool = False) -> _Change:
+def _real(values: Callable[[Planned], Mapping[str, Any]], lies: bool = False) -> _Change:
     """The change to other true conditions; `lies` says that the row of the test claims the former ones."""
     return lambda this, _: replace(this, real=_with(this.real, values(this.real)), label_lies=lies or this.label_lies)
 
@@ -288,7 +288,7 @@ def _pair(runs: Sequence[Run], rng: np.random.Generator, column: str) -> tuple[i
     return one, partners(runs[one])[0]
 
 
-def _with(test: PlannedTest, values: Mapping[str, Any]) -> PlannedTest:
+def _with(test: Planned, values: Mapping[str, Any]) -> Planned:
     """The test with other values in some columns."""
     return replace(test, **values)
 

@@ -19,7 +19,7 @@ from fourpole.virtual.bench import Bench, Zener, far_end
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run
 from fourpole.virtual.phasor_rig import CHANNELS, Conditions, Laboratory, simulate_phasors
-from fourpole.virtual.plan import PlannedTest
+from fourpole.virtual.plan import Planned
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
 from fourpole.virtual.runs import Run, cubic_of, tyre_of
 from fourpole.virtual.truth import FURTHER, Statement, Truth
@@ -62,7 +62,7 @@ deflection = { column = "x", unit = "mm", exact = true }
 """
 
 
-def prepare(folder: Path, tests: Sequence[PlannedTest]) -> Path:
+def prepare(folder: Path, tests: Sequence[Planned]) -> Path:
     """Make the folder ready; FileError if it holds anything but a virtual campaign, which stays unchanged."""
     try:
         if folder.exists() and not folder.is_dir():
@@ -101,7 +101,7 @@ def _is_virtual(folder: Path) -> bool:
 
 
 def finish(
-    folder: Path, tests: Sequence[PlannedTest], rows: Sequence[tuple[object, ...]], statement: Statement, seed: int
+    folder: Path, tests: Sequence[Planned], rows: Sequence[tuple[object, ...]], statement: Statement, seed: int
 ) -> None:
     """Write truth.csv, campaign.toml and, last, tests.csv, which make the recordings a campaign."""
     import polars as pl
@@ -128,7 +128,7 @@ def finish(
     _replace(folder / "tests.csv", table.write_csv())
 
 
-def _campaign_toml(tests: Sequence[PlannedTest], statement: Statement, seed: int) -> str:
+def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int) -> str:
     """The text of campaign.toml; a specimen without inflation stands under [specimens]."""
     clean = statement.clean
     tested = {test.tyre.name: (test.tyre, isnan(test.pressure)) for test in tests if test.tyre is not None}

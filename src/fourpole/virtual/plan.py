@@ -19,7 +19,7 @@ _Condition = tuple[Tyre, float, float]
 
 
 @dataclass(frozen=True)
-class PlannedTest:
+class Planned:
     """One row of tests.csv, in SI units; not-a-number for a value that it does not have. A calibration has no tyre."""
 
     __test__ = False  # pytest must not collect this class
@@ -51,7 +51,7 @@ def plan_tests(
     calibration_masses: Sequence[float] = (),
     repeats: int = 1,
     mounts: Sequence[ModelTyre] = (),
-) -> list[PlannedTest]:
+) -> list[Planned]:
     """Static tests S1 ..., dynamic tests D1 ... and calibrations C1 ...; see `simulate_campaign` for the arguments.
 
     Raises
@@ -78,10 +78,10 @@ def plan_tests(
     ] * repeats
     blocks = product(calibration_masses, frequencies)
     return [
-        *(PlannedTest(f"S{number}", "static", *row) for number, row in enumerate(static, start=1)),
-        *(PlannedTest(f"D{number}", "dynamic", *row) for number, row in enumerate(dynamic, start=1)),
+        *(Planned(f"S{number}", "static", *row) for number, row in enumerate(static, start=1)),
+        *(Planned(f"D{number}", "dynamic", *row) for number, row in enumerate(dynamic, start=1)),
         *(
-            PlannedTest(f"C{number}", "calibration", frequency=frequency, added_mass=mass)
+            Planned(f"C{number}", "calibration", frequency=frequency, added_mass=mass)
             for number, (mass, frequency) in enumerate(blocks, start=1)
         ),
     ]

@@ -13,7 +13,7 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run, run_block
-from fourpole.virtual.plan import PlannedTest
+from fourpole.virtual.plan import Planned
 from fourpole.virtual.runs import Run, cubic_of, tyre_of
 from fourpole.virtual.sensors import Sensor
 from fourpole.virtual.static_rig import load_cycles
@@ -33,7 +33,7 @@ _SPEED_ERROR = 3e-3
 _WITH_BITS = partial(Sensor, bits=16)
 
 
-def cam_frequency(test: PlannedTest, rng: np.random.Generator, clean: bool) -> float:
+def cam_frequency(test: Planned, rng: np.random.Generator, clean: bool) -> float:
     """True frequency of the cam [Hz]; not-a-number for a static test."""
     if clean or test.kind == "static":
         return test.frequency

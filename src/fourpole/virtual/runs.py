@@ -11,7 +11,7 @@ import numpy as np
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.bench import Bench, Zener, equations, far_end
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.plan import PlannedTest
+from fourpole.virtual.plan import Planned
 from fourpole.virtual.sensors import Flaw
 from fourpole.virtual.truth import Truth
 
@@ -49,9 +49,9 @@ class Run:
 
     Parameters
     ----------
-    row : PlannedTest
+    row : Planned
         The test as tests.csv states it.
-    real : PlannedTest
+    real : Planned
         The conditions under which the recording was made; its name has no effect.
     bench : Bench
         The true rig, without the added mass.
@@ -66,8 +66,8 @@ class Run:
         Name of another test whose recording is also filed for this one.
     """
 
-    row: PlannedTest
-    real: PlannedTest
+    row: Planned
+    real: Planned
     bench: Bench
     place: float = 0.0
     specimen: Specimen = Specimen()
@@ -96,7 +96,7 @@ class Run:
         return replace(self, real=self.row) if self.label_lies else self
 
 
-def runs_of(tests: Sequence[PlannedTest], truth: Truth) -> list[Run]:
+def runs_of(tests: Sequence[Planned], truth: Truth) -> list[Run]:
     """The tests of an honest campaign, in their order."""
     last = max(1, len(tests) - 1)
     return [Run(test, test, truth.bench, place=at / last) for at, test in enumerate(tests)]

@@ -12,7 +12,7 @@ from typing import Any
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.source import reason
 from fourpole.report.selftest.calculated import calculated
-from fourpole.report.selftest.compared import ReferenceComparison, failed, number, word
+from fourpole.report.selftest.compared import Compared, failed, number, word
 from fourpole.study.analysis import analyse
 from fourpole.study.study import Study
 
@@ -42,7 +42,7 @@ def cases() -> list[dict[str, Any]]:
         raise FileError("vectors.json of the reference data is damaged: install Fourpole again") from None
 
 
-def compared_case(case: Mapping[str, Any]) -> Iterator[ReferenceComparison]:
+def compared_case(case: Mapping[str, Any]) -> Iterator[Compared]:
     """Each value of a case beside what the package finds; a fault of a function is a value that does not pass."""
     check, rows = case["check"], case["values"]
     function = f"{case['function']} ({case['about']})" if "about" in case else case["function"]
@@ -64,7 +64,7 @@ def campaign_names() -> list[str]:
     return sorted(one.name for one in folder.iterdir() if one.is_dir()) if folder.is_dir() else []
 
 
-def compared_campaign(name: str) -> Iterator[ReferenceComparison]:
+def compared_campaign(name: str) -> Iterator[Compared]:
     """Each expected result of a reference campaign beside the one that an analysis finds; nothing is written."""
     check = f"campaign {name}"
     rows = list(csv.DictReader(read_reference("campaigns", name, _EXPECTED).splitlines()))
@@ -81,7 +81,7 @@ def compared_campaign(name: str) -> Iterator[ReferenceComparison]:
         yield _compared(check, study, row)
 
 
-def _compared(check: str, study: Study, row: dict[str, str]) -> ReferenceComparison:
+def _compared(check: str, study: Study, row: dict[str, str]) -> Compared:
     """One row of expected.csv: the table, the value of its key column, and the column with the expected value."""
     function, value = f"{row['table']}, {row['row']}", row["column"]
     table = study.tables[row["table"]]

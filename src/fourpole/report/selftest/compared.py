@@ -8,7 +8,7 @@ from math import isfinite
 
 
 @dataclass(frozen=True)
-class ReferenceComparison:
+class Compared:
     """One value, expected and found.
 
     Attributes
@@ -47,23 +47,21 @@ class ReferenceComparison:
         return abs(self.difference) / self.tolerance if self.tolerance else (0.0 if self.good else float("inf"))
 
 
-def number(
-    check: str, function: str, value: str, unit: str, expected: str, found: float, tolerance: float
-) -> ReferenceComparison:
+def number(check: str, function: str, value: str, unit: str, expected: str, found: float, tolerance: float) -> Compared:
     """A number held against an expected one; one that is not finite never passes."""
     difference = found - float(expected)
     good = isfinite(difference) and abs(difference) <= tolerance
-    return ReferenceComparison(check, function, value, unit, expected, repr(float(found)), difference, tolerance, good)
+    return Compared(check, function, value, unit, expected, repr(float(found)), difference, tolerance, good)
 
 
-def word(check: str, function: str, value: str, expected: str, found: str) -> ReferenceComparison:
+def word(check: str, function: str, value: str, expected: str, found: str) -> Compared:
     """A text held against an expected one."""
-    return ReferenceComparison(check, function, value, "", expected, found, None, None, found == expected)
+    return Compared(check, function, value, "", expected, found, None, None, found == expected)
 
 
-def failed(check: str, function: str, value: str, why: str) -> ReferenceComparison:
+def failed(check: str, function: str, value: str, why: str) -> Compared:
     """A value that could not be computed at all."""
-    return ReferenceComparison(check, function, value, "", "a value", why, None, None, False)
+    return Compared(check, function, value, "", "a value", why, None, None, False)
 
 
 @dataclass(frozen=True)
@@ -85,9 +83,9 @@ class Summary:
     largest: float
 
 
-def summaries(found: Sequence[ReferenceComparison]) -> list[Summary]:
+def summaries(found: Sequence[Compared]) -> list[Summary]:
     """The checks in their order, each with its values counted."""
-    groups: dict[str, list[ReferenceComparison]] = {}
+    groups: dict[str, list[Compared]] = {}
     for one in found:
         groups.setdefault(one.check, []).append(one)
     return [

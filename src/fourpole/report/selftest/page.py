@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from markupsafe import Markup
 
 from fourpole.report.html import packaged, rendered
-from fourpole.report.selftest.compared import ReferenceComparison
+from fourpole.report.selftest.compared import Compared
 from fourpole.report.selftest.run import SelfTest
 
 HEADS = ("check", "function", "value", "unit", "expected", "found", "difference", "tolerance", "verdict")
@@ -61,7 +61,7 @@ def selftest_csv(test: SelfTest) -> str:
     return file.getvalue()
 
 
-def _cells(one: ReferenceComparison, *, short: bool = False) -> tuple[str, ...]:
+def _cells(one: Compared, *, short: bool = False) -> tuple[str, ...]:
     """A value as texts, in the order of `HEADS`."""
     numbers = ("" if number is None else f"{number:.2g}" for number in (one.difference, one.tolerance))
     expected = one.expected
@@ -70,7 +70,7 @@ def _cells(one: ReferenceComparison, *, short: bool = False) -> tuple[str, ...]:
     return (one.check, one.function, one.value, one.unit, expected, one.found, *numbers, verdict_of(one.good))
 
 
-def _grouped(values: Iterable[ReferenceComparison]) -> dict[str, list[tuple[str, ...]]]:
+def _grouped(values: Iterable[Compared]) -> dict[str, list[tuple[str, ...]]]:
     """The cells of some values without their check, by their check."""
     groups: dict[str, list[tuple[str, ...]]] = {}
     for one in values:

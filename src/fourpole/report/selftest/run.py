@@ -16,7 +16,7 @@ from importlib.resources.abc import Traversable
 
 from fourpole.io.origin import Origin, origin
 from fourpole.report.selftest.cases import campaign_names, cases, compared_campaign, compared_case, reference
-from fourpole.report.selftest.compared import ReferenceComparison, Summary, summaries
+from fourpole.report.selftest.compared import Compared, Summary, summaries
 
 #: Packages that the results depend on.
 _PACKAGES = ("numpy", "scipy", "polars", "pint", "pydantic", "matplotlib", "jinja2", "typer", "rich")
@@ -28,7 +28,7 @@ class SelfTest:
 
     Attributes
     ----------
-    values : tuple of ReferenceComparison
+    values : tuple of Compared
     origin : Origin
         The Fourpole that was tested.
     when : datetime
@@ -40,7 +40,7 @@ class SelfTest:
         Hash of vectors.json and of each reference campaign.
     """
 
-    values: tuple[ReferenceComparison, ...]
+    values: tuple[Compared, ...]
     origin: Origin
     when: datetime
     machine: str = field(
@@ -76,7 +76,7 @@ def self_test(progress: Callable[[int, int], None] | None = None) -> SelfTest:
     """
     when = datetime.now(UTC)
     known, names = cases(), campaign_names()
-    found: list[ReferenceComparison] = []
+    found: list[Compared] = []
     for done, one in enumerate(known, start=1):
         found += compared_case(one)
         if progress is not None:

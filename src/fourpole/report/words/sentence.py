@@ -11,7 +11,7 @@ from fourpole.findings.finding import Finding, Holds, Topic
 from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Trend
-from fourpole.findings.verdicts import Tally, VerdictReason
+from fourpole.findings.verdicts import Reason, Tally
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import in_units
 from fourpole.report.words import resonances
@@ -45,7 +45,7 @@ def tally(finding: Finding, found: Tally) -> str:
     )
 
 
-def doubt(finding: Finding, found: VerdictReason) -> str:
+def doubt(finding: Finding, found: Reason) -> str:
     """The tests that were rejected, or used with a warning, for one reason, as a sentence."""
     advice = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
     count = len(finding.tests)
@@ -56,7 +56,7 @@ def doubt(finding: Finding, found: VerdictReason) -> str:
 
 _TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
     Tally: tally,
-    VerdictReason: doubt,
+    Reason: doubt,
     Comparison: comparison,
     Level: level,
     Trend: trend,
@@ -149,6 +149,6 @@ def headline(findings: Sequence[Finding]) -> list[str]:
 
 def _named(finding: Finding) -> tuple[str, ...]:
     """The tests that the sentence names."""
-    if isinstance(finding.detail, VerdictReason):
+    if isinstance(finding.detail, Reason):
         return finding.tests
     return finding.detail.beyond if isinstance(finding.detail, Prediction) else ()
