@@ -34,7 +34,7 @@ MUTANTS = [
     ("core.reduced:_input_impedance", "1j * omega", "omega"),
     ("core.identify:_ratio", "(by_over - value", "(by_over + value"),
     ("core.identify:_Answers._identify", "-= jw * self.v1", "-= 2 * jw * self.v1"),
-    ("core.channelerrors:ChannelUncertainty.errors", "1j * one)", "0.5j * one)"),
+    ("core.channelerrors:ChannelUncertainty.errors", "1j * phase)", "0.5j * phase)"),
     ("core.chain:Delay.at", "-2j * np.pi", "2j * np.pi"),
     ("core.chain:Geophone.at", "2j * self.damping", "1j * self.damping"),
     ("core.loadcurve:LoadCurve.tangent", "0.5 * curve.slope_gap", "curve.slope_gap"),

@@ -22,7 +22,7 @@ from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.findings.verdicts import checks_by_point, kind_of
 from fourpole.fitting.effort import seconds_of_fits
-from fourpole.fitting.rows import Key, keys_of
+from fourpole.fitting.rows import keys_of
 from fourpole.io.child import SECONDS
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes, sha256_of
@@ -285,9 +285,7 @@ def _notes(study: Study) -> list[str]:
     """The remarks of the tests that are rejected or have a warning, then notes and assumptions."""
     notes, checks = [], checks_by_point(study.checks)
     keys = [key for table in (study.static, study.dynamic) for key in keys_of(table)]
-    rows: dict[tuple[str, str, str], Key] = {}
-    for key, row in zip(keys, _verdicts(study).rows(), strict=True):
-        rows.setdefault(row, key)
+    rows = dict(zip(_verdicts(study).rows(), keys, strict=True))
     for verdict in (Verdict.REJECTED, Verdict.WARNING):
         kinds = gathered_alike(
             (name, kind_of([check for check in checks.get(key, ()) if check.verdict == verdict], text), text)

@@ -103,8 +103,8 @@ def fit(
     static = units.quantity(k1, "stiffness") if isinstance(k1, str) else float(k1)
     std, static_std = _std(u, stiffness), float(_std(u_k1, np.asarray(static)))
     if hertz.shape != stiffness.shape or std.shape not in ((), stiffness.shape):
-        shapes = f"{hertz.shape}, {stiffness.shape} and {std.shape}"
-        raise ModelError(f"frequency, k_star and u have the shapes {shapes}: give as many of each, or one u")
+        sizes = f"{hertz.size}, {stiffness.size} and {std.size}"
+        raise ModelError(f"frequency, k_star and u have {sizes} values: give as many of each, or one u")
     if not (np.all(np.isfinite(std)) and np.all(std > 0)):
         raise ModelError("u is a standard uncertainty: give finite values above 0 N/m, or a text as '0.5 %'")
     if np.isfinite(static) and not static_std > 0:
@@ -128,5 +128,4 @@ def _std(u: ArrayLike | str, stiffness: ArrayLike) -> FloatArray:
     """Standard uncertainty of a stiffness [N/m] from a number, an array or a text."""
     if not isinstance(u, str):
         return np.asarray(u, dtype=float)
-    relative = "%" in u
-    return np.asarray(units.quantity(u, "ratio") * np.abs(stiffness) if relative else units.quantity(u, "stiffness"))
+    return np.asarray(units.quantity(u, "ratio") * np.abs(stiffness) if "%" in u else units.quantity(u, "stiffness"))

@@ -65,9 +65,8 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
         if name not in names:
             raise CampaignError(f"{folder}: has no campaign {name!r}: choose one of {', '.join(names)}")
     was, now = (_study(Path(folder), name) for name in (first, second))
-    routes = [
-        set(study.dynamic.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED)[q.ROUTE.head]) for study in (was, now)
-    ]
+    used = pl.col(q.VERDICT.head) != Verdict.REJECTED
+    routes = [set(study.dynamic.filter(used)[q.ROUTE.head]) for study in (was, now)]
     ways = _WAYS if routes[0] == routes[1] else dict.fromkeys(_WAYS, none)
     tables = [compared_by(was, now, common, _VALUES) for common in ways.values()]
     shown = tables[0].select(

@@ -219,10 +219,8 @@ def _identified(
     stiffness = [points.stiffness[index] for index in rows]
     of_rig = (rig_name, rows, tuple(keys[index] for index in rows), phasors)
     try:
-        if used == "joint":
-            group = _joint(of_rig, setup, stiffness, order)
-        else:
-            group = _by_route(used, of_rig, setup, stiffness)
+        joint = used == "joint"
+        group = _joint(of_rig, setup, stiffness, order) if joint else _by_route(used, of_rig, setup, stiffness)
     except np.linalg.LinAlgError as error:
         note = f"the joint route cannot be solved for these tests ({error}): K* by the mobility route"
         group = _by_route("mobility", of_rig, setup, stiffness)

@@ -207,8 +207,7 @@ class Study(TestedTables):
     def _with_tables(self, tables: dict[str, pl.DataFrame]) -> Study:
         """The study with other tables; likelihoods that are no part of its files are kept."""
         study = replace(self, tables=tables)
-        if "likelihoods" in vars(self):
-            object.__setattr__(study, "likelihoods", self.likelihoods)
+        vars(study).update({"likelihoods": self.likelihoods} if "likelihoods" in vars(self) else {})
         return study
 
     # ---- figures, models and maps

@@ -66,10 +66,9 @@ class Residuals(ByRows):
         Squared normalised residual that no K* can explain, and its degrees of freedom.
     tyre : (N,) float array [1]
         Squared normalised residual that another K* for this test alone would explain.
-    tyre_part, tyre_weight : (N, 2) float array, (N, 2, 2) float array
-        Half the fall of the squared residual per change of Re and Im of log K*, and half its second derivative.
     rig_part, rig_weight : (N, 2) float array, (N, 2, 2) float array
-        The same for Re and Im of Zr, from the residual that no K* can explain.
+        Half the fall of the squared residual that no K* can explain per change of Re and Im of Zr, and half its second
+        derivative.
     """
 
     impedance: ComplexArray
@@ -77,8 +76,6 @@ class Residuals(ByRows):
     rig: FloatArray
     rig_dof: FloatArray
     tyre: FloatArray
-    tyre_part: FloatArray
-    tyre_weight: FloatArray
     rig_part: FloatArray
     rig_weight: FloatArray
 
@@ -117,8 +114,6 @@ def _residuals(observed: Observed, linear: Linear) -> tuple[np.ndarray, ...]:
         np.sum(rest**2, axis=1),
         np.maximum(dof, 0),
         np.sum(tyre**2, axis=1),
-        np.einsum("nij,ni->nj", by_k, linear.residual),
-        np.swapaxes(by_k, 1, 2) @ by_k,
         rig_part,
         rig_weight,
     )
