@@ -12,7 +12,7 @@ from fourpole import units
 from fourpole.campaign.channels import ChannelFile, ChannelsFile, Conversion, DriveFile, ReferenceFile
 from fourpole.campaign.place import group_of, inside
 from fourpole.campaign.row import Test
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.decimate import Decimator
 from fourpole.core.demodulation.demodulate import first_guess
 from fourpole.core.loadcurve import LoadCurve
@@ -207,8 +207,8 @@ def _about(signal: Signal, channels: ChannelsFile, timing: Timing) -> float | No
 # --- one channel, chunk by chunk --------------------------------------------------------------------------------------
 
 
-@dataclass
-class Timing:
+@dataclass(eq=False)
+class Timing(ByValue):
     """The times of a recording that all its channels share.
 
     Attributes
