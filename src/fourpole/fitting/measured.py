@@ -384,7 +384,7 @@ class _Rows:
         level = np.zeros(self.count, dtype=int)
         for one in np.unique(label):
             level[label == one] = levels_of(self.numbers[COLUMN][label == one])
-        _, condition = np.unique(np.stack([self.condition, level], axis=1), axis=0, return_inverse=True)
+        condition = np.unique(np.stack([self.condition, level], axis=1), axis=0, return_inverse=True)[1].ravel()
         if self.source != _Source.COVARIANCE or not all(column in self.numbers for column in STD[:2]):
             return replace(self, condition=condition)
         own = covariances(self.numbers) - self.shared @ np.swapaxes(self.shared, 1, 2)

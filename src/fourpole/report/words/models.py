@@ -126,6 +126,7 @@ def place(one: ConditionFile, units: ShownUnits | None = None) -> str:
 
     Examples
     --------
+    >>> from fourpole.fitting.modelparts import NamedValue
     >>> state = [NamedValue(name="pressure", unit="Pa", value=1.7e5), NamedValue(name="camber", unit="deg", value=2.0)]
     >>> place(
     ...     ConditionFile(
