@@ -26,7 +26,7 @@ READS = {
 OPENS_NONE = {"read_bytes", "guard.load", "opened.guard.load", "self._last.load", "tyre.load", "load", "self.open"}
 OPENS_NONE |= {"archive.open", "system.open", "writer.open", "webbrowser.open"}
 #: What a library is given: bytes, or an open file.
-IN_MEMORY = ("content", "part", "file", "opened.file", "self.file.fileno()", "file.fileno()", "number", "version")
+IN_MEMORY = ("content", "part", "file", "opened.file", "self._file.fileno()", "file.fileno()", "number", "version")
 IN_MEMORY_BEGINS = ("io.BytesIO(", "results.read(", "files.read(", "buffer")
 #: Where a call may stand, and why. A path with a colon names a function of the file.
 MAY = {

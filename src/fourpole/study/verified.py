@@ -361,7 +361,7 @@ def _repeated(former: Path, new: Path, name: str) -> Repeated:
             return Repeated(name, True)
         # The cells of a CSV file are texts, so that a text in place of a number is one cell that differs.
         packed = name.endswith(".parquet")
-        tables = [pl.read_parquet(text) if packed else pl.read_csv(text, infer_schema=False) for text in (was, now)]
+        tables = [pl.read_parquet(part) if packed else pl.read_csv(part, infer_schema=False) for part in (was, now)]
     except (pl.exceptions.PolarsError, OSError, TableError) as error:
         unread = Difference("", "", 0, f"cannot be read: {error}", "a table", float("nan"), float("inf"))
         return Repeated(name, False, (unread,))
