@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.components import component
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Source
+
+
+#: Units of errors that the table of components has in another one.
+_UNITS = {Kind.SLOPE: "1/Hz2"}
+#: Kinds of error of gain and of phase in one mounting, and with one added mass.
+_MOUNTED = ((Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE), (Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +55,14 @@ class ChannelUncertainty(ByValue):
         Relative standard uncertainty of the gain, and that of the phase. Each has one error at all frequencies.
     delay : (3,) float array [s]
         Standard uncertainty of the delay; its error times omega is an error of the phase.
+    low_cut : (3,) float array [Hz]
+        Standard uncertainty of the corner of a first-order low-cut; its error over the frequency is an error of phase.
+    slope : (3,) float array [1/Hz²]
+        Standard uncertainty of a rise of the gain with frequency squared.
+    mounting : (3,) complex array [1] + j [rad]
+        Part of gain and phase that is another in each mounting of the sensor; `gain` and `phase` contain it.
+    remounting : (3,) complex array [1] + j [rad]
+        The same for each added mass.
     response : (N, 3) complex array, optional [1] + j [rad]
         Standard uncertainties of gain and phase of a calibrated response at each test's frequency. One error of each
         applies to all tests, in proportion to these values.
@@ -67,31 +83,59 @@ class ChannelUncertainty(ByValue):
     gain: FloatArray = field(default_factory=lambda: np.zeros(3))
     phase: FloatArray = field(default_factory=lambda: np.zeros(3))
     delay: FloatArray = field(default_factory=lambda: np.zeros(3))
+    low_cut: FloatArray = field(default_factory=lambda: np.zeros(3))
+    slope: FloatArray = field(default_factory=lambda: np.zeros(3))
+    mounting: ComplexArray = field(default_factory=lambda: np.zeros(3, dtype=complex))
+    remounting: ComplexArray = field(default_factory=lambda: np.zeros(3, dtype=complex))
     response: ComplexArray | None = None
 
     def part(self, rows: Any) -> ChannelUncertainty:
         """The uncertainties for some of the tests, by anything that indexes an array."""
         return self if self.response is None else replace(self, response=self.response[rows])
 
-    def errors(self, omega: FloatArray, *, possible: bool = False) -> list[ChannelError]:
-        """All errors with an uncertainty, for tests at angular frequencies (N,) [rad/s]; or all that are possible."""
-        ones = np.ones(omega.size, dtype=complex)
+    def errors(
+        self, omega: FloatArray, groups: Sequence[np.ndarray] = (), *, possible: bool = False
+    ) -> list[ChannelError]:
+        """All errors with an uncertainty, or all that are possible, of tests at angular frequencies (N,) [rad/s].
+
+        `groups` has the number of the mounting and of the added mass of each test, (N,) each; without it, gain and
+        phase are the same in all tests.
+        """
         listed = []
         for channel, role in enumerate(CHANNELS):
             symbol = SYMBOLS[role]
-            listed.append(ChannelError(Source(Kind.GAIN, symbol), "1", channel, float(self.gain[channel]), ones))
-            listed.append(
-                ChannelError(Source(Kind.PHASE, symbol), "rad", channel, float(self.phase[channel]), 1j * ones)
-            )
-            listed.append(
-                ChannelError(Source(Kind.DELAY, symbol), "s", channel, float(self.delay[channel]), -1j * omega)
-            )
+            apart = [
+                (kinds, std[channel], number)
+                for kinds, std, number in zip(_MOUNTED, (self.mounting, self.remounting), groups, strict=False)
+                if std[channel] and np.unique(number).size > 1
+            ]
+            for kind, std in self._common(channel, [std for _, std, _ in apart]).items():
+                row = component(kind)
+                unit = _UNITS.get(kind, row.unit)
+                listed.append(ChannelError(Source(kind, symbol), unit, channel, std, row.shape.turn(omega)))
             if self.response is not None:
                 gain, phase = self.response[:, channel].real, self.response[:, channel].imag
                 sources = Source(Kind.RESPONSE_GAIN, symbol), Source(Kind.RESPONSE_PHASE, symbol)
                 listed.append(ChannelError(sources[0], "1", channel, float(gain.any()), gain + 0j))
                 listed.append(ChannelError(sources[1], "1", channel, float(phase.any()), 1j * phase))
+            for kinds, std, number in apart:
+                for each in np.unique(number):
+                    own = (number == each) + 0j
+                    for kind, part, turn in zip(kinds, (std.real, std.imag), (own, 1j * own), strict=True):
+                        error = ChannelError(Source(kind, symbol), component(kind).unit, channel, float(part), turn)
+                        listed.append(error)
         return [error for error in listed if possible or error.std > 0]
+
+    def _common(self, channel: int, apart: Sequence[complex]) -> dict[Kind, float]:
+        """Standard uncertainty of each error that all tests share, without the parts that are apart."""
+        gain, phase = (
+            float(np.sqrt(max(whole[channel] ** 2 - sum(part(std) ** 2 for std in apart), 0.0)))
+            for whole, part in ((self.gain, np.real), (self.phase, np.imag))
+        )
+        rest = (float(of_all[channel]) for of_all in (self.delay, self.low_cut, self.slope))
+        return dict(
+            zip((Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE), (gain, phase, *rest), strict=True)
+        )
 
     def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
         """Covariance (N, 6, 6) of measured amplitudes (N, 3) from these uncertainties."""

@@ -29,6 +29,7 @@ class Role(Enum):
     RIG = "the rig as stated"
     UNSTATED = "a part of the rig that nobody stated"
     CHANNEL = "a channel, in all tests"
+    MOUNTING = "a channel, as it was mounted"
     RATIO = "one channel against another"
     MASS = "a weighed mass"
     SPECIMEN = "a specimen, in all its tests"
@@ -45,6 +46,12 @@ class Kind(Enum):
     GAIN = ("gain ", (*SYMBOLS.values(),), Role.CHANNEL)
     PHASE = ("phase ", (*SYMBOLS.values(),), Role.CHANNEL)
     DELAY = ("delay ", (*SYMBOLS.values(),), Role.CHANNEL)
+    LOW_CUT = ("low-cut ", (*SYMBOLS.values(),), Role.CHANNEL)
+    SLOPE = ("slope ", (*SYMBOLS.values(),), Role.CHANNEL)
+    MOUNTING_GAIN = ("mounting gain ", (*SYMBOLS.values(),), Role.MOUNTING)
+    MOUNTING_PHASE = ("mounting phase ", (*SYMBOLS.values(),), Role.MOUNTING)
+    REMOUNTING_GAIN = ("gain with one mass ", (*SYMBOLS.values(),), Role.MOUNTING)
+    REMOUNTING_PHASE = ("phase with one mass ", (*SYMBOLS.values(),), Role.MOUNTING)
     RESPONSE_GAIN = ("response gain ", (*SYMBOLS.values(),), Role.CHANNEL)
     RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), Role.CHANNEL)
     CROSSTALK = ("cross-talk ", (*_CROSSED,), Role.CHANNEL)
@@ -55,6 +62,8 @@ class Kind(Enum):
     DRIFT = ("drift of ", (), Role.SPECIMEN)
     AMPLITUDE = ("amplitude", (), Role.SPECIMEN)
     ANGLE_DRIFT = ("loss angle drift of ", (), Role.SPECIMEN)
+    BLOCK = ("block of ", (), Role.SPECIMEN)
+    ANGLE_BLOCK = ("loss angle block of ", (), Role.SPECIMEN)
     K1 = ("K1", (), Role.STATIC)
     K1_FIT = ("K1 fit", (), Role.STATIC)
     #: In tables of earlier versions only: the gap of the branches is a property of the specimen, not an error of K1.
@@ -64,6 +73,7 @@ class Kind(Enum):
     K1_GAINS = ("K1 gains", (), Role.STATIC)
     K1_REPEATS = ("K1 repeats", (), Role.STATIC)
     K1_STATED = ("K1 stated", (), Role.STATIC)
+    K1_LINEARITY = ("K1 linearity", (), Role.STATIC)
     K1_DRIFT = ("K1 drift", (), Role.STATIC)
     K1_TEMPERATURE = ("K1 temperature", (), Role.STATIC)
     OTHER = ("", (), Role.OTHER)
@@ -116,6 +126,11 @@ class Source:
         return Role.RATIO if self.under else self.kind.role
 
     @property
+    def of_channel(self) -> bool:
+        """Whether it is the error of a channel, in all tests or in those of one mounting."""
+        return not self.under and self.kind.role in (Role.CHANNEL, Role.MOUNTING)
+
+    @property
     def text(self) -> str:
         """Its text in budget.csv and rig.csv, without the rig."""
         if self.mass is not None:
@@ -132,9 +147,9 @@ class Source:
             except ValueError:
                 return cls(kind, of, rig=rig)
             return weighed_mass if weighed_mass.text == text else cls(kind, of, rig=rig)
-        for drift in (Kind.DRIFT, Kind.ANGLE_DRIFT):
-            if kind is Kind.OTHER and text.startswith(drift.text):
-                return cls(drift, text.removeprefix(drift.text), rig=rig)
+        for of_specimen in (Kind.DRIFT, Kind.ANGLE_DRIFT, Kind.BLOCK, Kind.ANGLE_BLOCK):
+            if kind is Kind.OTHER and text.startswith(of_specimen.text):
+                return cls(of_specimen, text.removeprefix(of_specimen.text), rig=rig)
         return cls(kind, of, under, rig=rig)
 
 
