@@ -13,7 +13,6 @@ from fourpole.core.components import component
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Source
 
-
 #: Units of errors that the table of components has in another one.
 _UNITS = {Kind.SLOPE: "1/Hz2"}
 #: Kinds of error of gain and of phase in one mounting, and with one added mass.

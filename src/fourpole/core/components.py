@@ -135,3 +135,19 @@ def component(kind: Kind) -> Component:
     (2e-05, 'std_delay')
     """
     return next(row for row in COMPONENTS if row.kind is kind)
+
+
+@dataclass(frozen=True)
+class SpecimenUncertainty:
+    """Standard uncertainties of log K* of a specimen, of its modulus [1] + j its angle [rad]; 0 for none.
+
+    Attributes
+    ----------
+    block : complex
+        Of the tests with an added mass against those without.
+    drift : complex
+        Of the change over the whole run.
+    """
+
+    block: complex = 0j
+    drift: complex = 0j
