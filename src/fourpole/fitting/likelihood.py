@@ -22,7 +22,7 @@ from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.joint.solve import Problem
 from fourpole.core.rig import PARAMETERS, Rig
-from fourpole.core.sources import Kind, Role, Source
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import FourpoleError, TableError
 from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.published import Published
@@ -84,12 +84,12 @@ def covariance_of(content: bytes) -> pl.DataFrame:
 def likelihood_of(joint: Joint) -> Likelihood:
     """The tests of a joint solution, with the errors of channels that the solution has, and gain and delay of V1."""
     problem, shared = joint.problem, joint.problem.shared
-    wanted = {one.source for one in shared.parameters if one.source.role is Role.CHANNEL}
+    wanted = {one.source for one in shared.parameters if one.source.of_channel}
     wanted |= {Source(Kind.GAIN, "V1"), Source(Kind.DELAY, "V1")}
     kept = [at for at, source in enumerate(problem.errors) if source in wanted]
     place = {at: number for number, at in enumerate(kept)}
     parameters = tuple(
-        replace(one, index=place[one.index]) if one.source.role is Role.CHANNEL else one for one in shared.parameters
+        replace(one, index=place[one.index]) if one.source.of_channel else one for one in shared.parameters
     )
     observed = problem.observed
     problem = replace(
@@ -183,7 +183,7 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         for one in record["shared"]
     )
     for one in parameters:
-        if not 0 <= one.index < (len(errors) if one.source.role is Role.CHANNEL else _MOST_SHARED):
+        if not 0 <= one.index < (len(errors) if one.source.of_channel else _MOST_SHARED):
             raise ValueError(f"{one.source.text} has the index {one.index}")
     observed = Observed(
         omega=2 * np.pi * frequency,

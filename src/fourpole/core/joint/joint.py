@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
+from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
-from fourpole.core.joint.shared import Shared
+from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, solve_either
 from fourpole.core.joint.specimens import Misfit
 from fourpole.core.phasor import SYMBOLS, Phasors
@@ -98,6 +99,8 @@ def solve_joint(
     apart: ArrayLike = 0.0,
     lines: ArrayLike = 1.0,
     recording: ArrayLike | None = None,
+    mounting: Sequence[str] | None = None,
+    specimens: SpecimenUncertainty | None = None,
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
     if rig.blocked:
@@ -115,9 +118,13 @@ def solve_joint(
     names, number = np.unique(np.array([""] * count if specimen is None else specimen, dtype=str), return_inverse=True)
     when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
     run = number[order], _places(number, when)[order]
-    errors = channels.part(order).errors(phasors.omega[order], possible=True)
+    sensors = number if mounting is None else np.unique(np.array(mounting, dtype=str), return_inverse=True)[1].ravel()
+    groups = (sensors[order], mass_at[order])
+    errors = channels.part(order).errors(phasors.omega[order], groups, possible=True)
     errors += _unstated_errors(phasors.amplitudes[order], _places(np.zeros(count, dtype=int), when)[order])
     stated = Shared.stated(rig, errors, masses, masses_std)
+    possible = of_specimens(names.tolist(), run, mass_at[order], label[order], specimens or SpecimenUncertainty())
+    stated = replace(stated, parameters=(*stated.parameters, *(value for value in possible if value.std > 0)))
     sorted_phasors = phasors.part(order)
     observed = Observed.of(sorted_phasors, mass_at[order], family[order] < 0, errors, run)
     conditions = JointConditions(label[order], family[order], sorted_phasors.frequency, k1[order])
@@ -146,6 +153,41 @@ def solve_joint(
         outlier=outlier[back],
         misfit=misfit,
     )
+
+
+def of_specimens(
+    names: Sequence[str],
+    run: tuple[np.ndarray, FloatArray],
+    mass_at: np.ndarray,
+    label: np.ndarray,
+    std: SpecimenUncertainty,
+) -> list[SharedParameter]:
+    """The drifts of the specimens with a repeated condition, and the blocks of those with several added masses.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The specimens.
+    run : (N,) int array, (N,) float array
+        Number of the specimen of each test, and its place in the run.
+    mass_at, label : (N,) int arrays
+        Number of the added mass of each test, -1 for none, and of its condition, -1 for a rigid block.
+    std : SpecimenUncertainty
+    """
+    specimen, place = run
+    tyre, count = label >= 0, int(mass_at.max(initial=-1)) + 1
+    listed = []
+    for number in np.unique(specimen[tyre]).tolist():
+        own = tyre & (specimen == number)
+        masses = np.unique(mass_at[own])
+        if np.ptp(place[own]) and np.unique(label[own]).size < np.sum(own):
+            for kind, size in ((Kind.DRIFT, std.drift.real), (Kind.ANGLE_DRIFT, std.drift.imag)):
+                listed.append(SharedParameter(Source(kind, names[number]), component(kind).unit, number, 0.0, size))
+        for mass in masses[1:].tolist():
+            for kind, size in ((Kind.BLOCK, std.block.real), (Kind.ANGLE_BLOCK, std.block.imag)):
+                place_of = number * count + mass
+                listed.append(SharedParameter(Source(kind, names[number]), component(kind).unit, place_of, 0.0, size))
+    return listed
 
 
 def _reconciled(problem: Problem, channels: ChannelUncertainty) -> tuple[Problem, Solution, FloatArray, Misfit]:

@@ -18,7 +18,7 @@ import numpy as np
 from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
-from fourpole.core.joint.shared import DRIFTS, Shared
+from fourpole.core.joint.shared import BLOCKS, DRIFTS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Role, Source
@@ -99,23 +99,32 @@ class Observed(ByRows):
 
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
-        return np.asarray(np.exp(self.turns @ shared.offsets(z, Role.CHANNEL, self.turns.shape[-1])))
+        return np.asarray(np.exp(self.turns @ shared.of_channels(z, self.turns.shape[-1])))
+
+    def block(self, shared: Shared) -> np.ndarray:
+        """Number of the block of each test (N,): its specimen and its added mass; -1 without a mass."""
+        return np.where(self.mass_at < 0, -1, self.specimen * shared.masses.size + self.mass_at)
 
     def drifted(self, shared: Shared, z: FloatArray) -> ComplexArray:
-        """K* of each test over that in the middle of the run, at the mean amplitude (N,) [1]."""
-        drift = shared.drift_at(z, int(self.specimen.max(initial=0)) + 1)
-        return np.asarray(np.exp(drift[self.specimen] * self.place + shared.by_amplitude_at(z) * self.deflection))
+        """K* of each test over that of its condition: by drift, block and amplitude (N,) [1]."""
+        block = self.block(shared)
+        drift = shared.of_specimens_at(z, DRIFTS, int(self.specimen.max(initial=0)) + 1)
+        blocks = shared.of_specimens_at(z, BLOCKS, int(block.max(initial=-1)) + 1)
+        by_amplitude = shared.by_amplitude_at(z) * self.deflection
+        return np.asarray(np.exp(drift[self.specimen] * self.place + np.append(blocks, 0.0)[block] + by_amplitude))
 
     def by_drift(self, shared: Shared) -> FloatArray:
         """Derivatives of Re and Im of log `drifted` by the shared values (N, 2, p), per stated uncertainty."""
-        change = np.zeros((self.place.size, len(shared)), dtype=complex)
+        change, block = np.zeros((self.place.size, len(shared)), dtype=complex), self.block(shared)
         for index, parameter in enumerate(shared.parameters):
-            if parameter.source.kind in DRIFTS:
-                own = self.specimen == parameter.index
-                change[:, index] = np.where(own, DRIFTS[parameter.source.kind] * self.place * parameter.std, 0.0)
-            elif parameter.source.kind is Kind.AMPLITUDE:
-                change[:, index] = self.deflection * parameter.std
-        return parts(change, axis=1)
+            kind = parameter.source.kind
+            if kind in DRIFTS:
+                change[:, index] = np.where(self.specimen == parameter.index, DRIFTS[kind] * self.place, 0.0)
+            elif kind in BLOCKS:
+                change[:, index] = np.where(block == parameter.index, BLOCKS[kind], 0.0)
+            elif kind is Kind.AMPLITUDE:
+                change[:, index] = self.deflection
+        return parts(np.asarray(change * shared.std), axis=1)
 
 
 def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArray) -> FloatArray:
@@ -291,7 +300,7 @@ def _by_shared(
     """Derivatives of the three amplitudes by z (N, 3, p)."""
     change = by_zr[:, :, None] * zr_by_shared[:, None, :]
     for index, parameter in enumerate(shared.parameters):
-        if parameter.source.role is Role.CHANNEL:
+        if parameter.source.of_channel:
             change[:, :, index] = observed.turns[:, :, parameter.index] * parameter.std * predicted
         elif parameter.source in _INPUT_MASSES:
             change[:, 0, index] = parameter.std * by_input_mass

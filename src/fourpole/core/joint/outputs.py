@@ -19,7 +19,7 @@ from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import arm_slopes, maxwell_arm, relative_route, why_no_arm
-from fourpole.core.sources import Kind, Role, Source
+from fourpole.core.sources import Kind, Source
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +197,7 @@ def variance_by_source(joint: Joint, values: Outputs, k1_std: ArrayLike) -> dict
         Source(Kind.FREQUENCY): frequency,
     }
     for index, parameter in enumerate(joint.stated.parameters):
-        sources[parameter.source] = stated[:, :, index]
+        sources[parameter.source] = sources.get(parameter.source, 0.0) + stated[:, :, index]
     sources[Source(Kind.RIG_MISFIT)] = misfit
     with np.errstate(invalid="ignore"):
         sources[Source(Kind.K1)] = np.where(values.by_k1 == 0, 0.0, values.by_k1 * np.asarray(k1_std)[..., None]) ** 2
@@ -272,7 +272,7 @@ def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, F
     by_z = np.zeros((*mobility.shape, len(shared)), dtype=complex)
     turns = joint.problem.observed.turns[np.argsort(joint.order)]
     for index, parameter in enumerate(shared.parameters):
-        if parameter.source.role is Role.CHANNEL:
+        if parameter.source.of_channel:
             turn = turns[:, 0, parameter.index] - turns[:, 1, parameter.index]
             by_z[:, index] = mobility * turn * parameter.std
     noise, rest = parts(by, axis=1), parts(by_z, axis=1)

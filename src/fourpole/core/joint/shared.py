@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,8 +13,9 @@ from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
 
-#: Change of log K* per unit of each kind of drift: of the modulus, and of the angle.
+#: Change of log K* per unit of each kind of drift, and of each block: of the modulus, and of the angle.
 DRIFTS = {Kind.DRIFT: 1.0, Kind.ANGLE_DRIFT: 1j}
+BLOCKS = {Kind.BLOCK: 1.0, Kind.ANGLE_BLOCK: 1j}
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class SharedParameter:
         SI unit.
     index : int
         Index of the value, by the role of the source: in `core.rig.PARAMETERS`, in the list of errors from
-        `core.channelerrors.ChannelUncertainty.errors`, in the distinct masses, or in the specimens.
+        `core.channelerrors.ChannelUncertainty.errors`, in the distinct masses, in the specimens, or in the blocks: the
+        number of the specimen times the count of distinct masses, and that of the mass.
     stated, std : float
         Stated value and standard uncertainty, in the unit.
     """
@@ -93,8 +95,12 @@ class Shared(ByValue):
         offsets = np.zeros(count)
         for value, parameter in zip(z * self.std, self.parameters, strict=True):
             if parameter.source.role is role:
-                offsets[parameter.index] = value
+                offsets[parameter.index] += value
         return offsets
+
+    def of_channels(self, z: FloatArray, count: int) -> FloatArray:
+        """Errors (count,) of the channels at z, each in its unit."""
+        return self.offsets(z, Role.CHANNEL, count) + self.offsets(z, Role.MOUNTING, count)
 
     def rig_at(self, z: FloatArray) -> Rig:
         """The rig with the values at z."""
@@ -111,20 +117,21 @@ class Shared(ByValue):
         values = zip(z * self.std, self.parameters, strict=True)
         return float(sum(value for value, parameter in values if parameter.source.kind is Kind.AMPLITUDE))
 
-    def drift_at(self, z: FloatArray, count: int) -> ComplexArray:
-        """Drift of log K* of the first `count` specimens over the run at z, (count,) [1] + j [rad]."""
-        drift = np.zeros(count, dtype=complex)
+    def of_specimens_at(self, z: FloatArray, units: Mapping[Kind, complex], count: int) -> ComplexArray:
+        """Change of log K* at z (count,) [1] + j [rad], by drifts of the specimens or by blocks as `units` are."""
+        change = np.zeros(count, dtype=complex)
         for value, parameter in zip(z * self.std, self.parameters, strict=True):
-            if parameter.source.kind in DRIFTS and parameter.index < count:  # a chunk need not have all specimens
-                drift[parameter.index] += DRIFTS[parameter.source.kind] * value
-        return drift
+            if parameter.source.kind in units and parameter.index < count:  # a chunk need not have all specimens
+                change[parameter.index] += units[parameter.source.kind] * value
+        return change
 
     def extra_at(self, z: FloatArray) -> dict[str, float]:
         """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""
-        sizes = zip(z * self.std, self.parameters, strict=True)
-        return {
-            parameter.source.of: float(value) for value, parameter in sizes if parameter.source.kind is Kind.UNSTATED
-        }
+        sizes: dict[str, float] = {}
+        for value, parameter in zip(z * self.std, self.parameters, strict=True):
+            if parameter.source.kind is Kind.UNSTATED:
+                sizes[parameter.source.of] = sizes.get(parameter.source.of, 0.0) + float(value)
+        return sizes
 
     def found(self, z: FloatArray) -> FloatArray:
         """Values at z (p,), each in its unit."""

@@ -160,6 +160,8 @@ class Solution(ByValue):
         Whether the search converged.
     reason : str
         Why the search did not converge; empty if it did.
+    evidence : float
+        Logarithm of the evidence, up to a constant.
     """
 
     z: FloatArray
@@ -171,11 +173,15 @@ class Solution(ByValue):
     steps: int
     converged: bool
     reason: str = ""
+    evidence: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Step(ByValue):
-    """Result of one sweep over all tests: the objective at a point, and the Gauss-Newton step from it."""
+    """Result of one sweep over all tests: the objective at a point, and the Gauss-Newton step from it.
+
+    `weigh` is the logarithm of the determinant of the weights by scatter.
+    """
 
     objective: float
     dz: FloatArray
@@ -184,6 +190,13 @@ class Step(ByValue):
     triangle: FloatArray
     own_root: FloatArray
     slope: FloatArray
+    weigh: float = 0.0
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of the evidence, up to a constant, by the normal distribution about the present values."""
+        free = float(np.sum(np.log(np.abs(np.linalg.det(self.own_root)))))
+        return free + self.weigh - 0.5 * self.objective - float(np.sum(np.log(np.abs(np.diag(self.triangle)))))
 
     @property
     def covariance(self) -> FloatArray:
@@ -260,7 +273,8 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
     z, stiffness, step = before
     if step.size() < _CLOSE:
         converged, reason = True, ""
-    return Solution(z, stiffness, step.covariance, step.own, step.slope, step.objective, count, converged, reason)
+    distribution = (step.covariance, step.own, step.slope, step.objective)
+    return Solution(z, stiffness, *distribution, count, converged, reason, step.evidence)
 
 
 def solve_either(problem: Problem, start: ComplexArray, z: FloatArray | None = None) -> tuple[Problem, Solution]:
@@ -291,10 +305,12 @@ def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Floa
     p = len(problem.shared)
     lead = np.zeros((problem.conditions.label.size, 2, p)) if before is None else problem.conditions.lead(before)
     triangle = np.hstack([np.eye(p), -z[:, None]])
-    objective = float(z @ z)
+    objective, weigh = float(z @ z), 0.0
     roots, slopes, own_steps = [], [], []
     for rows, group, linear in problem.linearised(z, stiffness):
         objective += float(np.sum(linear.residual**2))
+        if linear.weigh is not None:
+            weigh += float(np.sum(np.log(np.diagonal(linear.weigh, 0, 1, 2))))
         by_shared = linear.by_shared + linear.by_stiffness @ lead[rows]
         columns = np.concatenate([by_shared, linear.residual[:, :, None]], axis=2)
         if group.stop > group.start:
@@ -309,7 +325,7 @@ def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Floa
     slope = np.concatenate(slopes) if slopes else np.zeros((0, 2, p))
     own_step = np.concatenate(own_steps) if own_steps else np.zeros((0, 2))
     own_root = np.concatenate(roots) if roots else np.zeros((0, 2, 2))
-    return Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope)
+    return Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope, weigh)
 
 
 def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:

@@ -187,7 +187,7 @@ def _add_drifts(state: SpecimenState) -> bool:
     z = np.append(state.solution.z, np.zeros(len(wider.shared) - state.solution.z.size))
     state.solution = replace(state.solution, z=z)
     state.solve(wider)
-    drifts = wider.shared.drift_at(state.solution.z, int(observed.specimen.max()) + 1)[repeated]
+    drifts = wider.shared.of_specimens_at(state.solution.z, DRIFTS, int(observed.specimen.max()) + 1)[repeated]
     others = np.setdiff1d(np.unique(observed.specimen[problem.conditions.first :]), repeated)
     if others.size:  # specimens without repeats: the drifts found are the prior uncertainty of theirs
         size = float(np.sqrt(np.mean(np.abs(drifts) ** 2)))
