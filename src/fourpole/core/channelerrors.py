@@ -17,6 +17,8 @@ from fourpole.core.sources import Kind, Source
 _UNITS = {Kind.SLOPE: "1/Hz2"}
 #: Kinds of error of gain and of phase in one mounting, and with one added mass.
 _MOUNTED = ((Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE), (Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE))
+#: The channels whose sensors are usually mounted anew so.
+_USUALLY = dict(zip(_MOUNTED, ((1,), (0, 2)), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +108,7 @@ class ChannelUncertainty(ByValue):
             apart = [
                 (kinds, std[channel], number)
                 for kinds, std, number in zip(_MOUNTED, (self.mounting, self.remounting), groups, strict=False)
-                if std[channel] and np.unique(number).size > 1
+                if (std[channel] or (possible and channel in _USUALLY[kinds])) and np.unique(number).size > 1
             ]
             for kind, std in self._common(channel, [std for _, std, _ in apart]).items():
                 row = component(kind)

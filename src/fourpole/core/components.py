@@ -121,9 +121,23 @@ COMPONENTS = (
               "the drift of the loss angle over the run"),
     Component(Kind.RIG_VALUE, "preload damping", Shape.PART, Scope.SHARED, 0.02, 0.3, "1", "preload_damping",
               "the damper of the preload spring, over the critical one"),
+    Component(Kind.AMPLITUDE, "amplitude", Shape.MODULUS, Scope.SHARED, 0.0, 1.0, "1", "",
+              "the change of log |K*| per logarithm of the deflection"),
+    Component(Kind.GAIN_DRIFT, "gain drift", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "",
+              "the drift of a channel's gain over the run"),
+    Component(Kind.CROSSTALK, "cross-talk", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "std_crosstalk",
+              "a channel in another, over their sizes"),
+    Component(Kind.UNSTATED, "part of the rig", Shape.PART, Scope.SHARED, 0.0, 0.3, "1", "",
+              "a part of the rig that nobody stated, over the part that it belongs to"),
+    Component(Kind.NOISE, "scatter", Shape.NOISE, Scope.TEST, 0.0, 0.03, "1", "",
+              "the scatter of log K* from test to test"),
     Component(Kind.K1_LINEARITY, "linearity", Shape.MODULUS, Scope.SHARED, 1e-3, 0.1, "1", "linearity",
               "the departure of load or deflection from a straight line, over the range"),
 )  # fmt: skip
+
+
+#: Size with which an asked component begins, over its bound.
+BEGINS = 1 / 30
 
 
 def component(kind: Kind) -> Component:

@@ -116,6 +116,11 @@ class Rig:
             raise RigError(f"{name} is {value:g} {PARAMETERS[name]}: it must be a finite, {wanted} number")
 
     @property
+    def critical_damping(self) -> float:
+        """Damping with which mass and spring would not swing, 2 sqrt(K3 m) [N s/m]."""
+        return float(2 * np.sqrt(self.preload_stiffness * self.moving_mass))
+
+    @property
     def uncertainties(self) -> FloatArray:
         """Standard uncertainties in the order of `PARAMETERS`."""
         return np.array([self.std.get(name, 0.0) for name in PARAMETERS])

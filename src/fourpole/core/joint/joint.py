@@ -138,6 +138,7 @@ def solve_joint(
         stated,
         tuple(error.source for error in errors),
         tuple(names.tolist()),
+        tuple(possible),
         apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,
         lines=np.broadcast_to(np.asarray(lines, dtype=float), count)[order] if np.any(np.asarray(lines) != 1) else None,
     )
@@ -162,7 +163,7 @@ def of_specimens(
     label: np.ndarray,
     std: SpecimenUncertainty,
 ) -> list[SharedParameter]:
-    """The drifts of the specimens with a repeated condition, and the blocks of those with several added masses.
+    """The drifts of the specimens, and the blocks of those with several added masses; a std of 0 counts as absent.
 
     Parameters
     ----------
@@ -180,7 +181,7 @@ def of_specimens(
     for number in np.unique(specimen[tyre]).tolist():
         own = tyre & (specimen == number)
         masses = np.unique(mass_at[own])
-        if np.ptp(place[own]) and np.unique(label[own]).size < np.sum(own):
+        if np.ptp(place[own]):
             for kind, size in ((Kind.DRIFT, std.drift.real), (Kind.ANGLE_DRIFT, std.drift.imag)):
                 listed.append(SharedParameter(Source(kind, names[number]), component(kind).unit, number, 0.0, size))
         for mass in masses[1:].tolist():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,46 +10,18 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
+from fourpole.core.components import component
 from fourpole.core.confidence import CHANCE
-from fourpole.core.joint.model import (
-    Linear,
-    Observed,
-    cholesky_qr,
-    inverse_upper,
-    part_shapes,
-    projected,
-    upper_factor,
-    whitened,
-)
+from fourpole.core.joint.model import Linear, Observed, cholesky_qr, inverse_upper, projected, upper_factor
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, with_columns, without_stiffness
+from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.rig import Rig
-from fourpole.core.sources import PARTS, Kind, Role, Source
+from fourpole.core.sources import Kind, Role, Source
 
 #: An error below this share of a channel, or of the largest part of Zr, counts as noise: no rig is built so accurately.
 NEGLIGIBLE = 1e-4
-#: Roles of the values that have a statement.
-STATED = (Role.RIG, Role.CHANNEL, Role.MASS)
-#: A stated value of which the tests know less than this share of its variance has no pull. Information below the second
-#: share is round-off.
-_INFORMED, _ROUND_OFF = 1e-3, 1e-8
-#: Largest error of a channel that can be a cause: gain [1], phase [rad], delay [s].
-_LARGEST = {
-    Kind.GAIN: 0.25,
-    Kind.PHASE: 0.25,
-    Kind.DELAY: 3e-3,
-    Kind.GAIN_DRIFT: 0.25,
-    Kind.CROSSTALK: 0.25,
-    Kind.AMPLITUDE: 1.0,
-}
-#: Largest error of a mass or a spring, and largest unstated part, that can be a cause: over the stated value.
-_LARGEST_SHARE = 0.5
-#: A stated value is a cause only if the tests know it to this share of its largest error.
-_KNOWN = 0.2
-_BULK = ("moving_mass", "preload_stiffness", "frame_stiffness")
-#: A candidate is not identifiable when less than this fraction of its squared column norm remains after projecting out
-#: the free parameters.
-_IDENTIFIABLE = 1e-20
+#: A stated value of which the tests know less than this share of its variance has no pull.
+_INFORMED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,140 +164,49 @@ class Candidate:
         return self.source.kind is Kind.UNSTATED
 
 
-def candidates(problem: Problem, solution: Solution) -> list[Candidate]:
-    """Causes that could explain a misfit, each by itself; the largest fall of chi-square comes first.
-
-    Causes of impossible size are left out. A stated value is tried without its statement, and comes before what nobody
-    stated if both explain the same.
-    """
-    causes = [*_released(problem, solution), *_unstated(problem, solution)]
-    return sorted(causes, key=lambda cause: (-float(f"{cause.explains:.4g}"), not cause.released))
-
-
-def _released(problem: Problem, solution: Solution) -> Iterator[Candidate]:
-    """The stated values without their statement."""
-    informed = 1.0 - np.diag(solution.covariance)
-    for index, parameter in enumerate(problem.shared.parameters):
-        if parameter.source.role not in STATED or informed[index] < _ROUND_OFF:
-            continue
-        z = float(solution.z[index])
-        size, std = parameter.std * z / informed[index], parameter.std * np.sqrt(1 / informed[index] - 1)
-        if _possible(parameter, size, std) and (cause := _described(parameter, size)):
-            explains = min(z**2 / float(informed[index]), solution.objective)
-            yield replace(cause, std=float(std), explains=explains, released=True)
-
-
-def _unstated(problem: Problem, solution: Solution) -> Iterator[Candidate]:
-    """The parts of a rig and the errors of the channels that are not among the shared values."""
-    p, rig, extras = len(problem.shared), problem.shared.rig, _extras(problem)
-    shared = {parameter.source for parameter in problem.shared.parameters}
-    _, _, slope = _with_extras(problem, solution, np.zeros((problem.conditions.count, 2, p + len(extras))))
-    triangle, size, _ = _with_extras(problem, solution, slope)
-    block, target = triangle[p:-1, p:-1], triangle[p:-1, -1]
-    weight, pull = np.sum(block**2, axis=0), block.T @ target
-    for index, source in enumerate(extras):
-        if not weight[index] > _IDENTIFIABLE * size[index] or source in shared:
-            continue
-        estimate = float(pull[index] / weight[index])
-        error = index - len(PARTS) - 1
-        if error >= 0 and abs(estimate) * np.abs(problem.observed.turns[..., error]).max() < NEGLIGIBLE:
-            continue
-        part = SharedParameter(source, "", 0, 1.0 if source.kind is Kind.GAIN else 0.0, 0.0)
-        if _possible(part, estimate, whole=_whole(source, rig)) and (cause := _described(part, estimate)):
-            std = abs(cause.value) * float(np.sqrt(weight[index]) / abs(pull[index]))
-            yield replace(cause, std=std, explains=min(float(pull[index] ** 2 / weight[index]), solution.objective))
-
-
-def _with_extras(problem: Problem, solution: Solution, slope: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Triangle of shared values, extra parts and residual; squared norms of the parts' columns; slope of log K*.
-
-    `slope` (c, 2, p + extras) is the fall of log K* of each condition per unit of the shared values and parts.
-    """
-    shared = problem.shared
-    p, rig = len(shared), shared.rig_at(solution.z)
-    count = len(_extras(problem))
-    triangle = np.hstack([np.eye(p), np.zeros((p, count)), -solution.z[:, None]])
-    size, slopes = np.zeros(count), [np.zeros((0, 2, slope.shape[2]))]
-    lead = problem.conditions.lead(slope)
-    for rows, group, linear in problem.linearised(solution.z, solution.stiffness):
-        extra = _extra_columns(problem.observed.part(rows), linear, rig)
-        size += np.sum(extra**2, axis=(0, 1))
-        moved = np.concatenate([linear.by_shared, extra], axis=2) + linear.by_stiffness @ lead[rows]
-        columns = np.concatenate([moved, linear.residual[:, :, None]], axis=2)
-        if group.stop > group.start:
-            starts = problem.conditions.starts[group] - rows.start
-            root, share, columns = without_stiffness(linear.by_stiffness, columns, starts)
-            slopes.append((root @ share)[:, :, :-1])
-        triangle = with_columns(triangle, columns)
-    return triangle, size, np.concatenate(slopes)
-
-
-def _extra_columns(observed: Observed, linear: Linear, rig: Rig) -> FloatArray:
-    """Derivatives (N, 6, extras) by each part and error of `_extras`, with the drive projected out."""
-    omega = observed.omega
-    shapes = part_shapes(omega, rig, np.abs(linear.drive * linear.ratio), observed.rigid)
-    changes = np.stack([shapes[part] for part in shapes], axis=-1)
-    columns = (
-        linear.by_impedance[:, :, :1] * changes.real[:, None] + linear.by_impedance[:, :, 1:] * changes.imag[:, None]
-    )
-    input_mass = np.zeros((omega.size, 3, 1), dtype=complex)
-    input_mass[:, 0, 0] = 1j * omega * linear.drive
-    sensor = np.concatenate([input_mass, observed.turns * linear.predicted[:, :, None]], axis=2)
-    errors = projected(linear.frame, whitened(observed.whiten, sensor))
-    errors = errors if linear.weigh is None else linear.weigh @ errors
-    amplitude = linear.by_stiffness[:, :, :1] * observed.deflection[:, None, None]
-    return np.concatenate([amplitude, columns, errors], axis=2)
-
-
-def _extras(problem: Problem) -> tuple[Source, ...]:
-    """The parts and errors that are tried as explanations, in the order of `_extra_columns`."""
-    return (Source(Kind.AMPLITUDE), *(Source(Kind.UNSTATED, part) for part in PARTS), *problem.errors)
-
-
-def _whole(source: Source, rig: Rig) -> float:
-    """The stated value with which the size of an unstated part is compared, in its unit; infinite if there is none."""
-    whole = {"mass": rig.moving_mass, "spring": rig.preload_stiffness, "frame": 1 / rig.preload_stiffness,
-             "loss": 1.0, "input": rig.moving_mass}  # fmt: skip
-    return whole.get(source.of, np.inf) if source.kind is Kind.UNSTATED else np.inf
-
-
-def _possible(parameter: SharedParameter, size: float, std: float = 0.0, whole: float = np.inf) -> bool:
-    """Whether an error of this size and standard uncertainty can be a cause.
-
-    `whole` is the value with which an unstated part is compared.
-    """
-    kind, role = parameter.source.kind, parameter.source.role
-    if kind in _LARGEST or role is Role.MASS or parameter.source.of in _BULK:
-        largest = _LARGEST.get(kind, _LARGEST_SHARE * parameter.stated)
-        return abs(size) <= largest and std <= _KNOWN * largest
-    if role is Role.UNSTATED:
-        return abs(size) <= _LARGEST_SHARE * whole
-    return role is Role.CHANNEL or parameter.stated + size >= 0
-
-
-def _described(parameter: SharedParameter, size: float) -> Candidate | None:
-    """A cause of this size, with its name and words; None for a part whose size has an impossible sign."""
-    source, kind, of = parameter.source, parameter.source.kind, parameter.source.of
+def cause_of(parameters: Sequence[SharedParameter], sizes: FloatArray, std: FloatArray) -> Candidate:
+    """A group of components as a cause: their sizes as found (k,) and standard uncertainties (k,), each in its unit."""
+    first = parameters[0]
+    if len(parameters) > 1:
+        return _described_group(parameters, sizes, std)
+    size, source, kind, of = float(sizes[0]), first.source, first.source.kind, first.source.of
     if kind is Kind.UNSTATED:
-        return _described_part(source, size)
+        cause = _described_part(source, size)
+        return replace(cause, std=abs(cause.value / size) * float(std[0]) if size else 0.0)
     name, unit, form = f"sensor {of}", "1", kind.name.lower()
     values: dict[str, Any] = {"of": of, "percent": 100 * size}
     if kind is Kind.AMPLITUDE:
         name, values = "specimen", {"percent": 100 * (2**size - 1)}
+    elif kind is Kind.NOISE:
+        name, form, values = "specimen" if of == "scatter" else of, of, {"percent": 100 * size, "times": size}
     elif kind is Kind.PHASE:
         unit, values = "rad", {"of": of, "degrees": np.degrees(size)}
     elif kind is Kind.DELAY:
         unit, form, values = "s", "late" if size > 0 else "early", {"of": of, "milliseconds": abs(size) * 1e3}
+    elif kind is Kind.LOW_CUT:
+        unit, values = "Hz", {"of": of, "hertz": abs(size)}
     elif kind is Kind.CROSSTALK:
         crossed, _, channel = of.partition(" in ")
         name, values = f"sensor {channel}", {"of": crossed, "into": channel, "percent": 100 * size}
-    elif source.role is Role.CHANNEL and kind not in (Kind.GAIN, Kind.GAIN_DRIFT):
+    elif kind in (Kind.RESPONSE_GAIN, Kind.RESPONSE_PHASE):
         form, values = "response", {"of": source.text, "times": abs(size)}
     elif source.role is not Role.CHANNEL:
-        name, unit = "added mass" if source.role is Role.MASS else of.replace("_", " "), parameter.unit
+        name, unit = "added mass" if source.role is Role.MASS else of.replace("_", " "), first.unit
         shown = unit if unit != "1" else ""
-        form, values = "stated", {"value": parameter.stated + size, "stated": parameter.stated, "unit": shown}
-    return Candidate(name, size, 0.0, unit, 0.0, source, size, form, values)
+        form, values = "stated", {"value": first.stated + size, "stated": first.stated, "unit": shown}
+    return Candidate(name, size, float(std[0]), unit, 0.0, source, size, form, values)
+
+
+def _described_group(parameters: Sequence[SharedParameter], sizes: FloatArray, std: FloatArray) -> Candidate:
+    """Several components as one cause, by the root mean square of moduli and of angles."""
+    source = parameters[0].source
+    angle = np.array([parameter.unit == "rad" for parameter in parameters])
+    percent, degrees = (float(np.sqrt(np.mean(sizes[part] ** 2))) if part.any() else 0.0 for part in (~angle, angle))
+    u = float(np.sqrt(np.mean(std[~angle] ** 2))) if (~angle).any() else 0.0
+    mounted = source.role is Role.MOUNTING
+    values = {"of": source.of, "percent": 100 * percent, "degrees": np.degrees(degrees)}
+    name, form = f"sensor {source.of}" if mounted else "specimen", component(source.kind).group
+    return Candidate(name, percent, u, "1", 0.0, source, percent, form, values)
 
 
 #: Name and unit of each part of `PARTS` as a cause.
@@ -339,11 +220,10 @@ _PART_NAMES = {
 }
 
 
-def _described_part(source: Source, size: float) -> Candidate | None:
+def _described_part(source: Source, size: float) -> Candidate:
     """A part of the rig of this size; only a moving mass may be smaller than stated."""
-    if size <= 0:
-        smaller = Candidate("moving mass", size, 0.0, "kg", 0.0, source, size, "smaller_mass", {"size": -size})
-        return smaller if source.of == "mass" else None
+    if size <= 0 and source.of == "mass":
+        return Candidate("moving mass", size, 0.0, "kg", 0.0, source, size, "smaller_mass", {"size": -size})
     name, unit = _PART_NAMES[source.of]
     value = 1 / size if source.of == "frame" else size  # the size of a frame is a compliance
     return Candidate(name, value, 0.0, unit, 0.0, source, size, source.of, {"size": value})

@@ -1,62 +1,52 @@
-"""Reconcile the statement with the tests: scatter, drift, outliers, causes of a misfit, noise."""
+"""Reconcile the statement with the tests: strange tests, what the tests ask for, and whether the rest is white."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.joint.misfit import (
-    NEGLIGIBLE,
-    Candidate,
-    Residuals,
-    candidates,
-    is_unlikely,
-    largest_part,
-    residuals,
+from fourpole.core.joint.asking import (
+    GAIN,
+    NOISE,
+    NOISE_IN_DOUBT,
+    SCATTER,
+    Group,
+    Trial,
+    groups_of,
+    raised,
+    tie,
+    trials,
 )
-from fourpole.core.joint.model import cholesky_qr, part_shapes, projected
-from fourpole.core.joint.scatter import root_of
-from fourpole.core.joint.shared import SharedParameter
+from fourpole.core.joint.misfit import NEGLIGIBLE, Candidate, Residuals, cause_of, is_unlikely, largest_part, residuals
+from fourpole.core.joint.model import cholesky_qr, projected
+from fourpole.core.joint.scatter import root_of, scatter_of
+from fourpole.core.joint.shared import DRIFTS, Shared
 from fourpole.core.joint.solve import Problem, Solution
-from fourpole.core.joint.specimens import NOISE_IN_DOUBT, Misfit, SpecimenState, fit_specimens, without_drifts
-from fourpole.core.sources import PARTS, Kind, Role, Source
+from fourpole.core.joint.specimens import Misfit, State, settle_scatter, weaken_strange_tests
+from fourpole.core.sources import Role
 
-#: A stated value is a cause of the misfit if it departs from its estimate by this many standard uncertainties.
+#: A group of the rig or of a sensor contradicts its statement if it is larger than this many standard uncertainties.
 _CONFLICT = 3.0
-#: Least fraction of a cause's squared size that widens its statement; it applies where a cause is only just found.
+#: Least fraction of a squared size that widens a statement; it applies where a cause is only just found.
 _LEAST_LOSS = 1e-4
-#: Causes that explain the misfit within this chi-square of the best one are named with it: 2 standard uncertainties.
-_TIE = 4.0
-#: A candidate is a cause only if it explains at least this share of what the best candidate explains.
-_SHARE_OF_BEST = 0.8
-#: A part is a cause of the misfit if it explains at least this share of it.
-_SHARE_OF_CAUSE = 0.3
-#: Rare errors are named only if they explain nearly the whole misfit: at least this share. They come before a common
-#: error only if they leave less than this share of what it leaves.
-_RARE, _WHOLE, _HALF = (Kind.CROSSTALK, Kind.GAIN_DRIFT), 0.9, 0.5
-#: A candidate is a cause if its size is more than this many standard uncertainties, even without a misfit.
-_SIGNIFICANT = 5.0
 #: An unsteady drive is the cause of the misfit if it explains more than this share of it.
 _MOSTLY = 0.7
 #: Degrees of freedom of the prior for the noise of one test about the noise of all tests.
 _PRIOR_DOF = 4.0
 #: Chi-square below which there is no misfit in any test: that of the exact phasors of a plan is round-off.
 _NOTHING = 1e-6
-#: Largest number of rounds, each with one remedy.
-_MOST_ROUNDS = 12
+#: Largest number of rounds of asking.
+_MOST_ROUNDS = 4
 
 
 def reconcile(
     problem: Problem, solution: Solution, start: ComplexArray, gross: Sequence[Candidate] = ()
 ) -> tuple[Problem, Solution, FloatArray, Misfit]:
-    """Repeat remedies until chance explains the residuals: scatter, outliers, drift, causes, noise.
-
-    The specimen comes first, because K* of repeats that scatters looks like an error of any channel.
+    """Weaken strange tests, raise what the tests ask for, and say whether chance explains the rest.
 
     Parameters
     ----------
@@ -76,208 +66,158 @@ def reconcile(
     misfit : Misfit
         Agreement of the statement with the tests, and the size of each remedy.
     """
-    state = SpecimenState(problem, solution, start, np.ones(problem.observed.omega.size))
+    state = State(problem, solution, start, np.ones(problem.observed.omega.size))
     if not gross and problem.scatter == 0 and solution.objective < _NOTHING:
-        misfit = replace(state.misfit, **_unchanged(solution, residuals(problem, solution)))
-        return problem, solution, state.outlier, misfit
-    for count in range(_MOST_ROUNDS):
-        fit_specimens(state)
-        left = residuals(state.problem, state.solution)
-        if not count:
-            state.misfit = replace(state.misfit, **_unchanged(state.solution, left))
-        if gross:
-            state.misfit = replace(state.misfit, rig_error=1.0, candidates=tuple(gross), tied=len(gross))
+        return problem, solution, state.outlier, _chi2(state)
+    weaken_strange_tests(state)
+    if gross:
+        misfit = replace(_chi2(state), fits=False, rig_error=1.0, candidates=tuple(gross), tied=len(gross))
+        return state.problem, state.solution, state.outlier, misfit
+    state.solve(replace(state.problem, scatter=0.0))
+    misfit = _asked(state, problem.shared)
+    return state.problem, state.solution, state.outlier, misfit
+
+
+def _asked(state: State, stated: Shared) -> Misfit:
+    """Raise what the tests ask for, and then judge what is left."""
+    misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, NOISE], []
+    before: Misfit | None = None
+    for _ in range(_MOST_ROUNDS):
+        tried = trials(state.problem, state.solution, groups, state.outlier)
+        noise = _noise(state)
+        together = tie(sorted([*tried, *noise], key=lambda trial: -trial.gain))
+        if not together:
             break
-        if not _remedied(state, left):
-            break
-    else:
-        state.finished = False
-    return state.problem, state.solution, state.outlier, replace(state.misfit, fits=state.fits)
+        if not all(trial.group.of_specimen for trial in together):
+            before = before or _chi2(state)
+            causes += [(trial.group, _cause(trial, state.solution)) for trial in together]
+        misfit = _raise(state, together, misfit)
+        groups = [group for group in groups if not any(trial.group is group for trial in together)]
+    misfit = _settled(state, misfit)
+    misfit = replace(misfit, **_raised(state, stated))
+    before = before or _chi2(state)
+    return _judged(state, replace(misfit, chi2=before.chi2, dof=before.dof), causes)
 
 
-@dataclass(frozen=True, eq=False)
-class _Diagnosis:
-    """Misfit of a solution that chance cannot explain, and its possible causes.
-
-    `size` is the largest part of Zr of each test; `effect` is the change of Zr, over `size`, by the best candidate.
-    """
-
-    left: Residuals
-    rig_chi2: float
-    rig_dof: float
-    tyre_chi2: float
-    tyre_dof: float
-    named: list[Candidate]
-    size: FloatArray
-    effect: float
-
-    @property
-    def rig_bad(self) -> bool:
-        """Whether chance cannot explain the residuals of the rig."""
-        return is_unlikely(self.rig_chi2, self.rig_dof)
-
-    @property
-    def excess(self) -> float:
-        """Chi-square of the rig that chance does not explain."""
-        return self.rig_chi2 - self.rig_dof
-
-    @property
-    def rest(self) -> float:
-        """Chi-square per degree of freedom without the best candidate; at least 1."""
-        dof = max(self.rig_dof + self.tyre_dof - 1, 1.0)
-        explained = self.named[0].explains if self.named else 0.0
-        return max((self.rig_chi2 + self.tyre_chi2 - explained) / dof, 1.0)
-
-    def is_cause(self, candidate: Candidate) -> bool:
-        """Whether a candidate by itself explains too much for chance."""
-        if candidate.released and candidate.explains > _CONFLICT**2 * self.rest:
-            return True
-        if candidate.of_rig and candidate is self.named[0] and self.effect < NEGLIGIBLE:
-            return False
-        significant = candidate.explains > _SIGNIFICANT**2 * self.rest
-        return significant or (self.rig_bad and candidate.explains > max(_SHARE_OF_CAUSE * self.excess, _CONFLICT**2))
-
-    @cached_property
-    def causes(self) -> list[Candidate]:
-        """The best cause, and those that explain the misfit as well; empty if no candidate is a cause."""
-        best = next((candidate for candidate in self.named if self.is_cause(candidate)), None)
-        if best is None or best.explains < _SHARE_OF_BEST * self.named[0].explains:
-            return []
-        return [candidate for candidate in self.named if candidate.explains >= best.explains - _TIE * self.rest]
-
-    @cached_property
-    def level(self) -> float:
-        """Relative random error of Zr with which chance explains the misfit of the rig; 0 without a misfit."""
-        if not self.rig_bad:
-            return 0.0
-        return _level(self.left.rig_part, self.left.rig_weight, self.rig_dof, self.size)
-
-
-def _diagnosed(state: SpecimenState, left: Residuals) -> _Diagnosis:
-    """The diagnosis of the present solution, from its residuals."""
-    problem, solution = state.problem, state.solution
-    rig_chi2, tyre_chi2 = float(left.rig.sum() + solution.z @ solution.z), float(left.tyre.sum())
-    rig_dof = float(left.rig_dof.sum())
-    # No candidate explains more than the whole chi-square. The exact phasors of a plan have a chi-square of zero.
-    named = candidates(problem, solution) if rig_chi2 + tyre_chi2 > 1 else []
-    known = {*state.misfit.added, *(problem.shared.parameters[index].source for index in state.misfit.conflicts)}
-    known |= {Source(Kind.UNSTATED, part) for part, value in _TWINS.items() if value in known}
-    bad, least = is_unlikely(rig_chi2, rig_dof), max(_WHOLE * (rig_chi2 - rig_dof), _SIGNIFICANT**2)
-    named = [
-        candidate
-        for candidate in named
-        if candidate.source not in known
-        and (candidate.source.kind not in _RARE or (bad and candidate.explains > least))
-    ]
-    named = _common_first(named, rig_chi2 + tyre_chi2)
-    size = largest_part(problem, solution.z, solution.stiffness)
-    effect = np.inf
-    if named and named[0].of_rig:
-        speed = np.abs(problem.observed.amplitudes[:, 2])
-        rig = problem.shared.rig_at(solution.z)
-        shapes = part_shapes(problem.observed.omega, rig, speed, problem.observed.rigid)
-        shape = shapes.get(named[0].source.of, 1j * problem.observed.omega)
-        effect = float(np.max(np.abs(named[0].size * shape) / size))
-    return _Diagnosis(
-        left=left,
-        rig_chi2=rig_chi2,
-        rig_dof=rig_dof,
-        tyre_chi2=tyre_chi2,
-        tyre_dof=2.0 * float((problem.conditions.sizes - 1).sum()),
-        named=named,
-        size=size,
-        effect=effect,
-    )
-
-
-def _common_first(named: list[Candidate], chi2: float) -> list[Candidate]:
-    """The candidates with the best common one first, unless a rare one leaves much less of chi-square."""
-    common = next((candidate for candidate in named if candidate.source.kind not in _RARE), None)
-    if common is None or chi2 - named[0].explains < _HALF * (chi2 - common.explains):
-        return named
-    return [common, *(candidate for candidate in named if candidate is not common)]
-
-
-def _remedied(state: SpecimenState, left: Residuals) -> bool:
-    """Apply one remedy to the worst misfit that chance cannot explain; False if there is none."""
-    diagnosis, misfit = _diagnosed(state, left), state.misfit
-    if misfit.rig_error == 0 and diagnosis.causes:
-        _apply(state, diagnosis)
-    elif diagnosis.rig_bad and misfit.unsteady == 0 and (drive := _unsteady_drive(state, left, diagnosis)) is not None:
-        state.solve(state.problem.widened(drive[1]), unsteady=drive[0])
-    elif diagnosis.rig_bad and misfit.rig_error == 0 and _is_of_rig(state, diagnosis):
-        _add_rig_error(state, diagnosis)
-    elif diagnosis.rig_bad:
-        _enlarge_noise(state, diagnosis)
-    else:
-        return False
-    return True
-
-
-def _is_of_rig(state: SpecimenState, diagnosis: _Diagnosis) -> bool:
-    """Whether the misfit that is left is an error of the rig, not noise."""
-    if diagnosis.level <= NEGLIGIBLE:
-        return False
-    noise = state.misfit.inflation * np.sqrt(diagnosis.rig_chi2 / diagnosis.rig_dof)
-    return bool(state.misfit.conflicts or state.misfit.added or noise > NOISE_IN_DOUBT)
-
-
-def _apply(state: SpecimenState, diagnosis: _Diagnosis) -> None:
-    """Widen the statements that may be the cause of the misfit, and add the causes that nobody stated."""
-    if not state.misfit.candidates:
-        state.misfit = replace(state.misfit, candidates=tuple(diagnosis.named), tied=len(diagnosis.causes))
-    # The drifts are removed; a drift that was only the effect of the cause is not found again.
-    shared, z = without_drifts(state.problem.shared, state.solution.z)
-    listed, conflicts, added = list(shared.parameters), list(state.misfit.conflicts), list(state.misfit.added)
-    places = {parameter.source: i for i, parameter in enumerate(listed)}
-    common = [cause for cause in diagnosis.causes if cause.source.kind not in _RARE]
-    for cause in common or diagnosis.causes:
-        # An unstated part acts as the value of the rig that the part belongs to, if that value has an uncertainty.
-        here = places.get(cause.source, places.get(_TWINS.get(cause.source.of, cause.source)))
-        # The part of the cause that widens its statement rises smoothly from `_CONFLICT` standard uncertainties on.
-        loss = np.sqrt(max(1.0 - _CONFLICT**2 * diagnosis.rest / cause.explains, _LEAST_LOSS))
-        if here is None:
-            listed.append(_parameter(cause, loss, len(added), state.problem))
-            z = np.append(z, 0.0)
-            added.append(cause.source)
-        elif here not in conflicts:
-            wider = float(np.hypot(listed[here].std, loss * cause.size))
-            z[here] *= listed[here].std / wider
-            listed[here] = replace(listed[here], std=wider)
-            conflicts.append(here)
+def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
+    """Raise the groups of a tie together, and solve."""
+    problem, z = state.problem, state.solution.z
+    for trial in together:
+        if trial.group is NOISE:
+            problem = _with_noise(problem, residuals(state.problem, state.solution), trial.factor**2)
+            misfit = replace(misfit, inflation=misfit.inflation * trial.factor)
+        else:
+            # A stated value loses its hold smoothly from the least gain on.
+            stated = any(parameter.source.role in (Role.RIG, Role.MASS, Role.CHANNEL) and _has(problem, trial.group)
+                         for parameter in trial.group.parameters)  # fmt: skip
+            loss = max(1 - GAIN / trial.gain, _LEAST_LOSS) if stated else 1.0
+            problem, z = raised(problem, z, trial.group, trial.factor * float(np.sqrt(loss)))
     state.solution = replace(state.solution, z=z)
-    wide = replace(state.problem, shared=replace(shared, parameters=tuple(listed)))
-    state.solve(wide, conflicts=tuple(conflicts), added=tuple(added), drifts=())
+    state.solve(problem)
+    return misfit
 
 
-#: The value of the rig that acts as an unstated part does.
-_TWINS = {
-    "mass": Source(Kind.RIG_VALUE, "moving_mass"),
-    "spring": Source(Kind.RIG_VALUE, "preload_stiffness"),
-    "loss": Source(Kind.RIG_VALUE, "preload_loss_factor"),
-    "input": Source(Kind.RIG_VALUE, "input_mass"),
-}
+def _has(problem: Problem, group: Group) -> bool:
+    """Whether a group is among the shared values already."""
+    there = {(parameter.source, parameter.index) for parameter in problem.shared.parameters}
+    return all((parameter.source, parameter.index) in there for parameter in group.parameters)
 
 
-def _parameter(cause: Candidate, loss: float, number: int, problem: Problem) -> SharedParameter:
-    """A cause that nobody stated, as a shared value: 0 as stated, with an uncertainty of the estimated size."""
-    std = float(loss * abs(cause.size))
-    if cause.source.role is Role.UNSTATED:
-        return SharedParameter(cause.source, PARTS[cause.source.of], number, 0.0, std)
-    if cause.source.kind is Kind.AMPLITUDE:
-        return SharedParameter(cause.source, cause.unit, 0, 0.0, std)
-    centre = 1.0 if cause.source.kind is Kind.GAIN else 0.0
-    index = problem.errors.index(cause.source)
-    return SharedParameter(cause.source, cause.unit, index, centre, std)
+def _noise(state: State) -> list[Trial]:
+    """Larger noise of all tests as a trial; none if the noise of the recordings suffices."""
+    chi2, dof = _whole(state)
+    square = min(chi2 / dof, NOISE_IN_DOUBT**2) if dof else 1.0
+    if square <= 1:
+        return []
+    gain = 0.5 * (chi2 * (1 - 1 / square) - dof * np.log(square)) - 0.25 * np.log(square)
+    return [Trial(NOISE, float(np.sqrt(square)), float(gain), state.problem, state.solution)]
 
 
-def _add_rig_error(state: SpecimenState, diagnosis: _Diagnosis) -> None:
-    """Add an error of Zr to each test, of the size that chance then explains."""
-    widened = without_rig(state.problem, state.solution.z, state.solution.stiffness, diagnosis.level)
-    if not state.misfit.candidates:
-        likely = [candidate for candidate in diagnosis.named if candidate.explains > _SHARE_OF_CAUSE * diagnosis.excess]
-        state.misfit = replace(state.misfit, candidates=tuple(likely))
-    state.solve(widened, rig_error=float(np.hypot(state.misfit.rig_error, diagnosis.level)))
+def _whole(state: State) -> tuple[float, float]:
+    """Chi-square of all tests and of the statement, and its degrees of freedom."""
+    left = residuals(state.problem, state.solution)
+    repeats = 2.0 * float((state.problem.conditions.sizes - 1).sum())
+    return float(left.whole.sum() + state.solution.z @ state.solution.z), float(left.rig_dof.sum()) + repeats
+
+
+def _cause(trial: Trial, before: Solution) -> Candidate:
+    """The cause that a trial is, with its size as found."""
+    group, shared = trial.group, trial.problem.shared
+    if group.parameters[0].source.role is Role.TEST:
+        size = np.array([trial.factor * group.parameters[0].std])
+        return cause_of(group.parameters, size, 0 * size)
+    wanted = {(parameter.source, parameter.index) for parameter in group.parameters}
+    places = [place for place, parameter in enumerate(shared.parameters)
+              if (parameter.source, parameter.index) in wanted]  # fmt: skip
+    sizes = (trial.solution.z * shared.std)[places]
+    std = (np.sqrt(np.diag(trial.solution.covariance)) * shared.std)[places]
+    cause = cause_of([shared.parameters[place] for place in places], sizes, std)
+    explains = max(before.objective - trial.solution.objective, 0.0)
+    return replace(cause, explains=explains, released=len(before.z) == len(shared))
+
+
+def _settled(state: State, misfit: Misfit) -> Misfit:
+    """The misfit with the scatter of K* that repeats show; chance may be the reason of a small one."""
+    asked = state.problem.scatter > 0
+    used = state.outlier == 1
+    settle_scatter(state, lambda departures: scatter_of(state.problem, departures, used))
+    return replace(misfit, scatter=state.problem.scatter if asked else 0.0)
+
+
+def _raised(state: State, stated: Shared) -> dict[str, Any]:
+    """What was raised: stated values that the tests contradict, components that nobody stated, and drifts."""
+    parameters, sizes = state.problem.shared.parameters, state.solution.z * state.problem.shared.std
+    known = len(stated)
+    conflicts = tuple(
+        index
+        for index, parameter in enumerate(stated.parameters)
+        if parameter.source.role is not Role.SPECIMEN
+        and parameters[index].std > parameter.std
+        and abs(sizes[index]) > _CONFLICT * parameter.std
+    )
+    new = [parameter.source for parameter in parameters[known:]]
+    drifts = [source for source in new if source.role is Role.SPECIMEN]
+    drifts += [row.source for row, own in zip(stated.parameters, parameters, strict=False)
+               if row.source.role is Role.SPECIMEN and own.std > row.std]  # fmt: skip
+    return {
+        "conflicts": conflicts,
+        "added": tuple(source for source in new if source.role is not Role.SPECIMEN),
+        "drifts": tuple(source for source in drifts if source.kind in DRIFTS),
+    }
+
+
+def _judged(state: State, misfit: Misfit, causes: Sequence[tuple[Group, Candidate]]) -> Misfit:
+    """The misfit with its causes; what is not white has no cause, and then K* does not rest on the rig."""
+    chi2, dof = _whole(state)
+    if not is_unlikely(chi2, dof):
+        at_fault = bool(misfit.conflicts or misfit.added)
+        named = [cause for group, cause in causes] if at_fault else []
+        return replace(misfit, fits=not at_fault, candidates=tuple(named), tied=len(named))
+    left = residuals(state.problem, state.solution)
+    if (drive := _unsteady_drive(state, left)) is not None:
+        state.solve(state.problem.widened(drive[1]))
+        return replace(misfit, unsteady=drive[0], fits=not (misfit.conflicts or misfit.added))
+    size = largest_part(state.problem, state.solution.z, state.solution.stiffness)
+    level = _level(left.rig_part, left.rig_weight, float(left.rig_dof.sum()), size)
+    if level <= NEGLIGIBLE:
+        ratio = max(float(left.rig.sum() / max(left.rig_dof.sum(), 1.0)), 1.0)
+        state.solve(_with_noise(state.problem, left, ratio))
+        inflation = misfit.inflation * float(np.sqrt(ratio))
+        return replace(misfit, inflation=inflation, fits=inflation <= NOISE_IN_DOUBT and not misfit.added)
+    state.solve(without_rig(state.problem, state.solution.z, state.solution.stiffness, level))
+    return replace(misfit, fits=False, rig_error=level, candidates=(), tied=0)
+
+
+def _chi2(state: State) -> Misfit:
+    """Chi-square of the rig and its degrees of freedom."""
+    left = residuals(state.problem, state.solution)
+    z = state.solution.z
+    return Misfit(chi2=float(left.rig.sum() + z @ z), dof=float(left.rig_dof.sum()))
+
+
+def _with_noise(problem: Problem, left: Residuals, ratio: float) -> Problem:
+    """The problem with a variance of all noise that is larger by a ratio on average."""
+    return problem.reweighted(problem.observed.whiten / np.sqrt(_each(left, ratio))[:, None, None])
 
 
 def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level: float) -> Problem:
@@ -291,15 +231,7 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
     return problem.widened(columns * size[:, None, None])
 
 
-def _enlarge_noise(state: SpecimenState, diagnosis: _Diagnosis) -> None:
-    """Enlarge the noise of all tests until chance explains the residuals of the rig."""
-    state.negligible = state.negligible and diagnosis.level <= NEGLIGIBLE
-    ratio = diagnosis.rig_chi2 / diagnosis.rig_dof
-    whiten = state.problem.observed.whiten / np.sqrt(_each(diagnosis.left, ratio))[:, None, None]
-    state.solve(state.problem.reweighted(whiten), inflation=state.misfit.inflation * float(np.sqrt(ratio)))
-
-
-def _unsteady_drive(state: SpecimenState, left: Residuals, diagnosis: _Diagnosis) -> tuple[float, FloatArray] | None:
+def _unsteady_drive(state: State, left: Residuals) -> tuple[float, FloatArray] | None:
     """Relative random error of each frequency, and its columns (N, 6, 1), if it explains most of the misfit.
 
     A drive with a wandering speed has no single frequency, and the rig's inertia is proportional to frequency squared.
@@ -313,7 +245,7 @@ def _unsteady_drive(state: SpecimenState, left: Residuals, diagnosis: _Diagnosis
     used = (left.rig_dof > 0) & (weight > 0)
     part = np.sum(along * rest, axis=1)
     explained = float(np.sum(part[used] ** 2 / weight[used])) - float(used.sum())
-    if explained < _MOSTLY * (diagnosis.rig_chi2 - diagnosis.rig_dof):
+    if explained < _MOSTLY * (float(left.rig.sum()) - float(left.rig_dof.sum())) or not used.any():
         return None
     level = _level(part[used, None], weight[used, None, None], float(used.sum()), np.ones(int(used.sum())))
     return (level, (by_frequency * level)[:, :, None]) if level < NEGLIGIBLE else None
@@ -326,11 +258,6 @@ def _each(left: Residuals, ratio: float) -> FloatArray:
     is larger than the recordings give is seldom equally large in all of them.
     """
     return ratio * (_PRIOR_DOF + left.rig / ratio) / (_PRIOR_DOF + left.rig_dof)
-
-
-def _unchanged(solution: Solution, left: Residuals) -> dict[str, Any]:
-    """Chi-square of the rig and its degrees of freedom before any remedy."""
-    return {"chi2": float(left.rig.sum() + solution.z @ solution.z), "dof": float(left.rig_dof.sum())}
 
 
 def _level(part: FloatArray, weight: FloatArray, dof: float, size: FloatArray) -> float:

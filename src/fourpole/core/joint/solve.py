@@ -11,7 +11,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import Linear, Observed, inverse_upper, linearise, upper_factor
-from fourpole.core.joint.shared import Shared
+from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.sources import Source
 
 #: Number of tests in a chunk, which bounds the memory.
@@ -45,6 +45,8 @@ class Problem(ByValue):
         The errors of the channels, in the order of `Observed.turns`.
     names : tuple of str
         The specimens, in the order of `Observed.specimen`.
+    specimens : tuple of SharedParameter
+        Drifts and blocks that are possible; a standard uncertainty of 0 is not among the shared values.
     scatter : float [1]
         Standard deviation of Re and Im of log K* of a test about those of its condition, besides the noise.
     apart : (N,) float array [1], optional
@@ -58,6 +60,7 @@ class Problem(ByValue):
     shared: Shared
     errors: tuple[Source, ...] = ()
     names: tuple[str, ...] = ("",)
+    specimens: tuple[SharedParameter, ...] = ()
     scatter: float = 0.0
     apart: FloatArray | None = None
     lines: FloatArray | None = None
@@ -303,10 +306,42 @@ def moved(stiffness: ComplexArray, dlog_k: FloatArray) -> ComplexArray:
 def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray | None = None) -> Step:
     """Objective and step from all tests; `before` (c, 2, p) is the slope of log K* from the step before."""
     p = len(problem.shared)
-    lead = np.zeros((problem.conditions.label.size, 2, p)) if before is None else problem.conditions.lead(before)
-    triangle = np.hstack([np.eye(p), -z[:, None]])
+    before = np.zeros((problem.conditions.count, 2, p)) if before is None else before
+    triangle, objective, weigh, (own_root, slope, own_step) = reduced(problem, z, stiffness, before)
+    dz = np.linalg.solve(triangle[:p, :p], triangle[:p, p]) if p else np.zeros(0)
+    return Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope, weigh)
+
+
+def reduced(
+    problem: Problem, z: FloatArray, stiffness: ComplexArray, before: FloatArray, free: int = 0
+) -> tuple[FloatArray, float, float, tuple[FloatArray, FloatArray, FloatArray]]:
+    """All tests reduced to a triangle of the shared values and the residual, with K* of each condition projected out.
+
+    Parameters
+    ----------
+    problem, z, stiffness
+        The tests, and the point at which they are linear.
+    before : (c, 2, p) float array
+        Slope of log K* by the shared values from a step before, or 0.
+    free : int
+        Number of the last shared values that have no statement here.
+
+    Returns
+    -------
+    triangle : (p + 1 or more, p + 1) float array
+        R of the QR decomposition.
+    objective, weigh : float
+        Sum of squares, and logarithm of the determinant of the weights by scatter.
+    own : tuple of (c, 2, 2), (c, 2, p) and (c, 2) float arrays
+        For each K*: the inverse of its own triangle, its slope by the shared values, and its step for known ones.
+    """
+    p = len(problem.shared)
+    lead = problem.conditions.lead(before)
+    triangle = np.hstack([np.diag(np.append(np.ones(p - free), np.zeros(free))), -z[:, None]])
     objective, weigh = float(z @ z), 0.0
-    roots, slopes, own_steps = [], [], []
+    roots: list[FloatArray] = [np.zeros((0, 2, 2))]
+    slopes: list[FloatArray] = [np.zeros((0, 2, p))]
+    own_steps: list[FloatArray] = [np.zeros((0, 2))]
     for rows, group, linear in problem.linearised(z, stiffness):
         objective += float(np.sum(linear.residual**2))
         if linear.weigh is not None:
@@ -321,11 +356,7 @@ def sweep(problem: Problem, z: FloatArray, stiffness: ComplexArray, before: Floa
             slopes.append(moved[:, :, :p])
             own_steps.append(moved[:, :, p])
         triangle = with_columns(triangle, columns)
-    dz = np.linalg.solve(triangle[:p, :p], triangle[:p, p]) if p else np.zeros(0)
-    slope = np.concatenate(slopes) if slopes else np.zeros((0, 2, p))
-    own_step = np.concatenate(own_steps) if own_steps else np.zeros((0, 2))
-    own_root = np.concatenate(roots) if roots else np.zeros((0, 2, 2))
-    return Step(objective, dz, own_step - slope @ dz, own_step, triangle[:p, :p], own_root, slope, weigh)
+    return triangle, objective, weigh, (np.concatenate(roots), np.concatenate(slopes), np.concatenate(own_steps))
 
 
 def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:

@@ -1,0 +1,236 @@
+r"""What the tests ask for: components that are larger than stated, chosen by the evidence of all tests.
+
+Every component of `fourpole.core.components` has a normal prior. A group of components is raised by the factor tau if
+the logarithm of the evidence rises by more than `GAIN`; groups that explain the tests nearly as well are raised with
+it, so that the uncertainties hold them all. The evidence of a group with derivatives J, after K* is projected out, is
+
+.. math:: \log Z = -\chi^2/2 - \tfrac12 \log\det(1 + \tau^2 J^T P J) - \tfrac12 \log\tau.
+
+References
+----------
+D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4 (1992), 415-447 (evidence by Laplace's method).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.components import BEGINS, Component, component
+from fourpole.core.joint.scatter import deviations, scatter_of
+from fourpole.core.joint.shared import Shared, SharedParameter
+from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either
+from fourpole.core.sources import PARTS, Kind, Role, Source
+
+#: Least gain in the logarithm of the evidence for which a group is raised.
+GAIN = 5.0
+#: Groups whose gain is within this of the best are raised with it, if their own gain is at least the second number.
+_TIE, _EXPLAINS = 10.0, 2.5
+#: Number of groups that are tried in earnest in one round.
+_TRIED = 4
+#: Factors that are tried at first: from this to the largest, so many.
+_SMALLEST, _FACTORS = 0.3, 30
+#: Rare errors need this much more evidence.
+_RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0}
+#: The value of the rig that acts as an unstated part does.
+TWINS = {
+    "mass": Source(Kind.RIG_VALUE, "moving_mass"),
+    "spring": Source(Kind.RIG_VALUE, "preload_stiffness"),
+    "loss": Source(Kind.RIG_VALUE, "preload_loss_factor"),
+    "input": Source(Kind.RIG_VALUE, "input_mass"),
+}
+#: Largest share by which a stated value of the rig, or a mass, can be wrong.
+_LARGEST_SHARE = 0.5
+#: Largest factor of the standard uncertainty of all noise: recordings know their noise no worse.
+NOISE_IN_DOUBT = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Group(ByValue):
+    """Components that stand and fall together.
+
+    Attributes
+    ----------
+    name : str
+        Its name, as texts of sources are.
+    parameters : tuple of SharedParameter
+        Its values, whose `std` is the size that they have for a factor of 1.
+    largest : float [1]
+        Largest factor.
+    """
+
+    name: str
+    parameters: tuple[SharedParameter, ...]
+    largest: float
+
+    @property
+    def of_specimen(self) -> bool:
+        """Whether it belongs to the specimens or to the noise, and neither to the rig nor to a sensor."""
+        return all(parameter.source.role in (Role.SPECIMEN, Role.TEST) for parameter in self.parameters)
+
+    @property
+    def cost(self) -> float:
+        """Evidence that it needs besides."""
+        return _RARE.get(self.parameters[0].source.kind, 0.0)
+
+
+#: Scatter of K* from test to test, and noise of all channels: groups without a column.
+SCATTER = Group("scatter", (SharedParameter(Source(Kind.NOISE, "scatter"), "1", 0, 0.0, 1e-3),), 30.0)
+NOISE = Group("noise", (SharedParameter(Source(Kind.NOISE, "noise"), "1", 0, 1.0, 1.0),), NOISE_IN_DOUBT)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial(ByValue):
+    """A group raised by a factor: the gain of evidence, the problem and its solution."""
+
+    group: Group
+    factor: float
+    gain: float
+    problem: Problem
+    solution: Solution
+
+
+def groups_of(problem: Problem, stated: Shared) -> list[Group]:
+    """All groups that the tests of a problem may ask for; `stated` has the shared values as stated."""
+    std = {(parameter.source, parameter.index): parameter.std for parameter in stated.parameters}
+    columns: dict[str, list[tuple[SharedParameter, float]]] = {}
+
+    def add(name: str, parameter: SharedParameter, largest: float) -> None:
+        columns.setdefault(name, []).append((parameter, largest / parameter.std))
+
+    for parameter in stated.parameters:
+        if parameter.source.role in (Role.RIG, Role.MASS):
+            largest = _LARGEST_SHARE * abs(parameter.stated) or np.inf
+            if parameter.source.of == "preload_damping":
+                largest = component(Kind.UNSTATED).bound * stated.rig.critical_damping
+            add(parameter.source.text, parameter, max(largest, parameter.std))
+    top = float(np.max(problem.observed.omega)) / (2 * np.pi)
+    for index, source in enumerate(problem.errors):
+        row = _row(source)
+        per = top**-2 if source.kind is Kind.SLOPE else 1.0
+        unit = std.get((source, index)) or per * (row.std or BEGINS * row.bound)
+        centre = 1.0 if source.kind is Kind.GAIN else 0.0
+        name = f"{row.group} {source.of}" if source.role is Role.MOUNTING else source.text
+        add(name, SharedParameter(source, row.unit, index, centre, unit), per * row.bound)
+    for parameter in problem.specimens:
+        row = component(parameter.source.kind)
+        unit = std.get((parameter.source, parameter.index)) or row.std
+        add(row.group, replace(parameter, std=unit), row.bound)
+    if np.any(problem.observed.deflection):
+        row = component(Kind.AMPLITUDE)
+        source = Source(Kind.AMPLITUDE)
+        add(source.text, SharedParameter(source, "1", 0, 0.0, BEGINS * row.bound), row.bound)
+    has = {parameter.source for parameter in stated.parameters}
+    for part, whole in _wholes(stated).items():
+        source = Source(Kind.UNSTATED, part)
+        if TWINS.get(part) not in has:
+            bound = component(Kind.UNSTATED).bound * whole
+            add(source.text, SharedParameter(source, PARTS[part], 0, 0.0, BEGINS * bound), bound)
+    return [
+        Group(name, tuple(parameter for parameter, _ in listed), max(min(most for _, most in listed), 1.0))
+        for name, listed in columns.items()
+    ]
+
+
+def _row(source: Source) -> Component:
+    """The row of the table for an error of a channel; a calibrated response has the one of gain or phase."""
+    plain = {Kind.RESPONSE_GAIN: Kind.GAIN, Kind.RESPONSE_PHASE: Kind.PHASE}
+    row = component(plain.get(source.kind, source.kind))
+    return replace(row, std=1.0, bound=30.0) if source.kind in plain else row
+
+
+def _wholes(stated: Shared) -> dict[str, float]:
+    """The size with which each unstated part of the rig is compared, in its unit."""
+    rig = stated.rig
+    mass, spring = rig.moving_mass, rig.preload_stiffness
+    force = spring * 1e-3  # dry friction, over the force of the spring at a millimetre
+    return {"mass": mass, "spring": spring, "frame": 1 / spring, "loss": 1.0, "friction": force, "input": mass}
+
+
+def raised(problem: Problem, z: FloatArray, group: Group, factor: float) -> tuple[Problem, FloatArray]:
+    """The problem with a group raised by a factor, and the same shared values in its units."""
+    if group is SCATTER:
+        return replace(problem, scatter=factor * SCATTER.parameters[0].std), z
+    listed, z = list(problem.shared.parameters), z.copy()
+    places = {(parameter.source, parameter.index): place for place, parameter in enumerate(listed)}
+    for parameter in group.parameters:
+        place, std = places.get((parameter.source, parameter.index)), factor * parameter.std
+        if place is None:
+            listed.append(replace(parameter, std=std))
+            z = np.append(z, 0.0)
+        else:
+            wider = float(np.hypot(listed[place].std, std))
+            z[place] *= listed[place].std / wider
+            listed[place] = replace(listed[place], std=wider)
+    return replace(problem, shared=replace(problem.shared, parameters=tuple(listed))), z
+
+
+def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlier: FloatArray) -> list[Trial]:
+    """The groups that explain the tests best, each raised and solved for by itself; the best first."""
+    tried = [*_screened(problem, solution, groups)][:_TRIED]
+    if SCATTER in groups and (scatter := _scatter(problem, solution, outlier)):
+        tried.append((np.inf, SCATTER, scatter))
+    made = [_trial(problem, solution, group, factor) for _, group, factor in tried]
+    return sorted((trial for trial in made if trial is not None), key=lambda trial: -trial.gain)
+
+
+def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> Iterator[tuple[float, Group, float]]:
+    """Groups with their gain by the linear model and the factor that gives it, the largest gain first."""
+    groups = [group for group in groups if group not in (SCATTER, NOISE)]
+    extra = [parameter for group in groups for parameter in group.parameters]
+    p, e = len(problem.shared), len(extra)
+    wide = replace(problem, shared=replace(problem.shared, parameters=(*problem.shared.parameters, *extra)))
+    before = np.concatenate([solution.slope, np.zeros((*solution.slope.shape[:2], e))], axis=2)
+    triangle = reduced(wide, np.append(solution.z, np.zeros(e)), solution.stiffness, before, e)[0]
+    block, target = triangle[p : p + e, p : p + e], triangle[p : p + e, -1]
+    first, gains = 0, []
+    for group in groups:
+        columns = block[:, first : first + len(group.parameters)]
+        first += len(group.parameters)
+        gain, factor = _gain(columns, target, group)
+        if gain > _EXPLAINS:
+            gains.append((gain, group, factor))
+    yield from sorted(gains, key=lambda row: -row[0])
+
+
+def _gain(columns: FloatArray, target: FloatArray, group: Group) -> tuple[float, float]:
+    """Largest gain of a group by the linear model, and its factor."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    values, drawn = np.maximum(values, 0.0), (vectors.T @ (columns.T @ target)) ** 2
+    factors = np.geomspace(_SMALLEST, max(group.largest, 2 * _SMALLEST), _FACTORS)
+    square = (factors**2)[:, None]
+    gain = 0.5 * np.sum(drawn * square / (1 + square * values) - np.log1p(square * values), axis=1)
+    gain -= 0.5 * np.log(np.maximum(factors, 1.0)) + group.cost
+    best = int(np.argmax(gain))
+    return float(gain[best]), float(factors[best])
+
+
+def _scatter(problem: Problem, solution: Solution, outlier: FloatArray) -> float:
+    """Scatter of K* that repeats show, in units of its group; 0 where they show none."""
+    departures = deviations(problem, solution.z, solution.stiffness)
+    return min(scatter_of(problem, departures, outlier == 1) / SCATTER.parameters[0].std, SCATTER.largest)
+
+
+def _trial(problem: Problem, solution: Solution, group: Group, factor: float) -> Trial | None:
+    """A group raised and solved for; None if its size is impossible or the search fails."""
+    wider, z = raised(problem, solution.z, group, factor)
+    wider, after = solve_either(wider, solution.stiffness, z)
+    gain = after.evidence - solution.evidence - 0.5 * np.log(max(factor, 1.0)) - group.cost
+    if not after.converged or not np.isfinite(gain):
+        return None
+    negative = any(
+        parameter.source.kind is Kind.UNSTATED and parameter.source.of != "mass" and size < 0
+        for parameter, size in zip(wider.shared.parameters, after.z, strict=True)
+    )
+    return None if negative else Trial(group, factor, float(gain), wider, after)
+
+
+def tie(tried: Sequence[Trial]) -> list[Trial]:
+    """The trials that are raised together: the best and those that explain the tests nearly as well; or none."""
+    if not tried or tried[0].gain <= GAIN:
+        return []
+    least = max(tried[0].gain - _TIE, _EXPLAINS)
+    return [trial for trial in tried if trial.gain >= least]
