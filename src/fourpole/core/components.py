@@ -129,7 +129,7 @@ COMPONENTS = (
               "a channel in another, over their sizes"),
     Component(Kind.UNSTATED, "part of the rig", Shape.PART, Scope.SHARED, 0.0, 0.3, "1", "",
               "a part of the rig that nobody stated, over the part that it belongs to"),
-    Component(Kind.NOISE, "scatter", Shape.NOISE, Scope.TEST, 0.0, 0.03, "1", "",
+    Component(Kind.SCATTER, "scatter", Shape.NOISE, Scope.TEST, 0.0, 0.03, "1", "",
               "the scatter of log K* from test to test"),
     Component(Kind.K1_LINEARITY, "linearity", Shape.MODULUS, Scope.SHARED, 1e-3, 0.1, "1", "linearity",
               "the departure of load or deflection from a straight line, over the range"),

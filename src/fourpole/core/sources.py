@@ -42,6 +42,8 @@ class Kind(Enum):
 
     NOISE = ("sensor noise", (), Role.TEST)
     FREQUENCY = ("frequency", (), Role.TEST)
+    SCATTER = ("scatter", (), Role.TEST)
+    UNSTEADY = ("unsteady drive", (), Role.TEST)
     RIG_MISFIT = ("rig misfit", (), Role.TEST)
     GAIN = ("gain ", (*SYMBOLS.values(),), Role.CHANNEL)
     PHASE = ("phase ", (*SYMBOLS.values(),), Role.CHANNEL)

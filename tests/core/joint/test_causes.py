@@ -22,7 +22,7 @@ def tied(joint):
 
 @pytest.mark.parametrize(
     ("undeclared", "kind"),
-    [({"gain F1": 0.04}, Kind.GAIN), ({"gain V2": 0.04}, Kind.GAIN), ({"phase F1": 0.03}, Kind.PHASE)],
+    [({"gain F1": 0.06}, Kind.GAIN), ({"gain V2": 0.06}, Kind.GAIN), ({"phase F1": 0.03}, Kind.PHASE)],
 )
 def test_with_one_mass_the_gains_and_phases_of_f1_and_v2_are_tied(make, undeclared, kind):
     """The tests see F1/V2 alone."""

@@ -1,19 +1,15 @@
 """What a fit leaves, how far statements are drawn, and which unstated part would explain it."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from fourpole.core.joint import misfit
 from fourpole.core.joint.joint import closed_form_start
-from fourpole.core.joint.misfit import candidates, is_unlikely, pulls, residuals
-from fourpole.core.joint.shared import Shared
+from fourpole.core.joint.misfit import is_unlikely, pulls, residuals
 from fourpole.core.joint.solve import Solution, solve
-from fourpole.core.rig import Rig
-from fourpole.core.sources import PARTS, Kind, Source
+from fourpole.core.sources import Kind, Source
 from fourpole.virtual.phasor_rig import Laboratory
 
 GOOD = Laboratory(
@@ -123,7 +119,7 @@ def test_unlikely_is_less_than_once_in_a_thousand(chi2, dof, expected):
         ({"tyre_mass": 1.0}, "tyre mass", "kg", 1.0),
         ({"moving_mass": 14.0}, "moving mass", "kg", -1.0),
         ({"frame_stiffness": 2e5}, "frame", "N/m", 2e5),
-        ({"preload_stiffness": 13400.0}, "preload spring", "N/m", 960.0),
+        ({"preload_stiffness": 13400.0}, "preload stiffness", "N/m", 960.0),
         ({"preload_loss_factor": 0.08}, "leaf friction", "1", 0.08),
         ({"leaf_friction": 2.0}, "leaf friction", "N", 2.0),
         ({"gain V2": 0.01}, "sensor V2", "1", 0.01),
@@ -132,37 +128,28 @@ def test_unlikely_is_less_than_once_in_a_thousand(chi2, dof, expected):
 )
 def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, size):
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=8, families=4, within=1.0)
-    problem, solution = solved(made)
-    found = candidates(problem, solution)
-    tied = [one for one in found if one.explains > found[0].explains - 4]
-    best = next(one for one in tied if (one.name, one.unit) == (name, unit))
-    assert best.of_rig == (not name.startswith("sensor") and not best.released)
-    # one step of a linear search, from a fit that the missing part has drawn: a tenth; and four uncertainties
-    assert abs(best.value - size) < 0.1 * abs(size) + 4 * best.std
-    assert best.explains > 100
+    joint = made.identify()
+    tied = joint.misfit.candidates[: joint.misfit.tied]
+    best = next(each for each in tied if (each.name, each.unit) == (name, unit))
+    assert abs(best.value - size) < 4 * best.std
+    assert best.explains > 50
 
 
 def test_a_delay_is_told_from_a_phase(make):
     made = make(GOOD, masses=(0.0, 10.0), frequencies=8, families=4)
     late = made.phasors.amplitudes * np.stack([np.exp(-2e-4j * made.phasors.omega), np.ones(64), np.ones(64)], axis=1)
-    problem, solution = solved(replace(made, phasors=replace(made.phasors, amplitudes=late)))
-    best = candidates(problem, solution)[0]
-    assert (best.name, best.unit) == ("sensor F1", "s")
+    joint = made.recorded(late).identify()
+    tied = joint.misfit.candidates[: joint.misfit.tied]
+    best = next(each for each in tied if each.source == Source(Kind.DELAY, "F1"))
+    assert not any(each.source.kind is Kind.PHASE for each in tied)
     assert best.value == pytest.approx(2e-4, rel=0.1)
     assert best.form == "late"
 
 
-def test_a_phase_that_nothing_could_tell_is_no_candidate(make):
+def test_a_phase_that_nothing_could_tell_is_no_cause(make):
     """With one mass V1 turned is K* turned: its share after all is fitted out is round-off."""
     made = make(replace(GOOD, undeclared={"frame_stiffness": 1e5}), frequencies=8, families=4)
-    problem, solution = solved(made)
-    assert not [each for each in candidates(problem, solution) if each.name == "sensor V1"]
-
-
-def test_a_clean_fit_has_no_candidate_that_explains_much(clean):
-    _, problem, solution = clean
-    # the best of 14 chi-squares of one degree: once in a thousand above 16
-    assert candidates(problem, solution)[0].explains < 16
+    assert not [each for each in made.identify().misfit.candidates if each.name == "sensor V1"]
 
 
 @pytest.mark.parametrize(("gained", "said"), [(0.99e-3, False), (1.01e-3, True)])
@@ -170,18 +157,3 @@ def test_a_pull_needs_a_thousandth_of_what_is_stated(gained, said):
     """A value of which the tests say less than that is not drawn at all."""
     solution = solution_with([0.01], [1.0 - gained])
     assert np.isfinite(pulls(solution)[0]) == said
-
-
-@pytest.mark.parametrize(("share", "found"), [(0.99e-20, 0), (1.01e-20, 1)])
-def test_a_part_is_identifiable_by_what_the_free_parameters_leave_of_its_column(monkeypatch, share, found):
-    """Of the squared norm of the column of a moving mass, with nothing else that the tests could say."""
-    extras = [Source(Kind.UNSTATED, part) for part in PARTS]
-    count = len(extras)
-    triangle = np.zeros((count + 1, count + 1))
-    triangle[0, 0], triangle[0, -1] = np.sqrt(share), 1e-10
-    monkeypatch.setattr(misfit, "_with_extras", lambda *given: (triangle, np.ones(count), None))
-    monkeypatch.setattr(misfit, "_extras", lambda problem: tuple(extras))
-    monkeypatch.setattr(misfit, "_released", lambda problem, solution: [])
-    shared = Shared(Rig(moving_mass=15.0, preload_stiffness=12440.0), (), np.empty(0))
-    problem = SimpleNamespace(shared=shared, conditions=SimpleNamespace(count=1))
-    assert len(candidates(problem, SimpleNamespace(objective=100.0))) == found

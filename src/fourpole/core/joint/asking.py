@@ -20,24 +20,24 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.components import BEGINS, Component, component
+from fourpole.core.joint.misfit import NEGLIGIBLE
 from fourpole.core.joint.scatter import deviations, scatter_of
 from fourpole.core.joint.shared import Shared, SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either
+from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either, sweep
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: Least gain in the logarithm of the evidence for which a group is raised.
 GAIN = 5.0
-#: Groups whose gain is within this of the best are raised with it, if their own gain is at least the second number.
-_TIE, _EXPLAINS = 10.0, 2.5
+#: Groups whose gain is within this of the best are raised with it, if it is enough by itself or almost the best.
+_TIE, _ALMOST = 10.0, 2.0
 #: Number of groups that are tried in earnest in one round.
 _TRIED = 4
 #: Factors that are tried at first: from this to the largest, so many.
 _SMALLEST, _FACTORS = 0.3, 30
 #: Rare errors need this much more evidence.
 _RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0}
-#: The value of the rig that acts as an unstated part does.
+#: The value of the rig that acts as an unstated part does, in all tests.
 TWINS = {
-    "mass": Source(Kind.RIG_VALUE, "moving_mass"),
     "spring": Source(Kind.RIG_VALUE, "preload_stiffness"),
     "loss": Source(Kind.RIG_VALUE, "preload_loss_factor"),
     "input": Source(Kind.RIG_VALUE, "input_mass"),
@@ -77,9 +77,15 @@ class Group(ByValue):
         return _RARE.get(self.parameters[0].source.kind, 0.0)
 
 
-#: Scatter of K* from test to test, and noise of all channels: groups without a column.
-SCATTER = Group("scatter", (SharedParameter(Source(Kind.NOISE, "scatter"), "1", 0, 0.0, 1e-3),), 30.0)
-NOISE = Group("noise", (SharedParameter(Source(Kind.NOISE, "noise"), "1", 0, 1.0, 1.0),), NOISE_IN_DOUBT)
+def _of_tests(kind: Kind, size: float, largest: float) -> Group:
+    """A group without a column: a random number of each test."""
+    return Group(kind.name.lower(), (SharedParameter(Source(kind), "1", 0, 0.0, size),), largest)
+
+
+#: Scatter of K* from test to test, a relative error of each frequency, and the factor of all noise.
+SCATTER = _of_tests(Kind.SCATTER, 1e-3, 30.0)
+UNSTEADY = _of_tests(Kind.UNSTEADY, 1e-5, 10.0)
+NOISE = _of_tests(Kind.NOISE, 1.0, NOISE_IN_DOUBT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +130,7 @@ def groups_of(problem: Problem, stated: Shared) -> list[Group]:
         source = Source(Kind.AMPLITUDE)
         add(source.text, SharedParameter(source, "1", 0, 0.0, BEGINS * row.bound), row.bound)
     has = {parameter.source for parameter in stated.parameters}
-    for part, whole in _wholes(stated).items():
+    for part, whole in wholes(problem).items():
         source = Source(Kind.UNSTATED, part)
         if TWINS.get(part) not in has:
             bound = component(Kind.UNSTATED).bound * whole
@@ -142,11 +148,11 @@ def _row(source: Source) -> Component:
     return replace(row, std=1.0, bound=30.0) if source.kind in plain else row
 
 
-def _wholes(stated: Shared) -> dict[str, float]:
+def wholes(problem: Problem) -> dict[str, float]:
     """The size with which each unstated part of the rig is compared, in its unit."""
-    rig = stated.rig
+    rig, observed = problem.shared.rig, problem.observed
     mass, spring = rig.moving_mass, rig.preload_stiffness
-    force = spring * 1e-3  # dry friction, over the force of the spring at a millimetre
+    force = float(np.max(spring / observed.omega * np.abs(observed.amplitudes[:, 2])))  # that of the spring
     return {"mass": mass, "spring": spring, "frame": 1 / spring, "loss": 1.0, "friction": force, "input": mass}
 
 
@@ -171,7 +177,7 @@ def raised(problem: Problem, z: FloatArray, group: Group, factor: float) -> tupl
 def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlier: FloatArray) -> list[Trial]:
     """The groups that explain the tests best, each raised and solved for by itself; the best first."""
     tried = [*_screened(problem, solution, groups)][:_TRIED]
-    if SCATTER in groups and (scatter := _scatter(problem, solution, outlier)):
+    if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, solution, outlier)):
         tried.append((np.inf, SCATTER, scatter))
     made = [_trial(problem, solution, group, factor) for _, group, factor in tried]
     return sorted((trial for trial in made if trial is not None), key=lambda trial: -trial.gain)
@@ -179,7 +185,7 @@ def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlie
 
 def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> Iterator[tuple[float, Group, float]]:
     """Groups with their gain by the linear model and the factor that gives it, the largest gain first."""
-    groups = [group for group in groups if group not in (SCATTER, NOISE)]
+    groups = [group for group in groups if group.parameters[0].source.role is not Role.TEST]
     extra = [parameter for group in groups for parameter in group.parameters]
     p, e = len(problem.shared), len(extra)
     wide = replace(problem, shared=replace(problem.shared, parameters=(*problem.shared.parameters, *extra)))
@@ -191,7 +197,7 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
         columns = block[:, first : first + len(group.parameters)]
         first += len(group.parameters)
         gain, factor = _gain(columns, target, group)
-        if gain > _EXPLAINS:
+        if gain > GAIN - _ALMOST:
             gains.append((gain, group, factor))
     yield from sorted(gains, key=lambda row: -row[0])
 
@@ -219,18 +225,43 @@ def _trial(problem: Problem, solution: Solution, group: Group, factor: float) ->
     wider, z = raised(problem, solution.z, group, factor)
     wider, after = solve_either(wider, solution.stiffness, z)
     gain = after.evidence - solution.evidence - 0.5 * np.log(max(factor, 1.0)) - group.cost
-    if not after.converged or not np.isfinite(gain):
-        return None
-    negative = any(
-        parameter.source.kind is Kind.UNSTATED and parameter.source.of != "mass" and size < 0
-        for parameter, size in zip(wider.shared.parameters, after.z, strict=True)
+    if group is SCATTER:
+        gain += volume(wider, solution) - volume(problem, solution)
+    possible = after.converged and np.isfinite(gain) and _possible(group, wider, after.z)
+    return Trial(group, factor, float(gain), wider, after) if possible else None
+
+
+def volume(problem: Problem, solution: Solution) -> float:
+    """The volume that K* of all conditions has at the values of a solution."""
+    return sweep(problem, solution.z, solution.stiffness, solution.slope).volume
+
+
+def _possible(group: Group, problem: Problem, z: FloatArray) -> bool:
+    """Whether a group is no larger than it can be, no part of a rig but its mass is negative, and the group matters."""
+    shared = problem.shared
+    sizes = dict(zip(((row.source, row.index) for row in shared.parameters), z * shared.std, strict=True))
+    own = [(sizes.get((row.source, row.index), 0.0), row) for row in group.parameters]
+    if group.parameters[0].source.role is Role.TEST:
+        return True
+    return (
+        all(abs(size) <= group.largest * row.std for size, row in own)
+        and not any(size < 0 for size, row in own if row.source.kind is Kind.UNSTATED and row.source.of != "mass")
+        and not all(is_negligible(problem, row, size) for size, row in own)
     )
-    return None if negative else Trial(group, factor, float(gain), wider, after)
+
+
+def is_negligible(problem: Problem, parameter: SharedParameter, size: float) -> bool:
+    """Whether an error of a channel or a part of the rig is smaller than any laboratory could state it."""
+    if parameter.source.of_channel:
+        return bool(abs(size) * np.abs(problem.observed.turns[..., parameter.index]).max() < NEGLIGIBLE)
+    whole = wholes(problem).get(parameter.source.of)
+    return whole is not None and abs(size) < NEGLIGIBLE * whole
 
 
 def tie(tried: Sequence[Trial]) -> list[Trial]:
     """The trials that are raised together: the best and those that explain the tests nearly as well; or none."""
     if not tried or tried[0].gain <= GAIN:
         return []
-    least = max(tried[0].gain - _TIE, _EXPLAINS)
+    best = tried[0].gain
+    least = max(best - _TIE, min(GAIN, best - _ALMOST))
     return [trial for trial in tried if trial.gain >= least]

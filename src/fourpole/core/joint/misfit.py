@@ -177,8 +177,8 @@ def cause_of(parameters: Sequence[SharedParameter], sizes: FloatArray, std: Floa
     values: dict[str, Any] = {"of": of, "percent": 100 * size}
     if kind is Kind.AMPLITUDE:
         name, values = "specimen", {"percent": 100 * (2**size - 1)}
-    elif kind is Kind.NOISE:
-        name, form, values = "specimen" if of == "scatter" else of, of, {"percent": 100 * size, "times": size}
+    elif source.role is Role.TEST:
+        name, values = "specimen" if kind is Kind.SCATTER else source.text, {"percent": 100 * size, "times": size}
     elif kind is Kind.PHASE:
         unit, values = "rad", {"of": of, "degrees": np.degrees(size)}
     elif kind is Kind.DELAY:

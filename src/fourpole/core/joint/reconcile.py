@@ -14,18 +14,21 @@ from fourpole.core.joint.asking import (
     NOISE,
     NOISE_IN_DOUBT,
     SCATTER,
+    UNSTEADY,
     Group,
     Trial,
     groups_of,
+    is_negligible,
     raised,
     tie,
     trials,
+    volume,
 )
 from fourpole.core.joint.misfit import NEGLIGIBLE, Candidate, Residuals, cause_of, is_unlikely, largest_part, residuals
 from fourpole.core.joint.model import cholesky_qr, projected
 from fourpole.core.joint.scatter import root_of, scatter_of
 from fourpole.core.joint.shared import DRIFTS, Shared
-from fourpole.core.joint.solve import Problem, Solution
+from fourpole.core.joint.solve import Problem, Solution, solve
 from fourpole.core.joint.specimens import Misfit, State, settle_scatter, weaken_strange_tests
 from fourpole.core.sources import Role
 
@@ -80,12 +83,12 @@ def reconcile(
 
 def _asked(state: State, stated: Shared) -> Misfit:
     """Raise what the tests ask for, and then judge what is left."""
-    misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, NOISE], []
+    misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, UNSTEADY, NOISE], []
     before: Misfit | None = None
     for _ in range(_MOST_ROUNDS):
         tried = trials(state.problem, state.solution, groups, state.outlier)
-        noise = _noise(state)
-        together = tie(sorted([*tried, *noise], key=lambda trial: -trial.gain))
+        tried += [trial for trial in _of_noise(state) if any(trial.group is group for group in groups)]
+        together = tie(sorted(tried, key=lambda trial: -trial.gain))
         if not together:
             break
         if not all(trial.group.of_specimen for trial in together):
@@ -105,7 +108,10 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
     for trial in together:
         if trial.group is NOISE:
             problem = _with_noise(problem, residuals(state.problem, state.solution), trial.factor**2)
-            misfit = replace(misfit, inflation=misfit.inflation * trial.factor)
+            misfit = replace(misfit, inflation=trial.factor)
+        elif trial.group is UNSTEADY:
+            problem = problem.reweighted(trial.problem.observed.whiten)
+            misfit = replace(misfit, unsteady=trial.factor * UNSTEADY.parameters[0].std)
         else:
             # A stated value loses its hold smoothly from the least gain on.
             stated = any(parameter.source.role in (Role.RIG, Role.MASS, Role.CHANNEL) and _has(problem, trial.group)
@@ -123,14 +129,16 @@ def _has(problem: Problem, group: Group) -> bool:
     return all((parameter.source, parameter.index) in there for parameter in group.parameters)
 
 
-def _noise(state: State) -> list[Trial]:
-    """Larger noise of all tests as a trial; none if the noise of the recordings suffices."""
+def _of_noise(state: State) -> list[Trial]:
+    """Larger noise of all tests, and an unsteady drive, as trials; none where the noise of the recordings suffices."""
     chi2, dof = _whole(state)
-    square = min(chi2 / dof, NOISE_IN_DOUBT**2) if dof else 1.0
-    if square <= 1:
+    if not is_unlikely(chi2, dof):
         return []
+    square = min(chi2 / dof, NOISE_IN_DOUBT**2)
     gain = 0.5 * (chi2 * (1 - 1 / square) - dof * np.log(square)) - 0.25 * np.log(square)
-    return [Trial(NOISE, float(np.sqrt(square)), float(gain), state.problem, state.solution)]
+    noise = Trial(NOISE, float(np.sqrt(square)), float(gain), state.problem, state.solution)
+    drive = _unsteady_drive(state, residuals(state.problem, state.solution))
+    return [noise] if drive is None else [noise, drive]
 
 
 def _whole(state: State) -> tuple[float, float]:
@@ -159,6 +167,11 @@ def _cause(trial: Trial, before: Solution) -> Candidate:
 def _settled(state: State, misfit: Misfit) -> Misfit:
     """The misfit with the scatter of K* that repeats show; chance may be the reason of a small one."""
     asked = state.problem.scatter > 0
+    chi2, dof = _whole(state)
+    if misfit.inflation > 1 and chi2 < dof:  # other groups have explained what seemed to be noise at first
+        square = max(chi2 / dof, misfit.inflation**-2)
+        state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(square)))
+        misfit = replace(misfit, inflation=misfit.inflation * float(np.sqrt(square)))
     used = state.outlier == 1
     settle_scatter(state, lambda departures: scatter_of(state.problem, departures, used))
     return replace(misfit, scatter=state.problem.scatter if asked else 0.0)
@@ -176,12 +189,14 @@ def _raised(state: State, stated: Shared) -> dict[str, Any]:
         and abs(sizes[index]) > _CONFLICT * parameter.std
     )
     new = [parameter.source for parameter in parameters[known:]]
+    added = [row.source for row, size in zip(parameters[known:], sizes[known:], strict=True)
+             if row.source.role is not Role.SPECIMEN and not is_negligible(state.problem, row, size)]  # fmt: skip
     drifts = [source for source in new if source.role is Role.SPECIMEN]
     drifts += [row.source for row, own in zip(stated.parameters, parameters, strict=False)
                if row.source.role is Role.SPECIMEN and own.std > row.std]  # fmt: skip
     return {
         "conflicts": conflicts,
-        "added": tuple(source for source in new if source.role is not Role.SPECIMEN),
+        "added": tuple(added),
         "drifts": tuple(source for source in drifts if source.kind in DRIFTS),
     }
 
@@ -189,18 +204,15 @@ def _raised(state: State, stated: Shared) -> dict[str, Any]:
 def _judged(state: State, misfit: Misfit, causes: Sequence[tuple[Group, Candidate]]) -> Misfit:
     """The misfit with its causes; what is not white has no cause, and then K* does not rest on the rig."""
     chi2, dof = _whole(state)
-    if not is_unlikely(chi2, dof):
+    if not is_unlikely(chi2, dof) and misfit.inflation < NOISE_IN_DOUBT:
         at_fault = bool(misfit.conflicts or misfit.added)
         named = [cause for group, cause in causes] if at_fault else []
         return replace(misfit, fits=not at_fault, candidates=tuple(named), tied=len(named))
     left = residuals(state.problem, state.solution)
-    if (drive := _unsteady_drive(state, left)) is not None:
-        state.solve(state.problem.widened(drive[1]))
-        return replace(misfit, unsteady=drive[0], fits=not (misfit.conflicts or misfit.added))
     size = largest_part(state.problem, state.solution.z, state.solution.stiffness)
     level = _level(left.rig_part, left.rig_weight, float(left.rig_dof.sum()), size)
     if level <= NEGLIGIBLE:
-        ratio = max(float(left.rig.sum() / max(left.rig_dof.sum(), 1.0)), 1.0)
+        ratio = chi2 / dof
         state.solve(_with_noise(state.problem, left, ratio))
         inflation = misfit.inflation * float(np.sqrt(ratio))
         return replace(misfit, inflation=inflation, fits=inflation <= NOISE_IN_DOUBT and not misfit.added)
@@ -231,8 +243,8 @@ def without_rig(problem: Problem, z: FloatArray, stiffness: ComplexArray, level:
     return problem.widened(columns * size[:, None, None])
 
 
-def _unsteady_drive(state: State, left: Residuals) -> tuple[float, FloatArray] | None:
-    """Relative random error of each frequency, and its columns (N, 6, 1), if it explains most of the misfit.
+def _unsteady_drive(state: State, left: Residuals) -> Trial | None:
+    """A relative random error of each frequency as a trial; None if it explains little of the misfit.
 
     A drive with a wandering speed has no single frequency, and the rig's inertia is proportional to frequency squared.
     """
@@ -248,7 +260,14 @@ def _unsteady_drive(state: State, left: Residuals) -> tuple[float, FloatArray] |
     if explained < _MOSTLY * (float(left.rig.sum()) - float(left.rig_dof.sum())) or not used.any():
         return None
     level = _level(part[used, None], weight[used, None, None], float(used.sum()), np.ones(int(used.sum())))
-    return (level, (by_frequency * level)[:, :, None]) if level < NEGLIGIBLE else None
+    if not 0 < level < NEGLIGIBLE:
+        return None
+    columns = by_frequency * level
+    wider = state.problem.widened(columns[:, :, None])
+    after = solve(wider, solution.stiffness, solution.z)
+    gain = after.evidence - solution.evidence - 0.5 * float(np.sum(np.log1p(np.sum(columns**2, axis=1))))
+    gain += volume(wider, solution) - volume(state.problem, solution)
+    return Trial(UNSTEADY, level / UNSTEADY.parameters[0].std, float(gain), wider, after)
 
 
 def _each(left: Residuals, ratio: float) -> FloatArray:

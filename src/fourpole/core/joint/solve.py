@@ -197,9 +197,16 @@ class Step(ByValue):
 
     @property
     def evidence(self) -> float:
-        """Logarithm of the evidence, up to a constant, by the normal distribution about the present values."""
-        free = float(np.sum(np.log(np.abs(np.linalg.det(self.own_root)))))
-        return free + self.weigh - 0.5 * self.objective - float(np.sum(np.log(np.abs(np.diag(self.triangle)))))
+        """Logarithm of the evidence for equal `volume`, up to a constant, by the normal distribution about the values.
+
+        K* of a condition has no statement, so that another volume is another unit of K*, and no evidence.
+        """
+        return self.weigh - 0.5 * self.objective - float(np.sum(np.log(np.abs(np.diag(self.triangle)))))
+
+    @property
+    def volume(self) -> float:
+        """Logarithm of the volume that K* of all conditions has for known shared values."""
+        return float(np.sum(np.log(np.abs(np.linalg.det(self.own_root)))))
 
     @property
     def covariance(self) -> FloatArray:
