@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, field_validator, model_validator
@@ -15,15 +16,19 @@ from fourpole.campaign.channels import (
     ChannelFile,
     ChannelsFile,
     File,
+    Ratio,
     ReferenceFile,
     TimeFile,
     did_you_mean,
     known_keys,
 )
+from fourpole.campaign.ordinary import LoggerFile, Ordinary, UnstatedFile
 from fourpole.campaign.report import Equipment, ReportFile
+from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError, TableError
 from fourpole.io.documents import toml_of
 from fourpole.models.shape import shape_of
@@ -112,6 +117,15 @@ class RigFile(File):
         std = {name: stated.std for name, stated in self.values.items()}
         return Rig(**values, blocked=self.output == "blocked", std=std)  # type: ignore[arg-type]
 
+    @property
+    def with_damping(self) -> RigFile:
+        """The rig with a damper of zero where a moving one states none: its uncertainty is a part of the critical."""
+        if self.output == "blocked" or "preload_damping" in self.values:
+            return self
+        critical = 2.0 * sqrt(self.values["preload_stiffness"].value * self.values["moving_mass"].value)
+        damping = Stated(0.0, component(Kind.RIG_VALUE).std * critical, assumed=True)
+        return self.model_copy(update={"values": {**self.values, "preload_damping": damping}})
+
 
 class SpecimenFile(BaseModel):
     """[tyres.NAME] or [specimens.NAME]: the construction, the shape, and further keys of any name.
@@ -160,6 +174,8 @@ class ConditionsFile(File):
 
     axes: tuple[Axis, ...] = ()
     temperature_sensitivity: float | None = None
+    std_block: Ratio | None = None
+    std_drift: Ratio | None = None
 
     @field_validator("temperature_sensitivity", mode="before")
     @classmethod
@@ -210,6 +226,8 @@ class CampaignFile(File):
     tyres: dict[str, SpecimenFile] = Field(default_factory=dict)
     specimens: dict[str, SpecimenFile] = Field(default_factory=dict)
     conditions: ConditionsFile = ConditionsFile()
+    logger: LoggerFile = LoggerFile()
+    unstated: UnstatedFile = UnstatedFile()
     report: ReportFile = ReportFile()
 
     @model_validator(mode="after")
@@ -232,7 +250,20 @@ class CampaignFile(File):
     @property
     def all_rigs(self) -> dict[str, RigFile]:
         """Rigs by name; the name of the rig in [rig] is empty."""
-        return {**({"": self.rig} if self.rig is not None else {}), **self.rigs}
+        rigs = {**({"": self.rig} if self.rig is not None else {}), **self.rigs}
+        return {name: rig.with_damping for name, rig in rigs.items()} if self.ordinary.counted else rigs
+
+    @property
+    def ordinary(self) -> Ordinary:
+        """Standard uncertainties of the ordinary errors, by channel."""
+        actuator = self.channels.drive is not None or (self.rig is not None and self.rig.output == "blocked")
+        on_rig = actuator and self.channels.kind_of("motion_in") == "displacement"
+        return Ordinary(self.unstated.ordinary == "table", self.logger.simultaneous, on_rig)
+
+    @property
+    def specimen_uncertainty(self) -> SpecimenUncertainty:
+        """Standard uncertainties of the specimens over blocks of tests and over the run."""
+        return self.ordinary.specimens(self.conditions.std_block, self.conditions.std_drift)
 
     def summary(self) -> dict[str, Any]:
         """Statements on rigs, channels and specimens as plain data, in SI units."""
@@ -253,7 +284,7 @@ class CampaignFile(File):
             "channels": {
                 role: {
                     **channel.model_dump(exclude_defaults=True),
-                    "quantity": "" if channel.has_no_unit else self.channels.conversion(role).kind,
+                    "quantity": self.channels.kind_of(role),
                     "std_gain [1]": channel.gain_std,
                     "std_phase [rad]": channel.phase_std,
                 }
@@ -309,6 +340,8 @@ _TABLES: dict[str, Any] = {
     "time": TimeFile,
     "reference": ReferenceFile,
     "conditions": ConditionsFile,
+    "logger": LoggerFile,
+    "unstated": UnstatedFile,
     "report": ReportFile,
     "equipment": Equipment,
 }

@@ -1,0 +1,117 @@
+"""Ordinary errors of a channel, as delay, low-cut, slope and mounting: as stated, or by the table of components."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import StrictBool
+
+from fourpole.campaign import defaults
+from fourpole.campaign.channels import ChannelFile, File
+from fourpole.core.components import SpecimenUncertainty, component
+from fourpole.core.sources import Kind
+
+
+class LoggerFile(File):
+    """[logger]: whether one card samples all channels at once."""
+
+    simultaneous: StrictBool = False
+
+
+class UnstatedFile(File):
+    """[unstated]: what counts for the ordinary errors of which nothing is stated."""
+
+    ordinary: Literal["table", "zero"] = "table"
+
+
+def _pair(gain: Kind, angle: Kind) -> complex:
+    """Standard uncertainties of the table, of gain [1] + j angle [rad]."""
+    return complex(component(gain).std, component(angle).std)
+
+
+_MOUNTING = _pair(Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE)
+_REMOUNTING = _pair(Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE)
+_BLOCK = _pair(Kind.BLOCK, Kind.ANGLE_BLOCK)
+_DRIFT = _pair(Kind.DRIFT, Kind.ANGLE_DRIFT)
+
+
+def _scaled(table: complex, gain: float | None, otherwise: complex) -> complex:
+    """The pair of a stated gain, whose angle is in the proportion of the table; `otherwise` if none is stated."""
+    return otherwise if gain is None else gain * table / table.real
+
+
+def _half(channel: ChannelFile, most: complex = complex(np.inf, np.inf)) -> complex:
+    """Half of the standard uncertainties of gain and phase of a channel, at most those of a pair."""
+    return complex(min(channel.gain_std / 2, most.real), min(channel.phase_std / 2, most.imag))
+
+
+@dataclass(frozen=True)
+class Ordinary:
+    """Standard uncertainties of the ordinary errors.
+
+    Attributes
+    ----------
+    counted : bool
+        Whether an error of which nothing is stated counts with the size of the table, and not as zero.
+    simultaneous : bool
+        Whether all channels are sampled at once.
+    on_rig : bool
+        Whether V1 is taken as a sensor of the rig, which no change of the specimen touches.
+    """
+
+    counted: bool = True
+    simultaneous: bool = False
+    on_rig: bool = False
+
+    def _taken(self, channel: ChannelFile, std: float) -> float:
+        return std if self.counted and not channel.exact else 0.0
+
+    def delay(self, channel: ChannelFile) -> float:
+        """Standard uncertainty of the delay [s]."""
+        std = defaults.SIMULTANEOUS_STD if self.simultaneous else component(Kind.DELAY).std
+        return self._taken(channel, std) if channel.std_delay is None else channel.std_delay
+
+    def low_cut(self, channel: ChannelFile) -> float:
+        """Standard uncertainty of the corner of a first-order low-cut [Hz]."""
+        if (stated := channel.stated_low_cut_std) is not None:
+            return stated
+        if channel.exact or channel.coupling == "dc" or channel.high_pass is not None:
+            return 0.0
+        if channel.low_cut is not None:
+            return defaults.LOW_CUT_STD * channel.low_cut
+        if channel.geophone is not None:
+            return 0.0
+        std = defaults.IEPE_STD if channel.coupling == "iepe" else component(Kind.LOW_CUT).std
+        return self._taken(channel, std) if channel.coupling is None else std
+
+    def slope(self, channel: ChannelFile, top: float) -> float:
+        """Standard uncertainty of the rise of the gain with frequency squared [1/Hz²]; `top` is the highest [Hz]."""
+        if channel.resonance is not None:
+            return channel.resonance**-2
+        std = self._taken(channel, component(Kind.SLOPE).std) if channel.std_slope is None else channel.std_slope
+        return std / top**2
+
+    def mounting(self, channel: ChannelFile) -> complex:
+        """Standard uncertainty of gain and phase of V1 that is another in each mounting [1] + j [rad]."""
+        mounted = channel.mounted or ("rig" if self.on_rig or not self.counted else "specimen")
+        share = {"specimen": 1.0, "drive": defaults.ON_DRIVE, "rig": 0.0}[mounted]
+        return _scaled(_MOUNTING, channel.std_mounting, share * _half(channel, _MOUNTING))
+
+    def remounting(self, channel: ChannelFile) -> complex:
+        """Standard uncertainty of gain and phase of F1 or V2 that is another with each added mass [1] + j [rad]."""
+        unstated = _half(channel, _REMOUNTING) if self.counted else 0j
+        by_word = {None: unstated, True: _half(channel), False: 0j}[channel.remounted_with_mass]
+        return _scaled(_REMOUNTING, channel.std_remounting, by_word)
+
+    def linearity(self, channel: ChannelFile) -> float:
+        """Standard uncertainty of the departure of a channel from a straight line, over its range [1]."""
+        std = component(Kind.K1_LINEARITY).std
+        return self._taken(channel, std) if channel.linearity is None else channel.linearity
+
+    def specimens(self, block: float | None, drift: float | None) -> SpecimenUncertainty:
+        """Uncertainties of the specimens for stated sizes of |K*| [1]."""
+        return SpecimenUncertainty(
+            _scaled(_BLOCK, block, self.counted * _BLOCK), _scaled(_DRIFT, drift, self.counted * _DRIFT)
+        )
