@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from dataclasses import dataclass
+from functools import cached_property
 from math import sqrt
 from typing import Any, Literal
 
@@ -35,6 +36,8 @@ from fourpole.models.shape import shape_of
 
 #: Most axes of [conditions]: a condition is compared with the others axis by axis.
 _MOST_AXES = 20
+#: Keys of [conditions] that state uncertainties of the specimens.
+_OF_SPECIMENS = ("std_block", "std_drift")
 #: Kind of quantity of each value of the rig.
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
 
@@ -247,16 +250,17 @@ class CampaignFile(File):
         """Tyres and specimens by name."""
         return {**self.tyres, **self.specimens}
 
-    @property
+    @cached_property
     def all_rigs(self) -> dict[str, RigFile]:
         """Rigs by name; the name of the rig in [rig] is empty."""
         rigs = {**({"": self.rig} if self.rig is not None else {}), **self.rigs}
-        return {name: rig.with_damping for name, rig in rigs.items()} if self.ordinary.counted else rigs
+        return {name: rig.with_damping for name, rig in rigs.items()} if self.unstated.ordinary == "table" else rigs
 
     @property
     def ordinary(self) -> Ordinary:
         """Standard uncertainties of the ordinary errors, by channel."""
-        actuator = self.channels.drive is not None or (self.rig is not None and self.rig.output == "blocked")
+        blocked = [rig.output == "blocked" for rig in self.all_rigs.values()]
+        actuator = self.channels.drive is not None or (bool(blocked) and all(blocked))
         on_rig = actuator and self.channels.kind_of("motion_in") == "displacement"
         return Ordinary(self.unstated.ordinary == "table", self.logger.simultaneous, on_rig)
 
@@ -291,6 +295,11 @@ class CampaignFile(File):
                 for role, channel in self.channels.by_role.items()
             },
             "sample_rate [Hz]": self.channels.rate,
+            "logger": self.logger.model_dump(),
+            "unstated": self.unstated.model_dump(),
+            "conditions": {
+                f"{key} [1]": value for key in _OF_SPECIMENS if (value := getattr(self.conditions, key)) is not None
+            },
             **({"reference": self.channels.reference.model_dump()} if self.channels.reference is not None else {}),
             **({"drive": self.channels.drive.model_dump()} if self.channels.drive is not None else {}),
             "specimens": {
@@ -304,8 +313,12 @@ class CampaignFile(File):
         notes = []
         for name, rig in self.all_rigs.items():
             where = f"[rigs.{name}]" if name else "[rig]"
-            if assumed := [key for key, value in rig.values.items() if value.assumed]:
+            if assumed := [key for key, value in rig.values.items() if value.assumed and value.value]:
                 notes.append(f"{where} {', '.join(assumed)}: no std stated, taken as 2 % (exact = true if it is exact)")
+            damping = rig.values.get("preload_damping")
+            if damping is not None and damping.assumed and damping.std and not damping.value:
+                part = f"{100 * component(Kind.RIG_VALUE).std:g} % of the critical one"
+                notes.append(f"{where} preload_damping: not stated, taken as 0 ± {damping.std:.3g} N s/m, {part}")
         inexact = {role: channel for role, channel in self.channels.by_role.items() if not channel.exact}
         for what, default, roles in (("std_gain", "1 %", CHANNEL_KINDS), ("std_phase", "0.5 deg", CHANNELS)):
             lacking = [role for role in inexact if role in roles and getattr(inexact[role], what) is None]
@@ -313,7 +326,8 @@ class CampaignFile(File):
                 notes.append(
                     f"[channels] {', '.join(lacking)}: no {what} stated, taken as {default} (exact = true if exact)"
                 )
-        return notes
+        conditions = [key for key in _OF_SPECIMENS if getattr(self.conditions, key) is None]
+        return [*notes, *self.ordinary.notes(self.channels, conditions)]
 
 
 def parse_campaign(stated: str | dict[str, Any], name: str = "campaign.toml") -> CampaignFile:
