@@ -100,6 +100,17 @@ def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
     return read
 
 
+def _is_percent(raw: Any) -> bool:
+    return isinstance(raw, str) and raw.strip().endswith("%")
+
+
+def _corner_std(raw: Any) -> Any:
+    """A text with a frequency, or with a ratio in %, as it is; ValueError for another one."""
+    if stated_quantity(raw, "ratio" if _is_percent(raw) else "frequency") < 0:
+        raise ValueError("is negative: state zero or more")
+    return raw
+
+
 def _geophone(raw: Any) -> Geophone:
     """The geophone of a table of natural frequency and damping ratio."""
     example = '{ natural_frequency = "4.5 Hz", damping = 0.7 }'
@@ -133,7 +144,7 @@ class ChannelFile(File):
     std_delay: Annotated[float, _si("time"), Field(ge=0)] | None = None
     coupling: Literal["dc", "ac", "iepe"] | None = None
     low_cut: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
-    std_low_cut: float | str | None = None
+    std_low_cut: Annotated[str | None, BeforeValidator(_corner_std)] = None
     std_slope: Ratio | None = None
     resonance: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
     mounted: Literal["specimen", "drive", "rig"] | None = None
@@ -167,18 +178,18 @@ class ChannelFile(File):
             raise ValueError('coupling = "dc" and low_cut contradict each other: keep one')
         if self.mounted == "rig" and self.std_mounting:
             raise ValueError('mounted = "rig" and std_mounting contradict each other: keep one')
-        if (self.stated_low_cut_std or 0.0) < 0:
-            raise ValueError("std_low_cut is negative: state zero or more")
+        if self.std_low_cut is not None and _is_percent(self.std_low_cut) and self.low_cut is None:
+            raise ValueError('std_low_cut in % needs low_cut: state both, or a frequency, as "0.05 Hz"')
         return self
 
     @property
     def stated_low_cut_std(self) -> float | None:
         """Standard uncertainty of the corner of the low-cut as stated, as a frequency or in % of it [Hz]."""
-        if isinstance(self.std_low_cut, str) and self.std_low_cut.strip().endswith("%"):
-            if self.low_cut is None:
-                raise ValueError('std_low_cut in % needs low_cut: state both, or a frequency, as "0.05 Hz"')
+        if self.std_low_cut is None:
+            return None
+        if self.low_cut is not None and _is_percent(self.std_low_cut):
             return self.low_cut * stated_quantity(self.std_low_cut, "ratio")
-        return None if self.std_low_cut is None else stated_quantity(self.std_low_cut, "frequency")
+        return stated_quantity(self.std_low_cut, "frequency")
 
     def conversion(self, kinds: tuple[str, ...]) -> Conversion:
         """Conversion of recorded numbers to SI; the channel must record one of `kinds`."""
