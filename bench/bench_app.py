@@ -23,7 +23,9 @@ SAMPLES, RATE = 10_000_000, 10_000.0
 ROUNDS = 5
 #: Largest time until the first picture, and of a zoom [s].
 FIRST, ZOOM = 2.0, 0.3
-STATED = """[rig]
+STATED = """[unstated]
+ordinary = "zero"
+[rig]
 moving_mass = "15 kg"
 preload_stiffness = "12 kN/m"
 [channels]

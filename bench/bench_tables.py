@@ -30,6 +30,8 @@ SIZES = (1_000, 10_000)
 LINEAR, MOST_MEMORY = 11.0, 500e6
 TYRES, FREQUENCIES = 20, np.linspace(10.0, 24.0, 10)
 CAMPAIGN = """
+[unstated]
+ordinary = "zero"
 [rig]
 moving_mass = { value = 15.0, unit = "kg", std = 0.3 }
 preload_stiffness = { value = 12.44, unit = "kN/m", std = 0.25 }

@@ -22,6 +22,9 @@ MASS, PRELOAD, DAMPING = 15.0, 12440.0, 15.0
 NOISE, HUM, SECOND, THIRD, DRIFT = 0.01, 0.005, 0.03, 0.01, 0.02
 _CAMPAIGN = """title = "Benchmark"
 
+[unstated]
+ordinary = "zero"
+
 [rig]
 moving_mass = {{ value = {mass}, unit = "kg", std = 0.1 }}
 preload_stiffness = {{ value = {preload}, unit = "N/m", std = 100 }}

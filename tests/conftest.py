@@ -182,7 +182,9 @@ class Bench:
 
     def write(self) -> Path:
         channels = "\n".join(f"{role} = {said}" for role, said in self.channels.items())
-        (self.path / "campaign.toml").write_text(f"{self.rig}\n[channels]\n{channels}\n\n{self.specimens}")
+        (self.path / "campaign.toml").write_text(
+            f'[unstated]\nordinary = "zero"\n\n{self.rig}\n[channels]\n{channels}\n\n{self.specimens}'
+        )
         head = ",".join(["test,file,kind,specimen", *self.columns])
         (self.path / "tests.csv").write_text("\n".join([head, *self.rows]) + "\n")
         return self.path

@@ -16,6 +16,7 @@ TYRE = ["--k1", "110 kN/m", "--k2", "100 kN/m", "--c", "800 N s/m"]
 def folder(tmp_path):
     """A campaign without a single recording."""
     (tmp_path / "campaign.toml").write_text(
+        '[unstated]\nordinary = "zero"\n'
         '[rig]\nmoving_mass = "15 kg"\npreload_stiffness = "12.44 kN/m"\n[channels]\nsample_rate = "2 kHz"\n'
         'force_in = { column = "F1", unit = "N" }\nmotion_in = { column = "V1", unit = "m/s" }\n'
         'motion_out = { column = "V2", unit = "m/s" }\nload = { column = "F", unit = "N" }\n'

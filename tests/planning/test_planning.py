@@ -12,6 +12,8 @@ from fourpole.planning.plan import AS_STATED, Guess, Run, bare_plan, plan, plan_
 from fourpole.study.study import Study
 
 TOML = """
+[unstated]
+ordinary = "zero"
 [rig]
 moving_mass = { value = 15.0, unit = "kg", std = 0.1 }
 preload_stiffness = "12.44 kN/m"

@@ -10,6 +10,8 @@ from fourpole.planning.plan import Guess, Run, plan_campaign
 from fourpole.planning.runsheet import run_sheet
 
 TOML = """
+[unstated]
+ordinary = "zero"
 [rig]
 moving_mass = "15 kg"
 preload_stiffness = "12.44 kN/m"

@@ -15,6 +15,8 @@ from fourpole.models import profile
 
 CAMPAIGN = """
 title = "Filled rubber mount"
+[unstated]
+ordinary = "zero"
 [rig]
 output = "blocked"
 [channels]

@@ -9,6 +9,8 @@ from fourpole.findings.verdicts import verdicts
 from fourpole.study.analysis import analyse
 
 CAMPAIGN = """
+[unstated]
+ordinary = "zero"
 [rig]
 output = "blocked"
 [channels]

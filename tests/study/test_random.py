@@ -15,6 +15,8 @@ from fourpole.study.check import check_campaign
 
 CHANNEL = '{{ column = "{}", unit = "{}", std_gain = "3 %", std_phase = "1 deg" }}'
 STATED = f"""
+[unstated]
+ordinary = "zero"
 [rig]
 moving_mass = {{ value = 15.2, unit = "kg", std = 0.3 }}
 preload_stiffness = {{ value = 12.2, unit = "kN/m", std = 0.3 }}

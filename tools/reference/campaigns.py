@@ -16,6 +16,9 @@ from reference.weighed_mass import joint
 
 _PAPER = """title = "Reference: the paper's route"
 
+[unstated]
+ordinary = "zero"
+
 [rig]
 moving_mass       = { value = 15.0, unit = "kg", std = 0.01 }
 preload_stiffness = { value = 12.44, unit = "kN/m", std = 0.02 }
@@ -158,6 +161,9 @@ def _static(made: Campaign, test: str, terms: Sequence[mpf], gap: mpf, noise: mp
 
 _BLOCKED = """title = "Reference: an elastomer bench"
 
+[unstated]
+ordinary = "zero"
+
 [rig]
 output = "blocked"
 input_mass = { value = 0.6, unit = "kg", exact = true }
@@ -273,6 +279,9 @@ def _bend(terms: Sequence[mpf], stroke: mpf) -> mpf:
 # Tests that must not be used
 
 _BAD = """title = "Reference: tests that must be rejected"
+
+[unstated]
+ordinary = "zero"
 
 [rig]
 moving_mass       = { value = 15.0, unit = "kg", exact = true }

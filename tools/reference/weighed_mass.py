@@ -13,6 +13,9 @@ from reference.physics import J, Numbers, amplitudes, rig_impedance, stiffness_o
 
 _JOINT = """title = "Reference: one weighed mass, and a rig that is misstated"
 
+[unstated]
+ordinary = "zero"
+
 [rig]
 moving_mass       = { value = 15.0, unit = "kg", std = 0.3 }
 preload_stiffness = { value = 12.44, unit = "kN/m", std = 0.25 }

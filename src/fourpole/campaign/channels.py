@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
 
 from fourpole import units
 from fourpole.campaign import defaults
@@ -20,10 +20,26 @@ _HIGHEST_ORDER = 12
 #: Largest number of known names that a message lists.
 _SHOWN = 40
 #: Keys that only a channel of dynamic tests has, because they belong to an amplitude at a frequency.
-_DYNAMIC_ONLY = ("std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk")
+_DYNAMIC_ONLY = (
+    "std_delay", "high_pass", "low_pass", "geophone", "response", "crosstalk", "coupling", "low_cut", "std_low_cut",
+    "std_slope", "resonance", "std_crosstalk",
+)  # fmt: skip
+#: The channels of other keys that not every channel has.
+_ONLY_OF = {
+    **dict.fromkeys(("mounted", "std_mounting"), ("motion_in",)),
+    **dict.fromkeys(("remounted_with_mass", "std_remounting"), ("force_in", "motion_out")),
+    "linearity": ("force_in", "load", "deflection"),
+}
 
+#: Keys of a channel that state a standard uncertainty, which a channel that is exact has not.
+_STD = (
+    "std_gain", "std_phase", "std_delay", "std_low_cut", "std_slope", "resonance", "std_mounting", "std_remounting",
+    "std_crosstalk", "linearity",
+)  # fmt: skip
 #: Keys of a channel that state how uncertain its values are, and change no value.
-_UNCERTAINTIES = {"std_gain", "std_phase", "std_delay", "exact"}
+_UNCERTAINTIES = {*_STD, "exact", "coupling", "mounted", "remounted_with_mass", "serial"}
+#: Pairs of keys of a channel that state the same.
+_ONE_OF = (("low_cut", "high_pass"), ("std_slope", "resonance"), ("remounted_with_mass", "std_remounting"))
 
 
 def known_keys(raw: dict[str, Any], known: tuple[str, ...]) -> None:
@@ -47,6 +63,10 @@ def stated_quantity(raw: Any, kind: str) -> float:
 def _si(kind: str) -> BeforeValidator:
     """Validator that turns a quantity of a kind into its SI value."""
     return BeforeValidator(lambda raw: stated_quantity(raw, kind))
+
+
+#: A ratio that is not negative, with or without "%".
+Ratio = Annotated[float, _si("ratio"), Field(ge=0)]
 
 
 def _numbers(raw: Any, kinds: dict[str, str], example: str) -> dict[str, float]:
@@ -80,6 +100,17 @@ def _filter(kind: type[HighPass] | type[LowPass]) -> Any:
     return read
 
 
+def _is_percent(raw: Any) -> bool:
+    return isinstance(raw, str) and raw.strip().endswith("%")
+
+
+def _corner_std(raw: Any) -> Any:
+    """A text with a frequency, or with a ratio in %, as it is; ValueError for another one."""
+    if stated_quantity(raw, "ratio" if _is_percent(raw) else "frequency") < 0:
+        raise ValueError("is negative: state zero or more")
+    return raw
+
+
 def _geophone(raw: Any) -> Geophone:
     """The geophone of a table of natural frequency and damping ratio."""
     example = '{ natural_frequency = "4.5 Hz", damping = 0.7 }'
@@ -110,7 +141,19 @@ class ChannelFile(File):
     offset: float | str = 0.0
     sensitivity: str | None = None
     delay: Annotated[float, _si("time")] = 0.0
-    std_delay: Annotated[float, _si("time"), Field(ge=0)] = 0.0
+    std_delay: Annotated[float, _si("time"), Field(ge=0)] | None = None
+    coupling: Literal["dc", "ac", "iepe"] | None = None
+    low_cut: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
+    std_low_cut: Annotated[str | None, BeforeValidator(_corner_std)] = None
+    std_slope: Ratio | None = None
+    resonance: Annotated[float, _si("frequency"), Field(gt=0)] | None = None
+    mounted: Literal["specimen", "drive", "rig"] | None = None
+    std_mounting: Ratio | None = None
+    remounted_with_mass: StrictBool | None = None
+    std_remounting: Ratio | None = None
+    std_crosstalk: Ratio = 0.0
+    linearity: Ratio | None = None
+    serial: str = ""
     high_pass: Annotated[HighPass | None, BeforeValidator(_filter(HighPass))] = None
     low_pass: Annotated[LowPass | None, BeforeValidator(_filter(LowPass))] = None
     geophone: Annotated[Geophone | None, BeforeValidator(_geophone)] = None
@@ -118,7 +161,7 @@ class ChannelFile(File):
     crosstalk: Annotated[dict[str, str], BeforeValidator(_coefficients)] = {}
     invert: bool = False
     range: float | str | None = None
-    std_gain: Annotated[float, _si("ratio"), Field(ge=0)] | None = None
+    std_gain: Ratio | None = None
     std_phase: Annotated[float, _si("angle"), Field(ge=0)] | None = None
     exact: bool = False
 
@@ -126,9 +169,27 @@ class ChannelFile(File):
     def _readable(self) -> ChannelFile:
         if self.gain == 0:
             raise ValueError("gain is zero: state the factor from the recorded to the true value")
-        if self.exact and (self.std_gain or self.std_phase or self.std_delay):
-            raise ValueError("exact = true and std_gain, std_phase or std_delay contradict each other: keep one")
+        if self.exact and (doubts := [key for key in _STD if getattr(self, key)]):
+            raise ValueError(f"exact = true and {doubts[0]} contradict each other: keep one")
+        for one, other in _ONE_OF:
+            if {one, other} <= self.model_fields_set:
+                raise ValueError(f"{one} and {other} are both stated: keep one of them")
+        if self.coupling == "dc" and self.low_cut is not None:
+            raise ValueError('coupling = "dc" and low_cut contradict each other: keep one')
+        if self.mounted == "rig" and self.std_mounting:
+            raise ValueError('mounted = "rig" and std_mounting contradict each other: keep one')
+        if self.std_low_cut is not None and _is_percent(self.std_low_cut) and self.low_cut is None:
+            raise ValueError('std_low_cut in % needs low_cut: state both, or a frequency, as "0.05 Hz"')
         return self
+
+    @property
+    def stated_low_cut_std(self) -> float | None:
+        """Standard uncertainty of the corner of the low-cut as stated, as a frequency or in % of it [Hz]."""
+        if self.std_low_cut is None:
+            return None
+        if self.low_cut is not None and _is_percent(self.std_low_cut):
+            return self.low_cut * stated_quantity(self.std_low_cut, "ratio")
+        return stated_quantity(self.std_low_cut, "frequency")
 
     def conversion(self, kinds: tuple[str, ...]) -> Conversion:
         """Conversion of recorded numbers to SI; the channel must record one of `kinds`."""
@@ -145,7 +206,8 @@ class ChannelFile(File):
         if self.geophone is not None and kind != "velocity":
             raise TableError(f"geophone is for a sensor of velocity, this one is of {kind}")
         talk = tuple(_crosstalk(source, text, kind) for source, text in self.crosstalk.items())
-        chain = tuple(link for link in (self.high_pass, self.low_pass, self.geophone) if link is not None)
+        low_cut = self.high_pass if self.low_cut is None else HighPass(self.low_cut)
+        chain = tuple(link for link in (low_cut, self.low_pass, self.geophone) if link is not None)
         return Conversion(kind, slope, offset, self.delay, limits, chain, talk)
 
     @property
@@ -331,11 +393,13 @@ class ChannelsFile(File):
                 raise ValueError(f"{role}: {error}") from None
         self._check_crosstalk()
         for role, channel in self.by_role.items():
-            idle = [key for key in _DYNAMIC_ONLY if key in channel.model_fields_set and role not in CHANNELS]
-            if idle:
-                raise ValueError(
-                    f"{role}: {idle[0]} is for channels of dynamic tests, a static one has none: remove it"
-                )
+            for key in sorted(channel.model_fields_set):
+                if key in _DYNAMIC_ONLY and role not in CHANNELS:
+                    raise ValueError(
+                        f"{role}: {key} is for channels of dynamic tests, a static one has none: remove it"
+                    )
+                if role not in _ONLY_OF.get(key, (role,)):
+                    raise ValueError(f"{role}: {key} is a key of {' and '.join(_ONLY_OF[key])} alone: remove it")
         return self
 
     def _check_crosstalk(self) -> None:
@@ -374,6 +438,11 @@ class ChannelsFile(File):
         elif channel.sensitivity is not None and written is not None and units.is_unit(written):
             channel = channel.model_copy(update={"unit": channel.volts(written)})
         return channel.conversion(CHANNEL_KINDS[role])
+
+    def kind_of(self, role: str) -> str:
+        """Kind of quantity of a channel; empty for one that is not stated, or whose unit the recordings state."""
+        channel = self.named(role)
+        return "" if channel is None or channel.has_no_unit else self.conversion(role).kind
 
     @property
     def rate(self) -> float | None:

@@ -20,3 +20,9 @@ RIG_STD = 0.02
 K1_STD = 0.02
 #: Relative standard uncertainty of an added mass [1]: its bolts and brackets, and the balance.
 MASS_STD = 2e-3
+#: Standard uncertainty of the delay of a channel where one card samples all channels at once [s].
+SIMULTANEOUS_STD = 2e-6
+#: Standard uncertainty of the low-cut of an IEPE supply [Hz], and of a stated low-cut [1].
+IEPE_STD, LOW_CUT_STD = 0.3, 0.1
+#: The uncertainty of a mounting on the drive, over that of one on the specimen [1].
+ON_DRIVE = 0.1

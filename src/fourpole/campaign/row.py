@@ -28,7 +28,7 @@ QUANTITIES: dict[str, tuple[str, str]] = {
 }
 #: Columns of texts; all columns with a defined meaning, by their names in small letters.
 _TEXTS = ("test", "file", "kind", "tyre", "rig", "excluded")
-_NAMES = {name.casefold(): name for name in (*_TEXTS, *QUANTITIES, "window", "time")}
+_NAMES = {name.casefold(): name for name in (*_TEXTS, *QUANTITIES, "window", "time", "mounting")}
 #: Roles of the columns that pass through to the results unchanged.
 PASSED = ("extra", "time")
 #: Columns that tests.csv must have.
@@ -95,6 +95,8 @@ def _column(label: str) -> Column:
         return Column(label, "tyre", "text")
     if name == "time":
         return Column(label, name, "time", unit or "s")
+    if name == "mounting":
+        return Column(name, name, "extra")
     if name not in QUANTITIES and name != "window":
         return Column(label, label, "extra")
     kind = "time" if name == "window" else QUANTITIES[name][0]
@@ -142,6 +144,11 @@ class Test:
     def added_mass(self) -> float:
         """The mass that is fixed to the moving mass [kg]; 0 for a blank cell."""
         return self.values.get("added_mass") or 0.0
+
+    @property
+    def mounting(self) -> str:
+        """The label of the mounting of V1's sensor; the specimen where none is stated."""
+        return self.extra.get("mounting") or self.tyre
 
     def value(self, name: str) -> float | None:
         """A number of the row: pressure [Pa], preload [N], frequency [Hz], K1 [N/m] ...; None for a blank cell."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import datetime as dt
 from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, field_validator, model_validator
@@ -15,21 +17,27 @@ from fourpole.campaign.channels import (
     ChannelFile,
     ChannelsFile,
     File,
+    Ratio,
     ReferenceFile,
     TimeFile,
     did_you_mean,
     known_keys,
 )
+from fourpole.campaign.ordinary import LoggerFile, Ordinary, UnstatedFile
 from fourpole.campaign.report import Equipment, ReportFile
+from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError, TableError
 from fourpole.io.documents import toml_of
 from fourpole.models.shape import shape_of
 
 #: Most axes of [conditions]: a condition is compared with the others axis by axis.
 _MOST_AXES = 20
+#: Keys of [conditions] that state uncertainties of the specimens.
+_OF_SPECIMENS = ("std_block", "std_drift")
 #: Kind of quantity of each value of the rig.
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
 
@@ -112,6 +120,15 @@ class RigFile(File):
         std = {name: stated.std for name, stated in self.values.items()}
         return Rig(**values, blocked=self.output == "blocked", std=std)  # type: ignore[arg-type]
 
+    @property
+    def with_damping(self) -> RigFile:
+        """The rig with a damper of zero where a moving one states none: its uncertainty is a part of the critical."""
+        if self.output == "blocked" or "preload_damping" in self.values:
+            return self
+        critical = 2.0 * sqrt(self.values["preload_stiffness"].value * self.values["moving_mass"].value)
+        damping = Stated(0.0, component(Kind.RIG_VALUE).std * critical, assumed=True)
+        return self.model_copy(update={"values": {**self.values, "preload_damping": damping}})
+
 
 class SpecimenFile(BaseModel):
     """[tyres.NAME] or [specimens.NAME]: the construction, the shape, and further keys of any name.
@@ -160,6 +177,8 @@ class ConditionsFile(File):
 
     axes: tuple[Axis, ...] = ()
     temperature_sensitivity: float | None = None
+    std_block: Ratio | None = None
+    std_drift: Ratio | None = None
 
     @field_validator("temperature_sensitivity", mode="before")
     @classmethod
@@ -210,6 +229,8 @@ class CampaignFile(File):
     tyres: dict[str, SpecimenFile] = Field(default_factory=dict)
     specimens: dict[str, SpecimenFile] = Field(default_factory=dict)
     conditions: ConditionsFile = ConditionsFile()
+    logger: LoggerFile = LoggerFile()
+    unstated: UnstatedFile = UnstatedFile()
     report: ReportFile = ReportFile()
 
     @model_validator(mode="after")
@@ -229,10 +250,24 @@ class CampaignFile(File):
         """Tyres and specimens by name."""
         return {**self.tyres, **self.specimens}
 
-    @property
+    @cached_property
     def all_rigs(self) -> dict[str, RigFile]:
         """Rigs by name; the name of the rig in [rig] is empty."""
-        return {**({"": self.rig} if self.rig is not None else {}), **self.rigs}
+        rigs = {**({"": self.rig} if self.rig is not None else {}), **self.rigs}
+        return {name: rig.with_damping for name, rig in rigs.items()} if self.unstated.ordinary == "table" else rigs
+
+    @property
+    def ordinary(self) -> Ordinary:
+        """Standard uncertainties of the ordinary errors, by channel."""
+        blocked = [rig.output == "blocked" for rig in self.all_rigs.values()]
+        actuator = self.channels.drive is not None or (bool(blocked) and all(blocked))
+        on_rig = actuator and self.channels.kind_of("motion_in") == "displacement"
+        return Ordinary(self.unstated.ordinary == "table", self.logger.simultaneous, on_rig)
+
+    @property
+    def specimen_uncertainty(self) -> SpecimenUncertainty:
+        """Standard uncertainties of the specimens over blocks of tests and over the run."""
+        return self.ordinary.specimens(self.conditions.std_block, self.conditions.std_drift)
 
     def summary(self) -> dict[str, Any]:
         """Statements on rigs, channels and specimens as plain data, in SI units."""
@@ -253,13 +288,18 @@ class CampaignFile(File):
             "channels": {
                 role: {
                     **channel.model_dump(exclude_defaults=True),
-                    "quantity": "" if channel.has_no_unit else self.channels.conversion(role).kind,
+                    "quantity": self.channels.kind_of(role),
                     "std_gain [1]": channel.gain_std,
                     "std_phase [rad]": channel.phase_std,
                 }
                 for role, channel in self.channels.by_role.items()
             },
             "sample_rate [Hz]": self.channels.rate,
+            "logger": self.logger.model_dump(),
+            "unstated": self.unstated.model_dump(),
+            "conditions": {
+                f"{key} [1]": value for key in _OF_SPECIMENS if (value := getattr(self.conditions, key)) is not None
+            },
             **({"reference": self.channels.reference.model_dump()} if self.channels.reference is not None else {}),
             **({"drive": self.channels.drive.model_dump()} if self.channels.drive is not None else {}),
             "specimens": {
@@ -273,8 +313,12 @@ class CampaignFile(File):
         notes = []
         for name, rig in self.all_rigs.items():
             where = f"[rigs.{name}]" if name else "[rig]"
-            if assumed := [key for key, value in rig.values.items() if value.assumed]:
+            if assumed := [key for key, value in rig.values.items() if value.assumed and value.value]:
                 notes.append(f"{where} {', '.join(assumed)}: no std stated, taken as 2 % (exact = true if it is exact)")
+            damping = rig.values.get("preload_damping")
+            if damping is not None and damping.assumed and damping.std and not damping.value:
+                part = f"{100 * component(Kind.RIG_VALUE).std:g} % of the critical one"
+                notes.append(f"{where} preload_damping: not stated, taken as 0 ± {damping.std:.3g} N s/m, {part}")
         inexact = {role: channel for role, channel in self.channels.by_role.items() if not channel.exact}
         for what, default, roles in (("std_gain", "1 %", CHANNEL_KINDS), ("std_phase", "0.5 deg", CHANNELS)):
             lacking = [role for role in inexact if role in roles and getattr(inexact[role], what) is None]
@@ -282,7 +326,8 @@ class CampaignFile(File):
                 notes.append(
                     f"[channels] {', '.join(lacking)}: no {what} stated, taken as {default} (exact = true if exact)"
                 )
-        return notes
+        conditions = [key for key in _OF_SPECIMENS if getattr(self.conditions, key) is None]
+        return [*notes, *self.ordinary.notes(self.channels, conditions)]
 
 
 def parse_campaign(stated: str | dict[str, Any], name: str = "campaign.toml") -> CampaignFile:
@@ -309,6 +354,8 @@ _TABLES: dict[str, Any] = {
     "time": TimeFile,
     "reference": ReferenceFile,
     "conditions": ConditionsFile,
+    "logger": LoggerFile,
+    "unstated": UnstatedFile,
     "report": ReportFile,
     "equipment": Equipment,
 }

@@ -116,6 +116,14 @@ class GuessedCampaign:
         return [self.folder / name for name in _WRITTEN]
 
 
+#: What only the laboratory knows, with the keys that state it; each makes the results of moving tests more certain.
+_QUESTIONS = """\
+# Does one card sample all channels at once?
+# [logger]
+# simultaneous = true
+# Keys of a channel, in its { }: coupling = "dc", "ac" or "iepe" of its amplifier; std_delay = "10 us"
+# of motion_in: mounted = "specimen", or "drive" or "rig" if nobody touches the sensor when the specimen changes
+"""
 _WRITTEN = ("campaign.toml", "tests.csv")
 
 
@@ -146,7 +154,8 @@ def campaign_toml(guess: GuessedCampaign) -> str:
         f"guessed by `fourpole init` from {len(guess.rows)} recordings, {statics} of them static; correct what is wrong"
     )
     files = "".join(_doubts(guess, about) for about in ("files", "names"))
-    parts = [comment(head) + files + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess), *_tyres(guess)]
+    parts = [comment(head) + files + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess)]
+    parts += [_QUESTIONS if {row.kind for row in guess.rows} & set(MOVING_KINDS) else "", *_tyres(guess)]
     return "\n".join(part for part in parts if part)
 
 

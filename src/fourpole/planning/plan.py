@@ -262,7 +262,8 @@ def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Seq
     # Static tests of one specimen, pressure and temperature give one K1, whatever the preload of the dynamic tests is.
     rule = campaign.stated.sameness.without("preload")
     statics = set(rule.groups([condition_of(test, rule) for test in tests if test.kind == "dynamic"]).tolist())
-    rig, channels = stated.rig(), channel_uncertainty(campaign)
+    top = float(expected.frequency.max())
+    rig, channels = stated.rig(), channel_uncertainty(campaign, (), top)
     return RigPlan(name, Plan(expected, rig, channels, run.cycles, max(len(statics), 1), defaults.MASS_STD), tests)
 
 

@@ -210,6 +210,23 @@ def _channel_row(role: str, stated: dict[str, Any]) -> SimpleNamespace:
     )
 
 
+#: Keys of the ordinary errors of a channel, in words, with unit and scale; and those whose value is a word.
+_ORDINARY = (
+    ("std_delay", "u(delay)", "ms", 1e3),
+    ("low_cut", "low-cut", "Hz", 1.0),
+    ("std_slope", "u(slope)", "%", 100.0),
+    ("resonance", "resonance", "Hz", 1.0),
+    ("std_mounting", "u(mounting)", "%", 100.0),
+    ("std_remounting", "u(gain with a mass)", "%", 100.0),
+    ("std_crosstalk", "u(cross-talk)", "%", 100.0),
+    ("linearity", "linearity", "%", 100.0),
+)
+_WORDS = {
+    "std_low_cut": "u(low-cut)", "coupling": "coupling", "mounted": "mounted on the",
+    "remounted_with_mass": "remounted with a mass:", "serial": "serial number",
+}  # fmt: skip
+
+
 def _chain(stated: dict[str, Any]) -> list[str]:
     """The corrections of the channel's amplitudes, in words."""
     more = []
@@ -223,9 +240,10 @@ def _chain(stated: dict[str, Any]) -> list[str]:
     if "response" in stated:
         more.append(f"calibrated response {stated['response']}")
     more += [f"cross-talk of {source} {text}" for source, text in section(stated, "crosstalk").items()]
-    if std := known(stated.get("std_delay")):
-        more.append(f"u(delay) {number(1e3 * std, 3)} ms")
-    return more
+    for key, words, unit, scale in _ORDINARY:
+        if (value := known(stated.get(key))) is not None:
+            more.append(f"{words} {number(scale * value, 3)} {unit}")
+    return [*more, *(f"{words} {stated[key]}" for key, words in _WORDS.items() if stated.get(key) is not None)]
 
 
 def _unknown(stated: dict[str, Any], name: str, value: float | None, unit: str) -> tuple[str, bool]:

@@ -44,6 +44,8 @@ KEYS = {
     "gain": ("gain", "by which the recorded values are multiplied"),
     "invert": ("inverted", "whether the sign is changed"),
     "delay": ("delay", "how late its samples are, as 0.2 ms"),
+    "coupling": ("coupling", "of its amplifier: dc, ac or iepe"),
+    "mounted": ("mounted", "of V1: on the specimen, drive or rig"),
     "range": ("range", "full scale, as 5 kN"),
     "std_gain": ("u(gain)", "standard uncertainty of the gain, as 1 %"),
     "std_phase": ("u(phase)", "standard uncertainty of the phase, as 0.5 deg"),

@@ -42,6 +42,8 @@ _BENT = 0.2
 _LOST = 3.0
 #: Uncertainty of K* from the temperature of a test above which a note tells it [1].
 _NOTED = 1e-4
+#: What is known of the tests and not yet an argument of the joint solution.
+_WAITING = ("mounting", "specimens")
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +185,12 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "nominal_frequency": np.array(nominal),
         "added_mass": added,
         "added_mass_std": added_std,
-        "channels": channel_uncertainty(campaign, [points.corrections[index] for index in rows]),
+        "channels": channel_uncertainty(
+            campaign, [points.corrections[index] for index in rows], float(points.phasors.frequency[rows].max())
+        ),
+        "mounting": np.array([test.mounting for test in tests], dtype=object),
         "specimen": np.array([test.tyre for test in tests], dtype=object),
+        "specimens": stated.specimen_uncertainty,
         "time": time,
         "apart": np.where(strange, 0.0, apart),
         "lines": lines[recording].astype(float),
@@ -200,13 +206,23 @@ def added_masses(tests: Sequence[Test]) -> tuple[FloatArray, FloatArray]:
     return added, np.where(np.isnan(std), defaults.MASS_STD * added, std)
 
 
-def channel_uncertainty(campaign: Campaign, corrections: Sequence[Sequence[Correction]] = ()) -> ChannelUncertainty:
-    """Standard uncertainties of the channels as stated, zero for a channel that is not, and of calibrated responses."""
-    channels = [campaign.stated.channels.named(role) for role in CHANNELS]
-    stated = [(0.0, 0.0, 0.0) if channel is None else (channel.gain_std, channel.phase_std, channel.std_delay)
-              for channel in channels]  # fmt: skip
+def channel_uncertainty(
+    campaign: Campaign, corrections: Sequence[Sequence[Correction]], top: float
+) -> ChannelUncertainty:
+    """Standard uncertainties of the channels, zero for one that is not stated, and of calibrated responses.
+
+    `top` is the highest frequency of the tests [Hz], at which the slope of a gain is stated.
+    """
+    ordinary = campaign.stated.ordinary
+    values = np.zeros((7, 3), dtype=complex)
+    for column, role in enumerate(CHANNELS):
+        if (channel := campaign.stated.channels.named(role)) is not None:
+            own = ordinary.mounting(channel) if role == "motion_in" else 0j
+            with_mass = ordinary.remounting(channel) if role != "motion_in" else 0j
+            errors = ordinary.delay(channel), ordinary.low_cut(channel), ordinary.slope(channel, top)
+            values[:, column] = channel.gain_std, channel.phase_std, *errors, own, with_mass
+    uncertainty = ChannelUncertainty(*values[:5].real, *values[5:])
     response = np.array([response_std(rows) for rows in corrections])
-    uncertainty = ChannelUncertainty(*np.array(stated).T)
     return replace(uncertainty, response=response[:, :, 0] + 1j * response[:, :, 1]) if response.any() else uncertainty
 
 
@@ -274,6 +290,7 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
+    setup = {name: value for name, value in setup.items() if name not in _WAITING}
     joint = solve_joint(phasors, **setup)
     k1_std, parts = _with_drift(setup, joint, stiffness, order)
     values = outputs(joint, phasors, setup["k1"])
@@ -323,7 +340,7 @@ def _mass_gain(
     if bare.all() or not bare.any():
         return {}
     channels, few = setup["channels"].part(bare), phasors.part(bare)
-    some = {name: value[bare] for name, value in setup.items() if name not in ("rig", "channels")}
+    some = {name: value[bare] for name, value in setup.items() if name not in ("rig", "channels", "specimens")}
     alone = solve_joint(few, **some, rig=setup["rig"], channels=channels)
     of_alone = outputs(alone, few, some["k1"])
     without = relative_uncertainties(

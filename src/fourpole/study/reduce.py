@@ -87,6 +87,8 @@ class Reduction:
         The rig of the test; None where it is not stated.
     needed : tuple of str
         Roles of the channels that the route needs.
+    sensors : Sensors
+        Standard uncertainties of the channels F1 and V2.
     responses : dict of str to str
         Hash of each table of a calibrated response, by its name in the campaign.
     remote : str
@@ -98,6 +100,7 @@ class Reduction:
     channels: ChannelsFile
     rig: Rig | None
     needed: tuple[str, ...]
+    sensors: Sensors
     responses: dict[str, str] = field(default_factory=dict)
     remote: str = ""
 
@@ -114,7 +117,7 @@ class Reduction:
 
 
 #: The classes of which a job is made, for the worker process.
-OF_WORK = (Reduction, Rig, Test, *CHANNEL_CLASSES)
+OF_WORK = (Reduction, Rig, Sensors, Test, *CHANNEL_CLASSES)
 
 
 def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Reduction]:
@@ -123,7 +126,8 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Reduc
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     folder = campaign.folder.absolute()  # a worker of a cluster has another working folder
     remote = permission(test.file for test in tests)
-    return [Reduction(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
+    sensors = _sensors(campaign)
+    return [Reduction(folder, test, channels, rigs.get(test.rig), needed, sensors, responses, remote) for test in tests]
 
 
 def demodulated(job: Reduction) -> Demodulated:
@@ -194,7 +198,7 @@ def _checks_of_lines(job: Reduction, lines: Excited, done: Demodulated) -> Itera
     whole = [*done.checks, *_checks_of_force(job.test, lines.force_peak, done.mean_force)]
     whole += [*check_closure(lines), *check_shared_noise(lines)]
     if rig is not None:
-        whole += check_pooled(lines, rig, added, _sensors(job.channels))
+        whole += check_pooled(lines, rig, added, job.sensors)
     for line in range(lines.averages.size):
         check, phasors = check_line(lines, line), lines.phasors.part(line)
         of_line = [check]
@@ -207,11 +211,13 @@ def _checks_of_lines(job: Reduction, lines: Excited, done: Demodulated) -> Itera
             whole = [check for check in whole if check.verdict is not Verdict.OK]
 
 
-def _sensors(channels: ChannelsFile) -> Sensors:
-    """Standard uncertainties of the channels F1 and V2, as stated."""
-    stated = [channel for role in ("force_in", "motion_out") if (channel := channels.named(role)) is not None]
-    stds = ([getattr(channel, name) for channel in stated] for name in ("gain_std", "phase_std", "std_delay"))
-    return Sensors(*(tuple([*values, 0.0, 0.0][:2]) for values in stds))
+def _sensors(campaign: Campaign) -> Sensors:
+    """Standard uncertainties of the channels F1 and V2, zero for one that is not stated."""
+    ordinary, channels = campaign.stated.ordinary, campaign.stated.channels
+    pair = [channels.named(role) for role in ("force_in", "motion_out")]
+    stds = [(0.0, 0.0, 0.0) if channel is None else (channel.gain_std, channel.phase_std, ordinary.delay(channel))
+            for channel in pair]  # fmt: skip
+    return Sensors(*zip(*stds, strict=True))
 
 
 def demodulated_part(job: Reduction, path: Path, part: float | None = None) -> Demodulated:

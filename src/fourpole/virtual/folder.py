@@ -143,6 +143,7 @@ def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int) ->
     )
     parts = [
         f"title = {_quoted(title)}\n",
+        '[unstated]\nordinary = "zero"\n',  # this rig draws no other errors than those that are stated
         "[rig]\n" + "".join(_rig_line(name, *values, clean) for name, values in statement.rig.items()),
         _CLEAN_CHANNELS if clean else noisy,
     ]

@@ -185,7 +185,7 @@ def uncertainties(route: str, v: Inputs) -> Values:
         route=route,
         added_mass=v["added mass"],
         added_mass_std=v["u added mass"],
-        channels=ChannelUncertainty(gains, phases, np.array([0.0, 0.0, v["delay V2"]]), response),
+        channels=ChannelUncertainty(gains, phases, np.array([0.0, 0.0, v["delay V2"]]), response=response),
     )
     of_stiffness, of_arm = test.stiffness_covariance[0], test.arm_covariance[0]
     u_re, u_im = np.sqrt(np.diag(of_stiffness))
