@@ -42,8 +42,6 @@ _BENT = 0.2
 _LOST = 3.0
 #: Uncertainty of K* from the temperature of a test above which a note tells it [1].
 _NOTED = 1e-4
-#: What is known of the tests and not yet an argument of the joint solution.
-_WAITING = ("mounting", "specimens")
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +288,6 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
-    setup = {name: value for name, value in setup.items() if name not in _WAITING}
     joint = solve_joint(phasors, **setup)
     k1_std, parts = _with_drift(setup, joint, stiffness, order)
     values = outputs(joint, phasors, setup["k1"])
@@ -341,7 +338,7 @@ def _mass_gain(
         return {}
     channels, few = setup["channels"].part(bare), phasors.part(bare)
     some = {name: value[bare] for name, value in setup.items() if name not in ("rig", "channels", "specimens")}
-    alone = solve_joint(few, **some, rig=setup["rig"], channels=channels)
+    alone = solve_joint(few, **some, rig=setup["rig"], channels=channels, specimens=setup["specimens"])
     of_alone = outputs(alone, few, some["k1"])
     without = relative_uncertainties(
         identification(alone, few, some["k1"], k1_std[bare], of_alone),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty, parts
+from fourpole.core.components import SpecimenUncertainty
 from fourpole.core.curvature import Curvature
 from fourpole.core.identify import Identification
 from fourpole.core.joint.joint import Joint, solve_joint
@@ -296,6 +297,8 @@ def identify_joint(
     apart: ArrayLike = 0.0,
     lines: ArrayLike = 1.0,
     recording: ArrayLike | None = None,
+    mounting: Sequence[str] | None = None,
+    specimens: SpecimenUncertainty | None = None,
 ) -> Identification:
     r"""Find K* of every condition, the rig's values and the channels' gains from all tests of a rig together.
 
@@ -330,6 +333,10 @@ def identify_joint(
         Number of lines of the recording that a test is one of: their K* scatters together.
     recording : (N,) int array, optional
         Number of the recording that a test is a line of: each of its lines has a K* of its own.
+    mounting : sequence of N str, optional
+        Name of the mounting of V1's sensor in each test; by default that of the specimen.
+    specimens : SpecimenUncertainty, optional
+        Uncertainties of the specimens over blocks and time; without it they do not change.
 
     Returns
     -------
@@ -374,5 +381,7 @@ def identify_joint(
         apart=apart,
         lines=lines,
         recording=recording,
+        mounting=mounting,
+        specimens=specimens,
     )
     return identification(joint, phasors, k1, k1_std)
