@@ -142,7 +142,7 @@ def test_a_drift_is_in_the_uncertainty_of_k1(static):
         "recording": np.arange(12),
     }  # fmt: skip
     joint = solve_joint(phasors, **setup)
-    assert [source.of for source in joint.misfit.drifts] == ["radial", "radial"]
+    assert [source.of for source in joint.misfit.specimens] == ["radial", "radial"]
     when = np.nan if static is None else 7200.0 * static
     k1 = StaticStiffness(180e3, 500.0, parts={Source(Kind.K1_FIT): 500.0}, time=when)
     k1_std, parts = _with_drift(setup, joint, [k1] * 12, RunOrder.TIME)

@@ -80,6 +80,8 @@ class NoteCode(StrEnum):
     UNSTEADY = "unsteady drive"
     SCATTER = "scatter"
     DRIFT = "drift"
+    BLOCK = "block"
+    AMPLITUDE = "amplitude"
     OUTLIERS = "outliers"
     UNSHARED_MASSES = "masses without a common condition"
     ONE_TEST = "one test"
@@ -252,8 +254,11 @@ class RigEstimate:
     @property
     def drifts(self) -> tuple[SharedValue, ...]:
         """The drifts of the specimens that are large enough for a note."""
-        drifts = [value for value in self.values if value.source.kind is Kind.DRIFT and value.found is not None]
-        return tuple(value for value in drifts if abs(value.found or 0.0) > _DRIFTS)
+        return self._of_specimens(Kind.DRIFT)
+
+    def _of_specimens(self, kind: Kind) -> tuple[SharedValue, ...]:
+        """The values of a kind that are large enough for a note."""
+        return tuple(value for value in self.values if value.source.kind is kind and abs(value.found or 0.0) > _DRIFTS)
 
     @property
     def notes(self) -> tuple[NoteCode, ...]:
@@ -265,6 +270,8 @@ class RigEstimate:
             NoteCode.UNSTEADY: self.unsteady > 0,
             NoteCode.SCATTER: self.scatter > _SCATTERS,
             NoteCode.DRIFT: bool(self.drifts),
+            NoteCode.BLOCK: bool(self._of_specimens(Kind.BLOCK)),
+            NoteCode.AMPLITUDE: bool(self._of_specimens(Kind.AMPLITUDE)),
             NoteCode.OUTLIERS: bool(self.outliers),
             NoteCode.UNSHARED_MASSES: self.unshared_masses,
             NoteCode.ONE_TEST: self.tests == 1,
@@ -283,6 +290,13 @@ class RigEstimate:
             drifts="; ".join(
                 f"K* of {value.source.of} drifts by {100 * (value.found or 0.0):+.2g} % over the run"
                 for value in self.drifts
+            ),
+            blocks="; ".join(
+                f"K* of {value.source.of} is {100 * (value.found or 0.0):+.2g} % other in the tests with an added mass"
+                for value in self._of_specimens(Kind.BLOCK)
+            ),
+            amplitude="; ".join(
+                f"{100 * (2 ** (value.found or 0.0) - 1):+.2g} %" for value in self._of_specimens(Kind.AMPLITUDE)
             ),
             order=f"by {self.order}",
         )
@@ -349,6 +363,8 @@ _NOTES = {
         "at temperature, conditioning and amplitude if this scatter is too large"
     ),
     NoteCode.DRIFT: "{drifts}, {order}; each row has K* of its own place in the run",
+    NoteCode.BLOCK: "{blocks}; each row has K* of its own test",
+    NoteCode.AMPLITUDE: "K* changes by {amplitude} as the amplitude of the deflection doubles",
     NoteCode.OUTLIERS: "{strange} not go with the others and hardly {counts}",
     NoteCode.UNSHARED_MASSES: (
         "no condition was tested with two masses, so the added mass does not calibrate the sensors: tyre, pressure "

@@ -16,6 +16,7 @@ from fourpole.core.identify import Identification
 from fourpole.core.joint import Joint
 from fourpole.core.joint.misfit import Candidate, pulls
 from fourpole.core.joint.outputs import Outputs
+from fourpole.core.joint.shared import DRIFTS
 from fourpole.core.joint.specimens import goes_with_mass
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
@@ -66,7 +67,7 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
             for candidate in misfit.candidates[: max(_CANDIDATES, misfit.tied)]
         ),
         rests=_rests(joint, values, massed=massed),
-        drift_by_mass=bool(misfit.drifts) and goes_with_mass(joint.problem),
+        drift_by_mass=any(source.kind in DRIFTS for source in misfit.specimens) and goes_with_mass(joint.problem),
         outliers=tuple(
             Outlier(test, factor, point)
             for (test, point), factor in zip(keys, joint.outlier.tolist(), strict=True)
@@ -84,8 +85,11 @@ def _values(joint: Joint) -> list[SharedValue]:
     stated = {parameter.source for parameter in parameters}
     values = []
     for index, (parameter, fitted) in enumerate(zip(parameters, joint.found.tolist(), strict=True)):
+        raised = parameter.source in misfit.specimens
+        if parameter.source.role is Role.MOUNTING or (parameter.source.role is Role.SPECIMEN and not raised):
+            continue  # many values of the table, of which the results hold no more than that
         prior, conflict = float(joint.stated.std[index]), index in misfit.conflicts
-        unstated = parameter.source in (*misfit.added, *misfit.drifts)
+        unstated = raised or parameter.source in misfit.added
         value = SharedValue(
             Source.read(parameter.source.text),  # with the digits that rig.csv has
             parameter.unit,

@@ -48,7 +48,7 @@ def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, und
     assert not joint.misfit.fits
     assert name in [one.name for one in joint.misfit.candidates[: joint.misfit.tied]]
     assert joint.misfit.tied <= 2  # a tyre mass or a moving mass, a frame or a softer spring
-    assert not joint.misfit.drifts
+    assert not joint.misfit.specimens
     assert joint.solution.converged
     assert joint.misfit.chi2 > joint.misfit.dof
 
@@ -78,7 +78,7 @@ def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make
     names = [joint.stated.parameters[at].source.text for at in joint.misfit.conflicts]
     assert names == [blamed]
     assert not joint.misfit.fits
-    assert not joint.misfit.drifts
+    assert not joint.misfit.specimens
     assert np.abs(errors(made, joint)).max() < 4.5  # the uncertainty without the statement, and 128 errors
     at = [parameter.source.text for parameter in joint.stated.parameters].index(blamed)
     true = made.true_z(joint.problem.shared)[at]

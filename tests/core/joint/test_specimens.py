@@ -60,7 +60,7 @@ def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
     made = make(USUAL, masses=THREE, spread=3e-3, families=1, frequencies=8, drift=drift, scatter=5e-4, within=2.0)
     joint = made.identify(specimen=["radial"] * made.family.size)
     assert joint.misfit.fits
-    assert [source.of for source in joint.misfit.drifts] == ["radial"] * 2
+    assert [source.of for source in joint.misfit.specimens] == ["radial"] * 2
     at = {one.source.kind: i for i, one in enumerate(joint.stated.parameters)}
     for kind, true in ((Kind.DRIFT, np.real(drift)), (Kind.ANGLE_DRIFT, np.imag(drift))):
         off = joint.found[at[kind]] - true
@@ -85,7 +85,7 @@ def test_honest_campaigns_have_neither_scatter_nor_drift(make):
             make(USUAL, masses=THREE, spread=3e-3, families=2, frequencies=4, seed=seed, drift=1e-12).identify().misfit
         )
         scatter += misfit.scatter > 0
-        drifts += bool(misfit.drifts)
+        drifts += bool(misfit.specimens)
     assert scatter <= 1
     assert drifts <= 1
 

@@ -27,7 +27,7 @@ from fourpole.core.joint.asking import (
 from fourpole.core.joint.misfit import NEGLIGIBLE, Candidate, Residuals, cause_of, is_unlikely, largest_part, residuals
 from fourpole.core.joint.model import cholesky_qr, projected
 from fourpole.core.joint.scatter import root_of, scatter_of
-from fourpole.core.joint.shared import DRIFTS, Shared
+from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem, Solution, solve
 from fourpole.core.joint.specimens import Misfit, State, settle_scatter, weaken_strange_tests
 from fourpole.core.sources import Role
@@ -178,7 +178,7 @@ def _settled(state: State, misfit: Misfit) -> Misfit:
 
 
 def _raised(state: State, stated: Shared) -> dict[str, Any]:
-    """What was raised: stated values that the tests contradict, components that nobody stated, and drifts."""
+    """What was raised: values that the tests contradict, what nobody stated, and components of the specimens."""
     parameters, sizes = state.problem.shared.parameters, state.solution.z * state.problem.shared.std
     known = len(stated)
     conflicts = tuple(
@@ -188,17 +188,12 @@ def _raised(state: State, stated: Shared) -> dict[str, Any]:
         and parameters[index].std > parameter.std
         and abs(sizes[index]) > _CONFLICT * parameter.std
     )
-    new = [parameter.source for parameter in parameters[known:]]
     added = [row.source for row, size in zip(parameters[known:], sizes[known:], strict=True)
              if row.source.role is not Role.SPECIMEN and not is_negligible(state.problem, row, size)]  # fmt: skip
-    drifts = [source for source in new if source.role is Role.SPECIMEN]
-    drifts += [row.source for row, own in zip(stated.parameters, parameters, strict=False)
-               if row.source.role is Role.SPECIMEN and own.std > row.std]  # fmt: skip
-    return {
-        "conflicts": conflicts,
-        "added": tuple(added),
-        "drifts": tuple(source for source in drifts if source.kind in DRIFTS),
-    }
+    std = np.append(stated.std, np.zeros(len(parameters) - known))
+    specimens = [row.source for row, before in zip(parameters, std, strict=True)
+                 if row.source.role is Role.SPECIMEN and row.std > before]  # fmt: skip
+    return {"conflicts": conflicts, "added": tuple(added), "specimens": tuple(specimens)}
 
 
 def _judged(state: State, misfit: Misfit, causes: Sequence[tuple[Group, Candidate]]) -> Misfit:

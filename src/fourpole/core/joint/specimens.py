@@ -38,8 +38,8 @@ class Misfit:
         Indices of the shared values that the tests contradict; the uncertainty of their statement was enlarged.
     added : tuple of Source
         Unstated parts of the rig and errors of channels that were added; their sizes are among the shared values.
-    drifts : tuple of Source
-        Drifts of the specimens that were added to the shared values.
+    specimens : tuple of Source
+        Drifts, blocks and the effect of the amplitude that the tests ask for.
     candidates : tuple of Candidate
         Causes that would explain a misfit, the best first; empty if there is no misfit.
     tied : int
@@ -55,7 +55,7 @@ class Misfit:
     unsteady: float = 0.0
     conflicts: tuple[int, ...] = ()
     added: tuple[Source, ...] = ()
-    drifts: tuple[Source, ...] = ()
+    specimens: tuple[Source, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     tied: int = 0
 
