@@ -25,7 +25,7 @@ _DYNAMIC_ONLY = (
     "std_slope", "resonance", "std_crosstalk",
 )  # fmt: skip
 #: The channels of other keys that not every channel has.
-_ONLY_OF = {
+ONLY_OF = {
     **dict.fromkeys(("mounted", "std_mounting"), ("motion_in",)),
     **dict.fromkeys(("remounted_with_mass", "std_remounting"), ("force_in", "motion_out")),
     "linearity": ("force_in", "load", "deflection"),
@@ -174,10 +174,9 @@ class ChannelFile(File):
         for one, other in _ONE_OF:
             if {one, other} <= self.model_fields_set:
                 raise ValueError(f"{one} and {other} are both stated: keep one of them")
-        if self.coupling == "dc" and self.low_cut is not None:
-            raise ValueError('coupling = "dc" and low_cut contradict each other: keep one')
-        if self.mounted == "rig" and self.std_mounting:
-            raise ValueError('mounted = "rig" and std_mounting contradict each other: keep one')
+        for key, word, other in (("coupling", "dc", "low_cut"), ("mounted", "rig", "std_mounting")):
+            if getattr(self, key) == word and getattr(self, other):
+                raise ValueError(f'{key} = "{word}" and {other} contradict each other: keep one')
         if self.std_low_cut is not None and _is_percent(self.std_low_cut) and self.low_cut is None:
             raise ValueError('std_low_cut in % needs low_cut: state both, or a frequency, as "0.05 Hz"')
         return self
@@ -395,11 +394,10 @@ class ChannelsFile(File):
         for role, channel in self.by_role.items():
             for key in sorted(channel.model_fields_set):
                 if key in _DYNAMIC_ONLY and role not in CHANNELS:
-                    raise ValueError(
-                        f"{role}: {key} is for channels of dynamic tests, a static one has none: remove it"
-                    )
-                if role not in _ONLY_OF.get(key, (role,)):
-                    raise ValueError(f"{role}: {key} is a key of {' and '.join(_ONLY_OF[key])} alone: remove it")
+                    why = "is for channels of dynamic tests, a static one has none: remove it"
+                    raise ValueError(f"{role}: {key} {why}")
+                if role not in ONLY_OF.get(key, (role,)):
+                    raise ValueError(f"{role}: {key} is a key of {' and '.join(ONLY_OF[key])} alone: remove it")
         return self
 
     def _check_crosstalk(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import StrictBool
 
 from fourpole.campaign import defaults
-from fourpole.campaign.channels import ChannelFile, ChannelsFile, File
+from fourpole.campaign.channels import ONLY_OF, ChannelFile, ChannelsFile, File
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.sources import Kind
@@ -39,17 +39,9 @@ _BLOCK = _pair(Kind.BLOCK, Kind.ANGLE_BLOCK)
 _DRIFT = _pair(Kind.DRIFT, Kind.ANGLE_DRIFT)
 #: The assumption of a campaign in which nothing is taken from the table.
 _ZERO = (
-    '[unstated] ordinary = "zero": delay, low-cut, slope and mounting of the channels, block and drift of the '
-    "specimens and the damper of the preload spring count as exactly zero where nothing is stated of them"
+    '[unstated] ordinary = "zero": delay, low-cut, slope, mounting, block, drift and preload damping that are not '
+    "stated count as exactly zero"
 )
-
-
-def _percent(std: float) -> str:
-    return f"{100 * std:g} %"
-
-
-def _degrees(std: float) -> str:
-    return f"{np.degrees(std):g} deg"
 
 
 def _scaled(table: complex, gain: float | None, otherwise: complex) -> complex:
@@ -127,9 +119,8 @@ class Ordinary:
 
     def specimens(self, block: float | None, drift: float | None) -> SpecimenUncertainty:
         """Uncertainties of the specimens for stated sizes of |K*| [1]."""
-        return SpecimenUncertainty(
-            _scaled(_BLOCK, block, self.counted * _BLOCK), _scaled(_DRIFT, drift, self.counted * _DRIFT)
-        )
+        pairs = ((table, size, self.counted * table) for table, size in ((_BLOCK, block), (_DRIFT, drift)))
+        return SpecimenUncertainty(*(_scaled(*pair) for pair in pairs))
 
     def notes(self, channels: ChannelsFile, unstated: Sequence[str]) -> list[str]:
         """What is taken where nothing is stated, each with the key that replaces it.
@@ -139,40 +130,36 @@ class Ordinary:
         moving = {role: channel for role in CHANNELS if (channel := channels.named(role)) is not None}
         if not moving or not self.counted:
             return [_ZERO] if moving else []
-        notes = []
-        for keys, roles, words in self._words():
-            lacking = [
-                role
-                for role, channel in moving.items()
-                if role in roles and not channel.exact and all(getattr(channel, key) is None for key in keys)
-            ]
+        inexact, notes = {role: channel for role, channel in moving.items() if not channel.exact}, []
+        for keys, words in self._words().items():
+            roles = [role for role in ONLY_OF.get(keys[0], CHANNELS) if role in inexact]
+            lacking = [role for role in roles if all(getattr(inexact[role], key) is None for key in keys)]
             notes += [f"[channels] {', '.join(lacking)}: {words}"] if lacking else []
-        for key, words, size in (("std_block", "in the tests with an added mass", _BLOCK),
-                                 ("std_drift", "over the run", _DRIFT)):  # fmt: skip
-            taken = f"taken as {_percent(size.real)} of |K*| and {size.imag:g} rad {words}"
-            notes += [f"[conditions] no {key} stated, {taken}"] if key in unstated else []
+        sizes = {"std_block": (_BLOCK, "in the tests with an added mass"), "std_drift": (_DRIFT, "over the run")}
+        for key, (size, words) in ((key, sizes[key]) for key in unstated):
+            taken = f"taken as {100 * size.real:g} % of |K*| and {size.imag:g} rad {words}"
+            notes.append(f"[conditions] no {key} stated, {taken}")
         return notes
 
-    def _words(self) -> Iterator[tuple[tuple[str, ...], tuple[str, ...], str]]:
-        """The keys of a channel that replace an assumption, the channels that have them, and the assumption."""
+    def _words(self) -> dict[tuple[str, ...], str]:
+        """Each assumption, by the keys of a channel that replace it."""
         delay, low_cut, slope = (component(kind).std for kind in (Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE))
         one_card = f"{1e6 * defaults.SIMULTANEOUS_STD:g} µs"
         taken = one_card if self.simultaneous else f"{1e6 * delay:g} µs ([logger] simultaneous = true: {one_card})"
-        yield ("std_delay",), CHANNELS, f"no std_delay stated, taken as {taken}"
-        yield (
-            ("coupling", "low_cut", "std_low_cut", "high_pass", "geophone"), CHANNELS,
-            f'no coupling stated, the low-cut taken as 0 ± {low_cut:g} Hz (coupling = "dc": none)',
-        )  # fmt: skip
-        yield (
-            ("std_slope", "resonance"), CHANNELS,
-            f"no std_slope stated, taken as {_percent(slope)} at the highest frequency (or resonance of the sensor)",
-        )  # fmt: skip
-        most = f"at most {_percent(_MOUNTING.real)} and {_degrees(_MOUNTING.imag)} of gain and phase"
-        by_specimen = f'no mounted stated, taken as "specimen": {most} in each mounting ("drive": a tenth; "rig": none)'
-        on_rig = 'no mounted stated, taken as "rig", as it is a displacement and the drive an actuator'
-        yield ("mounted", "std_mounting"), ("motion_in",), on_rig if self.on_rig else by_specimen
-        most = f"at most {_percent(_REMOUNTING.real)} and {_degrees(_REMOUNTING.imag)} of gain and phase"
-        yield (
-            ("remounted_with_mass", "std_remounting"), ("force_in", "motion_out"),
-            f"no remounted_with_mass stated, taken as {most} with each added mass (false: none; true: more)",
-        )  # fmt: skip
+        mounting, remounting = (
+            f"at most {100 * size.real:g} % and {np.degrees(size.imag):g} deg of gain and phase"
+            for size in (_MOUNTING, _REMOUNTING)
+        )
+        mounted = f'"specimen": {mounting} in each mounting ("drive": a tenth; "rig": none)'
+        mounted = '"rig", as it is a displacement and the drive an actuator' if self.on_rig else mounted
+        hint = "(false: none; true: half of std_gain and std_phase)"
+        return {
+            ("std_delay",): f"no std_delay stated, taken as {taken}",
+            ("coupling", "low_cut", "std_low_cut", "high_pass", "geophone"):
+                f'no coupling stated, the low-cut taken as 0 ± {low_cut:g} Hz (coupling = "dc": none)',
+            ("std_slope", "resonance"):
+                f"no std_slope stated, taken as {100 * slope:g} % at the highest frequency (or state its resonance)",
+            ("mounted", "std_mounting"): f"no mounted stated, taken as {mounted}",
+            ("remounted_with_mass", "std_remounting"):
+                f"no remounted_with_mass stated, taken as {remounting} with each added mass {hint}",
+        }  # fmt: skip

@@ -212,15 +212,11 @@ def _channel_row(role: str, stated: dict[str, Any]) -> SimpleNamespace:
 
 #: Keys of the ordinary errors of a channel, in words, with unit and scale; and those whose value is a word.
 _ORDINARY = (
-    ("std_delay", "u(delay)", "ms", 1e3),
-    ("low_cut", "low-cut", "Hz", 1.0),
-    ("std_slope", "u(slope)", "%", 100.0),
-    ("resonance", "resonance", "Hz", 1.0),
-    ("std_mounting", "u(mounting)", "%", 100.0),
-    ("std_remounting", "u(gain with a mass)", "%", 100.0),
-    ("std_crosstalk", "u(cross-talk)", "%", 100.0),
+    ("std_delay", "u(delay)", "ms", 1e3), ("low_cut", "low-cut", "Hz", 1.0), ("std_slope", "u(slope)", "%", 100.0),
+    ("resonance", "resonance", "Hz", 1.0), ("std_mounting", "u(mounting)", "%", 100.0),
+    ("std_remounting", "u(gain with a mass)", "%", 100.0), ("std_crosstalk", "u(cross-talk)", "%", 100.0),
     ("linearity", "linearity", "%", 100.0),
-)
+)  # fmt: skip
 _WORDS = {
     "std_low_cut": "u(low-cut)", "coupling": "coupling", "mounted": "mounted on the",
     "remounted_with_mass": "remounted with a mass:", "serial": "serial number",
