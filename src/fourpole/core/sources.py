@@ -43,6 +43,7 @@ class Kind(Enum):
     NOISE = ("sensor noise", (), Role.TEST)
     FREQUENCY = ("frequency", (), Role.TEST)
     SCATTER = ("scatter", (), Role.TEST)
+    STRANGE = ("strange tests", (), Role.TEST)
     UNSTEADY = ("unsteady drive", (), Role.TEST)
     RIG_MISFIT = ("rig misfit", (), Role.TEST)
     GAIN = ("gain ", (*SYMBOLS.values(),), Role.CHANNEL)

@@ -20,8 +20,8 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.components import BEGINS, Component, component
-from fourpole.core.joint.misfit import NEGLIGIBLE
-from fourpole.core.joint.scatter import deviations, scatter_of
+from fourpole.core.joint.misfit import NEGLIGIBLE, is_unlikely
+from fourpole.core.joint.scatter import deviations, scatter_of, squares, strange_conditions
 from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either, sweep
 from fourpole.core.sources import PARTS, Kind, Role, Source
@@ -34,6 +34,8 @@ _TIE, _ALMOST = 10.0, 2.0
 _TRIED = 4
 #: Factors that are tried at first: from this to the largest, so many.
 _SMALLEST, _FACTORS = 0.3, 30
+#: Number of conditions that are set aside by themselves.
+_WORST = 3
 #: Rare errors need this much more evidence.
 _RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0}
 #: The value of the rig that acts as an unstated part does, in all tests.
@@ -86,6 +88,8 @@ def _of_tests(kind: Kind, size: float, largest: float) -> Group:
 SCATTER = _of_tests(Kind.SCATTER, 1e-3, 30.0)
 UNSTEADY = _of_tests(Kind.UNSTEADY, 1e-5, 10.0)
 NOISE = _of_tests(Kind.NOISE, 1.0, NOISE_IN_DOUBT)
+#: Conditions whose tests do not go together, as where labels were exchanged; its factor is their number.
+STRANGE = _of_tests(Kind.STRANGE, 1.0, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +184,9 @@ def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlie
     if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, solution, outlier)):
         tried.append((np.inf, SCATTER, scatter))
     made = [_trial(problem, solution, group, factor) for _, group, factor in tried]
+    if any(group is STRANGE for group in groups):
+        scattered = next((trial for trial in made if trial is not None and trial.group is SCATTER), None)
+        made.append(_strange(problem, solution, scattered, outlier))
     return sorted((trial for trial in made if trial is not None), key=lambda trial: -trial.gain)
 
 
@@ -218,6 +225,44 @@ def _scatter(problem: Problem, solution: Solution, outlier: FloatArray) -> float
     """Scatter of K* that repeats show, in units of its group; 0 where they show none."""
     departures = deviations(problem, solution.z, solution.stiffness)
     return min(scatter_of(problem, departures, outlier == 1) / SCATTER.parameters[0].std, SCATTER.largest)
+
+
+def _strange(problem: Problem, solution: Solution, scattered: Trial | None, outlier: FloatArray) -> Trial | None:
+    """Conditions whose tests do not go together as a trial; None if those of all conditions go together as well.
+
+    One such condition bends the solution, so that others look strange. Each of the worst is set aside by itself, or all
+    conditions scatter, before the tests are compared.
+    """
+    conditions, used = problem.conditions, outlier == 1
+    departures = deviations(problem, solution.z, solution.stiffness)
+    whole = conditions.sum(np.where(used, squares(conditions, departures, 0.0), 0.0))
+    dof = 2.0 * float(np.sum(np.maximum(conditions.sum(used.astype(float)) - 1, 0)))
+    if not is_unlikely(float(whole.sum()), dof):
+        return None
+    starts = [(np.eye(conditions.count)[worst], *_apart(problem, solution, np.eye(conditions.count)[worst]))
+              for worst in np.argsort(-whole)[:_WORST].tolist()]  # fmt: skip
+    if scattered is not None:
+        starts.append((np.zeros(conditions.count), scattered.problem, scattered.solution))
+    made = []
+    for aside, wide, there in starts:
+        departures = deviations(replace(wide, apart=problem.apart), there.z, there.stiffness)
+        own, _ = strange_conditions(problem, departures, used)
+        for worst in np.flatnonzero(aside).tolist():
+            size = np.sqrt(np.mean(departures.value[conditions.label == worst] ** 2))
+            own[worst] = own[worst] or size
+        wider, after = _apart(problem, there, own)
+        gain = after.evidence - solution.evidence + volume(wider, solution) - volume(problem, solution)
+        gain -= np.count_nonzero(own) * np.log(conditions.count)
+        if after.converged and own.any():
+            made.append(Trial(STRANGE, float(np.count_nonzero(own)), float(gain), wider, after))
+    return max(made, key=lambda trial: trial.gain, default=None)
+
+
+def _apart(problem: Problem, solution: Solution, own: FloatArray) -> tuple[Problem, Solution]:
+    """The problem with a scatter `own` (c,) of each condition, and its solution."""
+    apart = np.append(own, 0.0)[problem.conditions.label]
+    wider = replace(problem, apart=np.hypot(apart, 0.0 if problem.apart is None else problem.apart))
+    return solve_either(wider, solution.stiffness, solution.z)
 
 
 def _trial(problem: Problem, solution: Solution, group: Group, factor: float) -> Trial | None:

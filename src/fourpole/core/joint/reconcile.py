@@ -14,6 +14,7 @@ from fourpole.core.joint.asking import (
     NOISE,
     NOISE_IN_DOUBT,
     SCATTER,
+    STRANGE,
     UNSTEADY,
     Group,
     Trial,
@@ -83,7 +84,7 @@ def reconcile(
 
 def _asked(state: State, stated: Shared) -> Misfit:
     """Raise what the tests ask for, and then judge what is left."""
-    misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, UNSTEADY, NOISE], []
+    misfit, groups, causes = Misfit(), [*groups_of(state.problem, stated), SCATTER, STRANGE, UNSTEADY, NOISE], []
     before: Misfit | None = None
     for _ in range(_MOST_ROUNDS):
         tried = trials(state.problem, state.solution, groups, state.outlier)
@@ -109,6 +110,12 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
         if trial.group is NOISE:
             problem = _with_noise(problem, residuals(state.problem, state.solution), trial.factor**2)
             misfit = replace(misfit, inflation=trial.factor)
+        elif trial.group is STRANGE:
+            before = 0.0 if problem.apart is None else problem.apart
+            apart = np.zeros(problem.conditions.label.size) if trial.problem.apart is None else trial.problem.apart
+            weight = np.where(apart > before, np.maximum((apart / NEGLIGIBLE) ** 2, 2.0), 1.0)
+            state.outlier = state.outlier * weight
+            problem = replace(problem, apart=trial.problem.apart)
         elif trial.group is UNSTEADY:
             problem = problem.reweighted(trial.problem.observed.whiten)
             misfit = replace(misfit, unsteady=trial.factor * UNSTEADY.parameters[0].std)

@@ -113,6 +113,47 @@ def robust_scatter(problem: Problem, departures: Deviations) -> float:
     return root_of(lambda scatter: float(np.median(squares(conditions, departures, scatter)[repeated] / free)) - MEDIAN)
 
 
+#: Sizes of a scatter that are compared, and the evidence that each condition apart from the others needs besides the
+#: logarithm of their number.
+_SIZES, _APART = np.append(0.0, np.geomspace(1e-6, _MOST, 61)), 1.0
+
+
+def strange_conditions(problem: Problem, departures: Deviations, used: BoolArray) -> tuple[FloatArray, float]:
+    """Scatter (c,) of each condition whose tests depart much more from each other than those of others; 0 for these.
+
+    Also how much better the departures are explained so than by one scatter of all conditions, in the logarithm of
+    their likelihood. Labels that were exchanged, or one test with another sensor, are such.
+    """
+    conditions = problem.conditions
+    own = np.zeros(conditions.count)
+    repeated = conditions.sum(used.astype(float)) > 1
+    if np.sum(repeated) < 2:
+        return own, 0.0
+    kept = np.where(used[:, None, None], departures.covariance, 1e12 * np.eye(2))
+    counted = replace(departures, covariance=kept)
+    likely = np.stack([_likely(conditions, counted, size) for size in _SIZES], axis=1)[repeated]
+    order = np.argsort(-_SIZES[np.argmax(likely, axis=1)], kind="stable")
+    likely = likely[order]
+    best = np.append(0.0, np.cumsum(likely.max(axis=1)))[: len(likely)]
+    rest = np.cumsum(likely[::-1], axis=0)[::-1].max(axis=1)
+    whole = best + rest - np.arange(len(likely)) * (np.log(len(likely)) + _APART)
+    count = int(np.argmax(whole))
+    places = np.flatnonzero(repeated)[order[:count]]
+    own[places] = _SIZES[np.argmax(likely[:count], axis=1)]
+    return own, float(whole[count] - whole[0])
+
+
+def _likely(conditions: JointConditions, departures: Deviations, scatter: float) -> FloatArray:
+    """Logarithm of the likelihood (c,) of the departures of each condition, its mean projected out, for a scatter."""
+    here = slice(conditions.first, None)
+    covariance = departures.covariance[here] + scatter**2 * np.eye(2)
+    starts = conditions.starts - conditions.first
+    sizes = np.log(np.linalg.det(covariance))
+    total = np.log(np.linalg.det(np.add.reduceat(np.linalg.inv(covariance), starts, axis=0)))
+    chi2 = np.add.reduceat(squares(conditions, departures, scatter)[here], starts)
+    return np.asarray(-0.5 * (chi2 + np.add.reduceat(sizes, starts) + total))
+
+
 def root_of(excess: Callable[[float], float]) -> float:
     """The relative error up to `_MOST` at which a falling function is zero; 0 if it is never positive."""
     if not excess(0.0) > 0:  # nor if it is not-a-number
