@@ -12,6 +12,8 @@ import polars as pl
 import pytest
 
 from fourpole.campaign import read_campaign
+from fourpole.campaign.channels import ChannelFile
+from fourpole.campaign.schema import parse_campaign
 from fourpole.errors import CampaignError
 from fourpole.guess import guess_campaign
 from fourpole.guess.channels import column_of
@@ -484,6 +486,25 @@ def test_what_is_no_recording_is_left_out_and_told(origin, tmp_path, content):
     assert [name for name, _ in guess.left_out] == ["broken.csv"]
     assert any("broken.csv was left out" in doubt.text for doubt in guess.doubts)
     assert "# doubt: broken.csv was left out: " in campaign_toml(guess)
+
+
+def test_the_keys_of_ordinary_errors_stand_as_comments(origin, tmp_path):
+    """Nothing is taken as zero; each key that a comment names is one that the statement knows."""
+    for name, table in tables(origin):
+        table.write_csv(tmp_path / f"{name}.csv")
+    text = campaign_toml(guess_campaign(tmp_path))
+    assert "[unstated]" not in text
+    plain = parse_campaign(text)
+    assert (plain.ordinary.counted, plain.ordinary.simultaneous) == (True, False)
+    asked = text.replace("# [logger]\n# simultaneous", "[logger]\nsimultaneous")
+    assert parse_campaign(asked).ordinary.simultaneous
+    for key in ("coupling", "std_delay", "mounted"):
+        assert f"{key} = " in text
+        assert key in ChannelFile.model_fields
+    for path in tmp_path.iterdir():
+        if "static" not in path.name:
+            path.unlink()
+    assert "[logger]" not in campaign_toml(guess_campaign(tmp_path))
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path):

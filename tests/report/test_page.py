@@ -166,7 +166,18 @@ def made(dynamic=(), static=(), *, previews=True, **record):
         },
         "channels": {
             "force_in": {"column": "F1", "unit": "kN", "gain": 1.02, "quantity": "force", "std_gain [1]": 0.01},
-            "motion_in": {"column": "V1", "unit": "m/s", "quantity": "velocity", "std_gain [1]": 0.0, "exact": True},
+            "motion_in": {
+                "column": "V1",
+                "unit": "m/s",
+                "quantity": "velocity",
+                "std_gain [1]": 0.0,
+                "exact": True,
+                "low_cut": 0.5,
+                "std_low_cut": "10 %",
+                "coupling": "ac",
+                "mounted": "drive",
+                "serial": "S7",
+            },
         },
         "specimens": {"cross": {"construction": "ply", "size": "5.60-13"}},
     }
@@ -324,6 +335,7 @@ def test_everything_that_was_found_and_stated_is_there():
         "15.00 0.30 assumed 2 % kg",
         "12.440 0.020 kN/m",
         "force in kN gain 1.02 1 % assumed",
+        "low-cut 0.500 Hz, u(low-cut) 10 %, coupling ac, mounted on the drive, serial number S7",
         "taken as 2 %",
         "190.00 ±0.62",
         "1105 ±66",

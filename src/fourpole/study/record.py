@@ -27,7 +27,7 @@ KEYS = {
     "title": "title of the campaign",
     "settings": "route by which K* was found, number of Monte Carlo draws, and their seed",
     "conditions": "axes of a condition, with the differences that count as the same",
-    "stated": "the campaign as it was understood, in SI: rigs, channels, specimens, report, limits",
+    "stated": "the campaign as it was understood, in SI: rigs, channels, logger, specimens, report, limits",
     "versions": "versions of Python, Fourpole and the packages that results depend on",
     "origin": (
         "`version` of Fourpole; `commit` of its repository, null if it was installed without one; `changed`: whether "
