@@ -121,7 +121,7 @@ def solve_joint(
     sensors = number if mounting is None else np.unique(np.array(mounting, dtype=str), return_inverse=True)[1].ravel()
     groups = (sensors[order], mass_at[order])
     errors = channels.part(order).errors(phasors.omega[order], groups, possible=True)
-    errors += _unstated_errors(phasors.amplitudes[order], _places(np.zeros(count, dtype=int), when)[order])
+    errors += _unstated_errors(_places(np.zeros(count, dtype=int), when)[order])
     stated = Shared.stated(rig, errors, masses, masses_std)
     possible = of_specimens(names.tolist(), run, mass_at[order], label[order], specimens or SpecimenUncertainty())
     stated = replace(stated, parameters=(*stated.parameters, *(value for value in possible if value.std > 0)))
@@ -218,22 +218,18 @@ def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarra
     return masses[real], number[index], spread[real]
 
 
-def _unstated_errors(amplitudes: ComplexArray, place: FloatArray) -> list[ChannelError]:
+def _unstated_errors(place: FloatArray) -> list[ChannelError]:
     """Errors of the channels that a campaign does not state: gains that drift over the run, and cross-talk.
 
-    The unit of a cross-talk is the root mean square of the channel that it disturbs over that of its source.
+    Cross-talk has its shape from `reconcile.with_cross_talk`.
     """
     errors = []
-    with np.errstate(divide="ignore", invalid="ignore"):
-        present = np.isfinite(amplitudes)
-        square = np.sum(np.abs(np.where(present, amplitudes, 0.0)) ** 2, axis=0) / present.sum(axis=0)
-        scaled = amplitudes / np.sqrt(square)
-        for channel, symbol in enumerate(SYMBOLS.values()):
-            errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", channel, 0.0, place + 0j))
-            for other, name in enumerate(SYMBOLS.values()):
-                if other != channel:
-                    turn = np.nan_to_num(scaled[:, other] / scaled[:, channel], posinf=0.0, neginf=0.0)
-                    errors.append(ChannelError(Source(Kind.CROSSTALK, f"{name} in {symbol}"), "1", channel, 0.0, turn))
+    for channel, symbol in enumerate(SYMBOLS.values()):
+        errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", channel, 0.0, place + 0j))
+        for other in SYMBOLS.values():
+            if other != symbol:
+                source = Source(Kind.CROSSTALK, f"{other} in {symbol}")
+                errors.append(ChannelError(source, "1", channel, 0.0, np.zeros(place.size, dtype=complex)))
     return errors
 
 

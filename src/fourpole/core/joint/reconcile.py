@@ -31,7 +31,8 @@ from fourpole.core.joint.scatter import root_of, scatter_of
 from fourpole.core.joint.shared import Shared
 from fourpole.core.joint.solve import Problem, Solution, solve
 from fourpole.core.joint.specimens import Misfit, State, settle_scatter, weaken_strange_tests
-from fourpole.core.sources import Role
+from fourpole.core.phasor import SYMBOLS
+from fourpole.core.sources import Kind, Role
 
 #: A group of the rig or of a sensor contradicts its statement if it is larger than this many standard uncertainties.
 _CONFLICT = 3.0
@@ -77,9 +78,28 @@ def reconcile(
     if gross:
         misfit = replace(_chi2(state), fits=False, rig_error=1.0, candidates=tuple(gross), tied=len(gross))
         return state.problem, state.solution, state.outlier, misfit
+    state.problem = with_cross_talk(state.problem, state.solution)
     state.solve(replace(state.problem, scatter=0.0))
     misfit = _asked(state, problem.shared)
     return state.problem, state.solution, state.outlier, misfit
+
+
+def with_cross_talk(problem: Problem, solution: Solution) -> Problem:
+    """The problem with the shape of each cross-talk, from the amplitudes of the model, which have no noise.
+
+    The unit of a cross-talk is the root mean square of the channel that it disturbs over that of its source.
+    """
+    observed, turns = problem.observed, problem.observed.turns.copy()
+    present = np.abs(observed.amplitudes) > 0
+    amplitudes = problem.columns("predicted", solution.z, solution.stiffness)
+    square = np.sum(np.where(present, np.abs(amplitudes) ** 2, 0.0), axis=0) / np.maximum(present.sum(axis=0), 1)
+    scaled = amplitudes / np.sqrt(np.where(square > 0, square, 1.0))
+    symbols = list(SYMBOLS.values())
+    for index, source in enumerate(problem.errors):
+        if source.kind is Kind.CROSSTALK:
+            other, channel = (symbols.index(symbol) for symbol in source.of.split(" in "))
+            turns[:, channel, index] = np.nan_to_num(scaled[:, other] / scaled[:, channel], posinf=0.0, neginf=0.0)
+    return replace(problem, observed=replace(observed, turns=turns))
 
 
 def _asked(state: State, stated: Shared) -> Misfit:
