@@ -125,6 +125,8 @@ COMPONENTS = (
               "the change of log |K*| per logarithm of the deflection"),
     Component(Kind.GAIN_DRIFT, "gain drift", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "",
               "the drift of a channel's gain over the run"),
+    Component(Kind.GAIN_STEP, "gain step", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "",
+              "a step of a channel's gain during the run"),
     Component(Kind.CROSSTALK, "cross-talk", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "std_crosstalk",
               "a channel in another, over their sizes"),
     Component(Kind.UNSTATED, "part of the rig", Shape.PART, Scope.SHARED, 0.0, 0.3, "1", "",
