@@ -14,7 +14,7 @@ from math import pi
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.sources import Kind
+from fourpole.core.sources import Kind, Source
 
 
 class Shape(Enum):
@@ -151,6 +151,13 @@ def component(kind: Kind) -> Component:
     (2e-05, 'std_delay')
     """
     return next(row for row in COMPONENTS if row.kind is kind)
+
+
+def key_of(source: Source) -> str:
+    """The key of campaign.toml that states a source; empty if none does."""
+    if source.kind is Kind.RIG_VALUE:
+        return source.of
+    return next((row.key for row in COMPONENTS if row.kind is source.kind), "")
 
 
 @dataclass(frozen=True)

@@ -121,15 +121,13 @@ def groups_of(problem: Problem, stated: Shared) -> list[Group]:
             if parameter.source.of == "preload_damping":
                 largest = component(Kind.UNSTATED).bound * stated.rig.critical_damping
             add(parameter.source.text, parameter, max(largest, parameter.std))
-    top = float(np.max(problem.observed.omega)) / (2 * np.pi)
     for index, source in enumerate(problem.errors):
         row = _row(source)
-        per = top**-2 if source.kind is Kind.SLOPE else 1.0
-        unit = std.get((source, index)) or per * (row.std or BEGINS * row.bound)
+        unit = std.get((source, index)) or row.std or BEGINS * row.bound
         centre = 1.0 if source.kind is Kind.GAIN else 0.0
         name = f"{row.group} {source.of}" if source.role is Role.MOUNTING else source.text
         name += f" {index}" if source.kind is Kind.GAIN_STEP else ""
-        add(name, SharedParameter(source, row.unit, index, centre, unit), per * row.bound)
+        add(name, SharedParameter(source, row.unit, index, centre, unit), row.bound)
     for parameter in problem.specimens:
         row = component(parameter.source.kind)
         unit = std.get((parameter.source, parameter.index)) or row.std
