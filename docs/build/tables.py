@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import passive_tyre as pt
 
+from fourpole.core.components import COMPONENTS, Shape
+
 DOCS = Path(__file__).resolve().parent.parent
 _EXAMPLES = (10.0, 14.0, 18.0, 24.0)
 #: Largest size of a fault that is tried, by its unit.
@@ -221,6 +223,30 @@ def _maxima() -> int:
     return found
 
 
+#: How the table of components writes a size: SI unit -> its factor and the unit.
+_SHOWN_UNITS = {"1": (100.0, " %"), "rad": (180 / np.pi, "°"), "s": (1e6, " µs"), "Hz": (1.0, " Hz")}
+#: A shape in symbols; what is no error of a channel has words.
+_SHAPES = {
+    Shape.MODULUS: "$1$",
+    Shape.ANGLE: "$j$",
+    Shape.DELAY: "$-j\\omega$",
+    Shape.LOW_CUT: "$j/f$",
+    Shape.SLOPE: "$f^2$",
+}
+
+
+def components() -> str:
+    """The components of the likelihood, with their sizes where nothing is stated."""
+    rows = []
+    for row in COMPONENTS:
+        factor, unit = _SHOWN_UNITS[row.unit]
+        std, bound = (f"{float(f'{factor * size:.3g}'):g}{unit}" for size in (row.std, row.bound))
+        words = row.words.replace("|K*|", r"$\lvert K^*\rvert$").replace("K*", "$K^*$")
+        shape, key = _SHAPES.get(row.shape, row.shape.value), f"`{row.key}`" if row.key else "none"
+        rows.append([words, shape, row.scope.value, std if row.std else "absent", bound, key])
+    return table(["component", "shape", "scope", "not stated", "bound", "key"], rows)
+
+
 #: Each table: its name, its page, and the function that makes it.
 TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "c-by-fault": ("paper-could-not-see.md", c_by_fault),
@@ -229,6 +255,7 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "of-random-tyres": ("paper-could-not-see.md", of_random_tyres),
     "over-pressure": ("paper-could-not-see.md", over_pressure),
     "claims": ("paper-could-not-see.md", claims),
+    "components": ("theory/joint-likelihood.md", components),
 }
 
 

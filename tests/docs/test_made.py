@@ -49,7 +49,7 @@ def test_a_figure_is_what_its_script_makes(figures, name):
 
 
 @pytest.mark.parametrize(
-    "name", ["c-by-fault", "k2-by-fault", "where-it-turns", "of-random-tyres", "over-pressure", "claims"]
+    "name", ["c-by-fault", "k2-by-fault", "where-it-turns", "of-random-tyres", "over-pressure", "claims", "components"]
 )  # fmt: skip
 def test_a_table_is_what_its_script_makes(figures, name):
     page, text = figures.written(name)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from fourpole.core.checks import VERDICTS, Branch, Check, Code, Excitation, Looks, NoK1, Side, Verdict, reported
+from fourpole.core.components import COMPONENTS
+from fourpole.core.sources import Kind, Role
 from fourpole.words import interval_words, remark_of, template
 
 TEXTS = tomllib.loads(resources.files("fourpole.words").joinpath("words.toml").read_text(encoding="utf-8"))
@@ -52,8 +54,16 @@ def test_every_cause_of_a_misfit_is_made_somewhere():
     made = ("core/joint/misfit.py", "study/rig_estimate.py", "study/rig_solution.py")
     root = resources.files("fourpole")
     source = "".join(root.joinpath(*name.split("/")).read_text(encoding="utf-8") for name in made)
-    by_kind = {"amplitude", "gain", "phase", "gain_drift", "crosstalk"}
-    assert {form for form in TEXTS["causes"] if not re.search(rf'"{form}"', source)} == by_kind
+    by_kind = {kind.name.lower() for kind in Kind} | {row.group for row in COMPONENTS}
+    assert {form for form in TEXTS["causes"] if not re.search(rf'"{form}"', source)} <= by_kind
+
+
+def test_every_component_of_a_channel_or_a_specimen_has_words_as_a_cause():
+    asked = [row for row in COMPONENTS if row.kind.role in (Role.CHANNEL, Role.MOUNTING, Role.SPECIMEN, Role.TEST)]
+    named = {"delay": ("late", "early")}
+    for row in asked:
+        forms = named.get(row.group, (row.kind.name.lower(), row.group))
+        assert any(form in TEXTS["causes"] for form in forms), row.kind
 
 
 def test_a_rejection_may_have_words_of_its_own():

@@ -60,7 +60,10 @@ class Limit:
 
 
 def limits(results: Study) -> list[Limit]:
-    """The limit of K2 and C for each rig, or of K* where these are unknown; empty without a budget.
+    """The limit of K2 and C for each rig, and of K* where these are unknown; empty without a budget.
+
+    After a weighed mass it is the limit of K'', too: the ordinary errors limit it, and a key of the campaign takes off
+    each of them.
 
     Parameters
     ----------
@@ -86,15 +89,17 @@ def limits(results: Study) -> list[Limit]:
     found = []
     for name in dict.fromkeys(tests["rig"].fill_null("").to_list()):
         here, about = rows.filter(pl.col("rig") == name), _about(results, tests, name)
-        for quantity in _quantities(here):
+        for quantity in _quantities(here, calibrated=about.joint and about.massed):
             part = here.filter(pl.col("quantity") == quantity)
             found.append(_limit(name, quantity, part, tests, about))
     return found
 
 
-def _quantities(rows: pl.DataFrame) -> list[str]:
+def _quantities(rows: pl.DataFrame, *, calibrated: bool) -> list[str]:
     present = set(rows["quantity"].to_list())
-    return [name for name in ("K2", "C") if name in present] or [name for name in _QUANTITIES if name in present]
+    found = [name for name in ("K2", "C") if name in present]
+    wanted = (q.LOSS.column,) if found and calibrated else () if found else _QUANTITIES
+    return [*found, *(name for name in wanted if name in present)]
 
 
 def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:

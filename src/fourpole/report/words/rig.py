@@ -124,6 +124,8 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
     per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None and ratio > 1 else ""
     yield f"The rig and the sensors as stated do not fit these tests{per}."
+    if not found.candidates:
+        yield _sentence(found.explained)
     against = [value.name for value in values if value.finding is RigFinding.CONTRADICTED]
     if against:
         which = "this statement hardly counts" if len(against) == 1 else "these statements hardly count"

@@ -44,6 +44,8 @@ _BY_MASS = (
 )
 #: Errors of channels that no mass calibrates.
 _NOBODY_STATES = (Kind.CROSSTALK, Kind.GAIN_DRIFT)
+#: Errors of channels that change with frequency; a key takes them off sooner than more tests with a mass.
+_OVER_FREQUENCY = (Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE)
 #: Kinds of source that a mass makes needless to calibrate.
 _CALIBRATED = (Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.RESPONSE_GAIN, Kind.RESPONSE_PHASE)
 #: Name, unit shown and its SI value of errors that are 0 where there is none.
@@ -54,6 +56,14 @@ _SIMPLE = {
     Kind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
     Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
     Kind.DELAY: ("delay of {}", "ms", 1e-3),
+    Kind.LOW_CUT: ("low-cut of {}", "Hz", 1.0),
+    Kind.SLOPE: ("rise of {}'s gain with frequency", "%/kHz²", 1e-8),
+    Kind.MOUNTING_GAIN: ("gain of {} in one mounting", "%", 0.01),
+    Kind.MOUNTING_PHASE: ("phase of {} in one mounting", "°", pi / 180),
+    Kind.REMOUNTING_GAIN: ("gain of {} with one added mass", "%", 0.01),
+    Kind.REMOUNTING_PHASE: ("phase of {} with one added mass", "°", pi / 180),
+    Kind.BLOCK: ("change of |K*| of {} with the added mass", "%", 0.01),
+    Kind.ANGLE_BLOCK: ("change of the loss angle of {} with the added mass", "°", pi / 180),
 }
 
 
@@ -70,11 +80,14 @@ def source_in_words(source: Source) -> str:
 
 def _filled(template: str, source: Source) -> str:
     value = RIG_VALUES[source.of] if source.kind is Kind.RIG_VALUE else None
+    measure = "weigh it" if value and value.unit == "kg" else "measure it by itself"
+    if source.of == "preload_damping":
+        measure = "measure it by the decay of the rig without a specimen (preload_damping)"
     name = _UNSTATED[source.of][0] if source.kind is Kind.UNSTATED else value.name if value else source.text
     return template.format(
         channel=f"{source.of} against {source.under}" if source.under else source.of,
         name=(source.of or "the specimen") if source.role is Role.SPECIMEN else name,
-        measure="weigh it" if value and value.unit == "kg" else "measure it by itself",
+        measure=measure,
     )
 
 
@@ -89,9 +102,10 @@ def remedy(source: Source, about: About) -> str:
     if source.role is Role.RIG:
         return _rig_remedy(text, about)
     if source.role is Role.CHANNEL and about.massed and source.kind not in _NOBODY_STATES:
-        if about.joint:
-            return "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
-        return "use the joint route: with the weighed mass it needs no calibrated sensor"
+        if not about.joint:
+            return "use the joint route: with the weighed mass it needs no calibrated sensor"
+        by_mass = "repeat the tests with the weighed mass, or record them longer: the mass calibrates the channels"
+        return text if source.kind in _OVER_FREQUENCY else by_mass
     if about.blocked or source.kind not in _CALIBRATED:
         return text
     return f"{'' if about.with_v2 else 'measure V2 too, '}{_BY_MASS}{text}"
