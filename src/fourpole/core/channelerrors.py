@@ -138,13 +138,6 @@ class ChannelUncertainty(ByValue):
             zip((Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE), (gain, phase, *rest), strict=True)
         )
 
-    def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
-        """Covariance (N, 6, 6) of measured amplitudes (N, 3) from these uncertainties."""
-        result = np.zeros((omega.size, 6, 6))
-        for error in self.errors(omega):
-            result += error_covariance(error, amplitudes)
-        return result
-
 
 def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArray:
     """Covariance (N, 6, 6) of measured amplitudes (N, 3) from one error."""
