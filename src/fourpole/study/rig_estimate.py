@@ -47,7 +47,7 @@ CELLS = {
 #: Fields that study.json has under their own names, before notes and candidates.
 _RECORDED = (
     "tests", "conditions", "shared", "chi2", "dof", "fits", "rig_error", "inflation", "scatter", "unsteady",
-    "converged", "reason", "steps", "tied", "rests", "order", "drift_by_mass",
+    "converged", "reason", "steps", "tied", "rests", "order",
 )  # fmt: skip
 
 
@@ -226,8 +226,6 @@ class RigEstimate:
         The components that move a result by more than 2 u before they show, the largest shift first.
     order : RunOrder
         The order of the tests in the run, along which a specimen may drift.
-    drift_by_mass : bool
-        Whether a specimen drifts, and repeats at another place in the run have another added mass, too.
     outliers : tuple of Outlier
         In the order of residuals.csv.
     massed : bool
@@ -258,7 +256,6 @@ class RigEstimate:
     rests: str = ""
     unseen: tuple[Unseen, ...] = ()
     order: RunOrder = RunOrder.ROWS
-    drift_by_mass: bool = False
     outliers: tuple[Outlier, ...] = ()
     massed: bool = False
     unshared_masses: bool = False
@@ -495,7 +492,6 @@ def _recorded(record: dict[str, Any]) -> dict[str, Any]:
         **{name: int(number(record.get(name)) or 0) for name in ("steps", "tests", "conditions", "shared", "tied")},
         **{name: str(record.get(name) or "") for name in ("reason", "rests")},
         "converged": record.get("converged") is not False,
-        "drift_by_mass": record.get("drift_by_mass") is True,
         "candidates": tuple(_candidate(cells) for cells in candidates if section(cells).get("text")),
         "unseen": tuple(_unseen(cells) for cells in _list(record.get("unseen")) if section(cells).get("component")),
         "order": next((order for order in RunOrder if order == record.get("order")), RunOrder.ROWS),

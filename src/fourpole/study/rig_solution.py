@@ -17,8 +17,7 @@ from fourpole.core.identify import Identification
 from fourpole.core.joint import Joint
 from fourpole.core.joint.misfit import Candidate, cause_of, pulls
 from fourpole.core.joint.outputs import Outputs
-from fourpole.core.joint.shared import DRIFTS, SharedParameter
-from fourpole.core.joint.specimens import goes_with_mass
+from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.unseen import Unseen as UnseenComponent
 from fourpole.core.joint.unseen import unseen
 from fourpole.core.phasor import Phasors
@@ -73,7 +72,6 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
         ),
         rests=_rests(joint, values, hidden),
         unseen=hidden,
-        drift_by_mass=any(source.kind in DRIFTS for source in misfit.specimens) and goes_with_mass(joint.problem),
         outliers=tuple(
             Outlier(test, factor, point)
             for (test, point), factor in zip(keys, joint.outlier.tolist(), strict=True)
