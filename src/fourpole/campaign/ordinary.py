@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +11,7 @@ from pydantic import StrictBool
 
 from fourpole.campaign import defaults
 from fourpole.campaign.channels import ONLY_OF, ChannelFile, ChannelsFile, File
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.sources import Kind
@@ -123,6 +124,17 @@ class Ordinary:
         """Standard uncertainty of the departure of a channel from a straight line, over its range [1]."""
         std = component(Kind.K1_LINEARITY).std
         return self._taken(channel, std) if channel.linearity is None else channel.linearity
+
+    def uncertainty(self, channels: Mapping[str, ChannelFile | None], top: float) -> ChannelUncertainty:
+        """Standard uncertainties of F1, V1 and V2 by role, zero for a channel that is not stated; see `slope`."""
+        values = np.zeros((7, 3), dtype=complex)
+        for column, role in enumerate(CHANNELS):
+            if (channel := channels.get(role)) is not None:
+                own = self.mounting(channel) if role == "motion_in" else 0j
+                with_mass = self.remounting(channel) if role != "motion_in" else 0j
+                errors = self.delay(channel), self.low_cut(channel), self.slope(channel, top)
+                values[:, column] = channel.gain_std, channel.phase_std, *errors, own, with_mass
+        return ChannelUncertainty(*values[:5].real, *values[5:])
 
     def specimens(self, block: float | None, drift: float | None) -> SpecimenUncertainty:
         """Uncertainties of the specimens for stated sizes of |K*| [1]."""

@@ -211,15 +211,8 @@ def channel_uncertainty(
 
     `top` is the highest frequency of the tests [Hz], at which the slope of a gain is stated.
     """
-    ordinary = campaign.stated.ordinary
-    values = np.zeros((7, 3), dtype=complex)
-    for column, role in enumerate(CHANNELS):
-        if (channel := campaign.stated.channels.named(role)) is not None:
-            own = ordinary.mounting(channel) if role == "motion_in" else 0j
-            with_mass = ordinary.remounting(channel) if role != "motion_in" else 0j
-            errors = ordinary.delay(channel), ordinary.low_cut(channel), ordinary.slope(channel, top)
-            values[:, column] = channel.gain_std, channel.phase_std, *errors, own, with_mass
-    uncertainty = ChannelUncertainty(*values[:5].real, *values[5:])
+    channels = {role: campaign.stated.channels.named(role) for role in CHANNELS}
+    uncertainty = campaign.stated.ordinary.uncertainty(channels, top)
     response = np.array([response_std(rows) for rows in corrections])
     return replace(uncertainty, response=response[:, :, 0] + 1j * response[:, :, 1]) if response.any() else uncertainty
 
