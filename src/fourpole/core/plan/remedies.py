@@ -192,10 +192,14 @@ def _sensors(plan: Plan, effort: Effort) -> Iterator[Remedy]:
 
 
 def _calibrated(which: list[int], gain: float, phase: float, plan: Plan) -> Plan:
-    """The plan with at most these uncertainties of gain and phase of some channels."""
-    gains, phases = np.array(plan.channels.gain, float), np.array(plan.channels.phase, float)
-    gains[which], phases[which] = np.minimum(gains[which], gain), np.minimum(phases[which], phase)
-    return replace(plan, channels=replace(plan.channels, gain=gains, phase=phases))
+    """The plan with at most these uncertainties of gain and phase of some channels, at all its frequencies."""
+    low, high = float(plan.tests.frequency.min()), float(plan.tests.frequency.max())
+    most = {"gain": gain, "phase": phase, "delay": phase / (2 * np.pi * high), "low_cut": phase * low,
+            "slope": gain / high**2}  # fmt: skip
+    known = {name: getattr(plan.channels, name).copy() for name in most}
+    for name, std in known.items():
+        std[which] = np.minimum(std[which], most[name])
+    return replace(plan, channels=replace(plan.channels, **known))
 
 
 def _better_rig(plan: Plan, effort: Effort) -> Iterator[Remedy]:
@@ -209,7 +213,9 @@ def _better_rig(plan: Plan, effort: Effort) -> Iterator[Remedy]:
 
 def _measured(level: float, plan: Plan) -> Plan:
     """The plan with at most this relative uncertainty of the rig's values."""
-    std = {name: min(std, level * abs(getattr(plan.rig, name))) for name, std in plan.rig.std.items()}
+    whole = {"preload_damping": plan.rig.critical_damping}
+    std = {name: min(std, level * (abs(getattr(plan.rig, name)) or whole.get(name, 0.0)))
+           for name, std in plan.rig.std.items()}  # fmt: skip
     return replace(plan, rig=replace(plan.rig, std=std))
 
 
