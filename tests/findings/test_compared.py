@@ -75,9 +75,7 @@ def test_the_error_of_common_sensors_cancels_and_that_of_others_does_not(runs):
     both = dynamic(same).join(dynamic(alone), on=keys)
     assert (both["u(difference)"] < 0.15 * both["u(difference)_right"]).mean() > 0.9
     assert (both["difference"] == both["difference_right"]).all()
-    assert (
-        "sensors of F1, V1, V2, load, deflection (serial numbers); moving mass m" in same.common[0]
-    )
+    assert "sensors of F1, V1, V2, load, deflection (serial numbers); moving mass m" in same.common[0]
     assert alone.common == ("All errors are taken as independent, as asked for.",)
     other = compare(runs["one"], runs["other"])
     assert np.sqrt(np.mean(dynamic(other)["z [1]"].to_numpy() ** 2)) < 2.0

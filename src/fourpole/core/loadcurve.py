@@ -95,11 +95,8 @@ class Tangent:
         `load` and `deflection` are the standard uncertainties of the departures over the ranges of the sensors [1]. A
         departure is assumed smooth, and zero at both ends of the range R: a sin(pi s/R) at the reading s. Anywhere in
         the range it has the standard deviation a/sqrt(2), and its slope has pi a/(sqrt(2) R). A parabola gives sqrt(10)
-        in place of pi. The part of the range that a test uses has no effect.
-
-        References
-        ----------
-        JCGM 100:2008, 5.1.2 (the law of propagation). The shape is an assumption of ours.
+        in place of pi. The part of the range that a test uses has no effect. The law of propagation is that of JCGM
+        100:2008, 5.1.2; the shape is an assumption of ours.
 
         Examples
         --------

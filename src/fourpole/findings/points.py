@@ -36,7 +36,7 @@ _NO_CALIBRATION = ("range", "serial")
 #: Column of tests.csv with the label of the mounting of V1's sensor.
 MOUNTING = "mounting"
 #: Errors of a channel a part of which is another in each mounting, by the end of their keys in study.json.
-_PARTS_OF_MOUNTING = {Kind.GAIN: "gain [1]", Kind.PHASE: "phase [rad]"}
+_PARTS_OF_MOUNTING = {Kind.GAIN: q.GAIN.head, Kind.PHASE: q.PHASE.head}
 _OF_MOUNTING = [kind for kind in Kind if kind.role is Role.MOUNTING]
 #: Correlation [1] of the error of a source of budget.csv in two campaigns: 1 for one error, 0 for independent errors.
 Common = Callable[[str], float]
