@@ -40,9 +40,12 @@ _BLOCK = _pair(Kind.BLOCK, Kind.ANGLE_BLOCK)
 _DRIFT = _pair(Kind.DRIFT, Kind.ANGLE_DRIFT)
 #: The assumption of a campaign in which nothing is taken from the table.
 _ZERO = (
-    '[unstated] ordinary = "zero": delay, low-cut, slope, mounting, block, drift and preload damping that are not '
-    "stated count as exactly zero"
+    '[unstated] ordinary = "zero": delay, low-cut, slope, mounting, linearity, block, drift and preload damping '
+    "that are not stated count as exactly zero"
 )
+
+#: The channels that a note names, where not all of the dynamic tests have the key: F1's linearity has no effect.
+_NOTED = {**ONLY_OF, "linearity": ("load", "deflection")}
 
 
 def _scaled(table: complex, gain: float | None, otherwise: complex) -> complex:
@@ -146,16 +149,16 @@ class Ordinary:
 
         `unstated` are the keys of [conditions] that are not stated.
         """
-        moving = {role: channel for role in CHANNELS if (channel := channels.named(role)) is not None}
-        if not moving or not self.counted:
-            return [_ZERO] if moving else []
-        inexact, notes = {role: channel for role, channel in moving.items() if not channel.exact}, []
+        by_role = {role: one for role, one in channels.by_role.items() if role in CHANNELS or not one.exact}
+        if not by_role or not self.counted:
+            return [_ZERO] if by_role else []
+        inexact, notes = {role: channel for role, channel in by_role.items() if not channel.exact}, []
         for keys, words in self._words().items():
-            roles = [role for role in ONLY_OF.get(keys[0], CHANNELS) if role in inexact]
+            roles = [role for role in _NOTED.get(keys[0], CHANNELS) if role in inexact]
             lacking = [role for role in roles if all(getattr(inexact[role], key) is None for key in keys)]
             notes += [f"[channels] {', '.join(lacking)}: {words}"] if lacking else []
         sizes = {"std_block": (_BLOCK, "in the tests with an added mass"), "std_drift": (_DRIFT, "over the run")}
-        for key, (size, words) in ((key, sizes[key]) for key in unstated):
+        for key, (size, words) in ((key, sizes[key]) for key in unstated if set(CHANNELS) & by_role.keys()):
             taken = f"taken as {100 * size.real:g} % of |K*| and {size.imag:g} rad {words}"
             notes.append(f"[conditions] no {key} stated, {taken}")
         return notes
@@ -181,4 +184,6 @@ class Ordinary:
             ("mounted", "std_mounting"): f"no mounted stated, taken as {mounted}",
             ("remounted_with_mass", "std_remounting"):
                 f"no remounted_with_mass stated, taken as {remounting} with each added mass {hint}",
+            ("linearity",):
+                f"no linearity stated, taken as {100 * component(Kind.K1_LINEARITY).std:g} % of the range, in K1",
         }  # fmt: skip
