@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from math import radians
 
@@ -14,15 +15,23 @@ import fourpole
 from fourpole import analyse
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, compare
-from fourpole.findings.points import QUANTITIES, Readings, differences
+from fourpole.findings.points import QUANTITIES, Readings, differences, of_two_campaigns
 from fourpole.study import read_results
+from fourpole.study.study import Study
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 FREQUENCIES = [11.0, 14.0, 18.0, 23.0]
 SOFT = replace(RADIAL_PLY.changed(0.97), name="soft")
 
 
-def run(folder, seed, tyres=(RADIAL_PLY,), **settings):
+def with_serials(folder):
+    """State a serial number of each sensor."""
+    path = folder / "campaign.toml"
+    path.write_text(re.sub(r'column = "(F1|V1|V2|F|x)"', r'column = "\1", serial = "SN \1"', path.read_text()))
+
+
+def run(folder, seed, tyres=(RADIAL_PLY,), *, serials=True, **settings):
+    settings = {"sensors": (5e-3, radians(0.2)), **settings}
     simulate_campaign(
         folder,
         seed=seed,
@@ -30,10 +39,11 @@ def run(folder, seed, tyres=(RADIAL_PLY,), **settings):
         pressures=[170e3],
         preloads=[1000.0],
         frequencies=FREQUENCIES,
-        sensors=(5e-3, radians(0.2)),
         rig_std={"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
         **settings,
     )
+    if serials:
+        with_serials(folder)
     study = analyse(folder, monte_carlo=0)
     study.write(folder / "results")
     return folder
@@ -46,7 +56,7 @@ def runs(tmp_path_factory):
     return {
         "one": run(place / "one", 11, **ERRORS),
         "two": run(place / "two", 12, **ERRORS),
-        "other": run(place / "other", 14),
+        "other": run(place / "other", 14, serials=False, rig_error=ERRORS["rig_error"]),
         "both": run(place / "both", 15, (RADIAL_PLY, SOFT), **ERRORS),
         "changed": run(place / "changed", 16, (replace(SOFT, name="radial-ply"),), **ERRORS),
     }
@@ -65,12 +75,17 @@ def test_the_error_of_common_sensors_cancels_and_that_of_others_does_not(runs):
     both = dynamic(same).join(dynamic(alone), on=keys)
     assert (both["u(difference)"] < 0.15 * both["u(difference)_right"]).mean() > 0.9
     assert (both["difference"] == both["difference_right"]).all()
-    assert "sensors of F1, V1, V2, load, deflection; of the rig moving mass m" in same.common[0]
+    assert (
+        "sensors of F1, V1, V2, load, deflection, by their serial numbers; of the rig: moving mass m" in same.common[0]
+    )
     assert alone.common == ("All errors are taken as independent, as asked for.",)
     other = compare(runs["one"], runs["other"])
-    assert other.rows["z [1]"].abs().max() > 5.0  # stated alike and not the same sensors: --independent is for that
-    apart = dynamic(compare(runs["one"], runs["other"], independent=True))
-    assert np.sqrt(np.mean(apart["z [1]"].to_numpy() ** 2)) < 2.0
+    assert np.sqrt(np.mean(dynamic(other)["z [1]"].to_numpy() ** 2)) < 2.0
+    assert "errors of F1, V1, V2, load, deflection are taken as independent, as no serial number" in other.common[1]
+    assert other.common[1].endswith("state their serial in [channels] of both.")
+    for u, common in (("u(first)", same), ("u(second)", other)):  # the rig is common in both
+        both = dynamic(common).filter(pl.col("quantity") == "|K*|")
+        assert (both["u(difference)"] > 0.9 * both[u]).all() == (common is other)
 
 
 @pytest.mark.parametrize(("a", "b", "specimens"), [("both", None, ("radial-ply", "soft")), ("one", "changed", None)])
@@ -130,7 +145,7 @@ def test_a_statement_that_differs_is_not_common(runs, tmp_path):
     path = changed / "results" / "study.json"
     path.write_text(path.read_text().replace('"column": "V1"', '"column": "V1b"'))
     found = compare(runs["one"], changed)
-    assert "sensors of F1, V2, load, deflection;" in found.common[0]
+    assert "sensors of F1, V2, load, deflection, by their serial numbers;" in found.common[0]
     assert found.common[1] == "The statements of V1 differ: their errors are taken as independent."
     wider = dynamic(found).join(dynamic(compare(runs["one"], runs["two"])), on=["quantity", "frequency [Hz]"])
     of_modulus = wider.filter(pl.col("quantity") == "|K*|")
@@ -241,6 +256,96 @@ def test_an_error_is_not_common_where_k_star_differs_much():
     found, alone = (differences(one, two, pair, lambda _, way=way: way) for way in (True, False))
     assert found.unlike.tolist() == [True]
     np.testing.assert_allclose(found.u[:, 1:6], alone.u[:, 1:6])
+
+
+def drawn(rng):
+    """Errors of three sensors, of which gains are known to 1 % and phases to 0.5 degrees."""
+    stds = {"gain": 1e-2, "phase": radians(0.5)}
+    return {f"{what} {name}": std * rng.standard_normal() for what, std in stds.items() for name in ("F1", "V1", "V2")}
+
+
+WIDE = {"sensors": (1e-2, radians(0.5)), "rig_error": ERRORS["rig_error"]}
+
+
+@pytest.mark.statistical
+def test_runs_with_other_sensors_of_equal_text_seldom_differ(tmp_path):
+    """12 pairs of 4 frequencies: all true values are equal, and the sensors of each run are drawn anew."""
+    rng, seen = np.random.default_rng(1), []
+    for pair in range(12):
+        one, two = (
+            run(tmp_path / f"{pair}-{at}", 2 * pair + at, serials=False, undeclared=drawn(rng), **WIDE) for at in (0, 1)
+        )
+        seen += (dynamic(compare(one, two))["verdict"] == DIFFERS).to_list()
+    assert len(seen) == 12 * 4 * 6
+    assert np.mean(seen) <= 0.05
+
+
+def test_a_half_per_cent_shows_where_both_used_the_same_sensors(tmp_path):
+    sensors, tyre = drawn(np.random.default_rng(2)), replace(RADIAL_PLY.changed(0.995), name="radial-ply")
+    runs = [
+        run(tmp_path / "old", 1, undeclared=sensors, **WIDE),
+        run(tmp_path / "new", 2, (tyre,), undeclared=sensors, **WIDE),
+    ]
+    found, alone = (compare(*runs, independent=way).rows.filter(pl.col("quantity") == "|K*|") for way in (False, True))
+    assert set(found["verdict"]) == {DIFFERS}
+    assert set(alone["verdict"]) == {NOT_SEEN}
+    share = (found["difference"] / found["first"]).to_numpy()
+    assert np.all(np.abs(share + 0.005) < 4.0 * (found["u(difference)"] / found["first"]).to_numpy())
+
+
+def stated(serial="SN 1", *, mounting=(None,), budget=("gain V1",), part=2.5e-3, rig="bench", **keys):
+    """Results that hold what is stated of V1 and the rig, the mountings of the tests, and the sources of the budget."""
+    channel = {"column": "V1", "std_gain [1]": 0.01, "std_phase [rad]": 0.01, "mounting gain [1]": part, **keys}
+    channel |= {"serial": serial} if serial else {}
+    mass = {"moving_mass": {"value": 15.0, "std": 0.1}}
+    dynamic = pl.DataFrame({"test": list(map(str, mounting)), "tyre": "radial", "mounting": list(mounting)})
+    tables = {"dynamic": dynamic.cast(pl.String), "budget": pl.DataFrame({"source": list(budget)})}
+    return Study(tables=tables, record={"stated": {"channels": {"motion_in": channel}, "rigs": {rig: mass}}})
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "gain", "delay"),
+    [
+        ({}, {}, 1 - 0.25**2, 1),
+        ({"part": 0.0}, {"part": 0.0}, 1, 1),
+        ({"serial": ""}, {"serial": ""}, 0, 0),
+        ({"serial": ""}, {}, 0, 0),
+        ({"serial": "SN 2"}, {}, 0, 0),
+        ({"range": "1 m/s"}, {}, 1 - 0.25**2, 1),
+        ({"gain": 2.0}, {}, 0, 0),
+        ({"mounting": ("a",)}, {"mounting": ("a",)}, 1, 1),
+        ({"mounting": ("a",)}, {"mounting": ("b",)}, 1 - 0.25**2, 1),
+        ({"mounting": ("a", None)}, {"mounting": ("a",)}, 1 - 0.25**2, 1),
+        ({"budget": ("gain V1", "mounting gain V1")}, {}, (1 - 0.25**2) ** 0.5, 1),
+        ({"budget": ("mounting gain V1",)}, {"budget": ("mounting gain V1",)}, 1, 1),
+        ({"budget": ("gain with one mass F1",)}, {}, 1 - 0.25**2, 1),
+    ],
+)
+def test_what_two_campaigns_have_in_common_of_a_sensor(first, second, gain, delay):
+    correlation, _ = of_two_campaigns(stated(**first), stated(**second))
+    assert correlation("gain V1") == pytest.approx(gain)
+    assert correlation("delay V1") == delay
+    for never in (
+        "gain drift V1",
+        "gain F1",
+        "cross-talk V2 in V1",
+        "K1 gains",
+        "sensor noise",
+        "gain with one mass V1",
+    ):
+        assert correlation(never) == 0.0
+    same = first.get("mounting") == second.get("mounting") == ("a",)
+    assert correlation("mounting gain V1") == float(same)
+
+
+def test_a_mounting_and_a_rig_of_another_name_are_told():
+    _, said = of_two_campaigns(stated(), stated())
+    assert said[0].startswith(
+        "Taken as common are the errors of the sensors of V1, by their serial numbers; of the rig:"
+    )
+    assert said[1].startswith("The part of a mounting in the gain and phase of V1 is taken as independent")
+    for other, common in (("bench", 1.0), ("tower", 0.0)):
+        assert of_two_campaigns(stated(), stated(rig=other))[0]("moving_mass") == common
 
 
 @pytest.mark.statistical

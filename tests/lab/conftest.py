@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from math import radians
 
@@ -12,8 +13,8 @@ from fourpole import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 
-def campaign(folder, seed, *, date="", **settings):
-    """A campaign with results: one condition, four frequencies."""
+def campaign(folder, seed, *, date="", serials=True, **settings):
+    """A campaign with results: one condition, four frequencies; sensors with serial numbers."""
     simulate_campaign(
         folder,
         seed=seed,
@@ -25,9 +26,12 @@ def campaign(folder, seed, *, date="", **settings):
         rig_std={"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
         **settings,
     )
-    if date:
-        stated = folder / "campaign.toml"
-        stated.write_text(f"date = {date}\n" + stated.read_text())
+    stated = folder / "campaign.toml"
+    text = f"date = {date}\n" if date else ""
+    text += stated.read_text()
+    if serials:
+        text = re.sub(r'column = "(F1|V1|V2|F|x)"', r'column = "\1", serial = "SN \1"', text)
+    stated.write_text(text)
     analyse(folder, monte_carlo=0).write(folder / "results")
     return folder
 

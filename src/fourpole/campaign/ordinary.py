@@ -112,6 +112,13 @@ class Ordinary:
         by_word = {None: unstated, True: _half(channel), False: 0j}[channel.remounted_with_mass]
         return _scaled(_REMOUNTING, channel.std_remounting, by_word)
 
+    def summary(self, role: str, channel: ChannelFile) -> dict[str, float]:
+        """The part of gain and phase that is another in each mounting of V1, or of F1 and V2 with each mass, if any."""
+        if role not in CHANNELS:
+            return {}
+        part = self.mounting(channel) if role == "motion_in" else self.remounting(channel)
+        return {"mounting gain [1]": part.real, "mounting phase [rad]": part.imag} if part else {}
+
     def linearity(self, channel: ChannelFile) -> float:
         """Standard uncertainty of the departure of a channel from a straight line, over its range [1]."""
         std = component(Kind.K1_LINEARITY).std

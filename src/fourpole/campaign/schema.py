@@ -291,6 +291,7 @@ class CampaignFile(File):
                     "quantity": self.channels.kind_of(role),
                     "std_gain [1]": channel.gain_std,
                     "std_phase [rad]": channel.phase_std,
+                    **self.ordinary.summary(role, channel),
                 }
                 for role, channel in self.channels.by_role.items()
             },

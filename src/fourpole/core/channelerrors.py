@@ -13,8 +13,6 @@ from fourpole.core.components import component
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.sources import Kind, Source
 
-#: Units of errors that the table of components has in another one.
-_UNITS = {Kind.SLOPE: "1/Hz2"}
 #: Kinds of error of gain and of phase in one mounting, and with one added mass.
 _MOUNTED = ((Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE), (Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE))
 #: The channels whose sensors are usually mounted anew so.
@@ -112,8 +110,10 @@ class ChannelUncertainty(ByValue):
             ]
             for kind, std in self._common(channel, [std for _, std, _ in apart]).items():
                 row = component(kind)
-                unit = _UNITS.get(kind, row.unit)
-                listed.append(ChannelError(Source(kind, symbol), unit, channel, std, row.shape.turn(omega)))
+                # The unit of a slope is that at the highest frequency.
+                scale = (float(omega.max()) / (2 * np.pi)) ** 2 if kind is Kind.SLOPE and omega.size else 1.0
+                turn = row.shape.turn(omega) / scale
+                listed.append(ChannelError(Source(kind, symbol), row.unit, channel, std * scale, turn))
             if self.response is not None:
                 gain, phase = self.response[:, channel].real, self.response[:, channel].imag
                 sources = Source(Kind.RESPONSE_GAIN, symbol), Source(Kind.RESPONSE_PHASE, symbol)
@@ -137,13 +137,6 @@ class ChannelUncertainty(ByValue):
         return dict(
             zip((Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE), (gain, phase, *rest), strict=True)
         )
-
-    def covariance(self, amplitudes: ComplexArray, omega: FloatArray) -> FloatArray:
-        """Covariance (N, 6, 6) of measured amplitudes (N, 3) from these uncertainties."""
-        result = np.zeros((omega.size, 6, 6))
-        for error in self.errors(omega):
-            result += error_covariance(error, amplitudes)
-        return result
 
 
 def error_covariance(error: ChannelError, amplitudes: ComplexArray) -> FloatArray:

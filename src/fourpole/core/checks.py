@@ -95,7 +95,6 @@ class Code(Enum):
     RELATIVE = "joint against relative"
     RIG = "rig"
     SCATTER = "scatter"
-    DRIFT_BY_MASS = "drift with the mass"
     V1_SCALE = "V1 against K1"
     K1_RATIO = "K1 against K'"
     K1_LARGE = "K1 above K'"

@@ -14,7 +14,7 @@ from math import pi
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.sources import Kind
+from fourpole.core.sources import Kind, Source
 
 
 class Shape(Enum):
@@ -125,6 +125,8 @@ COMPONENTS = (
               "the change of log |K*| per logarithm of the deflection"),
     Component(Kind.GAIN_DRIFT, "gain drift", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "",
               "the drift of a channel's gain over the run"),
+    Component(Kind.GAIN_STEP, "gain step", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "",
+              "a step of a channel's gain during the run"),
     Component(Kind.CROSSTALK, "cross-talk", Shape.MODULUS, Scope.SHARED, 0.0, 0.15, "1", "std_crosstalk",
               "a channel in another, over their sizes"),
     Component(Kind.UNSTATED, "part of the rig", Shape.PART, Scope.SHARED, 0.0, 0.3, "1", "",
@@ -149,6 +151,13 @@ def component(kind: Kind) -> Component:
     (2e-05, 'std_delay')
     """
     return next(row for row in COMPONENTS if row.kind is kind)
+
+
+def key_of(source: Source) -> str:
+    """The key of campaign.toml that states a source; empty if none does."""
+    if source.kind is Kind.RIG_VALUE:
+        return source.of
+    return next((row.key for row in COMPONENTS if row.kind is source.kind), "")
 
 
 @dataclass(frozen=True)

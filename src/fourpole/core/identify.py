@@ -7,6 +7,7 @@ themselves are in `fourpole.core.routes`. K2 and C have the second-order part of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -141,6 +142,7 @@ def identify(
     added_mass: ArrayLike = 0.0,
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
+    mounting: Sequence[str] | None = None,
 ) -> Identification:
     r"""Identify K*, K2, C and TR of each test, with uncertainties to first order; those of K2 and C to second order.
 
@@ -158,6 +160,8 @@ def identify(
         Mass fixed to the moving mass in each test, and its standard uncertainty.
     channels : ChannelUncertainty, optional
         Uncertainties of the channels; without it the channels count as exact.
+    mounting : sequence of N str, optional
+        Name of the mounting of V1's sensor in each test; without it all tests have one.
 
     Returns
     -------
@@ -192,6 +196,7 @@ def identify(
         added_mass=added_mass,
         added_mass_std=added_mass_std,
         channels=channels,
+        mounting=mounting,
     )
     covariance = answers.covariance
     reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
@@ -227,11 +232,11 @@ def identify(
 def _shared(answers: _Answers) -> FloatArray:
     """Change of Re and Im of K* per standard uncertainty of each error that tests share, (N, 2, p) [N/m].
 
-    The errors are those of the channels, of the rig's values and of each added mass.
+    The errors are those of the channels and of their mountings, of the rig's values and of each added mass.
     """
     by = answers.jacobian[:, :2]
     columns = []
-    for error in answers.channels.errors(answers.omega):
+    for error in answers.errors:
         along = parts(answers.amplitudes[:, error.channel] * error.turn * error.std)
         first = 2 * error.channel
         columns.append(np.einsum("nki,ni->nk", by[:, :, first : first + 2], along))
@@ -265,8 +270,9 @@ def variance_by_source(
     phasor = slice(0, 6)
     sources = {Source(Kind.NOISE): alone(phasors.covariance.reshape(count, 6, 6), phasor)}
     sources[Source(Kind.FREQUENCY)] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
-    for error in answers.channels.errors(answers.omega):
-        sources[error.source] = alone(error_covariance(error, answers.amplitudes), phasor)
+    for error in answers.errors:
+        part = alone(error_covariance(error, answers.amplitudes), phasor)
+        sources[error.source] = sources.get(error.source, 0.0) + part
     values = [Source(Kind.RIG_VALUE, name) for name in PARAMETERS]
     for i, source in enumerate((*values, Source(Kind.ADDED_MASS), Source(Kind.K1)), start=6):
         sources[source] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
@@ -301,19 +307,23 @@ class _Answers:
         added_mass: ArrayLike = 0.0,
         added_mass_std: ArrayLike = 0.0,
         channels: ChannelUncertainty | None = None,
+        mounting: Sequence[str] | None = None,
     ) -> None:
         _check_route(route, rig)
         count = np.size(phasors.frequency)
-        self.rig, self.channels = rig, channels or ChannelUncertainty()
+        self.rig = rig
         self.omega, self.amplitudes = phasors.omega.reshape(count), phasors.amplitudes.reshape(count, 3)
         self.k1, self.k1_std, self.added, added_std = (
             np.broadcast_to(np.asarray(x, dtype=float), count) for x in (k1, k1_std, added_mass, added_mass_std)
         )
+        labels = [np.zeros(count, dtype=str) if mounting is None else np.asarray(mounting, dtype=str), self.added]
+        groups = [np.unique(label, return_inverse=True)[1].ravel() for label in labels]
+        self.errors = (channels or ChannelUncertainty()).errors(self.omega, groups)
         with np.errstate(divide="ignore", invalid="ignore"):
             self._identify(route)
         self.covariance = np.zeros((count, _INPUTS, _INPUTS))
-        noise = phasors.covariance.reshape(count, 6, 6)
-        self.covariance[:, :6, :6] = noise + self.channels.covariance(self.amplitudes, self.omega)
+        of_channels = sum(error_covariance(error, self.amplitudes) for error in self.errors)
+        self.covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6) + of_channels
         of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
         omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
         std = np.column_stack([of_rig, added_std, np.nan_to_num(self.k1_std), omega_std])

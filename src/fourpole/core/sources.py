@@ -59,6 +59,7 @@ class Kind(Enum):
     RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), Role.CHANNEL)
     CROSSTALK = ("cross-talk ", (*_CROSSED,), Role.CHANNEL)
     GAIN_DRIFT = ("gain drift ", (*SYMBOLS.values(),), Role.CHANNEL)
+    GAIN_STEP = ("gain step ", (*SYMBOLS.values(),), Role.CHANNEL)
     RIG_VALUE = ("", (*PARAMETERS,), Role.RIG)
     UNSTATED = ("unstated ", (*PARTS,), Role.UNSTATED)
     ADDED_MASS = ("added mass", (), Role.MASS)

@@ -15,9 +15,17 @@ from fourpole.core.arrays import ByValue
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, SAME_FREQUENCY, Condition, Sameness
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError
-from fourpole.findings.points import QUANTITIES, Common, Readings, differences, none, of_one_campaign, of_two_campaigns
+from fourpole.findings.points import (
+    QUANTITIES,
+    Common,
+    Readings,
+    correlation_of_k1,
+    differences,
+    none,
+    of_one_campaign,
+    of_two_campaigns,
+)
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import resolved, results_in
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
@@ -365,7 +373,7 @@ def _static_rows(
 ) -> Iterator[dict[str, Any]]:
     """Rows of K1: one per static condition that both have."""
     gains = [_gain(each) for each in points]
-    shared = common is None or common(Kind.K1_GAINS.text)
+    shared = correlation_of_k1(common)
     tables = [side.used(side.results.static, q.K1) for side in sides]
     conditions = [side.conditions(table, rule) for side, table in zip(sides, tables, strict=True)]
     groups = [group.tolist() for group in _groups(conditions, rule)]
@@ -376,7 +384,7 @@ def _static_rows(
         (first, u_first, tests), (second, u_second, others) = (
             _mean_k1(table[alike]) for table, alike in zip(tables, rows, strict=True)
         )
-        cancels = 2.0 * gains[0] * first * gains[1] * second if shared else 0.0
+        cancels = 2.0 * shared * gains[0] * first * gains[1] * second
         std = max(u_first**2 + u_second**2 - cancels, 0.0) ** 0.5
         where = _state_of(conditions[0][rows[0][0]], rule)
         yield from _row(where, q.K1, (first, u_first, second, u_second), std, (tests, others))

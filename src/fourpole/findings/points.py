@@ -32,9 +32,13 @@ _REACH, _APART = 0.7, 0.02
 _LEAST = 1e-9
 _STATIC_ROLES = ("load", "deflection")
 #: Keys of a channel that have no effect on its calibration.
-_NO_CALIBRATION = ("range",)
-#: Whether the error of a source of budget.csv is common to two campaigns.
-Common = Callable[[str], bool]
+_NO_CALIBRATION = ("range", "serial")
+#: Column of tests.csv with the label of the mounting of V1's sensor.
+MOUNTING = "mounting"
+#: Errors of a channel a part of which is another in each mounting, by the end of their keys in study.json.
+_PARTS_OF_MOUNTING = {Kind.GAIN: "gain [1]", Kind.PHASE: "phase [rad]"}
+#: Correlation [1] of the error of a source of budget.csv in two campaigns: 1 for one error, 0 for independent errors.
+Common = Callable[[str], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,8 +251,8 @@ def differences(
     pairs : two (M,) int arrays
         Places of both points of each pair.
     common : function, optional
-        Whether the error of a source is common to two campaigns. It is then taken to act in the same direction on both
-        points if their K* differs by less than 20 %. None for points of one campaign, whose covariance `shared` has.
+        Correlation of the error of a source in two campaigns, which is taken to act in the same direction on both if
+        their K* differs by less than 20 %. None for points of one campaign, whose covariance `shared` has.
     """
     first, second = points.part(pairs[0]), others.part(pairs[1])
     unlike = np.zeros(len(pairs[0]), dtype=bool)
@@ -259,8 +263,7 @@ def differences(
         apart = np.abs(second.stiffness - first.stiffness) / np.minimum(abs(first.stiffness), abs(second.stiffness))
         unlike = apart > _ALIKE
         cross[:, :2, :2] = np.where(unlike[:, None, None], 0.0, _cross(first, second, common))
-    if common is None or common(Kind.K1_GAINS.text):
-        cross[:, 2, 2] = first.k1_gain * second.k1_gain
+    cross[:, 2, 2] = correlation_of_k1(common) * first.k1_gain * second.k1_gain
     g1, g2 = first.slopes, second.slopes
     with np.errstate(invalid="ignore"):
         covariance = np.einsum("nqi,nij,nqj->nq", np.nan_to_num(g1), cross, np.nan_to_num(g2))
@@ -273,12 +276,12 @@ def differences(
 def _cross(first: Readings, second: Readings, common: Common) -> FloatArray:
     """Covariance (M, 2, 2) of K* of both points from the common errors, each in the same direction on both."""
     covariance = np.zeros((first.frequency.size, 2, 2))
-    for name in first.effects.keys() & second.effects.keys():
-        if common(name):
+    for name in sorted(first.effects.keys() & second.effects.keys()):
+        if (correlation := common(name)) > 0.0:
             a, b = first.effects[name], second.effects[name]
             sign = np.where((np.conj(a) * b).real >= 0.0, 1.0, -1.0)
             pair = (np.stack([effect.real, effect.imag], axis=1) for effect in (a, sign * b))
-            covariance += np.einsum("ni,nj->nij", *pair)
+            covariance += correlation * np.einsum("ni,nj->nij", *pair)
     return covariance
 
 
@@ -318,9 +321,14 @@ def _step(x: FloatArray, values: FloatArray, end: float) -> tuple[float, float]:
 # ---- the errors that two results have in common
 
 
-def none(_: str) -> bool:
+def none(_: str) -> float:
     """No error is common."""
-    return False
+    return 0.0
+
+
+def correlation_of_k1(common: Common | None) -> float:
+    """Correlation [1] of the errors of K1 from the gains of load and deflection; 1 within one campaign."""
+    return 1.0 if common is None else common(Kind.K1_GAINS.text)
 
 
 def of_one_campaign(results: Study, specimens: tuple[str, str]) -> tuple[str, ...]:
@@ -337,33 +345,74 @@ def of_one_campaign(results: Study, specimens: tuple[str, str]) -> tuple[str, ..
     return (text,)
 
 
-def of_two_campaigns(first: Study, second: Study) -> tuple[Callable[[str], bool], tuple[str, ...]]:
-    """Whether the error of a source is common, and the reasons as sentences: it is if both state the value alike."""
+def of_two_campaigns(first: Study, second: Study) -> tuple[Common, tuple[str, ...]]:
+    r"""The correlation of each error in two campaigns, and what is common with the reasons, as sentences.
+
+    A channel is one sensor if both state one `serial`, and all other keys but `range` alike. Its errors are then
+    common, and those of a value of the rig if rigs of the same names state it alike. The part m of one mounting in the
+    standard uncertainty u of a gain is another error in another mounting; the correlation of the gain is then
+
+    .. math:: r = (u^2 - m^2)/(u_1 u_2)
+
+    where u_i is u, or the root of u² - m² if the mountings of campaign i are errors of their own.
+    """
     records = first.record, second.record
     halls = [str(section(record, "stated").get("laboratory") or "") for record in records]
     if all(halls) and halls[0] != halls[1]:
         return none, (f"The laboratories differ ({halls[0]}, {halls[1]}): all errors are taken as independent.",)
-    channels = {role: _alike(records, role) for role in (*CHANNELS, *_STATIC_ROLES)}
-    rigs = [section(rig) for record in records for rig in section(record, "stated", "rigs").values()]
+    unlike = {role: _unlike(records, role) for role in (*CHANNELS, *_STATIC_ROLES)}
+    rigs = [section(record, "stated", "rigs") for record in records]
+    every = [section(rig) for of_record in rigs for rig in of_record.values()]
     values = {
-        name: all(name in rig for rig in rigs)
-        and len({(section(rig, name).get("value"), section(rig, name).get("std")) for rig in rigs}) == 1
+        name: rigs[0].keys() == rigs[1].keys()
+        and all(name in rig for rig in every)
+        and len({(section(rig, name).get("value"), section(rig, name).get("std")) for rig in every}) == 1
         for name in RIG_VALUES
     }
-    by_symbol = {SYMBOLS[role]: channels[role] is True for role in CHANNELS}
+    sensors = {SYMBOLS[role]: role for role in CHANNELS if unlike[role] == ""}
+    mounted = _mountings(first) == _mountings(second) != {""}
+    budgets = [set(results.budget[q.SOURCE.head]) for results in (first, second) if results.budget.height]
+    lasting = {
+        (symbol, kind): 1.0 if mounted and role == "motion_in" else _lasting(records[0], budgets, role, kind)
+        for symbol, role in sensors.items()
+        for kind in _PARTS_OF_MOUNTING
+    }
 
-    def common(text: str) -> bool:
+    def correlation(text: str) -> float:
         source = Source.read(text)
         if source.kind is Kind.K1_GAINS:
-            return all(channels[role] is True for role in _STATIC_ROLES)
+            return float(all(unlike[role] == "" for role in _STATIC_ROLES))
         if source.role in (Role.CHANNEL, Role.RATIO):
             names = [name for name in (*source.of.split(" in "), source.under) if name]
-            return all(by_symbol.get(name, False) for name in names)
+            one = source.kind is not Kind.GAIN_DRIFT and set(names) <= set(sensors)
+            return min(lasting.get((name, source.kind), 1.0) for name in names) if one else 0.0
         if source.role is Role.RIG:
-            return values.get(source.of, False)
-        return source.role is Role.MASS
+            return float(values.get(source.of, False))
+        if source.role is Role.MOUNTING:
+            of_v1 = source.kind in (Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE) and source.of in sensors
+            return float(mounted and of_v1)
+        return float(source.role is Role.MASS)
 
-    return common, _reasons(channels, values, weighed=all(map(_weighs, (first, second))))
+    anew = list(dict.fromkeys(symbol for (symbol, _), share in lasting.items() if share < 1.0))
+    return correlation, _reasons(unlike, values, anew, weighed=all(map(_weighs, (first, second))))
+
+
+def _lasting(record: Mapping[str, Any], budgets: Sequence[set[str]], role: str, kind: Kind) -> float:
+    """Correlation of the gain or phase of one sensor in two campaigns with other mountings; see `of_two_campaigns`."""
+    stated, name = section(record, "stated", "channels", role), _PARTS_OF_MOUNTING[kind]
+    part, whole = float(stated.get(f"mounting {name}") or 0.0), float(stated.get(f"std_{name}") or 0.0)
+    share = max(1.0 - (part / whole) ** 2, 0.0) if whole else 1.0
+    apart = sum(any(Source.read(text).role is Role.MOUNTING and text.endswith(SYMBOLS[role]) for text in budget)
+                for budget in budgets)  # fmt: skip
+    return float(share ** (1.0 - 0.5 * apart))
+
+
+def _mountings(results: Study) -> set[str]:
+    """Labels of the mountings of V1 that tests.csv states for the specimens' tests; "" for a test without one."""
+    table = results.dynamic
+    if MOUNTING not in table.columns:
+        return {""}
+    return set(table.filter(pl.col(q.TYRE.head).fill_null("") != "")[MOUNTING].fill_null(""))
 
 
 def _weighs(results: Study) -> bool:
@@ -372,30 +421,48 @@ def _weighs(results: Study) -> bool:
     return q.ADDED_MASS.head in table.columns and bool((table[q.ADDED_MASS.head].fill_null(0.0) > 0.0).any())
 
 
-def _alike(records: Sequence[Mapping[str, Any]], role: str) -> bool | None:
-    """Whether both records state a channel alike; None if one of them does not have it."""
+def _unlike(records: Sequence[Mapping[str, Any]], role: str) -> str | None:
+    """Why a channel is not one sensor: "serial" or "statement"; "" if it is, None if a record has no errors of it."""
     channels = [section(record, "stated", "channels", role) for record in records]
-    if not all(channels):
+    if not all(channels) or any(channel.get("exact") for channel in channels):
         return None
+    serials = [channel.get("serial") for channel in channels]
     first, second = ({key: c[key] for key in c if key not in _NO_CALIBRATION} for c in channels)
-    return first == second
+    if first != second or (all(serials) and serials[0] != serials[1]):
+        return "statement"
+    return "" if all(serials) else "serial"
 
 
-def _reasons(channels: dict[str, bool | None], values: dict[str, bool], *, weighed: bool) -> tuple[str, ...]:
+def _reasons(
+    unlike: Mapping[str, str | None], values: Mapping[str, bool], anew: Sequence[str], *, weighed: bool
+) -> tuple[str, ...]:
     """What is common and what is not, as sentences."""
     words = {**SYMBOLS, "load": "load", "deflection": "deflection"}
-    alike = [words[role] for role, same in channels.items() if same]
-    other = [words[role] for role, same in channels.items() if same is False]
-    rig = [RIG_VALUES[name].name for name, same in values.items() if same]
+    alike, unnamed, other = (
+        ", ".join(words[role] for role, why in unlike.items() if why == reason)
+        for reason in ("", "serial", "statement")
+    )
+    rig = ", ".join(RIG_VALUES[name].name for name, same in values.items() if same)
+    parts = [f"of the sensors of {alike}, by their serial numbers"] if alike else []
+    parts += [f"of the rig: {rig}"] if rig else []
+    parts += ["of weighed masses of the same size"] if weighed else []
     said = []
-    if alike or rig:
-        parts = [f"the sensors of {', '.join(alike)}"] if alike else []
-        parts += [f"of the rig {', '.join(rig)}"] if rig else []
-        listed = "; ".join([*parts, *(["weighed masses of the same size"] if weighed else [])])
+    if parts:
         said.append(
-            f"Both campaigns state alike {listed}. Their errors are taken as common: they cancel as far as they act "
-            "alike. If one of them was exchanged or calibrated again between the campaigns, use --independent."
+            f"Taken as common are the errors {'; '.join(parts)}. They cancel as far as they act alike. If one of them "
+            "was calibrated again between the campaigns, use --independent."
+        )
+    if anew:
+        said.append(
+            f"The part of a mounting in the gain and phase of {', '.join(anew)} is taken as independent. For V1, state "
+            'the same mounting in tests.csv of both if it was not touched, or mounted = "rig"; for F1 and V2 '
+            "remounted_with_mass = false."
+        )
+    if unnamed:
+        said.append(
+            f"The errors of {unnamed} are taken as independent, as no serial number is stated. If both campaigns used "
+            "the same sensors, state their serial in [channels] of both."
         )
     if other:
-        said.append(f"The statements of {', '.join(other)} differ: their errors are taken as independent.")
+        said.append(f"The statements of {other} differ: their errors are taken as independent.")
     return tuple(said) or ("The campaigns state nothing alike: all errors are taken as independent.",)

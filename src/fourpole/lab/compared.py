@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.checks import Verdict
-from fourpole.core.sources import Kind, Role, Source
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import RATIO, compared_by
-from fourpole.findings.points import Common, none
+from fourpole.findings.points import MOUNTING, none, of_two_campaigns
 from fourpole.fitting.rows import rule_in
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
-from fourpole.lab.layout import CONDITIONS, FURTHER, INDEX, MOST_BYTES, TABLES, scan
+from fourpole.lab.layout import CONDITIONS, FURTHER, INDEX, MOST_BYTES, STATED, TABLES, scan
 from fourpole.study.study import Study
 
-#: Roles of the errors that two campaigns share if they used the same sensors, with one calibration, on the same rig.
-_COMMON = (Role.CHANNEL, Role.RIG, Role.MASS, Role.RATIO)
+#: Cases of what two campaigns share.
+_WAYS = ("independent", "same sensors")
 _VALUES = (q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
 
 
@@ -29,9 +27,9 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
 
     .. math:: u^2 = \sum_s (u_{1s}^2 + u_{2s}^2 - 2 r_s u_{1s} u_{2s})
 
-    over the sources s of the budgets. If the campaigns are independent, r = 0. If both used the same sensors, with one
-    calibration, on the same rig, r = 1 for the errors of channels, rig and weighed masses, and for the gains of load
-    and deflection in K1. The truth is one of the two, or lies between; the tables do not say which, so both are given.
+    over the sources s of the budgets. Two cases are given. If the campaigns are independent, r = 0. For "same sensors",
+    r is by the rule of `fourpole.compare`: 1 for the errors of sensors with one serial number in both, of a rig that
+    both state alike, and of weighed masses of one size, and for the gains of load and deflection in K1.
 
     Parameters
     ----------
@@ -57,8 +55,7 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     -----
     With r = 1 an error is taken to act in the same direction in both campaigns, which holds for the same route, rig and
     condition. Where K* differs by more than 20 %, no error of the dynamic test is taken as common, and none at all if
-    the campaigns found K* by different routes. It is the computation of `fourpole.compare`, which also finds from the
-    statements which sensors are the same.
+    the campaigns found K* by different routes. It is the computation of `fourpole.compare`.
     """
     names = scan(folder).select("campaign").unique().collect()["campaign"].sort().to_list()
     for name in (first, second):
@@ -67,8 +64,8 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
     was, now = (_study(Path(folder), name) for name in (first, second))
     used = pl.col(q.VERDICT.head) != Verdict.REJECTED
     routes = [set(study.dynamic.filter(used)[q.ROUTE.head]) for study in (was, now)]
-    ways = _WAYS if routes[0] == routes[1] else dict.fromkeys(_WAYS, none)
-    tables = [compared_by(was, now, common, _VALUES) for common in ways.values()]
+    common = of_two_campaigns(was, now)[0] if routes[0] == routes[1] else none
+    tables = [compared_by(was, now, errors, _VALUES) for errors in (none, common)]
     shown = tables[0].select(
         pl.col("specimen").alias(q.TYRE.head),
         *(quantity.head for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE, q.FREQUENCY)),
@@ -83,24 +80,15 @@ def difference(folder: str | Path, first: str, second: str) -> pl.DataFrame:
 def _study(folder: Path, campaign: str) -> Study:
     """The results of one campaign of a data set, with its rule of one condition."""
     content = read_bytes(folder / INDEX, max_bytes=MOST_BYTES, within=folder)
-    record = {CONDITIONS: json_of(content, INDEX)["campaigns"].get(campaign, {}).get(CONDITIONS)}
+    entry = json_of(content, INDEX)["campaigns"].get(campaign, {})
+    record = {name: entry.get(name) for name in (CONDITIONS, STATED)}
     tables = {name: scan(folder, name).filter(pl.col("campaign") == campaign).collect() for name in TABLES}
     further = [json_of(text, FURTHER) if text else {} for text in tables["tests"][FURTHER].to_list()]
     heads = dict.fromkeys(head for row in further for head in row)
-    axes = {axis.column for axis in rule_in(record).further}
+    axes = {MOUNTING, *(axis.column for axis in rule_in(record).further)}
     columns = [
         pl.Series(head, [row.get(head) for row in further], dtype=pl.String)
         for head in heads
         if head.removesuffix(" (tests.csv)") in axes
     ]
     return Study(tables={**tables, "dynamic": tables["tests"].with_columns(columns)}, record=record)
-
-
-def _same_sensors(text: str) -> bool:
-    """Whether the error of a source is common to campaigns with the same sensors on the same rig."""
-    source = Source.read(text)
-    return source.role in _COMMON or source.kind is Kind.K1_GAINS
-
-
-#: What two campaigns share, by the name of the case.
-_WAYS: Mapping[str, Common] = {"independent": none, "same sensors": _same_sensors}

@@ -26,7 +26,7 @@ from fourpole.io.folders import make_folder, resolved
 from fourpole.io.published import Published, consistently
 from fourpole.io.staging import staged
 from fourpole.io.write import write_table, write_text
-from fourpole.lab.layout import CONDITIONS, FURTHER, INDEX, MOST_BYTES, ORIGIN, ROLE, SCHEMA, TABLES, LabTable
+from fourpole.lab.layout import CONDITIONS, FURTHER, INDEX, MOST_BYTES, ORIGIN, ROLE, SCHEMA, STATED, TABLES, LabTable
 from fourpole.study.tables import read_table
 
 _FORMAT, _STUDY = "fourpole lab", "study.json"
@@ -193,7 +193,7 @@ def _seen(place: Path) -> dict[str, list[int]]:
 def _stands(entry: dict[str, Any], seen: dict[str, list[int]], out: Path) -> bool:
     """Whether the rows of a campaign are there, and of the results as they are."""
     there = all((out / table / entry["file"]).is_file() for table in TABLES)
-    return there and entry["seen"] == seen and CONDITIONS in entry
+    return there and entry["seen"] == seen and {CONDITIONS, STATED} <= entry.keys()
 
 
 def _unused(out: Path, kept: set[str]) -> list[str]:
@@ -225,8 +225,9 @@ def _taken(results: Published, *, name: str, new: Path, problems: list[str]) -> 
     for table, frame in made.items():
         (new / table).mkdir(exist_ok=True)
         write_table(new / table / file, frame)
-    conditions = record.get(CONDITIONS)
-    return {"file": file, "sha256": origin["sha256"], "tests": made["tests"].height, CONDITIONS: conditions}
+    stated = {name: record[STATED].get(name) for name in ("laboratory", "rigs", "channels")}
+    kept = {CONDITIONS: record.get(CONDITIONS), STATED: stated}
+    return {"file": file, "sha256": origin["sha256"], "tests": made["tests"].height, **kept}
 
 
 def _origin(record: dict[str, Any], name: str, sha256: str, tests: pl.DataFrame) -> dict[str, Any]:

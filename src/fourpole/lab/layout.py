@@ -16,8 +16,9 @@ from fourpole.study.tables import TableSpec
 
 #: Version of the data set. A change of a column's name or meaning, or of the files' places, raises it.
 SCHEMA = 1
-#: The index of a data set, the key of a campaign's rule of one condition in it, and its largest size [byte].
-INDEX, CONDITIONS, MOST_BYTES = "lab.json", "conditions", 1_000_000_000
+#: The index of a data set, the keys of a campaign's rule of one condition and of its rig and sensors in it, and its
+#: largest size [byte].
+INDEX, CONDITIONS, STATED, MOST_BYTES = "lab.json", "conditions", "stated", 1_000_000_000
 #: Columns that stand first in each table and say where a row is from.
 ORIGIN: dict[str, Any] = {
     "schema": pl.Int64,

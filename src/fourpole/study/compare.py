@@ -395,9 +395,6 @@ def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
         yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
     if estimate.scatter > _MOST_SCATTER:
         yield reported(Code.SCATTER, Verdict.WARNING, estimate.scatter, _MOST_SCATTER)
-    if estimate.drift_by_mass and estimate.drifts:
-        largest = max(abs(drift.found or 0.0) for drift in estimate.drifts)
-        yield reported(Code.DRIFT_BY_MASS, Verdict.WARNING, largest, 0.0)
     if not joint.converged:
         yield reported(Code.CONVERGENCE, Verdict.WARNING)
 

@@ -275,7 +275,7 @@ _OfRig = tuple[str, np.ndarray, tuple[Key, ...], Phasors]
 def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness]) -> RigGroup:
     """The tests of one rig, each by itself by a route."""
     phasors, rig, k1 = of_rig[-1], setup["rig"], setup["k1"]
-    arguments = {name: setup[name] for name in ("added_mass", "added_mass_std", "channels")}
+    arguments = {name: setup[name] for name in ("added_mass", "added_mass_std", "channels", "mounting")}
     arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route}
     result = identify(phasors, rig, k1, **arguments)
     # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.

@@ -47,7 +47,7 @@ CELLS = {
 #: Fields that study.json has under their own names, before notes and candidates.
 _RECORDED = (
     "tests", "conditions", "shared", "chi2", "dof", "fits", "rig_error", "inflation", "scatter", "unsteady",
-    "converged", "reason", "steps", "tied", "rests", "order", "drift_by_mass",
+    "converged", "reason", "steps", "tied", "rests", "order",
 )  # fmt: skip
 
 
@@ -159,6 +159,33 @@ class Outlier:
     point: int = 1
 
 
+@dataclass(frozen=True)
+class Unseen:
+    """A component that moves a result before these tests would show it; see `fourpole.core.joint.unseen.Unseen`.
+
+    `words` name it with its size, `key` of campaign.toml states it.
+    """
+
+    source: Source
+    unit: str
+    size: float
+    result: str
+    shift: float
+    words: str
+    key: str = ""
+
+    @property
+    def key_words(self) -> str:
+        """The key of campaign.toml that states the component, for the end of a bracket."""
+        return f"; {self.key} states it" if self.key else ""
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Its record in study.json."""
+        numbers = {name: getattr(self, name) for name in ("unit", "size", "result", "shift", "words", "key")}
+        return {"component": self.source.text, **numbers}
+
+
 @dataclass(frozen=True, repr=False)
 class RigEstimate:
     """The rig and the channels as the joint route found them; what an analysis did not record has its default.
@@ -194,11 +221,11 @@ class RigEstimate:
     tied : int
         Number of the first candidates that explain the misfit equally well.
     rests : str
-        What the scale of K* rests on, and what no test of the rig can show; one sentence.
+        What the uncertainty of K' comes from, and what the tests would not show; one sentence.
+    unseen : tuple of Unseen
+        The components that move a result by more than 2 u before they show, the largest shift first.
     order : RunOrder
         The order of the tests in the run, along which a specimen may drift.
-    drift_by_mass : bool
-        Whether a specimen drifts, and repeats at another place in the run have another added mass, too.
     outliers : tuple of Outlier
         In the order of residuals.csv.
     massed : bool
@@ -227,8 +254,8 @@ class RigEstimate:
     candidates: tuple[Candidate, ...] = ()
     tied: int = 0
     rests: str = ""
+    unseen: tuple[Unseen, ...] = ()
     order: RunOrder = RunOrder.ROWS
-    drift_by_mass: bool = False
     outliers: tuple[Outlier, ...] = ()
     massed: bool = False
     unshared_masses: bool = False
@@ -336,6 +363,7 @@ class RigEstimate:
         record = {name: getattr(self, name) for name in _RECORDED}
         record["notes"] = [self.note(code) for code in self.notes]
         record["note_codes"] = [str(code) for code in self.notes]
+        record["unseen"] = [component.record for component in self.unseen]
         record["candidates"] = [_candidate_record(candidate) for candidate in self.candidates]
         if self.mass_gain:
             sides = zip(("without", "with"), zip(*self.mass_gain.values(), strict=True), strict=True)
@@ -464,8 +492,8 @@ def _recorded(record: dict[str, Any]) -> dict[str, Any]:
         **{name: int(number(record.get(name)) or 0) for name in ("steps", "tests", "conditions", "shared", "tied")},
         **{name: str(record.get(name) or "") for name in ("reason", "rests")},
         "converged": record.get("converged") is not False,
-        "drift_by_mass": record.get("drift_by_mass") is True,
         "candidates": tuple(_candidate(cells) for cells in candidates if section(cells).get("text")),
+        "unseen": tuple(_unseen(cells) for cells in _list(record.get("unseen")) if section(cells).get("component")),
         "order": next((order for order in RunOrder if order == record.get("order")), RunOrder.ROWS),
         "unshared_masses": NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
         "mass_gain": mass_gain(*(section(record, "gain_of_masses", side) for side in ("without", "with"))),
@@ -495,6 +523,12 @@ def _values(rows: pl.DataFrame) -> tuple[SharedValue, ...]:
         )
         for source, row in zip(sources, rows.rows(named=True), strict=True)
     )
+
+
+def _unseen(cells: dict[str, Any]) -> Unseen:
+    texts = [str(cells.get(name) or "") for name in ("unit", "result", "words", "key")]
+    size, shift = (number(cells.get(name)) or 0.0 for name in ("size", "shift"))
+    return Unseen(Source.read(str(cells["component"])), texts[0], size, texts[1], shift, texts[2], texts[3])
 
 
 def _candidate(cells: dict[str, Any]) -> Candidate:

@@ -12,16 +12,19 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import Check, Code, Verdict
+from fourpole.core.components import key_of
 from fourpole.core.identify import Identification
 from fourpole.core.joint import Joint
-from fourpole.core.joint.misfit import Candidate, pulls
+from fourpole.core.joint.misfit import Candidate, cause_of, pulls
 from fourpole.core.joint.outputs import Outputs
-from fourpole.core.joint.shared import DRIFTS
-from fourpole.core.joint.specimens import goes_with_mass
+from fourpole.core.joint.shared import SharedParameter
+from fourpole.core.joint.unseen import Unseen as UnseenComponent
+from fourpole.core.joint.unseen import unseen
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.fitting.rows import Key
-from fourpole.study.rig_estimate import Outlier, RigEstimate, RigFinding, SharedValue, hidden_in, number
+from fourpole.study.rig_estimate import Outlier, RigEstimate, RigFinding, SharedValue, Unseen, hidden_in, number
+from fourpole.words import cause_words
 
 #: A value is not determined by the tests if its uncertainty after them is more than this share of the stated one.
 NOT_DETERMINED = 0.9
@@ -43,8 +46,8 @@ _SPOILS = (
     Code.LINEARITY, Code.FORCE_LINEARITY, Code.RIG_LINEARITY, Code.SPOILT, Code.HALVES, Code.CLIPPING, Code.TIME_BASE,
 )  # fmt: skip
 _MOST, _SOME = 0.5, 0.2
-#: Least lever on K' that is named, and the largest number of levers that are named.
-_LEVER, _MOST_LEVERS = 0.1, 3
+#: Least share of the variance of K' that is named, and the largest number of values and components that are named.
+_LEAST_SHARE, _MOST_NAMED = 0.1, 3
 
 
 def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -> RigEstimate:
@@ -53,6 +56,7 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
     massed = bool(np.any(joint.problem.observed.added(joint.problem.shared.masses) > 0))
     labels = zip(joint.problem.conditions.label.tolist(), joint.problem.observed.mass_at.tolist(), strict=True)
     pairs = {(label, mass) for label, mass in labels if label >= 0}  # conditions with the masses that they have
+    hidden = unseen_components(joint, values)
     known: dict[str, Any] = {name: getattr(joint.solution, name) for name in ("converged", "reason", "steps")}
     known |= {name: getattr(misfit, name) for name in _OF_MISFIT}
     return RigEstimate(
@@ -66,8 +70,8 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
             replace(candidate, explains=min(candidate.explains, misfit.chi2))
             for candidate in misfit.candidates[: max(_CANDIDATES, misfit.tied)]
         ),
-        rests=_rests(joint, values, massed=massed),
-        drift_by_mass=any(source.kind in DRIFTS for source in misfit.specimens) and goes_with_mass(joint.problem),
+        rests=_rests(joint, values, hidden),
+        unseen=hidden,
         outliers=tuple(
             Outlier(test, factor, point)
             for (test, point), factor in zip(keys, joint.outlier.tolist(), strict=True)
@@ -176,51 +180,55 @@ def _combined(joint: Joint, source: Source, unit: str, centre: float, weights: F
     )
 
 
-def _rests(joint: Joint, values: Outputs, *, massed: bool) -> str:
-    """What the scale of K* rests on, with its lever, and what no test of the rig can show."""
-    levers = sorted(_levers(joint, values).items(), key=lambda lever: -abs(lever[1]))[:_MOST_LEVERS]
-    parts = [f"{_in_words(source)} ({lever:+.2g} % per 1 % of it)" for source, lever in levers if abs(lever) > _LEVER]
+def _rests(joint: Joint, values: Outputs, hidden: Sequence[Unseen]) -> str:
+    """What the uncertainty of K' comes from, and the components that move a result most before they show."""
+    shares = sorted(_shares(joint, values).items(), key=lambda share: -share[1])[:_MOST_NAMED]
+    parts = [f"{_in_words(source)} ({100 * share:.0f} % of its u²)" for source, share in shares if share > _LEAST_SHARE]
     said = [f"K' rests on {', '.join(parts)}"] if parts else []
-    unseen = []
-    for index, parameter in enumerate(joint.stated.parameters):
-        source, kept = parameter.source, joint.solution.covariance[index, index] > NOT_DETERMINED**2
-        if source.role is Role.CHANNEL and source.kind in _STD_WORDS and kept:
-            unseen.append(f"{_in_words(source)} ({_STD_WORDS[source.kind](parameter.std)} as stated)")
-        elif source.role is Role.MASS and np.isfinite(limit := _detection_limit(joint, index)):
-            unseen.append(f"{_in_words(source)} below {limit:.2g} kg")
-    if unseen:
-        remedy = "" if massed else "; a weighed mass, added to the moving mass, would show it"
-        said.append(f"no test of this rig shows an error of {', of '.join(unseen)}{remedy}")
-    if said:
-        said.append(
-            "a compliance between V1's sensor and the contact, or cross-talk of F1 in V1, counts as part of the tyre"
-        )
+    if hidden:
+        named = [f"{component.words} ({component.result} is then off by {component.shift:.0f} u{component.key_words})"
+                 for component in hidden[:_MOST_NAMED]]  # fmt: skip
+        more = f", and {len(hidden) - _MOST_NAMED} more" if len(hidden) > _MOST_NAMED else ""
+        said.append(f"these tests would not show {'; '.join(named)}{more}")
     return "; ".join(said)
-
-
-#: Standard uncertainty of a gain and of a phase in words.
-_STD_WORDS = {Kind.GAIN: lambda std: f"{100 * std:.2g} %", Kind.PHASE: lambda std: f"{np.degrees(std):.2g} degrees"}
 
 
 def _in_words(source: Source) -> str:
     """A stated value by its name in a sentence, with the article."""
     if source.role is Role.MASS:
         return f"the added mass of {source.mass:g} kg"
-    if source.role is Role.CHANNEL:
+    if source.of_channel:
         return f"the {source.kind.text.strip()} of {source.of}"
-    return f"the {source.of.replace('_', ' ')}"
+    return f"the {source.of.replace('_', ' ')}" if source.role is Role.RIG else source.text
 
 
-def _levers(joint: Joint, values: Outputs) -> dict[Source, float]:
-    """Relative change of K' per relative change of each stated gain, mass and spring, as the median of all tests."""
-    moved = (values.by_shared[:, 0] @ values.covariance) / values.value[:, :1]
+def _shares(joint: Joint, values: Outputs) -> dict[Source, float]:
+    """Share of each shared value in the variance of K', as the median of all tests."""
     tyres = np.isfinite(values.value[:, 0])
-    levers = {}
-    for index, parameter in enumerate(joint.problem.shared.parameters):
-        bulk = parameter.source.of in ("moving_mass", "preload_stiffness")
-        if tyres.any() and (parameter.is_gain or bulk or parameter.source.role is Role.MASS):
-            levers[parameter.source] = float(np.median(moved[tyres, index])) * parameter.stated / parameter.std
-    return levers
+    whole = values.covariance_of(slice(0, 1), np.zeros(tyres.size))[:, 0, 0]
+    shares: dict[Source, float] = {}
+    if tyres.any() and np.all(whole[tyres] > 0):
+        moved = (values.by_shared[tyres, 0] @ values.covariance) ** 2 / whole[tyres, None]
+        for index, parameter in enumerate(joint.problem.shared.parameters):
+            shares[parameter.source] = shares.get(parameter.source, 0.0) + float(np.median(moved[:, index]))
+    return shares
+
+
+def unseen_components(joint: Joint, values: Outputs) -> tuple[Unseen, ...]:
+    """What the tests cannot see, with the words and the key of each."""
+    return tuple(
+        Unseen(
+            **{name: getattr(row, name) for name in ("source", "unit", "size", "result", "shift")},
+            words=cause_words(cause_of([_as_parameter(joint, row)], np.array([row.size]), np.zeros(1))),
+            key=key_of(row.source),
+        )
+        for row in unseen(joint, values)
+    )
+
+
+def _as_parameter(joint: Joint, row: UnseenComponent) -> SharedParameter:
+    stated = next((known.stated for known in joint.stated.parameters if known.source == row.source), 0.0)
+    return SharedParameter(row.source, row.unit, 0, stated, row.size)
 
 
 def with_recordings(estimate: RigEstimate, checks: Sequence[Sequence[Check]]) -> RigEstimate:

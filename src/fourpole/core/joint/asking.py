@@ -37,7 +37,11 @@ _SMALLEST, _FACTORS = 0.3, 30
 #: Number of conditions that are set aside by themselves.
 _WORST = 3
 #: Rare errors need this much more evidence.
-_RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0}
+_RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0, Kind.GAIN_STEP: 5.0}
+#: F1 in V1 acts as a compliance of the specimen does, so that no test can ask for it.
+_ALIKE = Source(Kind.CROSSTALK, "F1 in V1")
+#: A group may be found larger than its bound by this factor.
+_BEYOND = 2.0
 #: The value of the rig that acts as an unstated part does, in all tests.
 TWINS = {
     "spring": Source(Kind.RIG_VALUE, "preload_stiffness"),
@@ -117,14 +121,13 @@ def groups_of(problem: Problem, stated: Shared) -> list[Group]:
             if parameter.source.of == "preload_damping":
                 largest = component(Kind.UNSTATED).bound * stated.rig.critical_damping
             add(parameter.source.text, parameter, max(largest, parameter.std))
-    top = float(np.max(problem.observed.omega)) / (2 * np.pi)
     for index, source in enumerate(problem.errors):
         row = _row(source)
-        per = top**-2 if source.kind is Kind.SLOPE else 1.0
-        unit = std.get((source, index)) or per * (row.std or BEGINS * row.bound)
+        unit = std.get((source, index)) or row.std or BEGINS * row.bound
         centre = 1.0 if source.kind is Kind.GAIN else 0.0
         name = f"{row.group} {source.of}" if source.role is Role.MOUNTING else source.text
-        add(name, SharedParameter(source, row.unit, index, centre, unit), per * row.bound)
+        name += f" {index}" if source.kind is Kind.GAIN_STEP else ""
+        add(name, SharedParameter(source, row.unit, index, centre, unit), row.bound)
     for parameter in problem.specimens:
         row = component(parameter.source.kind)
         unit = std.get((parameter.source, parameter.index)) or row.std
@@ -192,12 +195,11 @@ def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlie
 
 def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> Iterator[tuple[float, Group, float]]:
     """Groups with their gain by the linear model and the factor that gives it, the largest gain first."""
-    groups = [group for group in groups if group.parameters[0].source.role is not Role.TEST]
+    groups = [group for group in groups
+              if group.parameters[0].source.role is not Role.TEST and group.parameters[0].source != _ALIKE]  # fmt: skip
     extra = [parameter for group in groups for parameter in group.parameters]
     p, e = len(problem.shared), len(extra)
-    wide = replace(problem, shared=replace(problem.shared, parameters=(*problem.shared.parameters, *extra)))
-    before = np.concatenate([solution.slope, np.zeros((*solution.slope.shape[:2], e))], axis=2)
-    triangle = reduced(wide, np.append(solution.z, np.zeros(e)), solution.stiffness, before, e)[0]
+    triangle = widened(problem, solution, extra)[1]
     block, target = triangle[p : p + e, p : p + e], triangle[p : p + e, -1]
     first, gains = 0, []
     for group in groups:
@@ -207,6 +209,17 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
         if gain > GAIN - _ALMOST:
             gains.append((gain, group, factor))
     yield from sorted(gains, key=lambda row: -row[0])
+
+
+def widened(
+    problem: Problem, solution: Solution, extra: Sequence[SharedParameter]
+) -> tuple[Problem, FloatArray, FloatArray]:
+    """The problem with further shared values of size 0, its triangle at a solution, and the slope of log K*."""
+    e = len(extra)
+    wide = replace(problem, shared=replace(problem.shared, parameters=(*problem.shared.parameters, *extra)))
+    before = np.concatenate([solution.slope, np.zeros((*solution.slope.shape[:2], e))], axis=2)
+    triangle, _, _, own = reduced(wide, np.append(solution.z, np.zeros(e)), solution.stiffness, before, e)
+    return wide, triangle, own[1]
 
 
 def _gain(columns: FloatArray, target: FloatArray, group: Group) -> tuple[float, float]:
@@ -289,7 +302,7 @@ def _possible(group: Group, problem: Problem, z: FloatArray) -> bool:
     if group.parameters[0].source.role is Role.TEST:
         return True
     return (
-        all(abs(size) <= group.largest * row.std for size, row in own)
+        all(abs(size) <= _BEYOND * group.largest * row.std for size, row in own)
         and not any(size < 0 for size, row in own if row.source.kind is Kind.UNSTATED and row.source.of != "mass")
         and not all(is_negligible(problem, row, size) for size, row in own)
     )

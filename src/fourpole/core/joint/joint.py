@@ -29,6 +29,8 @@ from fourpole.errors import RigError
 #: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,
 #: that can show a dependence of K* on the amplitude.
 _UNLIKE, _FEWEST_UNLIKE = 0.05, 3
+#: Places in the run at which a gain may step, as shares of the tests.
+_STEPS = np.arange(1, 8) / 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +121,7 @@ def solve_joint(
     when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
     run = number[order], _places(number, when)[order]
     sensors = number if mounting is None else np.unique(np.array(mounting, dtype=str), return_inverse=True)[1].ravel()
+    sensors = sensors if np.ptp(sensors) else number  # a sensor of the rig may be touched with each specimen, too
     groups = (sensors[order], mass_at[order])
     errors = channels.part(order).errors(phasors.omega[order], groups, possible=True)
     errors += _unstated_errors(_places(np.zeros(count, dtype=int), when)[order])
@@ -219,13 +222,16 @@ def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarra
 
 
 def _unstated_errors(place: FloatArray) -> list[ChannelError]:
-    """Errors of the channels that a campaign does not state: gains that drift over the run, and cross-talk.
+    """Errors of the channels that a campaign does not state: gains that drift or step during the run, and cross-talk.
 
     Cross-talk has its shape from `reconcile.with_cross_talk`.
     """
     errors = []
+    steps = [cut for cut in np.unique(np.quantile(place, _STEPS)).tolist() if place.min() < cut]
     for channel, symbol in enumerate(SYMBOLS.values()):
         errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", channel, 0.0, place + 0j))
+        step = Source(Kind.GAIN_STEP, symbol)
+        errors += [ChannelError(step, "1", channel, 0.0, (place >= cut) + 0j) for cut in steps]
         for other in SYMBOLS.values():
             if other != symbol:
                 source = Source(Kind.CROSSTALK, f"{other} in {symbol}")

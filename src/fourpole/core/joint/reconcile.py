@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -114,7 +115,7 @@ def _asked(state: State, stated: Shared) -> Misfit:
             break
         if not all(trial.group.of_specimen for trial in together):
             before = before or _chi2(state)
-            causes += [(trial.group, _cause(trial, state.solution)) for trial in together]
+            causes.append([_cause(trial, state.solution) for trial in together])
         misfit = _raise(state, together, misfit)
         groups = [group for group in groups if not any(trial.group is group for trial in together)]
     misfit = _settled(state, misfit)
@@ -223,13 +224,13 @@ def _raised(state: State, stated: Shared) -> dict[str, Any]:
     return {"conflicts": conflicts, "added": tuple(added), "specimens": tuple(specimens)}
 
 
-def _judged(state: State, misfit: Misfit, causes: Sequence[tuple[Group, Candidate]]) -> Misfit:
+def _judged(state: State, misfit: Misfit, causes: Sequence[Sequence[Candidate]]) -> Misfit:
     """The misfit with its causes; what is not white has no cause, and then K* does not rest on the rig."""
     chi2, dof = _whole(state)
     if not is_unlikely(chi2, dof) and misfit.inflation < NOISE_IN_DOUBT:
         at_fault = bool(misfit.conflicts or misfit.added)
-        named = [cause for group, cause in causes] if at_fault else []
-        return replace(misfit, fits=not at_fault, candidates=tuple(named), tied=len(named))
+        named = causes if at_fault else [[]]
+        return replace(misfit, fits=not at_fault, candidates=tuple(chain(*named)), tied=len(named[0]))
     left = residuals(state.problem, state.solution)
     size = largest_part(state.problem, state.solution.z, state.solution.stiffness)
     level = _level(left.rig_part, left.rig_weight, float(left.rig_dof.sum()), size)

@@ -138,25 +138,6 @@ def _without_worst(state: State, left: Residuals) -> bool:
     return True
 
 
-#: A drift goes with the added mass if less than this share of the squared places is left besides the mass.
-_APART = 0.1
-
-
-def goes_with_mass(problem: Problem) -> bool:
-    """Whether repeats at another place in the run have another added mass, too.
-
-    An error of a sensor, which acts otherwise with another mass, then looks as a drift does.
-    """
-    first, observed, conditions = problem.conditions.first, problem.observed, problem.conditions
-    label = conditions.label[first:]
-    marks = (observed.mass_at[:, None] == np.unique(observed.mass_at)).astype(float)
-    apart = np.column_stack([marks, observed.place])
-    apart = (apart - conditions.mean(apart)[conditions.label])[first:] if label.size else apart[:0]
-    place = apart[:, -1]
-    rest = place - apart[:, :-1] @ np.linalg.lstsq(apart[:, :-1], place, rcond=None)[0]
-    return bool(place @ place > 0 and rest @ rest < _APART * (place @ place))
-
-
 def _outliers(state: State, left: Residuals) -> tuple[BoolArray, bool]:
     """Flags (N,) of the tests that do not agree with the others, and whether there are too many of them.
 
