@@ -61,7 +61,7 @@ def _show(about: RigInWords) -> None:
         out(about.gain)
     outliers = [f"{item.test} (variance enlarged {item.factor:.2g} times)" for item in about.outliers]
     _listed("The rig as stated does not fit", about.misfit)
-    _listed("What one added part would explain, the best first", about.candidates)
+    _listed("What explains the tests, the best first", about.candidates)
     _listed("Tests that do not agree with the others", outliers)
     _listed("Remarks", about.remarks)
     _listed("What these data cannot show", about.unseen)

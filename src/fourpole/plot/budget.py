@@ -49,7 +49,7 @@ def budget(results: Study) -> FigureData | None:
     most = max(len(panel.names) for panel in panels)
     return FigureData(
         tuple(panels), min(2, len(panels)), sheet.labels, keyed=keyed_tyres, notes=tuple(notes), shared=False,
-        panel_height=_ROW * (most + 1), left=1.25,
+        panel_height=_ROW * (most + 1), left=1.75,
     )  # fmt: skip
 
 

@@ -83,8 +83,8 @@ def value_label(source: Source) -> str:
 
     Examples
     --------
-    >>> value_label(Source.read("moving_mass")), value_label(Source.read("gain F1/V1"))
-    ('moving mass m', 'gain F1/V1')
+    >>> value_label(Source.read("moving_mass")), value_label(Source.read("loss angle block of radial"))
+    ('moving mass m', 'δ block of radial')
     """
     value = RIG_VALUES.get(source.of)
-    return value.name if value else plain_text(source.text.replace("_", " "), 28)
+    return value.name if value else plain_text(source.text.replace("_", " ").replace("loss angle", "δ"), 28)

@@ -313,7 +313,7 @@ def _limits(results: Study, rows: Sequence[SummaryRow]) -> list[str]:
             "specimen to the same state before each repeat (break-in, temperature, rest), then more repeats."
         )
     for (rig, _, remedy), found in list(groups.items())[: _MOST_SAID - len(said)]:
-        known = [f"{percent(one.relative)} in {one.quantity}" for one in found if one.relative]
+        known = [f"{percent(one.relative)} in {one.symbol}" for one in found if one.relative]
         source, share = source_in_words(found[0].source), min(one.share for one in found)
         opening = f"{source} makes {percent(share)} of the variance"
         opening += f" (u is {joined(known)})" if known else ""

@@ -334,7 +334,7 @@ class RigEstimate:
             f"{_named(value.source)} is stated as {_short(value.stated, value.unit)}, "
             f"the tests give {_short(value.found, value.unit)}"
             for value in self.contradicted
-            if value.source.role is not Role.RATIO
+            if self.candidates and value.source.role is not Role.RATIO
         ]
         chi2 = f"chi-square is {self.chi2 or 0.0:.3g} for {self.dof or 0.0:.0f} degrees of freedom"
         return f"({'; '.join(against) or chi2}); {self.explained}; {self._consequence()}"

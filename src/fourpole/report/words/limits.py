@@ -58,6 +58,11 @@ class Limit:
     remedy: str
     text: str
 
+    @property
+    def symbol(self) -> str:
+        """The symbol of the quantity."""
+        return _QUANTITIES[self.quantity].symbol
+
 
 def limits(results: Study) -> list[Limit]:
     """The limit of K2 and C for each rig, and of K* where these are unknown; empty without a budget.

@@ -124,8 +124,18 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
     per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None and ratio > 1 else ""
     yield f"The rig and the sensors as stated do not fit these tests{per}."
-    if not found.candidates:
+    if found.candidates:
+        yield from _contradictions(values)
+    else:
         yield _sentence(found.explained)
+    done = list(_enlarged(found))
+    if done:
+        yield f"The uncertainties of all results were enlarged to cover the misfit: {joined(done)}."
+    yield "No row counts as ok, and no value of this rig is called calibrated."
+
+
+def _contradictions(values: Sequence[ShownValue]) -> Iterable[str]:
+    """What the tests contradict, and what they show that nobody stated, as sentences."""
     against = [value.name for value in values if value.finding is RigFinding.CONTRADICTED]
     if against:
         which = "this statement hardly counts" if len(against) == 1 else "these statements hardly count"
@@ -139,10 +149,6 @@ def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ]
     if added:
         yield f"The tests show what you did not state: {joined(added)}. The uncertainties of all results include it."
-    done = list(_enlarged(found))
-    if done:
-        yield f"The uncertainties of all results were enlarged to cover the misfit: {joined(done)}."
-    yield "No row counts as ok, and no value of this rig is called calibrated."
 
 
 def _enlarged(found: RigEstimate) -> Iterable[str]:

@@ -57,7 +57,7 @@ _SIMPLE = {
     Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
     Kind.DELAY: ("delay of {}", "ms", 1e-3),
     Kind.LOW_CUT: ("low-cut of {}", "Hz", 1.0),
-    Kind.SLOPE: ("rise of {}'s gain with frequency", "%/kHz²", 1e-8),
+    Kind.SLOPE: ("rise of {}'s gain up to 100 Hz", "%", 1e-6),
     Kind.MOUNTING_GAIN: ("gain of {} in one mounting", "%", 0.01),
     Kind.MOUNTING_PHASE: ("phase of {} in one mounting", "°", pi / 180),
     Kind.REMOUNTING_GAIN: ("gain of {} with one added mass", "%", 0.01),
