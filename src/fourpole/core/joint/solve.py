@@ -23,7 +23,7 @@ _BLOCK = 4 * 64
 _LITTLE = 1e-3
 #: More columns than this are decomposed by a Cholesky step, if more than this fraction of the norm of each remains
 #: after projecting out those before it: the round-off of the step grows with the square of its inverse.
-_MANY, _REGULAR = 20, 1e-5
+_MANY, _REGULAR = 20, 3e-5
 _MOST_STEPS = 60
 #: The search has converged if a step is below this share of every standard uncertainty.
 _SMALL = 1e-5
