@@ -14,6 +14,8 @@ from fourpole.core.routes import maxwell_arm
 _STEP, _WIDTH = 1.0105, 1.0161
 #: Largest ratio of equal nominal frequencies, which allows for rounding in tests.csv.
 _SAME = 1.0005
+#: Logarithm of the ratio of two frequencies that differ by round-off alone.
+_ROUND_OFF = 1e-12
 #: If K* is closer to K1 than this share of |K*|, the arm is too soft to interpolate K2 and C.
 _SOFT_ARM = 1e-3
 
@@ -96,6 +98,7 @@ class JointConditions:
         self._omega = 2 * np.pi * frequency
         here = slice(self.first, None)
         self._apart = np.log(frequency[here] / self.mean_frequency[label[here]]) if self.count else np.zeros(0)
+        self.is_apart = bool(np.any(np.abs(self._apart) > _ROUND_OFF))  # whether a test is off its mean frequency
         number, same = np.arange(self.count), self.family[1:] == self.family[:-1]
         self._below = np.where(np.append(False, same)[: self.count], number - 1, number)
         self._above = np.where(np.append(same, False)[: self.count], number + 1, number)

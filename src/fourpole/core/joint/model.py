@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -140,57 +141,79 @@ def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArr
     return np.where(both[:, :, None], inverse, 0.0)
 
 
+#: Fields of `Linear` in the four directions that no drive changes.
+_ROWS = ("residual", "by_stiffness", "by_impedance")
+
+
 @dataclass(frozen=True, eq=False)
 class Linear(ByValue):
-    """Whitened residual and derivatives of some tests, with the drive projected out.
+    """Whitened residual and derivatives of some tests, in the four directions that no drive changes.
 
     Attributes
     ----------
-    residual : (N, 6) float array
+    residual : (N, 4) float array
         Measured minus model.
-    by_stiffness : (N, 6, 2) float array
+    by_stiffness : (N, 4, 2) float array
         Derivatives of the model by Re and Im of log K*; 0 for rigid blocks.
-    by_impedance : (N, 6, 2) float array
+    by_impedance : (N, 4, 2) float array
         Derivatives of the model by Re and Im of Zr [N s/m].
-    by_shared : (N, 6, p) float array
-        Derivatives of the model by the shared values, per stated standard uncertainty.
     drive : (N,) complex array [m/s]
         True V1, as estimated.
     impedance, ratio : (N,) complex arrays [N s/m], [1]
         Zr, and T = V2/V1.
-    impedance_by_shared : (N, p) complex array
-        dZr/dz.
     predicted : (N, 3) complex array
         F1, V1, V2 as the channels would record them, by the model.
-    frame : (N, 6, 2) float array
-        Orthonormal basis of the changes by the drive.
-    weigh : (N, 6, 6) float array, optional
-        M with M (1 + s² B B^T) M^T = 1 for the derivatives B by log K* and its scatter s; None without scatter. It is
-        applied to residual and derivatives already.
+    basis : (N, 6, 4) float array
+        The four directions among the whitened amplitudes, orthonormal. They turn with the parameters, and may flip.
+    weigh : (N, 4, 4) float array, optional
+        The symmetric M with M (1 + s² B B^T) M = 1 for the derivatives B by log K* and its scatter s; None without
+        scatter. It is applied to residual and derivatives already.
+    observed, shared, z
+        The tests and the shared values.
     """
 
     residual: FloatArray
     by_stiffness: FloatArray
     by_impedance: FloatArray
-    by_shared: FloatArray
     drive: ComplexArray
     impedance: ComplexArray
     ratio: ComplexArray
-    impedance_by_shared: ComplexArray
     predicted: ComplexArray
-    frame: FloatArray
+    basis: FloatArray
+    observed: Observed
+    shared: Shared
+    z: FloatArray
     weigh: FloatArray | None = None
+
+    @cached_property
+    def by_shared(self) -> FloatArray:
+        """Derivatives (N, 4, p) of the model by the shared values, per stated standard uncertainty."""
+        turn = np.swapaxes(self.basis, 1, 2) if self.weigh is None else self.weigh @ np.swapaxes(self.basis, 1, 2)
+        by_shared = whitened(turn @ self.observed.whiten, _by_channels(self))
+        by_shared += self.by_impedance @ parts(self.impedance_by_shared, axis=1)
+        return np.asarray(by_shared + self.by_stiffness @ self.observed.by_drift(self.shared))
+
+    @cached_property
+    def impedance_by_shared(self) -> ComplexArray:
+        """Derivatives (N, p) of Zr by the shared values [N s/m], per stated standard uncertainty."""
+        return _impedance_by_shared(self.observed, self.shared, self.z)
+
+    def field(self, name: str) -> np.ndarray:
+        """A field by its name; one in the four directions is returned in the six of the whitened amplitudes."""
+        values: np.ndarray = getattr(self, name)
+        return np.einsum("nij,nj...->ni...", self.basis, values) if name in _ROWS else values
 
     def scattered(self, scatter: FloatArray) -> Linear:
         """The same tests, whose log K* scatters by `scatter` (N,), in Re and in Im."""
         if not np.any(scatter):
             return self
-        by_k = self.by_stiffness
-        covariance = np.eye(6) + (scatter**2)[:, None, None] * (by_k @ np.swapaxes(by_k, 1, 2))
-        weigh = np.linalg.inv(np.linalg.cholesky(covariance))
-        names = ("by_stiffness", "by_impedance", "by_shared")
-        weighed = {name: weigh @ getattr(self, name) for name in names}
-        return replace(self, residual=(weigh @ self.residual[..., None])[..., 0], weigh=weigh, **weighed)
+        by_k = self.by_stiffness * scatter[:, None, None]
+        square = np.eye(2) + np.swapaxes(by_k, 1, 2) @ by_k
+        size, trace = np.sqrt(np.linalg.det(square)), np.trace(square, axis1=1, axis2=2)
+        root = (square + size[:, None, None] * np.eye(2)) / np.sqrt(trace + 2 * size)[:, None, None]
+        weigh = np.eye(4) - by_k @ np.linalg.inv(root + square) @ np.swapaxes(by_k, 1, 2)
+        weighed = {name: np.einsum("nij,nj...->ni...", weigh, getattr(self, name)) for name in _ROWS}
+        return replace(self, weigh=weigh, **weighed)
 
 
 def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: ComplexArray) -> Linear:
@@ -210,29 +233,26 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     by_zr = np.where(observed.rigid, 0.0, -jw * stiffness / (stiffness + jw * impedance) ** 2)
 
     unit = _three(impedance * ratio + jw * input_mass, 1.0, ratio) * gains
-    frame, triangle = _orthonormal(_both(observed.whiten, unit))
-    measured = whitened(observed.whiten, observed.amplitudes[..., None])[..., 0]
-    share = np.einsum("nij,ni->nj", frame, measured)
-    drive_parts = (inverse_upper(triangle) @ share[..., None])[..., 0]
-    drive = drive_parts[:, 0] + 1j * drive_parts[:, 1]
+    rotation, triangle = np.linalg.qr(_both(observed.whiten, unit), mode="complete")
+    rotated = np.swapaxes(rotation, 1, 2) @ observed.whiten  # a drive is in the first two rows alone
+    share, rest = whitened(rotated[:, :2], observed.amplitudes[..., None]), rotated[:, 2:]
+    drive = (inverse_upper(triangle[:, :2]) @ share)[..., 0] @ np.array([1, 1j])
 
     scaled, predicted = gains * drive[:, None], unit * drive[:, None]
     log_k = _three(impedance * by_log_k, 0.0, by_log_k) * scaled
     zr = _three(np.where(observed.rigid, 1.0, ratio**2), 0.0, by_zr) * scaled
-    zr_by_shared = _impedance_by_shared(observed, shared, rig, rig.impedance_gradient(observed.omega, added), extra)
-    by_shared = _by_shared(observed, shared, zr_by_shared, zr, predicted, jw * scaled[:, 0])
-    by_stiffness = projected(frame, _both(observed.whiten, log_k))
     return Linear(
-        residual=projected(frame, measured[..., None])[..., 0],
-        by_stiffness=by_stiffness,
-        by_impedance=projected(frame, _both(observed.whiten, zr)),
-        by_shared=projected(frame, whitened(observed.whiten, by_shared)) + by_stiffness @ observed.by_drift(shared),
+        residual=whitened(rest, (observed.amplitudes - predicted)[..., None])[..., 0],
+        by_stiffness=_both(rest, log_k),
+        by_impedance=_both(rest, zr),
         drive=drive,
         impedance=impedance,
         ratio=ratio,
-        impedance_by_shared=zr_by_shared,
         predicted=predicted,
-        frame=frame,
+        basis=rotation[:, :, 2:],
+        observed=observed,
+        shared=shared,
+        z=z,
     )
 
 
@@ -264,10 +284,10 @@ def _support(omega: FloatArray, rig: Rig) -> ComplexArray:
     return np.asarray(rig.impedance(omega)) - 1j * omega * (rig.moving_mass + rig.tyre_mass)
 
 
-def _impedance_by_shared(
-    observed: Observed, shared: Shared, rig: Rig, gradient: ComplexArray, extra: dict[str, float]
-) -> ComplexArray:
-    """Derivatives of Zr by z (N, p) [N s/m]; `extra` has the sizes of the unstated parts."""
+def _impedance_by_shared(observed: Observed, shared: Shared, z: FloatArray) -> ComplexArray:
+    """Derivatives of Zr by z (N, p) [N s/m]."""
+    rig, extra = shared.rig_at(z), shared.extra_at(z)
+    gradient = rig.impedance_gradient(observed.omega)
     shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
     support = _support(observed.omega, rig)
     through_frame = 1 - 2j * observed.omega * support * extra.get("frame", 0.0)
@@ -289,21 +309,18 @@ def _impedance_by_shared(
     return np.asarray(change * shared.std)
 
 
-def _by_shared(
-    observed: Observed,
-    shared: Shared,
-    zr_by_shared: ComplexArray,
-    by_zr: ComplexArray,
-    predicted: ComplexArray,
-    by_input_mass: ComplexArray,
-) -> ComplexArray:
-    """Derivatives of the three amplitudes by z (N, 3, p)."""
-    change = by_zr[:, :, None] * zr_by_shared[:, None, :]
-    for index, parameter in enumerate(shared.parameters):
-        if parameter.source.of_channel:
-            change[:, :, index] = observed.turns[:, :, parameter.index] * parameter.std * predicted
-        elif parameter.source in _INPUT_MASSES:
-            change[:, 0, index] = parameter.std * by_input_mass
+def _by_channels(linear: Linear) -> ComplexArray:
+    """Derivatives of the three amplitudes by z (N, 3, p), for fixed Zr and K*."""
+    observed, shared, predicted = linear.observed, linear.shared, linear.predicted
+    of = np.array([parameter.source.of_channel for parameter in shared.parameters], dtype=bool)
+    change = np.zeros((len(predicted), 3, len(shared)), dtype=complex)
+    if of.any():
+        index = np.where(of, [parameter.index for parameter in shared.parameters], 0)
+        change = np.take(observed.turns, index, axis=2) * (predicted[:, :, None] * np.where(of, shared.std, 0.0))
+    for place, parameter in enumerate(shared.parameters):
+        if parameter.source in _INPUT_MASSES:
+            drive = observed.gains(shared, linear.z)[:, 0] * linear.drive
+            change[:, 0, place] = parameter.std * 1j * observed.omega * drive
     return change
 
 
@@ -315,28 +332,17 @@ def _three(force: ComplexArray, motion: float, beyond: ComplexArray) -> ComplexA
 
 
 def whitened(whiten: FloatArray, values: ComplexArray) -> FloatArray:
-    """Complex changes (N, 3, k) of the amplitudes as Re and Im in turn (N, 6, k), in units of the noise."""
-    both = np.empty((len(values), 3, 2, values.shape[2]))
-    both[:, :, 0], both[:, :, 1] = values.real, values.imag
-    return np.matmul(whiten, both.reshape(len(values), 6, -1))
+    """Complex changes (N, 3, k) of the amplitudes, as Re and Im in turn, by a matrix (N, m, 6): (N, m, k)."""
+    return np.matmul(whiten, parts(values, axis=2).reshape(len(values), 6, -1))
 
 
 def _both(whiten: FloatArray, values: ComplexArray) -> FloatArray:
-    """Whitened derivatives (N, 6, 2) by Re and Im of a quantity, from the complex derivatives (N, 3)."""
-    both = np.empty((*values.shape, 2), dtype=complex)
-    both[..., 0], both[..., 1] = values, 1j * values
-    return whitened(whiten, both)
-
-
-def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Q and R of (N, 6, 2) columns; two Cholesky steps are as accurate as reflections and much faster."""
-    first, r1 = cholesky_qr(columns)
-    second, r2 = cholesky_qr(first)
-    return second, r2 @ r1
+    """Whitened derivatives (N, m, 2) by Re and Im of a quantity, from the complex derivatives (N, 3)."""
+    return whitened(whiten, np.stack([values, 1j * values], axis=-1))
 
 
 def cholesky_qr(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Q and R of (N, 6, 2) columns, by one Cholesky step."""
+    """Q and R of (N, m, 2) columns, by one Cholesky step."""
     upper = upper_factor(np.swapaxes(columns, 1, 2) @ columns)
     return columns @ inverse_upper(upper), upper
 
@@ -366,7 +372,7 @@ def _upper(first: FloatArray, across: FloatArray, second: FloatArray) -> FloatAr
 
 
 def projected(frame: FloatArray, columns: FloatArray) -> FloatArray:
-    """Columns (N, 6, k) without the directions of `frame`, which are projected out twice for full accuracy."""
+    """Columns (N, m, k) without the directions of `frame`, which are projected out twice for full accuracy."""
     for _ in range(2):
         columns = columns - frame @ (np.swapaxes(frame, 1, 2) @ columns)
     return columns

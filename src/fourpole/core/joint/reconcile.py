@@ -80,7 +80,8 @@ def reconcile(
         misfit = replace(_chi2(state), fits=False, rig_error=1.0, candidates=tuple(gross), tied=len(gross))
         return state.problem, state.solution, state.outlier, misfit
     state.problem = with_cross_talk(state.problem, state.solution)
-    state.solve(replace(state.problem, scatter=0.0))
+    if state.problem.scatter:
+        state.solve(replace(state.problem, scatter=0.0))
     misfit = _asked(state, problem.shared)
     return state.problem, state.solution, state.outlier, misfit
 

@@ -200,7 +200,7 @@ def own_tests(problem: Problem, solution: Solution) -> OwnTests:
     square = (spread**2)[:, None, None]
     shift = np.zeros((count, 2))
     for _ in range(_NEWTON):  # the departures may be many times the noise, where the model is no longer linear
-        by_k, residual, by_shared = _linear_at(plain, solution, shift)
+        by_k, residual, by_shared, basis = _linear_at(plain, solution, shift)
         weight = np.swapaxes(by_k, 1, 2) @ by_k
         covariance = square * np.linalg.inv(np.eye(2) + square * weight)
         drawn = covariance @ np.swapaxes(by_k, 1, 2)
@@ -211,12 +211,12 @@ def own_tests(problem: Problem, solution: Solution) -> OwnTests:
         keep=np.eye(2) - covariance @ weight,
         covariance=covariance,
         by_shared=-drawn @ by_shared,
-        by_frequency=(drawn @ by_frequency[..., None])[..., 0],
+        by_frequency=(drawn @ np.swapaxes(basis, 1, 2) @ by_frequency[..., None])[..., 0],
     )
 
 
-def _linear_at(problem: Problem, solution: Solution, shift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Derivatives by log K*, residuals and derivatives by the shared values, at the K* of each test."""
+def _linear_at(problem: Problem, solution: Solution, shift: FloatArray) -> list[FloatArray]:
+    """Derivatives by log K*, residuals, derivatives by the shared values and their basis, at the K* of each test."""
     conditions = problem.conditions
     stiffness = np.ones(conditions.label.size, dtype=complex)
     here = slice(conditions.first, None)
@@ -227,7 +227,5 @@ def _linear_at(problem: Problem, solution: Solution, shift: FloatArray) -> tuple
         linearise(problem.observed.part(rows), problem.shared, solution.z, stiffness[rows])
         for rows, _ in problem.chunks()
     ]
-    by_k, residual, by_shared = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("by_stiffness", "residual", "by_shared")
-    )
-    return by_k, residual, by_shared
+    names = ("by_stiffness", "residual", "by_shared", "basis")
+    return [np.concatenate([getattr(part, name) for part in parts]) for name in names]

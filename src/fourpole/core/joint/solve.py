@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.joint.conditions import JointConditions
@@ -19,11 +18,12 @@ from fourpole.core.sources import Source
 #: Number of tests in a chunk, which bounds the memory.
 _CHUNK = 4096
 #: Rows of a block in the first step of a QR decomposition.
-_BLOCK = 6 * 64
+_BLOCK = 4 * 64
 #: Weight of a statement that counts for little; without any, columns that are alike have no decomposition.
 _LITTLE = 1e-3
-#: More columns than this are decomposed by Cholesky steps.
-_MANY = 20
+#: More columns than this are decomposed by a Cholesky step, if more than this fraction of the norm of each remains
+#: after projecting out those before it: the round-off of the step grows with the square of its inverse.
+_MANY, _REGULAR = 20, 3e-5
 _MOST_STEPS = 60
 #: The search has converged if a step is below this share of every standard uncertainty.
 _SMALL = 1e-5
@@ -128,8 +128,8 @@ class Problem(ByValue):
             self._kept[:] = [z.copy(), stiffness.copy(), parts]
 
     def columns(self, name: str, z: FloatArray, stiffness: ComplexArray) -> np.ndarray:
-        """One field of the linearised model for all tests, by its name in `Linear`."""
-        return np.concatenate([getattr(linear, name) for _, _, linear in self.linearised(z, stiffness)])
+        """One field of the linearised model for all tests, as `Linear.field` returns it."""
+        return np.concatenate([linear.field(name) for _, _, linear in self.linearised(z, stiffness)])
 
     def by_log_frequency(self, z: FloatArray, stiffness: ComplexArray) -> FloatArray:
         """Derivative (N, 6) of the residual by log frequency, by a central difference."""
@@ -252,8 +252,9 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         The values with the smallest objective found. If the search did not converge, `reason` says why.
     """
     z = np.zeros(len(problem.shared)) if z is None else z
-    first = sweep(problem, z, start)  # its slopes of log K* are needed for a full sweep
-    stiffness, step, share = start, sweep(problem, z, start, first.slope), 1.0
+    stiffness, step, share = start, sweep(problem, z, start), 1.0
+    if problem.conditions.is_apart:  # a full sweep needs the slopes of log K*
+        step = sweep(problem, z, start, step.slope)
     before = lowest = (z, stiffness, step)
     flat = 0
     reason = f"the search did not converge in {_MOST_STEPS} steps"
@@ -349,7 +350,7 @@ def reduced(
         For each K*: the inverse of its own triangle, its slope by the shared values, and its step for known ones.
     """
     p = len(problem.shared)
-    lead = problem.conditions.lead(before)
+    lead = problem.conditions.lead(before) if problem.conditions.is_apart else None
     triangle = np.hstack([np.diag(np.append(np.ones(p - free), np.full(free, _LITTLE))), -z[:, None]])
     objective, weigh = float(z @ z), 0.0
     roots: list[FloatArray] = [np.zeros((0, 2, 2))]
@@ -358,9 +359,10 @@ def reduced(
     for rows, group, linear in problem.linearised(z, stiffness):
         objective += float(np.sum(linear.residual**2))
         if linear.weigh is not None:
-            weigh += float(np.sum(np.log(np.diagonal(linear.weigh, 0, 1, 2))))
-        by_shared = linear.by_shared + linear.by_stiffness @ lead[rows]
-        columns = np.concatenate([by_shared, linear.residual[:, :, None]], axis=2)
+            weigh += float(np.sum(np.linalg.slogdet(linear.weigh)[1]))
+        columns = np.concatenate([linear.by_shared, linear.residual[:, :, None]], axis=2)
+        if lead is not None:
+            columns[:, :, :p] += linear.by_stiffness @ lead[rows]
         if group.stop > group.start:
             starts = problem.conditions.starts[group] - rows.start
             root, share, columns = without_stiffness(linear.by_stiffness, columns, starts)
@@ -373,42 +375,33 @@ def reduced(
 
 
 def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:
-    """R of the QR decomposition of a triangle (k, k) above the columns (N, 6, k).
+    """R of the QR decomposition of a triangle (k, k) above the columns (N, 4, k).
 
-    Few columns are decomposed in small blocks. Many are, faster, by two Cholesky steps on columns of equal size.
+    They are decomposed in small blocks. Many regular columns are decomposed, faster, by a Cholesky step.
     """
     k = columns.shape[2]
     rows = columns.reshape(-1, k)
     if k > _MANY:
-        whole = np.vstack([triangle, rows])
-        size = np.linalg.norm(whole, axis=0)
+        gram = triangle.T @ triangle + rows.T @ rows
+        size = np.sqrt(np.diag(gram))
         with suppress(np.linalg.LinAlgError):
-            return _cholesky_r(whole / np.where(size > 0, size, 1.0)) * size
+            root = np.linalg.cholesky(gram / np.where(size > 0, np.outer(size, size), 1.0)).T
+            if np.min(np.diag(root)) > _REGULAR:
+                return np.asarray(root * size)
     whole_blocks = rows.shape[0] // _BLOCK * _BLOCK
     blocks = np.asarray(np.linalg.qr(rows[:whole_blocks].reshape(-1, _BLOCK, k), mode="r")).reshape(-1, k)
     return np.asarray(np.linalg.qr(np.vstack([triangle, blocks, rows[whole_blocks:]]), mode="r"))
 
 
-def _cholesky_r(columns: FloatArray) -> FloatArray:
-    """R of the QR decomposition of columns (m, k); the second step removes the round-off of the first."""
-    first = np.linalg.cholesky(columns.T @ columns).T
-    rest = scipy.linalg.solve_triangular(first, columns.T, trans="T").T
-    return np.asarray(np.linalg.cholesky(rest.T @ rest).T @ first)
-
-
 def without_stiffness(
     by_stiffness: FloatArray, columns: FloatArray, starts: np.ndarray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Project K* of each condition out of columns: R^-1 (c, 2, 2), Q^T columns (c, 2, k), and the rest (N, 6, k)."""
+    """Project K* of each condition out of columns: R^-1 (c, 2, 2), Q^T columns (c, 2, k), and the rest (N, 4, k)."""
     sizes = np.diff(np.append(starts, by_stiffness.shape[0]))
     basis, root = by_stiffness, np.eye(2)
     for _ in range(2):  # twice, because one pass amplifies round-off by the squared condition number
         inverse = inverse_upper(upper_factor(np.add.reduceat(np.swapaxes(basis, 1, 2) @ basis, starts, axis=0)))
         basis = basis @ np.repeat(inverse, sizes, axis=0)
         root = root @ inverse
-    share = np.zeros((starts.size, 2, columns.shape[2]))
-    for _ in range(2):
-        part = np.add.reduceat(np.swapaxes(basis, 1, 2) @ columns, starts, axis=0)
-        columns = columns - basis @ np.repeat(part, sizes, axis=0)
-        share = share + part
-    return root, share, columns
+    share = np.add.reduceat(np.swapaxes(basis, 1, 2) @ columns, starts, axis=0)
+    return root, share, columns - basis @ np.repeat(share, sizes, axis=0)
