@@ -27,7 +27,7 @@ from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either, 
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: Least gain in the logarithm of the evidence for which a group is raised.
-GAIN = 5.0
+GAIN = 4.0
 #: Groups whose gain is within this of the best are raised with it, if it is enough by itself or almost the best.
 _TIE, _ALMOST = 10.0, 2.0
 #: Number of groups that are tried in earnest in one round.
@@ -186,7 +186,7 @@ def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlie
     tried = [*_screened(problem, solution, groups)][:_TRIED]
     if any(group is SCATTER for group in groups) and (scatter := _scatter(problem, solution, outlier)):
         tried.append((np.inf, SCATTER, scatter))
-    made = [_trial(problem, solution, group, factor) for _, group, factor in tried]
+    made = [_trial(problem, solution, group, factor, outlier) for _, group, factor in tried]
     if any(group is STRANGE for group in groups):
         scattered = next((trial for trial in made if trial is not None and trial.group is SCATTER), None)
         made.append(_strange(problem, solution, scattered, outlier))
@@ -206,7 +206,7 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
         columns = block[:, first : first + len(group.parameters)]
         first += len(group.parameters)
         gain, factor = _gain(columns, target, group)
-        if gain > GAIN - _ALMOST:
+        if gain > (0.0 if problem.scatter else GAIN - _ALMOST):
             gains.append((gain, group, factor))
     yield from sorted(gains, key=lambda row: -row[0])
 
@@ -278,13 +278,20 @@ def _apart(problem: Problem, solution: Solution, own: FloatArray) -> tuple[Probl
     return solve_either(wider, solution.stiffness, solution.z)
 
 
-def _trial(problem: Problem, solution: Solution, group: Group, factor: float) -> Trial | None:
-    """A group raised and solved for; None if its size is impossible or the search fails."""
+def _trial(problem: Problem, solution: Solution, group: Group, factor: float, outlier: FloatArray) -> Trial | None:
+    """A group raised and solved for; None if its size is impossible or the search fails.
+
+    Scatter that was raised before may have been the group: what is left of it counts.
+    """
     wider, z = raised(problem, solution.z, group, factor)
     wider, after = solve_either(wider, solution.stiffness, z)
-    gain = after.evidence - solution.evidence - 0.5 * np.log(max(factor, 1.0)) - group.cost
-    if group is SCATTER:
-        gain += volume(wider, solution) - volume(problem, solution)
+    gain = -0.5 * np.log(max(factor, 1.0)) - group.cost
+    if group is not SCATTER and problem.scatter:
+        less = min(_scatter(wider, after, outlier) * SCATTER.parameters[0].std, problem.scatter)
+        wider, after = solve_either(replace(wider, scatter=less), after.stiffness, after.z)
+    if wider.scatter != problem.scatter:
+        gain += volume(replace(problem, scatter=wider.scatter), solution) - volume(problem, solution)
+    gain += after.evidence - solution.evidence
     possible = after.converged and np.isfinite(gain) and _possible(group, wider, after.z)
     return Trial(group, factor, float(gain), wider, after) if possible else None
 

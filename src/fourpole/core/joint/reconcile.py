@@ -147,6 +147,8 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
                          for parameter in trial.group.parameters)  # fmt: skip
             loss = max(1 - GAIN / trial.gain, _LEAST_LOSS) if stated else 1.0
             problem, z = raised(problem, z, trial.group, trial.factor * float(np.sqrt(loss)))
+    if problem.scatter and SCATTER not in (trial.group for trial in together):
+        problem = replace(problem, scatter=min(trial.problem.scatter for trial in together))
     state.solution = replace(state.solution, z=z)
     state.solve(problem)
     return misfit
