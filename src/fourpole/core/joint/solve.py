@@ -20,7 +20,7 @@ _CHUNK = 4096
 #: Rows of a block in the first step of a QR decomposition.
 _BLOCK = 4 * 64
 #: Weight of a statement that counts for little; without any, columns that are alike have no decomposition.
-_LITTLE = 1e-3
+_LITTLE = 0.03
 #: More columns than this are decomposed by a Cholesky step, if more than this fraction of the norm of each remains
 #: after projecting out those before it: the round-off of the step grows with the square of its inverse.
 _MANY, _REGULAR = 20, 3e-5
@@ -370,14 +370,15 @@ def reduced(
             roots.append(root)
             slopes.append(moved[:, :, :p])
             own_steps.append(moved[:, :, p])
-        triangle = with_columns(triangle, columns)
+        triangle = with_columns(triangle, columns, 0.0 if free else _REGULAR)
     return triangle, objective, weigh, (np.concatenate(roots), np.concatenate(slopes), np.concatenate(own_steps))
 
 
-def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:
+def with_columns(triangle: FloatArray, columns: FloatArray, regular: float = _REGULAR) -> FloatArray:
     """R of the QR decomposition of a triangle (k, k) above the columns (N, 4, k).
 
-    They are decomposed in small blocks. Many regular columns are decomposed, faster, by a Cholesky step.
+    They are decomposed in small blocks. Many columns are decomposed, faster, by a Cholesky step, if more than the share
+    `regular` of each is left without those before it.
     """
     k = columns.shape[2]
     rows = columns.reshape(-1, k)
@@ -386,7 +387,7 @@ def with_columns(triangle: FloatArray, columns: FloatArray) -> FloatArray:
         size = np.sqrt(np.diag(gram))
         with suppress(np.linalg.LinAlgError):
             root = np.linalg.cholesky(gram / np.where(size > 0, np.outer(size, size), 1.0)).T
-            if np.min(np.diag(root)) > _REGULAR:
+            if np.min(np.diag(root)) > regular:
                 return np.asarray(root * size)
     whole_blocks = rows.shape[0] // _BLOCK * _BLOCK
     blocks = np.asarray(np.linalg.qr(rows[:whole_blocks].reshape(-1, _BLOCK, k), mode="r")).reshape(-1, k)
