@@ -1,15 +1,14 @@
 """Rig, sensors and limits in words: what was found, what was not, and what cannot be seen."""
 
 from dataclasses import replace
-from math import radians
 
 import polars as pl
 import pytest
 from tests.plot.conftest import blank, empty_results, results_of
-from tests.plot.rig_found import JOINT, MASSED, MISFIT, UNSTATED, VALUES, rig_table, with_rig_found
+from tests.plot.rig_found import JOINT, MISFIT, UNSTATED, VALUES, rig_table, with_rig_found
 
 from fourpole.report.words.limits import limits
-from fourpole.report.words.rig import is_late, rigs_in_words
+from fourpole.report.words.rig import rigs_in_words
 from fourpole.report.words.shared_values import DASH
 from fourpole.study.rig_estimate import NoteCode
 
@@ -243,54 +242,25 @@ def test_outliers_are_named_the_worst_first(plain):
 # ---- what cannot be seen
 
 
-def test_an_error_of_one_value_that_would_not_show(plain):
-    values = {name: cells for name, cells in VALUES.items() if name != "phase V1"}
-    assert of(with_values(plain, values)).unseen[0] == (
-        "An error of V1's gain beyond its statement would not show in these data; a repeat with a weighed mass would "
-        "show it."
+def component(**changes):
+    return {
+        "component": "cross-talk V2 in V1", "unit": "1", "size": 0.098, "result": "TR", "shift": 165.5,
+        "words": "cross-talk of V2 in V1, +9.8 % of its size", "key": "std_crosstalk",
+    } | changes  # fmt: skip
+
+
+def test_what_the_tests_do_not_show_stands_with_its_size_its_effect_and_its_key(plain):
+    (text,) = of(with_values(plain, VALUES, unseen=[component()])).unseen
+    assert text == (
+        "Cross-talk of V2 in V1, +9.8 % of its size would not show in these data, and TR would be off by 166 u; "
+        "std_crosstalk in campaign.toml states it."
     )
 
 
-def test_errors_of_several_values_that_would_not_show(plain):
-    text, *others = of(plain).unseen
-    assert text.startswith("Errors of V1's gain and V1's phase beyond their statements ")
-    assert text.endswith(" would show them.")
-    assert len(others) == 1
-
-
-def test_errors_with_the_same_effect(plain):
-    assert of(plain).unseen[1] == (
-        "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
-        "error of the moving mass and the preload spring together."
-    )
-
-
-def test_with_a_second_mass_only_a_common_error_is_unseen(plain):
-    common, _ = of(with_values(plain, MASSED)).unseen
-    assert common == (
-        "An error of V1's gain and V1's phase that all channels have in common would not show in these data. It has no "
-        "effect on the results: K* needs only the ratios of the channels, whose errors would show."
-    )
-
-
-def test_with_a_second_mass_all_rests_on_its_weight(plain):
-    _, mass = of(with_values(plain, MASSED)).unseen
-    assert mass.startswith("The scale of the sensors, and so of K*, rests on the weight of the added mass 10 kg")
-    assert mass.endswith("Weigh it twice; a second, different mass would show it.")
-
-
-def test_an_error_that_would_show_only_when_it_is_large(plain):
-    assert of(with_values(plain, changed("preload_stiffness", seen=1500.0))).unseen[-1] == (
-        "Errors beyond what is stated would show only from a size of 1.5 kN/m for the preload spring K3; smaller ones "
-        "stay unseen."
-    )
-
-
-def test_what_is_stated_loosely_allows_for_a_large_error(plain):
-    # A sensor stated to 3 % allows for 10 %: that is no undeclared error.
-    loose = of(with_values(plain, changed("gain F1", **{"u(stated)": 0.03, "seen": 0.1})))
-    assert not any(is_late(value) for value in loose.values if value.source.text == "gain F1")
-    assert loose.unseen == of(plain).unseen
+def test_of_many_components_the_first_are_listed(plain):
+    texts = of(with_values(plain, VALUES, unseen=[component(shift=50.0 - at, key="") for at in range(10)])).unseen
+    assert len(texts) == 9
+    assert texts[-1] == "2 further components would move a result by more than 2 u."
 
 
 def test_a_size_that_nobody_would_miss_is_no_size(plain):
@@ -406,21 +376,3 @@ def test_all_candidates_that_explain_the_misfit_equally_well_are_listed_as_such(
     texts = of(with_values(plain, VALUES, **{**MISFIT, "candidates": listed, "tied": tied})).candidates
     assert len(texts) == max(4, tied)
     assert [at for at, text in enumerate(texts) if "do not distinguish it from the first" in text] == alike
-
-
-@pytest.mark.parametrize(
-    ("name", "limit", "late"),
-    [
-        ("gain F1", 0.0499, False),
-        ("gain F1", 0.0501, True),
-        ("phase F1", radians(2.99), False),
-        ("phase F1", radians(3.01), True),
-        ("moving_mass", 15.0 * 0.0499, False),
-        ("moving_mass", 15.0 * 0.0501, True),
-    ],
-)
-def test_a_detection_limit_is_late_above_five_per_cent_or_three_degrees(plain, name, limit, late):
-    unit, stated = {"gain F1": ("1", 1.0), "phase F1": ("rad", 0.0), "moving_mass": ("kg", 15.0)}[name]
-    row = (unit, stated, 1e-3, stated, 1e-4, 0.1, limit, "found")
-    (value,) = of(with_values(plain, {name: row})).values
-    assert is_late(value) is late

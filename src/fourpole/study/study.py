@@ -30,7 +30,8 @@ from fourpole.quantities import TYRE, ShownUnits
 from fourpole.study.notebook import tables_html
 from fourpole.study.onetest import TestedTables
 from fourpole.study.record import place_of, section, texts, write_record
-from fourpole.study.rig_estimate import RigEstimate, read_rig_estimates
+from fourpole.study.rig_estimate import RigEstimate
+from fourpole.study.rig_read import read_rig_estimates
 from fourpole.study.tables import DYNAMIC, TABLE_FILES, TABLES, verdict_counts
 from fourpole.units import nearest, quantity, shown
 

@@ -6,24 +6,20 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from fourpole.core.sources import Kind, Role
+from fourpole.core.sources import Role
 from fourpole.findings.facts import natural
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, joined, number, percent
-from fourpole.report.words.shared_values import DECLARED, ShownValue
-from fourpole.report.words.sources import source_in_words
+from fourpole.report.words.shared_values import ShownValue
 from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding
 from fourpole.study.study import Study
 from fourpole.words import cause_words
 
-#: An undeclared error is reported as hard to detect if its detection limit is above this, by the unit shown.
-#: For a value of the rig the limit for per cent counts, relative to the value.
-_LATE = {"%": 5.0, "°": 3.0}
 #: Candidates that are listed, and all that explain the misfit equally well.
 _MOST_CANDIDATES = 4
-#: Two gains whose errors have the same effect on F1/V2.
-_BLIND = {(Kind.GAIN, "F1"), (Kind.GAIN, "V2")}
+#: Components that the tests do not show which are listed.
+_MOST_UNSEEN = 8
 #: Notes whose content is given by other sentences of this module.
 _SAID = (NoteCode.MISFIT, NoteCode.OUTLIERS, NoteCode.NOT_CONVERGED, NoteCode.SCATTER)
 
@@ -83,7 +79,7 @@ def _in_words(found: RigEstimate, units: ShownUnits) -> RigInWords:
         misfit=() if found.fits else tuple(_misfit(found, values)),
         candidates=() if found.fits else tuple(_candidates(found)),
         remarks=tuple(_remarks(found)),
-        unseen=tuple(_unseen(found, values)),
+        unseen=tuple(_unseen(found)),
         outliers=tuple(sorted(found.outliers, key=lambda outlier: (-outlier.factor, natural(outlier.test)))),
         gain=_gain(found),
     )
@@ -208,102 +204,13 @@ def _gain(found: RigEstimate) -> str:
     return f"With the weighed mass the tests without it give {joined(parts)} (median standard uncertainties)."
 
 
-def _unseen(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
-    """Undeclared errors that the tests do not show, and what would show them, as sentences."""
-    # If the rig does not fit, the misfit already shows an error of the rig, so only errors of channels can be hidden.
-    groups = {Role.RIG, Role.CHANNEL} if found.fits else {Role.CHANNEL}
-    every = [value for value in values if value.group in groups and _is_hidden(value)]
-    # Of these values only an error that all channels have in common is hidden.
-    common = [value for value in every if found.massed and _ratios_seen(value, values)]
-    hidden = [value for value in every if value not in common]
-    yield from _common_error(common)
-    if hidden:
-        yield _hidden_errors(hidden, massed=found.massed)
-    yield from [] if found.massed else _equal_effects(values)
-    yield from _trusted_masses(values)
-    if Role.CHANNEL not in {value.group for value in hidden}:
-        groups = groups | {Role.RATIO}
-    yield from _late_errors([value for value in values if value.group in groups and value not in common])
-
-
-def _late_errors(values: Sequence[ShownValue]) -> Iterable[str]:
-    """The values with a large detection limit, as a sentence."""
-    late = [value for value in values if is_late(value)]
-    if late:
-        sizes = joined(f"{value.detection_words} for {_possessive(value)}" for value in late)
-        yield f"Errors beyond what is stated would show only from a size of {sizes}; smaller ones stay unseen."
-
-
-def _hidden_errors(hidden: Sequence[ShownValue], *, massed: bool) -> str:
-    """The values of which the tests show no plausible error, and the cheapest way to detect one, as a sentence."""
-    errors, statement, them = "An error", "its statement", "it"
-    if len(hidden) > 1:
-        errors, statement, them = "Errors", "their statements", "them"
-    remedy = "a calibration" if all(value.group is Role.CHANNEL for value in hidden) else "a measurement of its own"
-    return (
-        f"{errors} of {_possessives(hidden)} beyond {statement} would not show in these data; "
-        f"{remedy if massed else 'a repeat with a weighed mass'} would show {them}."
-    )
-
-
-def _trusted_masses(values: Sequence[ShownValue]) -> Iterable[str]:
-    """The dependence of all results on the weight of an added mass, with the detection limit of its error."""
-    for value in values:
-        if value.group is Role.MASS and value.finding is RigFinding.NOT_DETERMINED:
-            below = "" if value.detection_limit is None or value.hidden else f" below {value.detection_words}"
-            yield (
-                f"The scale of the sensors, and so of K*, rests on the weight of the {value.name}: an undeclared error "
-                f"of it{below} would not show, and moves K* by its share and K2 and C by several times that. Weigh it "
-                "twice; a second, different mass would show it."
-            )
-
-
-def _common_error(common: Sequence[ShownValue]) -> Iterable[str]:
-    """Sentence on an error that all channels have in common."""
-    if common:
+def _unseen(found: RigEstimate) -> Iterable[str]:
+    """The components that move a result before the tests would show them, the largest first, as sentences."""
+    for component in found.unseen[:_MOST_UNSEEN]:
+        key = f"; {component.key} in campaign.toml states it" if component.key else ""
         yield (
-            f"An error of {_possessives(common)} that all channels have in common would not show in these data. It has "
-            "no effect on the results: K* needs only the ratios of the channels, whose errors would show."
+            f"{component.words[:1].upper()}{component.words[1:]} would not show in these data, and {component.result} "
+            f"would be off by {component.shift:.0f} u{key}."
         )
-
-
-def _equal_effects(values: Sequence[ShownValue]) -> Iterable[str]:
-    """Sentence on errors that have the same effect on the results of all tests with one mass."""
-    if {(value.source.kind, value.source.of) for value in values if not value.source.under} >= _BLIND:
-        yield (
-            "These data compare F1/V2 with the rig: an error of F1's gain has the same effect as one of V2's, or as an "
-            "error of the moving mass and the preload spring together."
-        )
-
-
-def _is_hidden(value: ShownValue) -> bool:
-    """Whether the tests show no plausible error of a value; the statement of a contradicted value shows one."""
-    return value.hidden and value.finding is not RigFinding.CONTRADICTED
-
-
-def _ratios_seen(value: ShownValue, values: Sequence[ShownValue]) -> bool:
-    """Whether an error of every channel ratio of the same kind as a channel's value would be detected."""
-    if value.group is not Role.CHANNEL:
-        return False
-    ratios = [other for other in values if other.group is Role.RATIO and other.source.kind is value.source.kind]
-    return bool(ratios) and not any(other.hidden or is_late(other) for other in ratios)
-
-
-def is_late(value: ShownValue) -> bool:
-    """Whether the detection limit is large and exceeds six stated standard uncertainties."""
-    if value.detection_limit is None or value.hidden or value.group is Role.MASS:
-        return False
-    if value.detection_limit < DECLARED * (value.stated_std or 0.0):
-        return False
-    if value.unit in _LATE:
-        return value.detection_limit > _LATE[value.unit]
-    return bool(value.stated) and value.detection_limit > 0.01 * _LATE["%"] * abs(value.stated or 0.0)
-
-
-def _possessive(value: ShownValue) -> str:
-    """The name of a value inside a sentence: "V1's gain", "the moving mass m"."""
-    return source_in_words(value.source) if value.group is Role.CHANNEL else f"the {value.name}"
-
-
-def _possessives(values: Sequence[ShownValue]) -> str:
-    return joined(_possessive(value) for value in values)
+    if len(found.unseen) > _MOST_UNSEEN:
+        yield f"{counted(len(found.unseen) - _MOST_UNSEEN, 'further component')} would move a result by more than 2 u."
