@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import tempfile
 import warnings
@@ -72,13 +73,16 @@ def _errors(rng: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _run(seed: int, tyres: list[VirtualTyre], errors: dict[str, Any]) -> Study:
+def _run(seed: int, tyres: list[VirtualTyre], errors: dict[str, Any], *, serials: bool = False) -> Study:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "campaign"
         simulate_campaign(
             folder, seed=seed, tyres=tyres, pressures=[170e3], preloads=[1000.0], frequencies=_FREQUENCIES,
             sensors=_STD, rig_std={name: std for name, (_, std) in _RIG.items()}, **errors,
         )  # fmt: skip
+        if serials:
+            path = folder / "campaign.toml"
+            path.write_text(re.sub(r'column = "(F1|V1|V2|F|x)"', r'column = "\1", serial = "SN \1"', path.read_text()))
         return analyse(folder, monte_carlo=0, workers=1)
 
 
@@ -102,9 +106,20 @@ def _changed(change: float) -> VirtualTyre:
 
 
 def _two_runs(number: int, change: float) -> Scores:
-    """Two campaigns with the same sensors on the same rig."""
+    """Two campaigns with the same sensors, which have serial numbers, on the same rig."""
     errors = _errors(np.random.default_rng(1000 + number))
-    pair = (_run(2 * number + at, [tyre], errors) for at, tyre in enumerate((RADIAL_PLY, _changed(change))))
+    tyres = RADIAL_PLY, _changed(change)
+    pair = (_run(2 * number + at, [tyre], errors, serials=True) for at, tyre in enumerate(tyres))
+    return _scores(compare(*pair), change)
+
+
+def _other_sensors(number: int, change: float) -> Scores:
+    """Two campaigns on one rig with sensors of their own, which are stated by the same text without serial numbers."""
+    rng = np.random.default_rng(1000 + number)
+    first = _errors(rng)
+    both = first, {**_errors(rng), "rig_error": first["rig_error"]}
+    tyres = RADIAL_PLY, _changed(change)
+    pair = (_run(2 * number + at, [tyres[at]], errors) for at, errors in enumerate(both))
     return _scores(compare(*pair), change)
 
 
@@ -127,6 +142,7 @@ CASES: dict[str, tuple[Callable[[int, float], Scores], float, int]] = {
     "two tyres of one campaign, 3 % apart": (_one_campaign, 0.03, 1),
     "two tyres of two campaigns, 3 % apart": (_two_runs, 0.03, 1),
     "two tyres of two campaigns, 15 % apart": (_two_runs, 0.15, 1),
+    "two runs of one tyre on one rig, other sensors of equal text": (_other_sensors, 0.0, 1),
     "two runs on sensors and rigs of their own, independent": (_apart, 0.0, 1),
 }
 

@@ -253,13 +253,30 @@ def test_the_assumptions_name_the_key_that_replaces_each():
         "motion_out": "exact = true",
     }
     said = stated().assumptions()
-    for key in ("std_delay", "coupling", "std_slope", "mounted", "remounted_with_mass", "std_block", "std_drift"):
+    for key in (
+        "std_delay",
+        "coupling",
+        "std_slope",
+        "mounted",
+        "remounted_with_mass",
+        "linearity",
+        "std_block",
+        "std_drift",
+    ):
         assert len([note for note in said if f"no {key} stated" in note]) == 1
     assert "[rig] preload_damping: not stated, taken as 0 ± 17 N s/m, 2 % of the critical one" in said
     assert any("force_in, motion_in, motion_out: no std_delay stated, taken as 20 µs" in note for note in said)
     lines = "\n".join(f'{role} = {{ column = "c", unit = "{UNITS[role]}", {keys} }}' for role, keys in every.items())
     damped = RIG + 'preload_damping = "0 N s/m"\n[conditions]\nstd_block = 0\nstd_drift = 0\n'
     assert len(parse_campaign(f"{damped}[channels]\n{lines}\n").assumptions()) == 3  # of the rig, std_gain, std_phase
+    line = "[channels] load, deflection: no linearity stated, taken as 0.1 % of the range, in K1"
+    assert line in said
+    static = (
+        '[channels]\nload = { column = "F", unit = "N" }\ndeflection = { column = "x", unit = "mm", linearity = 0 }\n'
+    )
+    assert [note for note in parse_campaign(static).assumptions() if "std_gain" not in note] == [
+        line.replace(", deflection", "")
+    ]
     assert any('taken as "rig"' in note for note in stated(more=BLOCKED, motion_in="mm").assumptions())
 
 

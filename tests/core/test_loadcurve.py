@@ -512,6 +512,18 @@ def test_gains_of_the_sensors():
     assert tangent.std_with_gains(0.0, 0.0) == tangent.std
 
 
+@pytest.mark.parametrize("wave", [lambda s: np.sqrt(2.0) * np.sin(np.pi * s), lambda s: np.sqrt(30.0) * s * (1 - s)])
+def test_a_departure_from_a_straight_line_moves_k1_by_its_slope(wave):
+    """A departure over the range of 0.1 % as its standard deviation: a half wave, or a parabola."""
+    x, size = np.linspace(0.0, DEPTH, 2001), 1e-3
+    whole = 150e3 * DEPTH
+    bent = LoadCurve(x, 150e3 * x + size * whole * wave(x / DEPTH))
+    errors = [bent.tangent(load).stiffness - 150e3 for load in np.linspace(0.01, 0.99, 50) * whole]
+    expected = LoadCurve(x, 150e3 * x).tangent(0.5 * whole).std_by_linearity(size, 0.0)
+    assert expected == pytest.approx(np.pi * size * 150e3)
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(expected, rel=0.05)
+
+
 def test_missing_points_are_left_out_and_said(load_cycles):
     x, f = load_cycles(LAW)
     x, f = x.copy(), f.copy()

@@ -75,9 +75,7 @@ def test_the_error_of_common_sensors_cancels_and_that_of_others_does_not(runs):
     both = dynamic(same).join(dynamic(alone), on=keys)
     assert (both["u(difference)"] < 0.15 * both["u(difference)_right"]).mean() > 0.9
     assert (both["difference"] == both["difference_right"]).all()
-    assert (
-        "sensors of F1, V1, V2, load, deflection, by their serial numbers; of the rig: moving mass m" in same.common[0]
-    )
+    assert "sensors of F1, V1, V2, load, deflection (serial numbers); moving mass m" in same.common[0]
     assert alone.common == ("All errors are taken as independent, as asked for.",)
     other = compare(runs["one"], runs["other"])
     assert np.sqrt(np.mean(dynamic(other)["z [1]"].to_numpy() ** 2)) < 2.0
@@ -145,7 +143,7 @@ def test_a_statement_that_differs_is_not_common(runs, tmp_path):
     path = changed / "results" / "study.json"
     path.write_text(path.read_text().replace('"column": "V1"', '"column": "V1b"'))
     found = compare(runs["one"], changed)
-    assert "sensors of F1, V2, load, deflection, by their serial numbers;" in found.common[0]
+    assert "sensors of F1, V2, load, deflection (serial numbers);" in found.common[0]
     assert found.common[1] == "The statements of V1 differ: their errors are taken as independent."
     wider = dynamic(found).join(dynamic(compare(runs["one"], runs["two"])), on=["quantity", "frequency [Hz]"])
     of_modulus = wider.filter(pl.col("quantity") == "|K*|")
@@ -341,9 +339,9 @@ def test_what_two_campaigns_have_in_common_of_a_sensor(first, second, gain, dela
 def test_a_mounting_and_a_rig_of_another_name_are_told():
     _, said = of_two_campaigns(stated(), stated())
     assert said[0].startswith(
-        "Taken as common are the errors of the sensors of V1, by their serial numbers; of the rig:"
+        "Taken as common are the errors of the sensors of V1 (serial numbers); moving mass m of the rig"
     )
-    assert said[1].startswith("The part of a mounting in the gain and phase of V1 is taken as independent")
+    assert said[1].startswith("The part of a mounting in gain and phase of V1 is taken as independent")
     for other, common in (("bench", 1.0), ("tower", 0.0)):
         assert of_two_campaigns(stated(), stated(rig=other))[0]("moving_mass") == common
 

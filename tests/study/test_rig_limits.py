@@ -14,7 +14,7 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
 from fourpole.study.compare import _arm_check
-from fourpole.study.identify import _skew, _with_drift, added_masses
+from fourpole.study.identify import _skew, _with_specimen, added_masses
 from fourpole.study.points import StaticStiffness
 from fourpole.study.rig_estimate import NoteCode, RunOrder
 from fourpole.study.rig_solution import rig_estimate
@@ -145,12 +145,28 @@ def test_a_drift_is_in_the_uncertainty_of_k1(static):
     assert [source.of for source in joint.misfit.specimens] == ["radial", "radial"]
     when = np.nan if static is None else 7200.0 * static
     k1 = StaticStiffness(180e3, 500.0, parts={Source(Kind.K1_FIT): 500.0}, time=when)
-    k1_std, parts = _with_drift(setup, joint, [k1] * 12, RunOrder.TIME)
+    k1_std, parts = _with_specimen(setup, joint, [k1] * 12, RunOrder.TIME)
     apart = np.sqrt(place**2 + 1 / 12) if static is None else np.abs(place - static)
     expected = 0.02 * 180e3 * apart
     drawn = np.array([part[Source(Kind.K1_DRIFT)] for part in parts])
     assert drawn == pytest.approx(expected, rel=0.02, abs=1.0)
     assert k1_std == pytest.approx(np.hypot(500.0, drawn))
+
+
+def test_a_scatter_that_was_found_is_in_the_uncertainty_of_k1():
+    """K* of repeats scatters by 1 %, and so does K1 between the static and a dynamic test."""
+    place, _, _ = drifting()
+    joint = SimpleNamespace(
+        misfit=SimpleNamespace(scatter=0.01), stated=SimpleNamespace(parameters=()), order=np.arange(12),
+        problem=SimpleNamespace(observed=SimpleNamespace(place=place)),
+    )  # fmt: skip
+    setup = {"k1": np.append(np.full(11, 180e3), np.nan), "time": place, "specimen": np.full(12, "radial")}
+    k1 = [StaticStiffness(180e3, 500.0, parts={Source(Kind.K1_FIT): 500.0})] * 11 + [StaticStiffness()]
+    k1_std, parts = _with_specimen(setup, joint, k1, RunOrder.TIME)
+    assert k1_std[:11] == pytest.approx(np.hypot(500.0, 1800.0))
+    assert np.isnan(k1_std[11])
+    assert parts[0] == {Source(Kind.K1_FIT): 500.0, Source(Kind.SCATTER): pytest.approx(1800.0)}
+    assert parts[11] == {}
 
 
 # K2 and C of one test.

@@ -222,6 +222,28 @@ def test_the_gains_of_load_and_deflection_are_uncertain_too(bench):
     assert study.static["u(K1) [N/m]"][0] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize("keys", [("0.1 %", "0.3 %"), ("0.1 %", None), (None, None)])
+def test_the_linearity_of_load_and_deflection_reaches_k2_and_c(bench, keys):
+    """Beside the gains, which have 1 %; with [unstated] ordinary = "zero" one that is not stated is none."""
+    for role, column, unit, key in zip(("load", "deflection"), ("F", "x"), ("N", "mm"), keys, strict=True):
+        more = f', linearity = "{key}"' if key else ""
+        bench.channels[role] = f'{{ column = "{column}", unit = "{unit}", std_gain = "1 %"{more} }}'
+    bench.static("S1", "1.7,")
+    bench.dynamic("D1", "1.7,1000")
+    study = bench.analyse()
+    sizes = [float(key[:-2]) / 100 if key else 0.0 for key in keys]
+    expected = np.pi * np.hypot(*sizes) * tangent(1000.0)
+    budget = {(row["source"], row["quantity"]): row["u"] for row in study.budget.iter_rows(named=True)}
+    assert (("K1 linearity", "K2") in budget) == any(sizes)
+    parts = [name for name in ("K1 fit", "K1 cycles", "K1 zero", "K1 gains", "K1 linearity") if (name, "K2") in budget]
+    for quantity in ("K2", "C"):
+        whole = np.linalg.norm([budget[name, quantity] for name in parts])
+        share = budget.get(("K1 linearity", quantity), 0.0) / whole
+        assert share == pytest.approx(expected / study.dynamic["u(K1) [N/m]"][0], rel=1e-6)
+        assert budget["K1 gains", quantity] > 0.0
+    assert ("K1 linearity", "Re K*") not in budget or budget["K1 linearity", "Re K*"] == 0.0
+
+
 def test_a_curve_of_one_branch_is_used_with_a_warning(bench):
     bench.static("S1", "1.7,", gap=50.0)
     bench.dynamic("D1", "1.7,1000")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +11,7 @@ from pydantic import StrictBool
 
 from fourpole.campaign import defaults
 from fourpole.campaign.channels import ONLY_OF, ChannelFile, ChannelsFile, File
+from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.sources import Kind
@@ -39,9 +40,12 @@ _BLOCK = _pair(Kind.BLOCK, Kind.ANGLE_BLOCK)
 _DRIFT = _pair(Kind.DRIFT, Kind.ANGLE_DRIFT)
 #: The assumption of a campaign in which nothing is taken from the table.
 _ZERO = (
-    '[unstated] ordinary = "zero": delay, low-cut, slope, mounting, block, drift and preload damping that are not '
-    "stated count as exactly zero"
+    '[unstated] ordinary = "zero": delay, low-cut, slope, mounting, linearity, block, drift and preload damping '
+    "that are not stated count as exactly zero"
 )
+
+#: The channels that a note names, where not all of the dynamic tests have the key: F1's linearity has no effect.
+_NOTED = {**ONLY_OF, "linearity": ("load", "deflection")}
 
 
 def _scaled(table: complex, gain: float | None, otherwise: complex) -> complex:
@@ -124,6 +128,17 @@ class Ordinary:
         std = component(Kind.K1_LINEARITY).std
         return self._taken(channel, std) if channel.linearity is None else channel.linearity
 
+    def uncertainty(self, channels: Mapping[str, ChannelFile | None], top: float) -> ChannelUncertainty:
+        """Standard uncertainties of F1, V1 and V2 by role, zero for a channel that is not stated; see `slope`."""
+        values = np.zeros((7, 3), dtype=complex)
+        for column, role in enumerate(CHANNELS):
+            if (channel := channels.get(role)) is not None:
+                own = self.mounting(channel) if role == "motion_in" else 0j
+                with_mass = self.remounting(channel) if role != "motion_in" else 0j
+                errors = self.delay(channel), self.low_cut(channel), self.slope(channel, top)
+                values[:, column] = channel.gain_std, channel.phase_std, *errors, own, with_mass
+        return ChannelUncertainty(*values[:5].real, *values[5:])
+
     def specimens(self, block: float | None, drift: float | None) -> SpecimenUncertainty:
         """Uncertainties of the specimens for stated sizes of |K*| [1]."""
         pairs = ((table, size, self.counted * table) for table, size in ((_BLOCK, block), (_DRIFT, drift)))
@@ -134,16 +149,16 @@ class Ordinary:
 
         `unstated` are the keys of [conditions] that are not stated.
         """
-        moving = {role: channel for role in CHANNELS if (channel := channels.named(role)) is not None}
-        if not moving or not self.counted:
-            return [_ZERO] if moving else []
-        inexact, notes = {role: channel for role, channel in moving.items() if not channel.exact}, []
+        by_role = {role: one for role, one in channels.by_role.items() if role in CHANNELS or not one.exact}
+        if not by_role or not self.counted:
+            return [_ZERO] if by_role else []
+        inexact, notes = {role: channel for role, channel in by_role.items() if not channel.exact}, []
         for keys, words in self._words().items():
-            roles = [role for role in ONLY_OF.get(keys[0], CHANNELS) if role in inexact]
+            roles = [role for role in _NOTED.get(keys[0], CHANNELS) if role in inexact]
             lacking = [role for role in roles if all(getattr(inexact[role], key) is None for key in keys)]
             notes += [f"[channels] {', '.join(lacking)}: {words}"] if lacking else []
         sizes = {"std_block": (_BLOCK, "in the tests with an added mass"), "std_drift": (_DRIFT, "over the run")}
-        for key, (size, words) in ((key, sizes[key]) for key in unstated):
+        for key, (size, words) in ((key, sizes[key]) for key in unstated if set(CHANNELS) & by_role.keys()):
             taken = f"taken as {100 * size.real:g} % of |K*| and {size.imag:g} rad {words}"
             notes.append(f"[conditions] no {key} stated, {taken}")
         return notes
@@ -169,4 +184,6 @@ class Ordinary:
             ("mounted", "std_mounting"): f"no mounted stated, taken as {mounted}",
             ("remounted_with_mass", "std_remounting"):
                 f"no remounted_with_mass stated, taken as {remounting} with each added mass {hint}",
+            ("linearity",):
+                f"no linearity stated, taken as {100 * component(Kind.K1_LINEARITY).std:g} % of the range, in K1",
         }  # fmt: skip

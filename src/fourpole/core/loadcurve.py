@@ -79,13 +79,31 @@ class Tangent:
 
     @property
     def std(self) -> float:
-        """Standard uncertainty of K1 without the contribution of the channels' gains [N/m]."""
+        """Standard uncertainty of K1 without the contributions of the channels' gains and linearity [N/m]."""
         return float(np.sqrt(self.fit**2 + self.cycles**2 + self.zero**2))
 
     def std_with_gains(self, load_gain: float, deflection_gain: float) -> float:
         """Standard uncertainty of K1 with relative standard uncertainties of the two gains [N/m]."""
         by_load_gain = self.stiffness - self.load * self.by_load
         return float(np.hypot(self.std, np.hypot(by_load_gain * load_gain, self.stiffness * deflection_gain)))
+
+    def std_by_linearity(self, load: float, deflection: float) -> float:
+        r"""Standard uncertainty of K1 from the departure of load and deflection from a straight line [N/m].
+
+        .. math:: u = K_1 \pi \sqrt{\epsilon_F^2 + \epsilon_x^2}
+
+        `load` and `deflection` are the standard uncertainties of the departures over the ranges of the sensors [1]. A
+        departure is assumed smooth, and zero at both ends of the range R: a sin(pi s/R) at the reading s. Anywhere in
+        the range it has the standard deviation a/sqrt(2), and its slope has pi a/(sqrt(2) R). A parabola gives sqrt(10)
+        in place of pi. The part of the range that a test uses has no effect. The law of propagation is that of JCGM
+        100:2008, 5.1.2; the shape is an assumption of ours.
+
+        Examples
+        --------
+        >>> round(Tangent(1000.0, 8e-3, 120e3, 0.0, 0.0, 0.0, 0.0).std_by_linearity(1e-3, 0.0), 1)
+        377.0
+        """
+        return float(self.stiffness * np.pi * np.hypot(load, deflection))
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,9 @@ from fourpole.core.arrays import ByValue
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, SAME_FREQUENCY, Condition, Sameness
 from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError
-from fourpole.findings.points import (
-    QUANTITIES,
-    Common,
-    Readings,
-    correlation_of_k1,
-    differences,
-    none,
-    of_one_campaign,
-    of_two_campaigns,
-)
+from fourpole.findings.points import QUANTITIES, Common, Readings, differences, none, of_one_campaign, of_two_campaigns
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.io.folders import resolved, results_in
 from fourpole.quantities import LOSS_FACTOR, ShownUnits
@@ -373,7 +365,7 @@ def _static_rows(
 ) -> Iterator[dict[str, Any]]:
     """Rows of K1: one per static condition that both have."""
     gains = [_gain(each) for each in points]
-    shared = correlation_of_k1(common)
+    shared = 1.0 if common is None else common(Kind.K1_GAINS.text)
     tables = [side.used(side.results.static, q.K1) for side in sides]
     conditions = [side.conditions(table, rule) for side, table in zip(sides, tables, strict=True)]
     groups = [group.tolist() for group in _groups(conditions, rule)]

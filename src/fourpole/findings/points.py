@@ -36,7 +36,8 @@ _NO_CALIBRATION = ("range", "serial")
 #: Column of tests.csv with the label of the mounting of V1's sensor.
 MOUNTING = "mounting"
 #: Errors of a channel a part of which is another in each mounting, by the end of their keys in study.json.
-_PARTS_OF_MOUNTING = {Kind.GAIN: "gain [1]", Kind.PHASE: "phase [rad]"}
+_PARTS_OF_MOUNTING = {Kind.GAIN: q.GAIN.head, Kind.PHASE: q.PHASE.head}
+_OF_MOUNTING = [kind for kind in Kind if kind.role is Role.MOUNTING]
 #: Correlation [1] of the error of a source of budget.csv in two campaigns: 1 for one error, 0 for independent errors.
 Common = Callable[[str], float]
 
@@ -263,7 +264,8 @@ def differences(
         apart = np.abs(second.stiffness - first.stiffness) / np.minimum(abs(first.stiffness), abs(second.stiffness))
         unlike = apart > _ALIKE
         cross[:, :2, :2] = np.where(unlike[:, None, None], 0.0, _cross(first, second, common))
-    cross[:, 2, 2] = correlation_of_k1(common) * first.k1_gain * second.k1_gain
+    of_k1 = 1.0 if common is None else common(Kind.K1_GAINS.text)
+    cross[:, 2, 2] = of_k1 * first.k1_gain * second.k1_gain
     g1, g2 = first.slopes, second.slopes
     with np.errstate(invalid="ignore"):
         covariance = np.einsum("nqi,nij,nqj->nq", np.nan_to_num(g1), cross, np.nan_to_num(g2))
@@ -326,11 +328,6 @@ def none(_: str) -> float:
     return 0.0
 
 
-def correlation_of_k1(common: Common | None) -> float:
-    """Correlation [1] of the errors of K1 from the gains of load and deflection; 1 within one campaign."""
-    return 1.0 if common is None else common(Kind.K1_GAINS.text)
-
-
 def of_one_campaign(results: Study, specimens: tuple[str, str]) -> tuple[str, ...]:
     """What two specimens of one campaign share, as sentences."""
     if not results.covariance.height:
@@ -373,38 +370,34 @@ def of_two_campaigns(first: Study, second: Study) -> tuple[Common, tuple[str, ..
     mounted = _mountings(first) == _mountings(second) != {""}
     budgets = [set(results.budget[q.SOURCE.head]) for results in (first, second) if results.budget.height]
     lasting = {
-        (symbol, kind): 1.0 if mounted and role == "motion_in" else _lasting(records[0], budgets, role, kind)
+        (symbol, kind): _lasting(section(records[0], "stated", "channels", role), budgets, symbol, kind)
         for symbol, role in sensors.items()
         for kind in _PARTS_OF_MOUNTING
+        if not (mounted and role == "motion_in")
     }
 
     def correlation(text: str) -> float:
         source = Source.read(text)
+        names = {name for name in (*source.of.split(" in "), source.under) if name}
         if source.kind is Kind.K1_GAINS:
             return float(all(unlike[role] == "" for role in _STATIC_ROLES))
-        if source.role in (Role.CHANNEL, Role.RATIO):
-            names = [name for name in (*source.of.split(" in "), source.under) if name]
-            one = source.kind is not Kind.GAIN_DRIFT and set(names) <= set(sensors)
-            return min(lasting.get((name, source.kind), 1.0) for name in names) if one else 0.0
         if source.role is Role.RIG:
             return float(values.get(source.of, False))
-        if source.role is Role.MOUNTING:
-            of_v1 = source.kind in (Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE) and source.of in sensors
-            return float(mounted and of_v1)
-        return float(source.role is Role.MASS)
+        if source.role in (Role.CHANNEL, Role.RATIO):
+            one = source.kind is not Kind.GAIN_DRIFT and names <= sensors.keys()
+            return min(lasting.get((name, source.kind), 1.0) for name in names) if one else 0.0
+        of_v1 = source.kind in (Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE) and names <= sensors.keys()
+        return float((mounted and of_v1) or source.role is Role.MASS)
 
     anew = list(dict.fromkeys(symbol for (symbol, _), share in lasting.items() if share < 1.0))
     return correlation, _reasons(unlike, values, anew, weighed=all(map(_weighs, (first, second))))
 
 
-def _lasting(record: Mapping[str, Any], budgets: Sequence[set[str]], role: str, kind: Kind) -> float:
+def _lasting(stated: Mapping[str, Any], budgets: Sequence[set[str]], symbol: str, kind: Kind) -> float:
     """Correlation of the gain or phase of one sensor in two campaigns with other mountings; see `of_two_campaigns`."""
-    stated, name = section(record, "stated", "channels", role), _PARTS_OF_MOUNTING[kind]
-    part, whole = float(stated.get(f"mounting {name}") or 0.0), float(stated.get(f"std_{name}") or 0.0)
-    share = max(1.0 - (part / whole) ** 2, 0.0) if whole else 1.0
-    apart = sum(any(Source.read(text).role is Role.MOUNTING and text.endswith(SYMBOLS[role]) for text in budget)
-                for budget in budgets)  # fmt: skip
-    return float(share ** (1.0 - 0.5 * apart))
+    part, whole = (stated.get(f"{of}{_PARTS_OF_MOUNTING[kind]}") or 0.0 for of in ("mounting ", "std_"))
+    apart = sum(any(Source(each, symbol).text in budget for each in _OF_MOUNTING) for budget in budgets)
+    return float((1.0 - min(part / whole, 1.0) ** 2) ** (1.0 - 0.5 * apart)) if whole else 1.0
 
 
 def _mountings(results: Study) -> set[str]:
@@ -443,26 +436,16 @@ def _reasons(
         for reason in ("", "serial", "statement")
     )
     rig = ", ".join(RIG_VALUES[name].name for name, same in values.items() if same)
-    parts = [f"of the sensors of {alike}, by their serial numbers"] if alike else []
-    parts += [f"of the rig: {rig}"] if rig else []
-    parts += ["of weighed masses of the same size"] if weighed else []
-    said = []
-    if parts:
-        said.append(
-            f"Taken as common are the errors {'; '.join(parts)}. They cancel as far as they act alike. If one of them "
-            "was calibrated again between the campaigns, use --independent."
-        )
-    if anew:
-        said.append(
-            f"The part of a mounting in the gain and phase of {', '.join(anew)} is taken as independent. For V1, state "
-            'the same mounting in tests.csv of both if it was not touched, or mounted = "rig"; for F1 and V2 '
-            "remounted_with_mass = false."
-        )
-    if unnamed:
-        said.append(
-            f"The errors of {unnamed} are taken as independent, as no serial number is stated. If both campaigns used "
-            "the same sensors, state their serial in [channels] of both."
-        )
-    if other:
-        said.append(f"The statements of {other} differ: their errors are taken as independent.")
-    return tuple(said) or ("The campaigns state nothing alike: all errors are taken as independent.",)
+    parts = [f"the sensors of {alike} (serial numbers)", f"{rig} of the rig", "weighed masses of the same size"]
+    common = "; ".join(part for part, there in zip(parts, (alike, rig, weighed), strict=True) if there)
+    said = {
+        f"Taken as common are the errors of {common}. They cancel as far as they act alike. If one of them was "
+        "calibrated again between the campaigns, use --independent.": common,
+        f"The part of a mounting in gain and phase of {', '.join(anew)} is taken as independent. If it is common, "
+        'state one mounting in tests.csv, or mounted = "rig" (V1), or remounted_with_mass = false (F1, V2).': anew,
+        f"The errors of {unnamed} are taken as independent, as no serial number is stated. If both campaigns used the "
+        "same sensors, state their serial in [channels] of both.": unnamed,
+        f"The statements of {other} differ: their errors are taken as independent.": other,
+        "The campaigns state nothing alike: all errors are taken as independent.": not (common or unnamed or other),
+    }
+    return tuple(text for text, there in said.items() if there)

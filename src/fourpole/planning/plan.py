@@ -12,15 +12,18 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign import defaults
+from fourpole.campaign.channels import ChannelFile
 from fourpole.campaign.folder import Campaign, condition_numbers, read_campaign
+from fourpole.campaign.ordinary import Ordinary
 from fourpole.campaign.row import Test, condition_of
 from fourpole.core.arrays import FloatArray
-from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.components import component
 from fourpole.core.condition import Axis, Condition, Sameness, Value
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.plan import Plan, PlannedTests
 from fourpole.core.plan.expect import arm_std, planned_phasors, relative_uncertainties
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError, RigError
 from fourpole.fitting.rows import conditions_in, tyre_columns
 from fourpole.study.identify import added_masses, channel_uncertainty
@@ -255,16 +258,20 @@ def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Seq
     if not motion or not (force or beyond):
         raise CampaignError("campaign.toml: [channels] a plan needs motion_in and one of force_in and motion_out")
     added, added_std = added_masses(tests)
+    labels = {"specimen": [test.tyre for test in tests], "mounting": [test.mounting for test in tests]}
     expected = _expected(
         tests, tyres, run, family=condition_numbers(campaign, tests), added_mass=added, added_mass_std=added_std,
         present=(force, motion, beyond),
+        **{name: np.unique(np.array(texts), return_inverse=True)[1].ravel() for name, texts in labels.items()},
     )  # fmt: skip
     # Static tests of one specimen, pressure and temperature give one K1, whatever the preload of the dynamic tests is.
     rule = campaign.stated.sameness.without("preload")
     statics = set(rule.groups([condition_of(test, rule) for test in tests if test.kind == "dynamic"]).tolist())
     top = float(expected.frequency.max())
     rig, channels = stated.rig(), channel_uncertainty(campaign, (), top)
-    return RigPlan(name, Plan(expected, rig, channels, run.cycles, max(len(statics), 1), defaults.MASS_STD), tests)
+    specimens = campaign.stated.specimen_uncertainty
+    plan = Plan(expected, rig, channels, specimens, run.cycles, max(len(statics), 1), defaults.MASS_STD)
+    return RigPlan(name, plan, tests)
 
 
 def _expected(tests: Sequence[Test], tyres: Sequence[_Tyre], run: Run, **more: Any) -> PlannedTests:
@@ -323,17 +330,19 @@ def bare_plan(
     relative = defaults.RIG_STD if rig_std is None else rig_std
     values = {name: getattr(rig, name) for name in ("moving_mass", "preload_stiffness", "preload_damping")}
     rig = replace(rig, std={name: relative * value for name, value in values.items() if value})
-    channels = ChannelUncertainty(
-        np.full(3, defaults.GAIN_STD if gain_std is None else gain_std),
-        np.full(3, defaults.PHASE_STD if phase_std is None else phase_std),
-    )
+    ordinary, channel = Ordinary(), ChannelFile.model_validate({"column": "-", "unit": "1"})
+    channel = channel.model_copy(update={"std_gain": gain_std, "std_phase": phase_std})
+    channels = ordinary.uncertainty(dict.fromkeys(CHANNELS, channel), max(frequencies))
+    if not rig.preload_damping and not rig.blocked:
+        rig = replace(rig, std={**rig.std, "preload_damping": component(Kind.RIG_VALUE).std * rig.critical_damping})
     load = {} if preload is None else {"preload": preload}
     tests = tuple(
         Test(f"D{at}", at + 2, f"recordings/D{at}.csv", "dynamic", "tyre", values={**load, "frequency": frequency})
         for at, frequency in enumerate(frequencies, start=1)
     )
     expected = _expected(tests, [_tyre(test, guess, None) for test in tests], run)
-    only = RigPlan("", Plan(expected, rig, channels, run.cycles, 1, defaults.MASS_STD), tests)
+    specimens = ordinary.specimens(None, None)
+    only = RigPlan("", Plan(expected, rig, channels, specimens, run.cycles, 1, defaults.MASS_STD), tests)
     static = Test("S1", 2, "recordings/S1.csv", "static", "tyre", values=dict(load))
     return CampaignPlan((only,), (static, *tests), (), (*notes, *_lift_off([only])))
 

@@ -211,15 +211,8 @@ def channel_uncertainty(
 
     `top` is the highest frequency of the tests [Hz], at which the slope of a gain is stated.
     """
-    ordinary = campaign.stated.ordinary
-    values = np.zeros((7, 3), dtype=complex)
-    for column, role in enumerate(CHANNELS):
-        if (channel := campaign.stated.channels.named(role)) is not None:
-            own = ordinary.mounting(channel) if role == "motion_in" else 0j
-            with_mass = ordinary.remounting(channel) if role != "motion_in" else 0j
-            errors = ordinary.delay(channel), ordinary.low_cut(channel), ordinary.slope(channel, top)
-            values[:, column] = channel.gain_std, channel.phase_std, *errors, own, with_mass
-    uncertainty = ChannelUncertainty(*values[:5].real, *values[5:])
+    channels = {role: campaign.stated.channels.named(role) for role in CHANNELS}
+    uncertainty = campaign.stated.ordinary.uncertainty(channels, top)
     response = np.array([response_std(rows) for rows in corrections])
     return replace(uncertainty, response=response[:, :, 0] + 1j * response[:, :, 1]) if response.any() else uncertainty
 
@@ -289,7 +282,7 @@ def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStif
     """The tests of one rig by the joint route."""
     rig_name, _, keys, phasors = of_rig
     joint = solve_joint(phasors, **setup)
-    k1_std, parts = _with_drift(setup, joint, stiffness, order)
+    k1_std, parts = _with_specimen(setup, joint, stiffness, order)
     values = outputs(joint, phasors, setup["k1"])
     result = identification(joint, phasors, setup["k1"], k1_std, values)
     gain = _mass_gain(joint, setup, k1_std, phasors, values, result)
@@ -298,30 +291,30 @@ def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStif
     return RigGroup(*of_rig, "joint", result, variance, joint, estimate)
 
 
-def _with_drift(
+def _with_specimen(
     setup: Mapping[str, Any], joint: Joint, stiffness: Sequence[StaticStiffness], order: RunOrder
 ) -> tuple[FloatArray, list[Mapping[Source, float]]]:
-    """Uncertainty of K1 and its parts, with the drift of the specimens between a test and its static test.
+    """Uncertainty of K1 and its parts, with drift and scatter of the specimens between a test and its static test.
 
     Without times the static test was made at any time of the run. K1 need not drift as K* does, so it is not corrected.
+    It is taken to scatter as K* of the repeats does.
     """
-    k1_std, parts = np.array([k1.std for k1 in stiffness]), [k1.parts for k1 in stiffness]
+    time, k1, length = setup["time"], np.nan_to_num(setup["k1"]), float(np.ptp(setup["time"]))
     drift = {
         parameter.source.of: float(np.hypot(joint.found[index], joint.found_std[index]))
         for index, parameter in enumerate(joint.stated.parameters)
-        if parameter.source.kind is Kind.DRIFT
+        if parameter.source.kind is Kind.DRIFT and length
     }
-    time = setup["time"]
-    length = float(np.ptp(time))
-    if not drift or not length:
-        return k1_std, parts
-    static_time = np.array([k1.time if order is RunOrder.TIME else np.nan for k1 in stiffness])
+    static_time = np.array([each.time if order is RunOrder.TIME else np.nan for each in stiffness])
     place = joint.problem.observed.place[np.argsort(joint.order)]
-    apart = np.where(np.isfinite(static_time), (time - static_time) / length, np.sqrt(place**2 + 1 / 12))
-    moved = np.array([drift.get(name, 0.0) for name in setup["specimen"]]) * np.abs(apart) * np.nan_to_num(setup["k1"])
-    wider = [{**part, Source(Kind.K1_DRIFT): float(std)} if part else part
-             for part, std in zip(parts, moved, strict=True)]  # fmt: skip
-    return np.hypot(k1_std, moved), wider
+    apart = np.where(np.isfinite(static_time), (time - static_time) / (length or 1.0), np.sqrt(place**2 + 1 / 12))
+    drifted = np.array([drift.get(name, 0.0) for name in setup["specimen"]]) * np.abs(apart)
+    moved = {Source(Kind.K1_DRIFT): drifted * k1, Source(Kind.SCATTER): joint.misfit.scatter * k1}
+    moved = {source: std for source, std in moved.items() if std.any()}
+    own, parts = np.array([each.std for each in stiffness]), [each.parts for each in stiffness]
+    wider = [{**part, **{source: float(std[row]) for source, std in moved.items()}} if part else part
+             for row, part in enumerate(parts)]  # fmt: skip
+    return np.sqrt(sum((std**2 for std in moved.values()), own**2)), wider
 
 
 def _mass_gain(

@@ -216,6 +216,7 @@ def _at_preload(campaign: Campaign, test: Test, curve: LoadCurve, sha256: str, l
     assert channels.load is not None
     assert channels.deflection is not None
     gains = channels.load.gain_std, channels.deflection.gain_std
+    linearity = [campaign.stated.ordinary.linearity(channel) for channel in (channels.load, channels.deflection)]
     loss = curve.hysteresis_loss
     columns: dict[str, Any] = {
         q.CYCLE_LOSS.head: loss,
@@ -233,10 +234,10 @@ def _at_preload(campaign: Campaign, test: Test, curve: LoadCurve, sha256: str, l
     except LoadCurveError as error:
         checks = [reported(Code.BEYOND_CURVE, Verdict.REJECTED, error=error.message)]
     else:
-        std = tangent.std_with_gains(*gains)
+        with_gains, bent = tangent.std_with_gains(*gains), tangent.std_by_linearity(*linearity)
         columns |= {
             q.K1.head: tangent.stiffness,
-            q.K1.u_head: std,
+            q.K1.u_head: float(np.hypot(with_gains, bent)),
             q.K1_OF.head: curve.measured,
             q.K1_LOADING.head: tangent.loading,
             q.K1_UNLOADING.head: tangent.unloading,
@@ -247,7 +248,8 @@ def _at_preload(campaign: Campaign, test: Test, curve: LoadCurve, sha256: str, l
             Source(Kind.K1_FIT): tangent.fit,
             Source(Kind.K1_CYCLES): tangent.cycles,
             Source(Kind.K1_ZERO): tangent.zero,
-            Source(Kind.K1_GAINS): float(np.sqrt(max(std**2 - tangent.std**2, 0.0))),
+            Source(Kind.K1_GAINS): float(np.sqrt(max(with_gains**2 - tangent.std**2, 0.0))),
+            **({Source(Kind.K1_LINEARITY): bent} if bent else {}),
         }
         checks = [branch_check(curve.measured)] if curve.measured != "mean" else []
         checks += [reported(Code.CURVE, Verdict.WARNING, error=doubt) for doubt in curve.doubts]
@@ -374,5 +376,5 @@ def k1_apart(variance: dict[Source, FloatArray], parts: Sequence[Mapping[Source,
     total = np.sum(list(squares.values()), axis=0) if squares else np.zeros(len(parts))
     for source, square in squares.items():
         share = np.divide(square, total, out=np.zeros_like(square), where=total > 0)
-        variance[source] = whole * share[:, None]
+        variance[source] = variance.get(source, 0.0) + whole * share[:, None]
     return variance

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.components import SpecimenUncertainty
 from fourpole.core.curvature import arm_covariance
 from fourpole.core.identify import Identification, identify
 from fourpole.core.joint import identify_joint
@@ -29,6 +30,8 @@ PLAN_ROUTES = (*ROUTES, "joint")
 #: Indices of the channels F1, V1, V2 that each route needs.
 _NEEDS = {"mobility": (0, 1), "relative": (0, 1, 2), "transmissibility": (1, 2)}
 _ALL = (True, True, True)
+#: Columns of planned tests that are numbers of something.
+_NUMBERS = ("family", "specimen", "mounting")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,8 @@ class PlannedTests(ByValue):
         Amplitude of the motion of the contact.
     noise : (N,) float array [1]
         Standard uncertainty of Re and of Im of each amplitude, relative to its modulus.
+    specimen, mounting : (N,) int arrays
+        Numbers of the specimen, and of the mounting of V1's sensor.
     present : (F1, V1, V2) of bool
         Channels that will be recorded.
 
@@ -76,11 +81,13 @@ class PlannedTests(ByValue):
     added_mass_std: FloatArray = field(default_factory=lambda: np.array(0.0))
     eccentricity: FloatArray = field(default_factory=lambda: np.array(1e-3))
     noise: FloatArray = field(default_factory=lambda: np.array(1e-4))
+    specimen: np.ndarray = field(default_factory=lambda: np.array(0))
+    mounting: np.ndarray = field(default_factory=lambda: np.array(0))
     present: tuple[bool, bool, bool] = _ALL
 
     def __post_init__(self) -> None:
         """Make an array of every attribute but `present`."""
-        given = (np.asarray(getattr(self, name), dtype=int if name == "family" else float) for name in _COLUMNS)
+        given = (np.asarray(getattr(self, name), dtype=int if name in _NUMBERS else float) for name in _COLUMNS)
         for name, value in zip(_COLUMNS, np.broadcast_arrays(np.ones(1), *given)[1:], strict=True):
             object.__setattr__(self, name, value)
         positive = (self.frequency, self.k1, self.k2, self.c, self.eccentricity)
@@ -200,7 +207,12 @@ def planned_phasors(tests: PlannedTests, rig: Rig) -> Phasors:
 
 
 def expect(
-    tests: PlannedTests, rig: Rig, route: str = "joint", *, channels: ChannelUncertainty | None = None
+    tests: PlannedTests,
+    rig: Rig,
+    route: str = "joint",
+    *,
+    channels: ChannelUncertainty | None = None,
+    specimens: SpecimenUncertainty | None = None,
 ) -> Identification:
     """The expected result of planned tests: the assumed tyre with the uncertainties that the analysis would state.
 
@@ -213,6 +225,9 @@ def expect(
         One of `possible_routes`.
     channels : ChannelUncertainty, optional
         Uncertainties of the channels; without it the channels count as exact.
+    specimens : SpecimenUncertainty, optional
+        Uncertainties of the specimens over blocks and time; without it they do not change. The tests run in the order
+        given, and the static test at any time of the run.
 
     Returns
     -------
@@ -243,7 +258,13 @@ def expect(
     phasors = planned_phasors(tests, rig)
     stated: dict[str, Any] = {name: getattr(tests, name) for name in ("k1_std", "added_mass", "added_mass_std")}
     if route == "joint":
-        return identify_joint(phasors, rig, tests.k1, family=tests.family, channels=channels, **stated)
+        specimens = specimens or SpecimenUncertainty()
+        place = np.linspace(-0.5, 0.5, len(tests)) if len(tests) > 1 else np.zeros(1)
+        drift = specimens.drift.real * np.sqrt(place**2 + 1 / 12) * (len(tests) > 1)
+        stated["k1_std"] = np.hypot(tests.k1_std, drift * tests.k1)
+        labels = {name: getattr(tests, name).astype(str) for name in ("specimen", "mounting")}
+        stated |= {"family": tests.family, "channels": channels, "specimens": specimens, **labels}
+        return identify_joint(phasors, rig, tests.k1, **stated)
     phasors.amplitudes[tests.rigid] = np.nan
     return identify(phasors, rig, tests.k1, route=route, channels=channels, **stated)
 

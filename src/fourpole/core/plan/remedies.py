@@ -11,6 +11,7 @@ import numpy as np
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.components import SpecimenUncertainty
 from fourpole.core.identify import Identification
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.plan.expect import PlannedTests, expect, possible_routes
@@ -68,6 +69,8 @@ class Plan:
         The rig as stated, with its uncertainties.
     channels : ChannelUncertainty
         Uncertainties of the channels F1, V1, V2.
+    specimens : SpecimenUncertainty
+        Uncertainties of the specimens over blocks and time.
     cycles : float [1]
         Recorded cycles of each test, to which `tests.noise` refers.
     statics : int
@@ -79,6 +82,7 @@ class Plan:
     tests: PlannedTests
     rig: Rig
     channels: ChannelUncertainty = field(default_factory=ChannelUncertainty)
+    specimens: SpecimenUncertainty = field(default_factory=SpecimenUncertainty)
     cycles: float = 40.0
     statics: int = 1
     mass_std: float = 1e-4
@@ -95,7 +99,7 @@ class Plan:
 
     def expect(self, route: str) -> Identification:
         """The expected result by a route; see `fourpole.core.plan.expect`."""
-        return expect(self.tests, self.rig, route, channels=self.channels)
+        return expect(self.tests, self.rig, route, channels=self.channels, specimens=self.specimens)
 
     def minutes(self, tests: PlannedTests, effort: Effort) -> float:
         """Time to run some tests [min]."""
@@ -188,10 +192,14 @@ def _sensors(plan: Plan, effort: Effort) -> Iterator[Remedy]:
 
 
 def _calibrated(which: list[int], gain: float, phase: float, plan: Plan) -> Plan:
-    """The plan with at most these uncertainties of gain and phase of some channels."""
-    gains, phases = np.array(plan.channels.gain, float), np.array(plan.channels.phase, float)
-    gains[which], phases[which] = np.minimum(gains[which], gain), np.minimum(phases[which], phase)
-    return replace(plan, channels=replace(plan.channels, gain=gains, phase=phases))
+    """The plan with at most these uncertainties of gain and phase of some channels, at all its frequencies."""
+    low, high = float(plan.tests.frequency.min()), float(plan.tests.frequency.max())
+    most = {"gain": gain, "phase": phase, "delay": phase / (2 * np.pi * high), "low_cut": phase * low,
+            "slope": gain / high**2}  # fmt: skip
+    known = {name: getattr(plan.channels, name).copy() for name in most}
+    for name, std in known.items():
+        std[which] = np.minimum(std[which], most[name])
+    return replace(plan, channels=replace(plan.channels, **known))
 
 
 def _better_rig(plan: Plan, effort: Effort) -> Iterator[Remedy]:
@@ -205,7 +213,9 @@ def _better_rig(plan: Plan, effort: Effort) -> Iterator[Remedy]:
 
 def _measured(level: float, plan: Plan) -> Plan:
     """The plan with at most this relative uncertainty of the rig's values."""
-    std = {name: min(std, level * abs(getattr(plan.rig, name))) for name, std in plan.rig.std.items()}
+    whole = {"preload_damping": plan.rig.critical_damping}
+    std = {name: min(std, level * (abs(getattr(plan.rig, name)) or whole.get(name, 0.0)))
+           for name, std in plan.rig.std.items()}  # fmt: skip
     return replace(plan, rig=replace(plan.rig, std=std))
 
 
@@ -219,6 +229,7 @@ def _masses(plan: Plan, effort: Effort, masses: Sequence[float]) -> Iterator[Rem
     fullest = free[tests.family[free] == families[np.argmax(counts)]]
     first = _distinct(fullest, tests.frequency)
     rows = _distinct(free, tests.frequency, tests.family)
+    each = _of_each_mounting(tests, free)
     where = " of one condition" if families.size > 1 else ""
     middle = len(first) // 2
     for mass in masses:
@@ -229,6 +240,8 @@ def _masses(plan: Plan, effort: Effort, masses: Sequence[float]) -> Iterator[Rem
             chosen[first[0], first[middle], first[-1]] = f"at 3 of {len(first)} frequencies{where}"
         if len(first) > 1:
             chosen[tuple(first)] = f"at all {len(first)} frequencies{where}"
+        if len(each) > len(first):
+            chosen[tuple(each)] = "at all frequencies of one condition of each mounting of V1"
         if families.size > 1:
             chosen[tuple(rows)] = f"at all frequencies of all {families.size} conditions"
         for which, words in chosen.items():
@@ -237,6 +250,15 @@ def _masses(plan: Plan, effort: Effort, masses: Sequence[float]) -> Iterator[Rem
             minutes += plan.minutes(tests.part(list(which)), effort)
             heavier = partial(Plan.with_mass, mass=mass, which=np.array(which))
             yield Remedy("mass", f"{mass:g} kg added {words}", minutes, heavier)
+
+
+def _of_each_mounting(tests: PlannedTests, free: np.ndarray) -> list[int]:
+    """The tests at all frequencies of the first condition of each mounting of V1's sensor."""
+    rows: list[int] = []
+    for mounting in np.unique(tests.mounting[free]):
+        own = free[tests.mounting[free] == mounting]
+        rows += _distinct(own[tests.family[own] == tests.family[own[0]]], tests.frequency)
+    return rows
 
 
 def _distinct(rows: np.ndarray, *keys: np.ndarray) -> list[int]:
