@@ -42,7 +42,7 @@ _GROUPS = {
     Part.SPECIMEN: "specimens",
 }
 #: Errors that are shares of a whole, shown in per cent.
-_SHARES = (Kind.DRIFT, Kind.GAIN_DRIFT, Kind.CROSSTALK)
+_SHARES = (Kind.DRIFT, Kind.BLOCK, Kind.GAIN_DRIFT, Kind.GAIN_STEP, Kind.SLOPE, Kind.CROSSTALK)
 #: A value farther than this from its statement [stated standard uncertainties] is shown at the edge with its distance.
 _EDGE = 6.0
 #: Height of a row [in], and room for the names on the left [in].

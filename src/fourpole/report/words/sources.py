@@ -43,7 +43,7 @@ _BY_MASS = (
     "unnecessary, or "
 )
 #: Errors of channels that no mass calibrates.
-_NOBODY_STATES = (Kind.CROSSTALK, Kind.GAIN_DRIFT)
+_NOBODY_STATES = (Kind.CROSSTALK, Kind.GAIN_DRIFT, Kind.GAIN_STEP)
 #: Errors of channels that change with frequency; a key takes them off sooner than more tests with a mass.
 _OVER_FREQUENCY = (Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE)
 #: Kinds of source that a mass makes needless to calibrate.
@@ -57,7 +57,8 @@ _SIMPLE = {
     Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
     Kind.DELAY: ("delay of {}", "ms", 1e-3),
     Kind.LOW_CUT: ("low-cut of {}", "Hz", 1.0),
-    Kind.SLOPE: ("rise of {}'s gain up to 100 Hz", "%", 1e-6),
+    Kind.GAIN_STEP: ("step of {}'s gain during the run", "%", 0.01),
+    Kind.SLOPE: ("rise of {}'s gain with frequency", "%", 0.01),
     Kind.MOUNTING_GAIN: ("gain of {} in one mounting", "%", 0.01),
     Kind.MOUNTING_PHASE: ("phase of {} in one mounting", "°", pi / 180),
     Kind.REMOUNTING_GAIN: ("gain of {} with one added mass", "%", 0.01),
