@@ -211,6 +211,9 @@ def blocked() -> Campaign:
 
 _STATIC = """title = "Reference: static tests"
 
+[unstated]
+ordinary = "zero"
+
 [channels]
 load       = { column = "F", unit = "N", std_gain = "0.2 %" }
 deflection = { column = "x", unit = "mm", std_gain = "0.1 %" }
