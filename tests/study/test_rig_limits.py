@@ -88,7 +88,7 @@ def test_noise_a_fifth_larger_than_the_recordings_say_is_worth_a_note(bare, infl
     assert said(bare, inflation=inflation)[1].count(NoteCode.NOISE) == notes
 
 
-def test_what_k_rests_on_is_said_with_its_lever():
+def test_what_k_rests_on_is_said_with_its_share():
     """With a weighed mass on the mass, of which an error of 1 % would not show; without it on the gains."""
     rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.3, "preload_stiffness": 250.0})
     omega = 2 * np.pi * np.tile([10.0, 12.0, 14.0, 16.0], 2)
@@ -109,13 +109,10 @@ def test_what_k_rests_on_is_said_with_its_lever():
             ).rests
         )
     massed, bare = said
-    lever = float(re.search(r"the added mass of 10 kg \(\+([\d.]+) % per 1 % of it\)", massed)[1])
-    assert 0.5 < lever <= 1.0
-    seen_from = float(re.search(r"of the added mass of 10 kg below ([\d.]+) kg", massed)[1])
-    assert seen_from > 0.1
-    assert "a weighed mass" not in massed
-    assert "the gain of V1 (0.5 % as stated)" in bare
-    assert "a weighed mass, added to the moving mass, would show it" in bare
+    share = float(re.search(r"the added mass of 10 kg \((\d+) % of its u²\)", massed)[1])
+    assert 50 < share <= 100
+    assert "an added mass of 10" in massed  # its error shows late, and then it moves K' by several u
+    assert "of V1" in bare
 
 
 def drifting():

@@ -51,7 +51,7 @@ def test_every_text_is_named_in_the_program():
 
 
 def test_every_cause_of_a_misfit_is_made_somewhere():
-    made = ("core/joint/misfit.py", "study/rig_estimate.py", "study/rig_solution.py")
+    made = ("core/joint/misfit.py", "study/rig_read.py", "study/rig_solution.py")
     root = resources.files("fourpole")
     source = "".join(root.joinpath(*name.split("/")).read_text(encoding="utf-8") for name in made)
     by_kind = {kind.name.lower() for kind in Kind} | {row.group for row in COMPONENTS}

@@ -38,6 +38,8 @@ _MOUNTING = _pair(Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE)
 _REMOUNTING = _pair(Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE)
 _BLOCK = _pair(Kind.BLOCK, Kind.ANGLE_BLOCK)
 _DRIFT = _pair(Kind.DRIFT, Kind.ANGLE_DRIFT)
+#: Fields of the uncertainty of a channel.
+_OF_CHANNEL = ("gain", "phase", "delay", "low_cut", "slope", "mounting", "remounting", "crosstalk")
 #: The assumption of a campaign in which nothing is taken from the table.
 _ZERO = (
     '[unstated] ordinary = "zero": delay, low-cut, slope, mounting, linearity, block, drift and preload damping '
@@ -130,14 +132,17 @@ class Ordinary:
 
     def uncertainty(self, channels: Mapping[str, ChannelFile | None], top: float) -> ChannelUncertainty:
         """Standard uncertainties of F1, V1 and V2 by role, zero for a channel that is not stated; see `slope`."""
-        values = np.zeros((7, 3), dtype=complex)
+        values = np.zeros((8, 3), dtype=complex)
         for column, role in enumerate(CHANNELS):
             if (channel := channels.get(role)) is not None:
                 own = self.mounting(channel) if role == "motion_in" else 0j
                 with_mass = self.remounting(channel) if role != "motion_in" else 0j
                 errors = self.delay(channel), self.low_cut(channel), self.slope(channel, top)
-                values[:, column] = channel.gain_std, channel.phase_std, *errors, own, with_mass
-        return ChannelUncertainty(*values[:5].real, *values[5:])
+                known = channel.gain_std, channel.phase_std, *errors
+                values[:, column] = *known, own, with_mass, channel.std_crosstalk
+        named: dict[str, np.ndarray] = dict(zip(_OF_CHANNEL, values, strict=True))
+        apart = ("mounting", "remounting")
+        return ChannelUncertainty(**{name: std if name in apart else std.real for name, std in named.items()})
 
     def specimens(self, block: float | None, drift: float | None) -> SpecimenUncertainty:
         """Uncertainties of the specimens for stated sizes of |K*| [1]."""

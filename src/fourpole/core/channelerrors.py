@@ -62,6 +62,8 @@ class ChannelUncertainty(ByValue):
         Part of gain and phase that is another in each mounting of the sensor; `gain` and `phase` contain it.
     remounting : (3,) complex array [1] + j [rad]
         The same for each added mass.
+    crosstalk : (3,) float array [1]
+        Standard uncertainty of the share of each other channel in this one, over their sizes; for the joint route only.
     response : (N, 3) complex array, optional [1] + j [rad]
         Standard uncertainties of gain and phase of a calibrated response at each test's frequency. One error of each
         applies to all tests, in proportion to these values.
@@ -86,6 +88,7 @@ class ChannelUncertainty(ByValue):
     slope: FloatArray = field(default_factory=lambda: np.zeros(3))
     mounting: ComplexArray = field(default_factory=lambda: np.zeros(3, dtype=complex))
     remounting: ComplexArray = field(default_factory=lambda: np.zeros(3, dtype=complex))
+    crosstalk: FloatArray = field(default_factory=lambda: np.zeros(3))
     response: ComplexArray | None = None
 
     def part(self, rows: Any) -> ChannelUncertainty:

@@ -124,7 +124,7 @@ def solve_joint(
     sensors = sensors if np.ptp(sensors) else number  # a sensor of the rig may be touched with each specimen, too
     groups = (sensors[order], mass_at[order])
     errors = channels.part(order).errors(phasors.omega[order], groups, possible=True)
-    errors += _unstated_errors(_places(np.zeros(count, dtype=int), when)[order])
+    errors += _unstated_errors(channels.crosstalk, _places(np.zeros(count, dtype=int), when)[order])
     stated = Shared.stated(rig, errors, masses, masses_std)
     possible = of_specimens(names.tolist(), run, mass_at[order], label[order], specimens or SpecimenUncertainty())
     stated = replace(stated, parameters=(*stated.parameters, *(value for value in possible if value.std > 0)))
@@ -221,8 +221,8 @@ def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarra
     return masses[real], number[index], spread[real]
 
 
-def _unstated_errors(place: FloatArray) -> list[ChannelError]:
-    """Errors of the channels that a campaign does not state: gains that drift or step during the run, and cross-talk.
+def _unstated_errors(crosstalk: FloatArray, place: FloatArray) -> list[ChannelError]:
+    """Errors of the channels that a campaign seldom states: gains that drift or step during the run, and cross-talk.
 
     Cross-talk has its shape from `reconcile.with_cross_talk`.
     """
@@ -235,7 +235,8 @@ def _unstated_errors(place: FloatArray) -> list[ChannelError]:
         for other in SYMBOLS.values():
             if other != symbol:
                 source = Source(Kind.CROSSTALK, f"{other} in {symbol}")
-                errors.append(ChannelError(source, "1", channel, 0.0, np.zeros(place.size, dtype=complex)))
+                std = float(crosstalk[channel])
+                errors.append(ChannelError(source, "1", channel, std, np.zeros(place.size, dtype=complex)))
     return errors
 
 

@@ -13,7 +13,7 @@ from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.components import component
 from fourpole.core.confidence import CHANCE
 from fourpole.core.joint.model import Linear, Observed, cholesky_qr, inverse_upper, projected, upper_factor
-from fourpole.core.joint.shared import Shared, SharedParameter
+from fourpole.core.joint.shared import BLOCKS, DRIFTS, Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Role, Source
@@ -167,7 +167,7 @@ class Candidate:
 def cause_of(parameters: Sequence[SharedParameter], sizes: FloatArray, std: FloatArray) -> Candidate:
     """A group of components as a cause: their sizes as found (k,) and standard uncertainties (k,), each in its unit."""
     first = parameters[0]
-    if len(parameters) > 1:
+    if len(parameters) > 1 or first.source.kind in (*DRIFTS, *BLOCKS) or first.source.role is Role.MOUNTING:
         return _described_group(parameters, sizes, std)
     size, source, kind, of = float(sizes[0]), first.source, first.source.kind, first.source.of
     if kind is Kind.UNSTATED:

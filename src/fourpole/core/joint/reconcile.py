@@ -80,7 +80,8 @@ def reconcile(
         misfit = replace(_chi2(state), fits=False, rig_error=1.0, candidates=tuple(gross), tied=len(gross))
         return state.problem, state.solution, state.outlier, misfit
     state.problem = with_cross_talk(state.problem, state.solution)
-    if state.problem.scatter:
+    crossed = any(parameter.source.kind is Kind.CROSSTALK for parameter in problem.shared.parameters)
+    if state.problem.scatter or crossed:
         state.solve(replace(state.problem, scatter=0.0))
     misfit = _asked(state, problem.shared)
     return state.problem, state.solution, state.outlier, misfit
@@ -147,10 +148,10 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
                          for parameter in trial.group.parameters)  # fmt: skip
             loss = max(1 - GAIN / trial.gain, _LEAST_LOSS) if stated else 1.0
             problem, z = raised(problem, z, trial.group, trial.factor * float(np.sqrt(loss)))
-    if problem.scatter and SCATTER not in (trial.group for trial in together):
-        problem = replace(problem, scatter=min(trial.problem.scatter for trial in together))
     state.solution = replace(state.solution, z=z)
     state.solve(problem)
+    if state.problem.scatter:  # what was raised explains a part of it
+        _settle(state)
     return misfit
 
 
@@ -195,6 +196,12 @@ def _cause(trial: Trial, before: Solution) -> Candidate:
     return replace(cause, explains=explains, released=len(before.z) == len(shared))
 
 
+def _settle(state: State) -> None:
+    """Solve with the scatter of K* that repeats show."""
+    used, most = state.outlier == 1, SCATTER.largest * SCATTER.parameters[0].std
+    settle_scatter(state, lambda departures: min(scatter_of(state.problem, departures, used), most))
+
+
 def _settled(state: State, misfit: Misfit) -> Misfit:
     """The misfit with the scatter of K* that repeats show; chance may be the reason of a small one."""
     asked = state.problem.scatter > 0
@@ -203,8 +210,7 @@ def _settled(state: State, misfit: Misfit) -> Misfit:
         square = max(chi2 / dof, misfit.inflation**-2)
         state.solve(state.problem.reweighted(state.problem.observed.whiten / np.sqrt(square)))
         misfit = replace(misfit, inflation=misfit.inflation * float(np.sqrt(square)))
-    used = state.outlier == 1
-    settle_scatter(state, lambda departures: scatter_of(state.problem, departures, used))
+    _settle(state)
     return replace(misfit, scatter=state.problem.scatter if asked else 0.0)
 
 
@@ -243,7 +249,7 @@ def _judged(state: State, misfit: Misfit, causes: Sequence[Sequence[Candidate]])
         inflation = misfit.inflation * float(np.sqrt(ratio))
         return replace(misfit, inflation=inflation, fits=inflation <= NOISE_IN_DOUBT and not misfit.added)
     state.solve(without_rig(state.problem, state.solution.z, state.solution.stiffness, level))
-    return replace(misfit, fits=False, rig_error=level, candidates=(), tied=0)
+    return replace(misfit, fits=False, rig_error=level, candidates=(), tied=0, conflicts=(), added=())
 
 
 def _chi2(state: State) -> Misfit:

@@ -65,7 +65,7 @@ def unseen(joint: Joint, values: Outputs) -> tuple[Unseen, ...]:
     tests = np.flatnonzero(np.isfinite(values.value[:, :2]).all(axis=1))
     parameters = [(row, group.largest * row.std) for group in groups_of(problem, joint.stated)
                   for row in group.parameters if row.source.role is not Role.SPECIMEN]  # fmt: skip
-    if not tests.size or not parameters:
+    if not tests.size or not joint.stated.parameters:  # where all is exact, nothing can be unseen
         return ()
     extra = [row for row, _ in parameters]
     p = len(problem.shared)
