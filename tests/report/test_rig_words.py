@@ -252,7 +252,7 @@ def component(**changes):
 def test_what_the_tests_do_not_show_stands_with_its_size_its_effect_and_its_key(plain):
     (text,) = of(with_values(plain, VALUES, unseen=[component()])).unseen
     assert text == (
-        "Cross-talk of V2 in V1, +9.8 % of its size would not show in these data, and TR would be off by 166 u; "
+        "These data would not show cross-talk of V2 in V1, +9.8 % of its size, by which TR would be off by 166 u; "
         "std_crosstalk in campaign.toml states it."
     )
 

@@ -44,7 +44,7 @@ FULL = Laboratory(
 
 
 #: Errors that a joint solution adds after all that is stated.
-_NOBODY_STATES = {Kind.UNSTATED, Kind.CROSSTALK, Kind.GAIN_DRIFT, Kind.DRIFT, Kind.ANGLE_DRIFT}
+_NOBODY_STATES = {*Kind} - {Kind.RIG_VALUE, Kind.GAIN, Kind.PHASE, Kind.ADDED_MASS}
 CHANNEL = {"F1": 0, "V1": 1, "V2": 2}
 
 

@@ -34,8 +34,8 @@ def tied(*gains):
 # Groups that the tests ask for.
 
 
-@pytest.mark.parametrize(("gain", "raised"), [(3.99, []), (4.01, [4.01])])
-def test_a_group_is_raised_from_a_gain_of_four_on(gain, raised):
+@pytest.mark.parametrize(("gain", "raised"), [(4.99, []), (5.01, [5.01])])
+def test_a_group_is_raised_from_a_gain_of_five_on(gain, raised):
     assert tied(gain) == raised
 
 
@@ -44,14 +44,14 @@ def test_what_explains_the_tests_within_ten_of_the_best_is_raised_with_it(other,
     assert tied(40.0, other) == ([40.0, other] if together else [40.0])
 
 
-@pytest.mark.parametrize(("other", "together"), [(3.99, False), (4.01, True)])
+@pytest.mark.parametrize(("other", "together"), [(4.99, False), (5.01, True)])
 def test_a_group_of_a_tie_has_a_gain_of_its_own(other, together):
     assert tied(12.0, other) == ([12.0, other] if together else [12.0])
 
 
-@pytest.mark.parametrize(("other", "together"), [(2.9, False), (3.1, True)])
+@pytest.mark.parametrize(("other", "together"), [(3.4, False), (3.6, True)])
 def test_or_almost_that_of_the_best_where_this_is_small(other, together):
-    assert tied(5.0, other) == ([5.0, other] if together else [5.0])
+    assert tied(5.5, other) == ([5.5, other] if together else [5.5])
 
 
 def test_the_gain_of_one_column_is_that_of_the_evidence():

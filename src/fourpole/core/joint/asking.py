@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either, 
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
 #: Least gain in the logarithm of the evidence for which a group is raised.
-GAIN = 4.0
+GAIN = 5.0
 #: Groups whose gain is within this of the best are raised with it, if it is enough by itself or almost the best.
 _TIE, _ALMOST = 10.0, 2.0
 #: Number of groups that are tried in earnest in one round.
@@ -109,43 +110,55 @@ class Trial(ByValue):
 
 def groups_of(problem: Problem, stated: Shared) -> list[Group]:
     """All groups that the tests of a problem may ask for; `stated` has the shared values as stated."""
-    std = {(parameter.source, parameter.index): parameter.std for parameter in stated.parameters}
     columns: dict[str, list[tuple[SharedParameter, float]]] = {}
-
-    def add(name: str, parameter: SharedParameter, largest: float) -> None:
+    for name, parameter, largest in chain(_stated(stated), _of_channels(problem, stated), _absent(problem, stated)):
         columns.setdefault(name, []).append((parameter, largest / parameter.std))
-
-    for parameter in stated.parameters:
-        if parameter.source.role in (Role.RIG, Role.MASS):
-            largest = _LARGEST_SHARE * abs(parameter.stated) or np.inf
-            if parameter.source.of == "preload_damping":
-                largest = component(Kind.UNSTATED).bound * stated.rig.critical_damping
-            add(parameter.source.text, parameter, max(largest, parameter.std))
-    for index, source in enumerate(problem.errors):
-        row = _row(source)
-        unit = std.get((source, index)) or row.std or BEGINS * row.bound
-        centre = 1.0 if source.kind is Kind.GAIN else 0.0
-        name = f"{row.group} {source.of}" if source.role is Role.MOUNTING else source.text
-        name += f" {index}" if source.kind is Kind.GAIN_STEP else ""
-        add(name, SharedParameter(source, row.unit, index, centre, unit), row.bound)
-    for parameter in problem.specimens:
-        row = component(parameter.source.kind)
-        unit = std.get((parameter.source, parameter.index)) or row.std
-        add(row.group, replace(parameter, std=unit), row.bound)
-    if np.any(problem.observed.deflection):
-        row = component(Kind.AMPLITUDE)
-        source = Source(Kind.AMPLITUDE)
-        add(source.text, SharedParameter(source, "1", 0, 0.0, BEGINS * row.bound), row.bound)
-    has = {parameter.source for parameter in stated.parameters}
-    for part, whole in wholes(problem).items():
-        source = Source(Kind.UNSTATED, part)
-        if TWINS.get(part) not in has:
-            bound = component(Kind.UNSTATED).bound * whole
-            add(source.text, SharedParameter(source, PARTS[part], 0, 0.0, BEGINS * bound), bound)
     return [
         Group(name, tuple(parameter for parameter, _ in listed), max(min(most for _, most in listed), 1.0))
         for name, listed in columns.items()
     ]
+
+
+#: Name of the group of a value, the value with its size for a factor of 1, and its largest size.
+_Column = tuple[str, SharedParameter, float]
+
+
+def _stated(stated: Shared) -> Iterator[_Column]:
+    """The values of the rig and the masses."""
+    damping = component(Kind.UNSTATED).bound * stated.rig.critical_damping
+    for parameter in stated.parameters:
+        if parameter.source.role in (Role.RIG, Role.MASS):
+            largest = _LARGEST_SHARE * abs(parameter.stated) or np.inf
+            largest = damping if parameter.source.of == "preload_damping" else largest
+            yield parameter.source.text, parameter, max(largest, parameter.std)
+
+
+def _of_channels(problem: Problem, stated: Shared) -> Iterator[_Column]:
+    """The errors of the channels, and the drifts and blocks of the specimens."""
+    std = {(parameter.source, parameter.index): parameter.std for parameter in stated.parameters}
+    for index, source in enumerate(problem.errors):
+        row = _row(source)
+        unit = std.get((source, index)) or row.std or BEGINS * row.bound
+        name = f"{row.group} {source.of}" if source.role is Role.MOUNTING else source.text
+        name += f" {index}" if source.kind is Kind.GAIN_STEP else ""
+        centre = 1.0 if source.kind is Kind.GAIN else 0.0
+        yield name, SharedParameter(source, row.unit, index, centre, unit), row.bound
+    for parameter in problem.specimens:
+        row = component(parameter.source.kind)
+        unit = std.get((parameter.source, parameter.index)) or row.std
+        yield row.group, replace(parameter, std=unit), row.bound
+
+
+def _absent(problem: Problem, stated: Shared) -> Iterator[_Column]:
+    """The effect of the amplitude, and the parts of the rig that nobody stated."""
+    if np.any(problem.observed.deflection):
+        source, bound = Source(Kind.AMPLITUDE), component(Kind.AMPLITUDE).bound
+        yield source.text, SharedParameter(source, "1", 0, 0.0, BEGINS * bound), bound
+    has = {parameter.source for parameter in stated.parameters}
+    for part, whole in wholes(problem).items():
+        source, bound = Source(Kind.UNSTATED, part), component(Kind.UNSTATED).bound * whole
+        if TWINS.get(part) not in has:
+            yield source.text, SharedParameter(source, PARTS[part], 0, 0.0, BEGINS * bound), bound
 
 
 def _row(source: Source) -> Component:

@@ -169,31 +169,30 @@ def cause_of(parameters: Sequence[SharedParameter], sizes: FloatArray, std: Floa
     first = parameters[0]
     if len(parameters) > 1 or first.source.kind in (*DRIFTS, *BLOCKS) or first.source.role is Role.MOUNTING:
         return _described_group(parameters, sizes, std)
-    size, source, kind, of = float(sizes[0]), first.source, first.source.kind, first.source.of
-    if kind is Kind.UNSTATED:
+    size, source = float(sizes[0]), first.source
+    if source.kind is Kind.UNSTATED:
         cause = _described_part(source, size)
         return replace(cause, std=abs(cause.value / size) * float(std[0]) if size else 0.0)
-    name, unit, form = f"sensor {of}", "1", kind.name.lower()
-    values: dict[str, Any] = {"of": of, "percent": 100 * size}
-    if kind is Kind.AMPLITUDE:
-        name, values = "specimen", {"percent": 100 * (2**size - 1)}
-    elif source.role is Role.TEST:
-        name, values = "specimen" if kind is Kind.SCATTER else source.text, {"percent": 100 * size, "times": size}
-    elif kind is Kind.PHASE:
-        unit, values = "rad", {"of": of, "degrees": np.degrees(size)}
-    elif kind is Kind.DELAY:
-        unit, form, values = "s", "late" if size > 0 else "early", {"of": of, "milliseconds": abs(size) * 1e3}
-    elif kind is Kind.LOW_CUT:
-        unit, values = "Hz", {"of": of, "hertz": abs(size)}
-    elif kind is Kind.CROSSTALK:
-        crossed, _, channel = of.partition(" in ")
-        name, values = f"sensor {channel}", {"of": crossed, "into": channel, "percent": 100 * size}
-    elif kind in (Kind.RESPONSE_GAIN, Kind.RESPONSE_PHASE):
-        form, values = "response", {"of": source.text, "times": abs(size)}
-    elif source.role is not Role.CHANNEL:
-        name, unit = "added mass" if source.role is Role.MASS else of.replace("_", " "), first.unit
-        shown = unit if unit != "1" else ""
-        form, values = "stated", {"value": first.stated + size, "stated": first.stated, "unit": shown}
+    if source.role in (Role.RIG, Role.MASS):
+        shown = first.unit if first.unit != "1" else ""
+        stated = {"value": first.stated + size, "stated": first.stated, "unit": shown}
+        name = "added mass" if source.role is Role.MASS else source.of.replace("_", " ")
+        return Candidate(name, size, float(std[0]), first.unit, 0.0, source, size, "stated", stated)
+    crossed, _, into = source.of.partition(" in ")
+    percent = {"of": source.of, "percent": 100 * size}
+    response = ("1", "response", {"of": source.text, "times": abs(size)})
+    delay = {"of": source.of, "milliseconds": abs(size) * 1e3}
+    unit, form, values = {
+        Kind.AMPLITUDE: ("1", "amplitude", {"percent": 100 * (2**size - 1)}),
+        Kind.PHASE: ("rad", "phase", {"of": source.of, "degrees": np.degrees(size)}),
+        Kind.DELAY: ("s", "late" if size > 0 else "early", delay),
+        Kind.LOW_CUT: ("Hz", "low_cut", {"of": source.of, "hertz": abs(size)}),
+        Kind.CROSSTALK: ("1", "crosstalk", {"of": crossed, "into": into, "percent": 100 * size}),
+        Kind.RESPONSE_GAIN: response,
+        Kind.RESPONSE_PHASE: response,
+    }.get(source.kind, ("1", source.kind.name.lower(), {**percent, "times": size}))
+    of_specimen = source.kind in (Kind.SCATTER, Kind.AMPLITUDE)
+    name = "specimen" if of_specimen else f"sensor {into or source.of}" if source.of_channel else source.text
     return Candidate(name, size, float(std[0]), unit, 0.0, source, size, form, values)
 
 

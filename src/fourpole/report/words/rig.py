@@ -209,8 +209,8 @@ def _unseen(found: RigEstimate) -> Iterable[str]:
     for component in found.unseen[:_MOST_UNSEEN]:
         key = f"; {component.key} in campaign.toml states it" if component.key else ""
         yield (
-            f"{component.words[:1].upper()}{component.words[1:]} would not show in these data, and {component.result} "
-            f"would be off by {component.shift:.0f} u{key}."
+            f"These data would not show {component.words}, by which {component.result} would be off by "
+            f"{component.shift:.0f} u{key}."
         )
     if len(found.unseen) > _MOST_UNSEEN:
         yield f"{counted(len(found.unseen) - _MOST_UNSEEN, 'further component')} would move a result by more than 2 u."
