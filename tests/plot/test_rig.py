@@ -136,13 +136,13 @@ def test_what_nobody_stated_is_written_with_its_size(small):
     """There is no statement that it could be drawn against."""
     results = replace(small, rig=rig_table({**VALUES, **UNSTATED}))
     (panel,) = figure_data(results, "rig-found").panels
-    assert panel.names[-3:] == ("specimens", "drift of radial", "loss angle drift of radial")
+    assert panel.names[-3:] == ("specimens", "drift of radial", "δ drift of radial")
     dots = rows_of(panel)
     for name, words in (
         ("unstated frame", "+1.1e−05 ± 3e−07 m/N"),
         ("cross-talk V2 in F1", "+1.2 ± 0.05 %"),
         ("drift of radial", "−2.1 ± 0.1 %"),
-        ("loss angle drift of radial", "+0.201 ± 0.011 °"),
+        ("δ drift of radial", "+0.201 ± 0.011 °"),
     ):
         assert dots[name].texts == (words,)
     assert "not stated: size as written" in texts(draw(results, "rig-found"))

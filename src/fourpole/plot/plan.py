@@ -106,7 +106,8 @@ def _curves(frame: pl.DataFrame, style: Style) -> Iterator[_Curve]:
             colour, marker, dashes = _LOOKS[route]
             yield _Curve(stated.filter(pl.col("route") == route), route, style.colour(colour), marker, dashes)
     for rank, plan in enumerate(plans[1:]):
-        added = frame.filter((pl.col("plan") == plan) & (pl.col("route") == "joint"))
+        bare = pl.col(q.ADDED_MASS.head) == 0  # K* of the tyre itself, which the mass serves
+        added = frame.filter((pl.col("plan") == plan) & (pl.col("route") == "joint") & bare)
         if added.height:
             part = 0.2 + 0.55 * rank / max(len(plans) - 2, 1)
             colour_of_mass = mixed(style.colour(0), style.look.ink, part)

@@ -45,6 +45,8 @@ _MOSTLY = 0.7
 _PRIOR_DOF = 4.0
 #: Chi-square below which there is no misfit in any test: that of the exact phasors of a plan is round-off.
 _NOTHING = 1e-6
+#: What is not white has no cause, unless the causes leave less than this share of the misfit.
+_LITTLE = 0.01
 #: Largest number of rounds of asking.
 _MOST_ROUNDS = 4
 
@@ -236,10 +238,15 @@ def _raised(state: State, stated: Shared) -> dict[str, Any]:
 def _judged(state: State, misfit: Misfit, causes: Sequence[Sequence[Candidate]]) -> Misfit:
     """The misfit with its causes; what is not white has no cause, and then K* does not rest on the rig."""
     chi2, dof = _whole(state)
-    if not is_unlikely(chi2, dof) and misfit.inflation < NOISE_IN_DOUBT:
-        at_fault = bool(misfit.conflicts or misfit.added)
+    at_fault = bool(misfit.conflicts or misfit.added)
+    white = not is_unlikely(chi2, dof) and misfit.inflation < NOISE_IN_DOUBT
+    if white or chi2 - dof < _LITTLE * (misfit.chi2 - misfit.dof):
         named = causes if at_fault else [[]]
-        return replace(misfit, fits=not at_fault, candidates=tuple(chain(*named)), tied=len(named[0]))
+        misfit = replace(misfit, fits=not at_fault, candidates=tuple(chain(*named)), tied=len(named[0]))
+    else:
+        misfit = replace(misfit, conflicts=(), added=())
+    if white:
+        return misfit
     left = residuals(state.problem, state.solution)
     size = largest_part(state.problem, state.solution.z, state.solution.stiffness)
     level = _level(left.rig_part, left.rig_weight, float(left.rig_dof.sum()), size)
@@ -247,9 +254,9 @@ def _judged(state: State, misfit: Misfit, causes: Sequence[Sequence[Candidate]])
         ratio = chi2 / dof
         state.solve(_with_noise(state.problem, left, ratio))
         inflation = misfit.inflation * float(np.sqrt(ratio))
-        return replace(misfit, inflation=inflation, fits=inflation <= NOISE_IN_DOUBT and not misfit.added)
+        return replace(misfit, inflation=inflation, fits=inflation <= NOISE_IN_DOUBT and not at_fault)
     state.solve(without_rig(state.problem, state.solution.z, state.solution.stiffness, level))
-    return replace(misfit, fits=False, rig_error=level, candidates=(), tied=0, conflicts=(), added=())
+    return replace(misfit, fits=False, rig_error=level)
 
 
 def _chi2(state: State) -> Misfit:
