@@ -145,7 +145,7 @@ class Ordinary:
         return ChannelUncertainty(**{name: std if name in apart else std.real for name, std in named.items()})
 
     def specimens(self, block: float | None, drift: float | None) -> SpecimenUncertainty:
-        """Uncertainties of the specimens for stated sizes of |K*| [1]."""
+        """Uncertainties of the specimens for stated relative sizes of the modulus of K* [1]."""
         pairs = ((table, size, self.counted * table) for table, size in ((_BLOCK, block), (_DRIFT, drift)))
         return SpecimenUncertainty(*(_scaled(*pair) for pair in pairs))
 
