@@ -135,7 +135,7 @@ def _stated(stated: Shared) -> Iterator[_Column]:
 
 def _of_channels(problem: Problem, stated: Shared) -> Iterator[_Column]:
     """The errors of the channels, and the drifts and blocks of the specimens."""
-    std = {(parameter.source, parameter.index): parameter.std for parameter in stated.parameters}
+    std = {parameter.key: parameter.std for parameter in stated.parameters}
     for index, source in enumerate(problem.errors):
         row = _row(source)
         unit = std.get((source, index)) or row.std or BEGINS * row.bound
@@ -145,7 +145,7 @@ def _of_channels(problem: Problem, stated: Shared) -> Iterator[_Column]:
         yield name, SharedParameter(source, row.unit, index, centre, unit), row.bound
     for parameter in problem.specimens:
         row = component(parameter.source.kind)
-        unit = std.get((parameter.source, parameter.index)) or row.std
+        unit = std.get(parameter.key) or row.std
         yield row.group, replace(parameter, std=unit), row.bound
 
 
@@ -181,9 +181,9 @@ def raised(problem: Problem, z: FloatArray, group: Group, factor: float) -> tupl
     if group is SCATTER:
         return replace(problem, scatter=factor * SCATTER.parameters[0].std), z
     listed, z = list(problem.shared.parameters), z.copy()
-    places = {(parameter.source, parameter.index): place for place, parameter in enumerate(listed)}
+    places = {parameter.key: place for place, parameter in enumerate(listed)}
     for parameter in group.parameters:
-        place, std = places.get((parameter.source, parameter.index)), factor * parameter.std
+        place, std = places.get(parameter.key), factor * parameter.std
         if place is None:
             listed.append(replace(parameter, std=std))
             z = np.append(z, 0.0)
@@ -272,7 +272,7 @@ def _strange(problem: Problem, solution: Solution, scattered: Trial | None, outl
     made = []
     for aside, wide, there in starts:
         departures = deviations(replace(wide, apart=problem.apart), there.z, there.stiffness)
-        own, _ = strange_conditions(problem, departures, used)
+        own = strange_conditions(problem, departures, used)
         for worst in np.flatnonzero(aside).tolist():
             size = np.sqrt(np.mean(departures.value[conditions.label == worst] ** 2))
             own[worst] = own[worst] or size
@@ -317,8 +317,8 @@ def volume(problem: Problem, solution: Solution) -> float:
 def _possible(group: Group, problem: Problem, z: FloatArray) -> bool:
     """Whether a group is no larger than it can be, no part of a rig but its mass is negative, and the group matters."""
     shared = problem.shared
-    sizes = dict(zip(((row.source, row.index) for row in shared.parameters), z * shared.std, strict=True))
-    own = [(sizes.get((row.source, row.index), 0.0), row) for row in group.parameters]
+    sizes = dict(zip((row.key for row in shared.parameters), z * shared.std, strict=True))
+    own = [(sizes.get(row.key, 0.0), row) for row in group.parameters]
     if group.parameters[0].source.role is Role.TEST:
         return True
     return (

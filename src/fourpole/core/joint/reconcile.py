@@ -146,8 +146,8 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
             misfit = replace(misfit, unsteady=trial.factor * UNSTEADY.parameters[0].std)
         else:
             # A stated value loses its hold smoothly from the least gain on.
-            stated = any(parameter.source.role in (Role.RIG, Role.MASS, Role.CHANNEL) and _has(problem, trial.group)
-                         for parameter in trial.group.parameters)  # fmt: skip
+            role = trial.group.parameters[0].source.role
+            stated = role in (Role.RIG, Role.MASS, Role.CHANNEL) and _has(problem, trial.group)
             loss = max(1 - GAIN / trial.gain, _LEAST_LOSS) if stated else 1.0
             problem, z = raised(problem, z, trial.group, trial.factor * float(np.sqrt(loss)))
     state.solution = replace(state.solution, z=z)
@@ -159,8 +159,8 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
 
 def _has(problem: Problem, group: Group) -> bool:
     """Whether a group is among the shared values already."""
-    there = {(parameter.source, parameter.index) for parameter in problem.shared.parameters}
-    return all((parameter.source, parameter.index) in there for parameter in group.parameters)
+    there = {parameter.key for parameter in problem.shared.parameters}
+    return all(parameter.key in there for parameter in group.parameters)
 
 
 def _of_noise(state: State) -> list[Trial]:
@@ -188,9 +188,9 @@ def _cause(trial: Trial, before: Solution) -> Candidate:
     if group.parameters[0].source.role is Role.TEST:
         size = np.array([trial.factor * group.parameters[0].std])
         return cause_of(group.parameters, size, 0 * size)
-    wanted = {(parameter.source, parameter.index) for parameter in group.parameters}
+    wanted = {parameter.key for parameter in group.parameters}
     places = [place for place, parameter in enumerate(shared.parameters)
-              if (parameter.source, parameter.index) in wanted]  # fmt: skip
+              if parameter.key in wanted]  # fmt: skip
     sizes = (trial.solution.z * shared.std)[places]
     std = (np.sqrt(np.diag(trial.solution.covariance)) * shared.std)[places]
     cause = cause_of([shared.parameters[place] for place in places], sizes, std)

@@ -118,17 +118,16 @@ def robust_scatter(problem: Problem, departures: Deviations) -> float:
 _SIZES, _APART = np.append(0.0, np.geomspace(1e-6, _MOST, 61)), 1.0
 
 
-def strange_conditions(problem: Problem, departures: Deviations, used: BoolArray) -> tuple[FloatArray, float]:
+def strange_conditions(problem: Problem, departures: Deviations, used: BoolArray) -> FloatArray:
     """Scatter (c,) of each condition whose tests depart much more from each other than those of others; 0 for these.
 
-    Also how much better the departures are explained so than by one scatter of all conditions, in the logarithm of
-    their likelihood. Labels that were exchanged, or one test with another sensor, are such.
+    Labels that were exchanged, or one test with another sensor, are such.
     """
     conditions = problem.conditions
     own = np.zeros(conditions.count)
     repeated = conditions.sum(used.astype(float)) > 1
     if np.sum(repeated) < 2:
-        return own, 0.0
+        return own
     kept = np.where(used[:, None, None], departures.covariance, 1e12 * np.eye(2))
     counted = replace(departures, covariance=kept)
     likely = np.stack([_likely(conditions, counted, size) for size in _SIZES], axis=1)[repeated]
@@ -140,7 +139,7 @@ def strange_conditions(problem: Problem, departures: Deviations, used: BoolArray
     count = int(np.argmax(whole))
     places = np.flatnonzero(repeated)[order[:count]]
     own[places] = _SIZES[np.argmax(likely[:count], axis=1)]
-    return own, float(whole[count] - whole[0])
+    return own
 
 
 def _likely(conditions: JointConditions, departures: Deviations, scatter: float) -> FloatArray:

@@ -43,6 +43,11 @@ class SharedParameter:
     std: float
 
     @property
+    def key(self) -> tuple[Source, int]:
+        """What distinguishes it from all other values: mountings of one sensor have one source."""
+        return self.source, self.index
+
+    @property
     def is_gain(self) -> bool:
         """Whether the value is a gain, which is 1 for a channel without error."""
         return self.source.kind is Kind.GAIN
