@@ -8,7 +8,8 @@ from fourpole.campaign import read_campaign
 from fourpole.core.plan import expect
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError, RigError
-from fourpole.planning.plan import AS_STATED, Guess, Run, bare_plan, plan, plan_campaign, plan_table, with_kg
+from fourpole.planning.expected import Guess
+from fourpole.planning.plan import AS_STATED, Run, bare_plan, plan, plan_campaign, plan_table, with_kg
 from fourpole.study.study import Study
 
 TOML = """
@@ -121,7 +122,7 @@ def test_the_nearest_earlier_test_is_that_of_the_same_condition(
     )
     (results / "dynamic.csv").write_text("\n".join([head, *rows]) + "\n")
     found = Study(dynamic=pl.read_csv(results / "dynamic.csv"))
-    monkeypatch.setattr("fourpole.planning.plan.read_results", lambda _: found)
+    monkeypatch.setattr("fourpole.planning.expected.read_results", lambda _: found)
     head = HEAD.replace("note", "temperature [degC]")
     (folder / "tests.csv").write_text(f"{head}D1,r/1.csv,dynamic,a,{pressure},{preload},11,,{temperature}\n")
     (item,) = plan_campaign(read_campaign(folder), Guess(), Run()).rigs

@@ -6,7 +6,8 @@ import polars as pl
 import pytest
 
 from fourpole.campaign import read_campaign
-from fourpole.planning.plan import Guess, Run, plan_campaign
+from fourpole.planning.expected import Guess
+from fourpole.planning.plan import Run, plan_campaign
 from fourpole.planning.runsheet import run_sheet
 
 TOML = """

@@ -5,7 +5,8 @@ import pytest
 
 from fourpole.core.rig import Rig
 from fourpole.errors import CampaignError
-from fourpole.planning.plan import Guess, Run, bare_plan, plan_table
+from fourpole.planning.expected import Guess
+from fourpole.planning.plan import Run, bare_plan, plan_table
 from fourpole.plot import Style
 from fourpole.plot.plan import draw_plan, write_plan_figure
 

@@ -46,7 +46,8 @@ def amplitudes(time, signals, frequency):
 
 def test_campaign_file_states_the_rig_the_channels_and_the_tyres(full):
     said = tomllib.loads((full / "campaign.toml").read_text())
-    assert set(said) == {"title", "rig", "channels", "tyres"}
+    assert set(said) == {"title", "unstated", "rig", "channels", "tyres"}
+    assert said["unstated"] == {"ordinary": "zero"}
     assert said["rig"] == {
         "moving_mass": {"value": 15.0, "unit": "kg", "std": 0.01},
         "preload_stiffness": {"value": 12.44, "unit": "kN/m", "std": 0.02},

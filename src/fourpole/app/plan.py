@@ -19,7 +19,8 @@ from fourpole.errors import CampaignError, RigError, UnitError
 from fourpole.io.folders import make_folder
 from fourpole.io.staging import staged
 from fourpole.io.write import write_table
-from fourpole.planning.plan import CampaignPlan, Guess, Run, bare_plan, plan_campaign, plan_table
+from fourpole.planning.expected import Guess
+from fourpole.planning.plan import CampaignPlan, Run, bare_plan, plan_campaign, plan_table
 from fourpole.planning.runsheet import run_sheet
 from fourpole.report.words.plan import AdviceInWords, advice_in_words, expected_tables
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -18,57 +18,26 @@ from fourpole.campaign.ordinary import Ordinary
 from fourpole.campaign.row import Test, condition_of
 from fourpole.core.arrays import FloatArray
 from fourpole.core.components import component
-from fourpole.core.condition import Axis, Condition, Sameness, Value
+from fourpole.core.condition import Sameness
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.plan import Plan, PlannedTests
 from fourpole.core.plan.expect import arm_std, planned_phasors, relative_uncertainties
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind
 from fourpole.errors import CampaignError, RigError
-from fourpole.fitting.rows import conditions_in, tyre_columns
+from fourpole.fitting.rows import tyre_columns
+from fourpole.planning.expected import Earlier, Guess, Tyre, tyre_of
 from fourpole.study.identify import added_masses, channel_uncertainty
-from fourpole.study.results import read_results
 from fourpole.words import first_of
 
 #: Value of the column ``plan`` for the tests as tests.csv states them.
 AS_STATED = "as stated"
 #: Number of recorded cycles to which the noise of a `Run` belongs.
 _CYCLES = 40.0
-#: A difference in temperature of this many tolerances counts as much as a factor of e in pressure or preload.
-_TOLERANCES_PER_E = 10.0
-
-
-@dataclass(frozen=True)
-class _Tyre:
-    """The expected tyre of one test: K1 and its standard uncertainty [N/m], K2 [N/m], C [N s/m]."""
-
-    k1: float
-    k1_std: float
-    k2: float
-    c: float
-
-
 #: A rigid block has no tyre; the numbers keep the equations finite.
-_RIGID = _Tyre(1.0, 0.0, 1.0, 1.0)
+_RIGID = Tyre(1.0, 0.0, 1.0, 1.0)
 #: Number of tests that a note names.
 _NAMED = 6
-
-
-@dataclass(frozen=True)
-class Guess:
-    """A guessed tyre; None where a value is not guessed.
-
-    Attributes
-    ----------
-    k1, k2, c : float [N/m], [N/m], [N s/m]
-    k1_std : float [1]
-        Relative standard uncertainty of K1 after the static tests.
-    """
-
-    k1: float | None = None
-    k2: float | None = None
-    c: float | None = None
-    k1_std: float | None = None
 
 
 @dataclass(frozen=True)
@@ -206,20 +175,20 @@ def plan_campaign(campaign: Campaign, guess: Guess, run: Run) -> CampaignPlan:
     """
     planned = _to_plan(campaign)
     rule = campaign.stated.sameness
-    earlier = _Earlier.of(campaign.folder / "results", rule)
+    earlier = Earlier.of(campaign.folder / "results", rule)
     rigs = []
     for name in dict.fromkeys(test.rig for test in planned):
         tests = tuple(test for test in planned if test.rig == name)
-        tyres = [_RIGID if test.kind == "calibration" else _tyre(test, guess, earlier) for test in tests]
+        tyres = [_RIGID if test.kind == "calibration" else tyre_of(test, guess, earlier) for test in tests]
         rigs.append(_rig_plan(campaign, name, tests, tyres, run))
     notes = (*_notes(campaign, planned, guess, earlier), *_lift_off(rigs))
     return CampaignPlan(tuple(rigs), campaign.tests, campaign.extra_columns, notes, rule)
 
 
-def _notes(campaign: Campaign, planned: Sequence[Test], guess: Guess, earlier: _Earlier | None) -> Iterator[str]:
+def _notes(campaign: Campaign, planned: Sequence[Test], guess: Guess, earlier: Earlier | None) -> Iterator[str]:
     """What was assumed, and which tests are not planned or planned although they are excluded."""
     yield from campaign.stated.assumptions()
-    if earlier is not None and not _whole(guess):
+    if earlier is not None and not guess.whole:
         yield f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv"
     if bands := [test.name for test in campaign.tests if test.band is not None]:
         named = first_of(bands, _NAMED)
@@ -249,7 +218,7 @@ def _to_plan(campaign: Campaign) -> list[Test]:
     return planned
 
 
-def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Sequence[_Tyre], run: Run) -> RigPlan:
+def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Sequence[Tyre], run: Run) -> RigPlan:
     """The plan of the tests of one rig, for the guessed tyre of each test."""
     stated = campaign.stated.all_rigs.get(name)
     if stated is None:
@@ -274,7 +243,7 @@ def _rig_plan(campaign: Campaign, name: str, tests: tuple[Test, ...], tyres: Seq
     return RigPlan(name, plan, tests)
 
 
-def _expected(tests: Sequence[Test], tyres: Sequence[_Tyre], run: Run, **more: Any) -> PlannedTests:
+def _expected(tests: Sequence[Test], tyres: Sequence[Tyre], run: Run, **more: Any) -> PlannedTests:
     """The planned tests, each with its assumed tyre and noise; `more` are further attributes of `PlannedTests`."""
     k1, k1_std, k2, c = np.array([astuple(tyre) for tyre in tyres]).T
     frequency = np.array([test.values["frequency"] for test in tests])
@@ -340,84 +309,11 @@ def bare_plan(
         Test(f"D{at}", at + 2, f"recordings/D{at}.csv", "dynamic", "tyre", values={**load, "frequency": frequency})
         for at, frequency in enumerate(frequencies, start=1)
     )
-    expected = _expected(tests, [_tyre(test, guess, None) for test in tests], run)
+    expected = _expected(tests, [tyre_of(test, guess, None) for test in tests], run)
     specimens = ordinary.specimens(None, None)
     only = RigPlan("", Plan(expected, rig, channels, specimens, run.cycles, 1, defaults.MASS_STD), tests)
     static = Test("S1", 2, "recordings/S1.csv", "static", "tyre", values=dict(load))
     return CampaignPlan((only,), (static, *tests), (), (*notes, *_lift_off([only])))
-
-
-def _whole(guess: Guess) -> bool:
-    return None not in (guess.k1, guess.k2, guess.c)
-
-
-def _tyre(test: Test, guess: Guess, earlier: _Earlier | None) -> _Tyre:
-    """The tyre to expect in a planned test: the guess comes first, then tests.csv (K1), then the earlier results."""
-    known = None if earlier is None or _whole(guess) else earlier.nearest(test)
-    k1, k1_std = (guess.k1, None) if guess.k1 is not None else (test.value("K1"), test.value("u(K1)"))
-    k2, c = guess.k2, guess.c
-    if known is not None:
-        k1, k1_std = (known.k1, known.k1_std) if k1 is None else (k1, k1_std)
-        k2, c = known.k2 if k2 is None else k2, known.c if c is None else c
-    if k1 is None or k2 is None or c is None:
-        missing = "K1" if k1 is None else "K2" if k2 is None else "C"
-        raise CampaignError(
-            f"tyre {test.tyre!r} is not known yet: guess its K1, K2 and C, {missing} at least (--k1, --k2, --c); "
-            "results of an earlier analysis of the campaign serve too"
-        )
-    if guess.k1_std is not None:
-        k1_std = guess.k1_std * k1
-    return _Tyre(k1, defaults.K1_STD * k1 if k1_std is None else k1_std, k2, c)
-
-
-@dataclass(frozen=True)
-class _Earlier:
-    """Tyres that an earlier analysis found: the condition and the frequency [Hz] of each test, and its tyre."""
-
-    tests: list[tuple[Condition, float, _Tyre]]
-    rule: Sameness
-
-    @classmethod
-    def of(cls, folder: Path, rule: Sameness) -> Self | None:
-        """The tyres in a results folder; None if there is no such folder."""
-        if not (folder / "dynamic.csv").is_file():
-            return None
-        heads = (q.K1.head, q.K1.u_head, q.K2.head, q.C.head)
-        table = read_results(folder).dynamic.drop_nulls(heads)
-        table = table.filter(pl.all_horizontal(pl.col(one.head) > 0 for one in (q.K1, q.K2, q.C)))
-        tyres = [_Tyre(*row) for row in table.select(heads).iter_rows()]
-        return cls(list(zip(conditions_in(table, rule), table[q.FREQUENCY.head], tyres, strict=True)), rule)
-
-    def nearest(self, test: Test) -> _Tyre | None:
-        """The tyre of the test nearest in condition, then in frequency; None where there is none of the same tyre."""
-        mine = condition_of(test, self.rule)
-        frequency = test.value("frequency")
-        near = [
-            (
-                round(sum(map(_distance, self.rule.axes, condition.values, mine.values)), 3),
-                _log_ratio(measured, frequency),
-                tyre,
-            )
-            for condition, measured, tyre in self.tests
-            if condition.specimen == test.tyre
-        ]
-        return min(near, key=lambda distances: distances[:2])[2] if near else None
-
-
-def _distance(axis: Axis, value: Value, other: Value) -> float:
-    """Distance of two values on one axis: 0 if they are the same, 1 for a factor of e or where one is not stated."""
-    if axis.same(value, other):
-        return 0.0
-    if not isinstance(value, float) or not isinstance(other, float):
-        return 1.0
-    if axis.absolute:
-        return abs(value - other) / (_TOLERANCES_PER_E * axis.absolute)
-    return _log_ratio(value, other)
-
-
-def _log_ratio(value: float, other: float | None) -> float:
-    """Absolute value of ln(value/other); 1 where one of them is zero or not stated."""
-    return abs(float(np.log(value / other))) if value and other and value / other > 0 else 1.0
 
 
 def _lift_off(rigs: Sequence[RigPlan]) -> list[str]:

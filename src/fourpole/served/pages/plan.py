@@ -14,7 +14,8 @@ from starlette.routing import Route
 from fourpole.campaign import read_campaign
 from fourpole.core.plan import MASSES, advise
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.planning.plan import CampaignPlan, Guess, Run, plan_campaign, plan_table
+from fourpole.planning.expected import Guess
+from fourpole.planning.plan import CampaignPlan, Run, plan_campaign, plan_table
 from fourpole.planning.runsheet import run_sheet
 from fourpole.plot.plan import PLAN_TITLE, draw_plan, plan_figure_svg
 from fourpole.report.page import ReportFigure
