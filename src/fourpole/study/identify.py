@@ -296,19 +296,20 @@ def _with_specimen(
 ) -> tuple[FloatArray, list[Mapping[Source, float]]]:
     """Uncertainty of K1 and its parts, with drift and scatter of the specimens between a test and its static test.
 
-    Without times the static test was made at any time of the run. K1 need not drift as K* does, so it is not corrected.
-    It is taken to scatter as K* of the repeats does.
+    Without times the static test was made at any time of the run. It is one without an added mass. K1 need not drift as
+    K* does, so it is not corrected. It is taken to scatter as K* of the repeats does.
     """
     time, k1, length = setup["time"], np.nan_to_num(setup["k1"]), float(np.ptp(setup["time"]))
-    drift = {
-        parameter.source.of: float(np.hypot(joint.found[index], joint.found_std[index]))
-        for index, parameter in enumerate(joint.stated.parameters)
-        if parameter.source.kind is Kind.DRIFT and length
-    }
+    sizes = np.hypot(joint.found, joint.found_std)
+    found = {parameter.key: float(size) for parameter, size in zip(joint.stated.parameters, sizes, strict=True)}
+    drift = {source.of: size for (source, _), size in found.items() if source.kind is Kind.DRIFT and length}
+    block = {index: size for (source, index), size in found.items() if source.kind is Kind.BLOCK}
+    of_test = joint.problem.observed.block(joint.problem.shared)[np.argsort(joint.order)].tolist()
     static_time = np.array([each.time if order is RunOrder.TIME else np.nan for each in stiffness])
     place = joint.problem.observed.place[np.argsort(joint.order)]
     apart = np.where(np.isfinite(static_time), (time - static_time) / (length or 1.0), np.sqrt(place**2 + 1 / 12))
     drifted = np.array([drift.get(name, 0.0) for name in setup["specimen"]]) * np.abs(apart)
+    drifted = np.hypot(drifted, [block.get(index, 0.0) for index in of_test])
     moved = {Source(Kind.K1_DRIFT): drifted * k1, Source(Kind.SCATTER): joint.misfit.scatter * k1}
     moved = {source: std for source, std in moved.items() if std.any()}
     own, parts = np.array([each.std for each in stiffness]), [each.parts for each in stiffness]

@@ -47,7 +47,7 @@ _SPOILS = (
 )  # fmt: skip
 _MOST, _SOME = 0.5, 0.2
 #: Least share of the variance of K' that is named, and the largest number of values and components that are named.
-_LEAST_SHARE, _MOST_NAMED = 0.1, 3
+_LEAST_SHARE, _MOST_NAMED, _MOST_HIDDEN = 0.1, 3, 2
 
 
 def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -> RigEstimate:
@@ -187,8 +187,8 @@ def _rests(joint: Joint, values: Outputs, hidden: Sequence[Unseen]) -> str:
     said = [f"K' rests on {', '.join(parts)}"] if parts else []
     if hidden:
         named = [f"{component.words} ({component.result} is then off by {component.shift:.0f} u{component.key_words})"
-                 for component in hidden[:_MOST_NAMED]]  # fmt: skip
-        more = f", and {len(hidden) - _MOST_NAMED} more" if len(hidden) > _MOST_NAMED else ""
+                 for component in hidden[:_MOST_HIDDEN]]  # fmt: skip
+        more = f", and {len(hidden) - _MOST_HIDDEN} more" if len(hidden) > _MOST_HIDDEN else ""
         said.append(f"these tests would not show {'; '.join(named)}{more}")
     return "; ".join(said)
 
@@ -219,7 +219,8 @@ def unseen_components(joint: Joint, values: Outputs) -> tuple[Unseen, ...]:
     return tuple(
         Unseen(
             **{name: getattr(row, name) for name in ("source", "unit", "size", "result", "shift")},
-            words=cause_words(cause_of([_as_parameter(joint, row)], np.array([row.size]), np.zeros(1))),
+            words=cause_words(cause_of([_as_parameter(joint, row)], np.array([row.size]), np.zeros(1)))
+            + (" or less" if row.never else ""),
             key=key_of(row.source),
         )
         for row in unseen(joint, values)

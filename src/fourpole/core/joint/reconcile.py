@@ -152,9 +152,20 @@ def _raise(state: State, together: Sequence[Trial], misfit: Misfit) -> Misfit:
             problem, z = raised(problem, z, trial.group, trial.factor * float(np.sqrt(loss)))
     state.solution = replace(state.solution, z=z)
     state.solve(problem)
+    if any(trial.group.parameters[0].source.kind is Kind.AMPLITUDE for trial in together):
+        state.solve(_bent(state))
     if state.problem.scatter:  # what was raised explains a part of it
         _settle(state)
     return misfit
+
+
+def _bent(state: State) -> Problem:
+    """The problem with the scatter that a bend of log K* over the logarithm of the deflection would be.
+
+    A softening that ends at a plateau has a second derivative of the size of the first.
+    """
+    bend = 0.5 * abs(state.problem.shared.by_amplitude_at(state.solution.z)) * state.problem.observed.deflection**2
+    return replace(state.problem, apart=np.hypot(bend, 0.0 if state.problem.apart is None else state.problem.apart))
 
 
 def _has(problem: Problem, group: Group) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.joint.asking import groups_of, widened
 from fourpole.core.joint.joint import Joint
 from fourpole.core.joint.outputs import Outputs
@@ -35,6 +35,8 @@ class Unseen:
         The result that it moves most: K', K'' or TR.
     shift : float [1]
         Change of that result by a component of this size, in the result's standard uncertainty.
+    never : bool
+        Whether it does not show even at its largest possible size, which is `size` then.
     """
 
     source: Source
@@ -42,6 +44,7 @@ class Unseen:
     size: float
     result: str
     shift: float
+    never: bool = False
 
 
 def unseen(joint: Joint, values: Outputs) -> tuple[Unseen, ...]:
@@ -80,9 +83,10 @@ def unseen(joint: Joint, values: Outputs) -> tuple[Unseen, ...]:
     shift[:, 2] -= _by_impedance(joint, values, tests, zr[np.argsort(joint.order)][tests][:, p:])
     u = np.sqrt(np.diagonal(values.covariance_of(slice(0, 6), np.zeros(len(values.value))), 0, 1, 2))[tests][:, rows]
     with np.errstate(divide="ignore", invalid="ignore"):
-        units = np.minimum(_SHOWS / alone, [largest / row.std for row, largest in parameters])
+        largest = np.array([most / row.std for row, most in parameters])
+        units = np.minimum(_SHOWS / alone, largest)
         times = np.nan_to_num(np.abs(shift) * units / u[:, :, None], posinf=0.0)
-    return _listed(extra, units, times.max(axis=0))
+    return _listed(extra, units, times.max(axis=0), units == largest)
 
 
 def _padded(z: FloatArray, extra: list[SharedParameter]) -> FloatArray:
@@ -99,13 +103,13 @@ def _by_impedance(joint: Joint, values: Outputs, tests: np.ndarray, zr: ComplexA
     return np.asarray(values.value[tests, 5][:, None] * (by_zr[:, None] * zr).real)
 
 
-def _listed(extra: list[SharedParameter], units: FloatArray, times: FloatArray) -> tuple[Unseen, ...]:
+def _listed(extra: list[SharedParameter], units: FloatArray, times: FloatArray, never: BoolArray) -> tuple[Unseen, ...]:
     """The components that matter, by their largest shift of a result (3, e) [u]; of equal sources the largest one."""
     listed: dict[Source, Unseen] = {}
     for index in np.argsort(-times.max(axis=0)).tolist():
         row, worst = extra[index], int(np.argmax(times[:, index]))
         if times[worst, index] > _MATTERS:
             result = list(_RESULTS)[worst]
-            size = float(units[index] * row.std)
-            listed.setdefault(row.source, Unseen(row.source, row.unit, size, result, float(times[worst, index])))
+            size, shift = float(units[index] * row.std), float(times[worst, index])
+            listed.setdefault(row.source, Unseen(row.source, row.unit, size, result, shift, bool(never[index])))
     return tuple(listed.values())
