@@ -15,15 +15,13 @@ from fourpole.core.checks import Code
 from fourpole.core.demodulation.tracks import tracks_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.recording import DRIVE, Channel
-from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.spectra.average import cross_spectra, independent
-from fourpole.core.spectra.checks import Sensors, check_closure, check_line, check_pooled, check_shared_noise
+from fourpole.core.spectra.checks import check_closure, check_line, check_shared_noise
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.ratios import Ratios, with_bend
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.errors import RecordingError, TooShortError
-from fourpole.words import remark_of
 
 BAND = (5.0, 200.0)
 
@@ -242,31 +240,6 @@ def test_a_sine_that_wanders_is_no_random_excitation():
 def test_a_small_correlation_of_noises_shows_over_all_lines(common, told):
     (check,) = check_shared_noise(random_amplitudes(recorded(31, coherence=0.7, common=common), BAND))
     assert (check.verdict == "warning") is told
-
-
-RIG = Rig(moving_mass=random_rig.MASS, preload_stiffness=random_rig.SPRING)
-EXACT = Sensors((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
-
-
-@pytest.mark.parametrize(("late", "told"), [(0, False), (1, True)])
-def test_an_undeclared_delay_shows_over_all_lines(late, told):
-    """One sample is 1 ms. At low frequencies no line alone shows it."""
-    plain = recorded(32)
-    wheel = plain.channels["motion_out"]
-    wheel = replace(wheel, samples=np.roll(wheel.samples, late))
-    found = random_amplitudes(replace(plain, channels={**plain.channels, "motion_out": wheel}), BAND)
-    (check,) = check_pooled(found, RIG, 0.0, EXACT)
-    assert (check.verdict == "warning") is told
-    assert ("a delay of V2 after F1 of 1 ms" in remark_of(check)) is told
-
-
-def test_a_delay_within_its_stated_uncertainty_is_none():
-    plain = recorded(32)
-    wheel = plain.channels["motion_out"]
-    wheel = replace(wheel, samples=np.roll(wheel.samples, 1))
-    found = random_amplitudes(replace(plain, channels={**plain.channels, "motion_out": wheel}), BAND)
-    (check,) = check_pooled(found, RIG, 0.0, replace(EXACT, delay=(0.0, 1e-3)))
-    assert check.verdict == "ok"
 
 
 @pytest.mark.parametrize("name", ["linear", "logarithmic"])

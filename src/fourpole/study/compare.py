@@ -25,7 +25,6 @@ from fourpole.core.condition import SAME_FREQUENCY, Condition
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.curves import Curves, Samples, curves_of
-from fourpole.core.joint.outputs import relative_stiffness
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.routes import no_arm
 from fourpole.core.scales import check_scale, k1_exchanged
@@ -378,18 +377,14 @@ def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
     joint, estimate = group.joint, group.estimate
     if joint is None or estimate is None:
         return
+    # Where the noise explains the test, what F1/V2 - Zr leaves of it is chi-square with 2 degrees of freedom.
+    left = joint.residuals
+    limit = float(np.sqrt(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), 2) / 2))  # for all tests
     factor = float(joint.outlier[place])
-    if factor > 1:
-        yield reported(Code.AGREEMENT, Verdict.WARNING, factor, 1.0, times=np.sqrt(factor))
-    elif factor == 1 and joint.residuals.rig_dof[place] >= 2:
-        # K* by the relative route, with the gains as found, is compared with K* by the joint route. Their squared
-        # difference over its variance is what F1/V2 - Zr leaves of the test: chi-square with 2 degrees of freedom.
-        left = joint.residuals
-        limit = float(stats.chi2.isf(SEARCH_CHANCE / max(left.rig.size, 1), left.rig_dof[place]))  # for all tests
-        with np.errstate(divide="ignore", invalid="ignore"):
-            other = relative_stiffness(joint, group.phasors, place)
-        percent = 100 * float(other.real / group.result.stiffness[place].real - 1)
-        yield judged(Code.RELATIVE, float(left.rig[place]), limit, percent=percent)
+    if factor > 1 or left.rig_dof[place] >= 2:
+        times = float(np.sqrt(factor if factor > 1 else left.rig[place] / 2))
+        verdict = Verdict.WARNING if factor > 1 or times > limit else Verdict.OK
+        yield reported(Code.AGREEMENT, verdict, times, limit)
     if not estimate.fits:
         causes = estimate.causes or estimate.candidates[:1]
         yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)

@@ -32,7 +32,7 @@ from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.recordingchecks import linearity_checks
 from fourpole.core.rig import Rig
-from fourpole.core.spectra.checks import Sensors, check_closure, check_line, check_pooled, check_shared_noise
+from fourpole.core.spectra.checks import check_closure, check_line, check_shared_noise
 from fourpole.core.spectra.excited import Excited
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
@@ -87,8 +87,6 @@ class Reduction:
         The rig of the test; None where it is not stated.
     needed : tuple of str
         Roles of the channels that the route needs.
-    sensors : Sensors
-        Standard uncertainties of the channels F1 and V2.
     responses : dict of str to str
         Hash of each table of a calibrated response, by its name in the campaign.
     remote : str
@@ -100,7 +98,6 @@ class Reduction:
     channels: ChannelsFile
     rig: Rig | None
     needed: tuple[str, ...]
-    sensors: Sensors
     responses: dict[str, str] = field(default_factory=dict)
     remote: str = ""
 
@@ -117,7 +114,7 @@ class Reduction:
 
 
 #: The classes of which a job is made, for the worker process.
-OF_WORK = (Reduction, Rig, Sensors, Test, *CHANNEL_CLASSES)
+OF_WORK = (Reduction, Rig, Test, *CHANNEL_CLASSES)
 
 
 def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Reduction]:
@@ -126,8 +123,7 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Reduc
     rigs = {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     folder = campaign.folder.absolute()  # a worker of a cluster has another working folder
     remote = permission(test.file for test in tests)
-    sensors = _sensors(campaign)
-    return [Reduction(folder, test, channels, rigs.get(test.rig), needed, sensors, responses, remote) for test in tests]
+    return [Reduction(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
 
 
 def demodulated(job: Reduction) -> Demodulated:
@@ -197,8 +193,6 @@ def _checks_of_lines(job: Reduction, lines: Excited, done: Demodulated) -> Itera
     rig, added = job.rig, job.test.added_mass
     whole = [*done.checks, *_checks_of_force(job.test, lines.force_peak, done.mean_force)]
     whole += [*check_closure(lines), *check_shared_noise(lines)]
-    if rig is not None:
-        whole += check_pooled(lines, rig, added, job.sensors)
     for line in range(lines.averages.size):
         check, phasors = check_line(lines, line), lines.phasors.part(line)
         of_line = [check]
@@ -209,15 +203,6 @@ def _checks_of_lines(job: Reduction, lines: Excited, done: Demodulated) -> Itera
         yield (*whole, *of_line)
         if not line:
             whole = [check for check in whole if check.verdict is not Verdict.OK]
-
-
-def _sensors(campaign: Campaign) -> Sensors:
-    """Standard uncertainties of the channels F1 and V2, zero for one that is not stated."""
-    ordinary, channels = campaign.stated.ordinary, campaign.stated.channels
-    pair = [channels.named(role) for role in ("force_in", "motion_out")]
-    stds = [(0.0, 0.0, 0.0) if channel is None else (channel.gain_std, channel.phase_std, ordinary.delay(channel))
-            for channel in pair]  # fmt: skip
-    return Sensors(*zip(*stds, strict=True))
 
 
 def demodulated_part(job: Reduction, path: Path, part: float | None = None) -> Demodulated:

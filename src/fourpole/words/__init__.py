@@ -197,12 +197,6 @@ def _halves(values: _Values) -> dict[str, str]:
     return {"change": change, "others": _and(values["others"]), "causes": causes + specimen}
 
 
-def _late(values: _Values) -> dict[str, str]:
-    delay = values["delay"]
-    late = "v2_late" if delay > 0 else "f1_late"
-    return {"looks": _say("parts", late, milliseconds=1e3 * abs(delay)) if isfinite(delay) else ""}
-
-
 def _consistency(values: _Values) -> dict[str, str]:
     looks = " or ".join(_say("looks", look) for look in values["looks"])
     return {"looks": f"; {looks}" if looks else ""}
@@ -282,7 +276,6 @@ def _excitation_words(excitation: tuple[Excitation, float]) -> str:
 #: What sentences need that is more than a value in a blank.
 _FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
     Code.HALVES: _halves,
-    Code.POOLED: _late,
     Code.SHARED: lambda values: {"pair": _and(values["pair"])},
     Code.CONSISTENCY: _consistency,
     Code.V1_SCALE: lambda values: {"looks": _say("looks", values["looks"])},

@@ -19,7 +19,7 @@ from fourpole.core.joint.scatter import OwnTests, own_tests
 from fourpole.core.joint.solve import Problem, Solution
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.routes import arm_slopes, maxwell_arm, relative_route, why_no_arm
+from fourpole.core.routes import arm_slopes, maxwell_arm, why_no_arm
 from fourpole.core.sources import Kind, Source
 
 
@@ -252,14 +252,6 @@ def identification(
         condition_covariance=_both_sides(known.by_own[:, :2], known.condition),
         joint=joint,
     )
-
-
-def relative_stiffness(joint: Joint, phasors: Phasors, test: int) -> complex:
-    """K* of one test by the relative route, from the amplitudes corrected for the gains found [N/m]."""
-    force, contact, wheel = phasors.amplitudes[test] / joint.gains[test]
-    omega, shared, z = float(np.asarray(phasors.omega)[test]), joint.problem.shared, joint.solution.z
-    input_mass = shared.rig_at(z).input_mass + shared.extra_at(z).get("input", 0.0)
-    return complex(relative_route(force - 1j * omega * input_mass * contact, contact, wheel, omega))
 
 
 def _corrected_mobility(joint: Joint, phasors: Phasors) -> tuple[ComplexArray, FloatArray]:
