@@ -68,6 +68,10 @@ class Kind(Enum):
     ANGLE_DRIFT = ("loss angle drift of ", (), Role.SPECIMEN)
     BLOCK = ("block of ", (), Role.SPECIMEN)
     ANGLE_BLOCK = ("loss angle block of ", (), Role.SPECIMEN)
+    BELT_MASS = ("belt mass of ", (), Role.SPECIMEN)
+    BELT_SHARE = ("share of springs of ", (), Role.SPECIMEN)
+    BELT_ANGLE = ("angle of springs of ", (), Role.SPECIMEN)
+    BELT_EXPONENT = ("exponent of springs of ", (), Role.SPECIMEN)
     K1 = ("K1", (), Role.STATIC)
     K1_FIT = ("K1 fit", (), Role.STATIC)
     #: In tables of earlier versions only: the gap of the branches is a property of the specimen, not an error of K1.
@@ -91,6 +95,11 @@ class Kind(Enum):
 #: Sign between the two channels in the text of a ratio or difference.
 _BETWEEN = {Kind.GAIN: "/", Kind.PHASE: "-"}
 _MASS = re.compile(r"added mass (\S+) kg")
+#: Kinds whose text ends with the name of a specimen.
+_OF_SPECIMEN = (
+    Kind.DRIFT, Kind.ANGLE_DRIFT, Kind.BLOCK, Kind.ANGLE_BLOCK,
+    Kind.BELT_MASS, Kind.BELT_SHARE, Kind.BELT_ANGLE, Kind.BELT_EXPONENT,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -151,7 +160,7 @@ class Source:
             except ValueError:
                 return cls(kind, of, rig=rig)
             return weighed_mass if weighed_mass.text == text else cls(kind, of, rig=rig)
-        for of_specimen in (Kind.DRIFT, Kind.ANGLE_DRIFT, Kind.BLOCK, Kind.ANGLE_BLOCK):
+        for of_specimen in _OF_SPECIMEN:
             if kind is Kind.OTHER and text.startswith(of_specimen.text):
                 return cls(of_specimen, text.removeprefix(of_specimen.text), rig=rig)
         return cls(kind, of, under, rig=rig)

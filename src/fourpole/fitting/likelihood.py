@@ -196,6 +196,9 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         specimen=specimen,
         place=place,
         deflection=deflection,
+        family=specimen,
+        reference=np.ones(label.size, dtype=complex),
+        rod=np.zeros(label.size, dtype=bool),
     )
     conditions = JointConditions(label, family, frequency, k1)
     problem = Problem(

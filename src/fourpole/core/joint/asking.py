@@ -218,7 +218,7 @@ def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> 
     for group in groups:
         columns = block[:, first : first + len(group.parameters)]
         first += len(group.parameters)
-        gain, factor = _gain(columns, target, group)
+        gain, factor = gain_of(columns, target, group)
         if gain > (0.0 if problem.scatter else GAIN - _ALMOST):
             gains.append((gain, group, factor))
     yield from sorted(gains, key=lambda row: -row[0])
@@ -235,7 +235,7 @@ def widened(
     return wide, triangle, own[1]
 
 
-def _gain(columns: FloatArray, target: FloatArray, group: Group) -> tuple[float, float]:
+def gain_of(columns: FloatArray, target: FloatArray, group: Group) -> tuple[float, float]:
     """Largest gain of a group by the linear model, and its factor."""
     values, vectors = np.linalg.eigh(columns.T @ columns)
     values, drawn = np.maximum(values, 0.0), (vectors.T @ (columns.T @ target)) ** 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
+from fourpole.core.joint.asking import GAIN
+from fourpole.core.joint.belts import Body, explained, linear_gain, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
@@ -103,6 +105,7 @@ def solve_joint(
     recording: ArrayLike | None = None,
     mounting: Sequence[str] | None = None,
     specimens: SpecimenUncertainty | None = None,
+    bodies: Mapping[str, Body] | None = None,
 ) -> Joint:
     """The most probable values of all tests of a rig; the arguments are those of `identify_joint`."""
     if rig.blocked:
@@ -145,7 +148,7 @@ def solve_joint(
         apart=np.broadcast_to(np.asarray(apart, dtype=float), count)[order] if np.any(apart) else None,
         lines=np.broadcast_to(np.asarray(lines, dtype=float), count)[order] if np.any(np.asarray(lines) != 1) else None,
     )
-    problem, solution, outlier, misfit = _reconciled(problem, channels)
+    problem, solution, outlier, misfit = _reconciled(problem, channels, bodies or {})
     back = np.argsort(order)
     return Joint(
         problem=problem,
@@ -194,21 +197,60 @@ def of_specimens(
     return listed
 
 
-def _reconciled(problem: Problem, channels: ChannelUncertainty) -> tuple[Problem, Solution, FloatArray, Misfit]:
-    """The problem after all remedies, its solution, the factors (N,) of the outliers' variances, and the misfit."""
+_Explained = tuple[Problem, Solution, FloatArray, Misfit]
+
+
+def _reconciled(problem: Problem, channels: ChannelUncertainty, bodies: Mapping[str, Body]) -> _Explained:
+    """The problem after all remedies, its solution, the factors (N,) of the outliers' variances, and the misfit.
+
+    Where massless specimens do not explain the tests as they are stated, the specimens may have a mass of their own.
+    """
     as_stated = np.zeros(len(problem.shared))
-    gross = gross_errors(problem.observed, problem.shared)
     start = closed_form_start(problem.observed, problem.conditions, problem.shared, channels)
     observed = problem.observed
     if np.any(observed.frequency_std > 0):  # its effect on the amplitudes counts as noise
         relative = 2 * np.pi * observed.frequency_std / observed.omega
         by_frequency = problem.by_log_frequency(as_stated, start) * relative[:, None]
         problem = problem.widened(by_frequency[:, :, None])
+    massless = _massless(problem, start)
+    stated = any(body.mass_std > 0 for body in bodies.values())
+    if not stated and _is_enough(massless, bodies):
+        return massless
+    belt = explained(problem, bodies, start)
+    if belt is None:
+        return massless
+    first = belt.solution.stiffness, belt.solution.z
+    scatter = robust_scatter(belt.problem, deviations(belt.problem, first[1], first[0]))
+    with_belt = reconcile(*solve_either(replace(belt.problem, scatter=scatter), *first), first)
+    gain = _weight(with_belt, problem) - _weight(massless, problem)
+    if not stated and gain < GAIN:
+        return massless
+    return (*with_belt[:3], replace(with_belt[3], belts=gain))
+
+
+def _massless(problem: Problem, start: ComplexArray) -> _Explained:
+    """The tests explained by specimens without inertia."""
+    as_stated = np.zeros(len(problem.shared))
+    gross = gross_errors(problem.observed, problem.shared)
     problem = replace(problem, scatter=robust_scatter(problem, deviations(problem, as_stated, start)))
     if gross:
         problem = without_rig(problem, as_stated, start, 1.0)
     problem, solution = solve_either(problem, start)
-    return reconcile(problem, solution, start, gross)
+    return reconcile(problem, solution, (start, as_stated), gross)
+
+
+def _is_enough(found: _Explained, bodies: Mapping[str, Body]) -> bool:
+    """Whether massless specimens explain the tests as stated, so that none is likely to have a mass."""
+    problem, solution, outlier, misfit = found
+    asked = misfit.specimens or misfit.scatter or misfit.unsteady or misfit.inflation > 1 or np.any(outlier > 1)
+    return misfit.fits and not asked and linear_gain(problem, solution, bodies) < GAIN
+
+
+def _weight(found: _Explained, plain: Problem) -> float:
+    """Evidence of an explanation; each contradiction of the statement is as rare as what it takes to be asked for."""
+    problem, solution, outlier, misfit = found
+    contradicted = len(misfit.conflicts) + len(misfit.added)
+    return weight_of(problem, solution, plain, int(np.count_nonzero(outlier > 1))) - GAIN * contradicted
 
 
 def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarray, FloatArray]:

@@ -10,7 +10,7 @@ derivatives first. If K* scatters from test to test, its scatter is noise along 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,10 +19,11 @@ import numpy as np
 from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
-from fourpole.core.joint.shared import BLOCKS, DRIFTS, Shared
+from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Role, Source
+from fourpole.core.specimen import Ends, ends_of, massless
 
 _INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "input"))
 #: Values of the rig on which an unstated frame in series with the preload spring acts.
@@ -56,6 +57,12 @@ class Observed(ByRows):
     deflection : (N,) float array [1]
         Logarithm of the amplitude of the deflection, V1 - V2 over omega, from the mean of all tests or from the curve
         of its condition; 0 where it is unknown.
+    family : (N,) int array
+        Number of the condition of each test without its frequency; any number for a rigid block.
+    reference : (N,) complex array [N/m]
+        K* at which the springs beside a specimen's mass have the share that is among the shared values.
+    rod : (N,) bool array
+        True where the mass of the specimen is spread along it.
     """
 
     omega: FloatArray
@@ -68,6 +75,9 @@ class Observed(ByRows):
     specimen: np.ndarray
     place: FloatArray
     deflection: FloatArray
+    family: np.ndarray
+    reference: ComplexArray
+    rod: BoolArray
 
     @classmethod
     def of(
@@ -91,8 +101,9 @@ class Observed(ByRows):
             size = np.log(deflection_amplitude(amplitudes[:, 0], amplitudes[:, 1], amplitudes[:, 2], phasors.omega))
         known = present[:, 1] & present[:, 2] & np.isfinite(size) & ~rigid
         deflection = np.where(known, size - np.mean(size, where=known) if known.any() else 0.0, 0.0)
-        run_of = (specimen, place, deflection)
-        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, *run_of)
+        no_belt = (specimen, np.ones(len(amplitudes), dtype=complex), np.zeros(len(amplitudes), dtype=bool))
+        more = (specimen, place, deflection, *no_belt)
+        return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, *more)
 
     def added(self, masses: FloatArray) -> FloatArray:
         """Added mass of each test (N,) [kg], from the distinct masses [kg]."""
@@ -126,6 +137,22 @@ class Observed(ByRows):
             elif kind is Kind.AMPLITUDE:
                 change[:, index] = self.deflection
         return parts(np.asarray(change * shared.std), axis=1)
+
+    def ends(self, shared: Shared, z: FloatArray, stiffness: ComplexArray) -> Ends:
+        """The springs and masses of the specimens of K* (N,) [N/m]; those without a belt are massless."""
+        if not shared.has_belts:
+            return massless(stiffness)
+        mass, share, exponent = shared.belts_at(z, (int(self.specimen.max()) + 1, int(self.family.max()) + 1))
+        of_test = (mass[self.specimen], share[self.family], exponent[self.specimen])
+        return ends_of(stiffness, self.omega, *of_test, self.reference, self.rod)
+
+    def belt_columns(self, shared: Shared) -> Iterator[tuple[int, ComplexArray, int]]:
+        """Each shared value of the belts: its place, its change (N,) of what it acts on, its place in `Ends.by`."""
+        for place, parameter in enumerate(shared.parameters):
+            if (kind := parameter.source.kind) in BELTS:
+                number = self.family if kind in OF_FAMILY else self.specimen
+                unit, which = BELTS[kind]
+                yield place, np.where(number == parameter.index, unit * parameter.std, 0.0), which
 
 
 def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArray) -> FloatArray:
@@ -161,6 +188,8 @@ class Linear(ByValue):
         True V1, as estimated.
     impedance, ratio : (N,) complex arrays [N s/m], [1]
         Zr, and T = V2/V1.
+    ends : Ends
+        The springs and masses of the specimens.
     predicted : (N, 3) complex array
         F1, V1, V2 as the channels would record them, by the model.
     basis : (N, 6, 4) float array
@@ -178,6 +207,7 @@ class Linear(ByValue):
     drive: ComplexArray
     impedance: ComplexArray
     ratio: ComplexArray
+    ends: Ends
     predicted: ComplexArray
     basis: FloatArray
     observed: Observed
@@ -189,7 +219,7 @@ class Linear(ByValue):
     def by_shared(self) -> FloatArray:
         """Derivatives (N, 4, p) of the model by the shared values, per stated standard uncertainty."""
         turn = np.swapaxes(self.basis, 1, 2) if self.weigh is None else self.weigh @ np.swapaxes(self.basis, 1, 2)
-        by_shared = whitened(turn @ self.observed.whiten, _by_channels(self))
+        by_shared = whitened(turn @ self.observed.whiten, _by_channels(self) + _by_belts(self))
         by_shared += self.by_impedance @ parts(self.impedance_by_shared, axis=1)
         return np.asarray(by_shared + self.by_stiffness @ self.observed.by_drift(self.shared))
 
@@ -227,19 +257,20 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
     if extra:
         shapes = part_shapes(observed.omega, rig, np.abs(observed.amplitudes[:, 2]), observed.rigid)
         impedance = impedance + sum(value * shapes[part] for part, value in extra.items() if part in shapes)
-    input_mass = rig.input_mass + extra.get("input", 0.0)
-    ratio = np.where(observed.rigid, 1.0, stiffness / (stiffness + jw * impedance))
-    by_log_k = ratio * (1 - ratio)
-    by_zr = np.where(observed.rigid, 0.0, -jw * stiffness / (stiffness + jw * impedance) ** 2)
+    ends = observed.ends(shared, z, stiffness)
+    spring, beyond = ends.spring, impedance + np.where(observed.rigid, 0.0, jw * ends.wheel)
+    input_mass = rig.input_mass + extra.get("input", 0.0) + np.where(observed.rigid, 0.0, ends.contact)
+    ratio = np.where(observed.rigid, 1.0, spring / (spring + jw * beyond))
+    by_zr = np.where(observed.rigid, 0.0, -jw * spring / (spring + jw * beyond) ** 2)
 
-    unit = _three(impedance * ratio + jw * input_mass, 1.0, ratio) * gains
+    unit = _three(beyond * ratio + jw * input_mass, 1.0, ratio) * gains
     rotation, triangle = np.linalg.qr(_both(observed.whiten, unit), mode="complete")
     rotated = np.swapaxes(rotation, 1, 2) @ observed.whiten  # a drive is in the first two rows alone
     share, rest = whitened(rotated[:, :2], observed.amplitudes[..., None]), rotated[:, 2:]
     drive = (inverse_upper(triangle[:, :2]) @ share)[..., 0] @ np.array([1, 1j])
 
     scaled, predicted = gains * drive[:, None], unit * drive[:, None]
-    log_k = _three(impedance * by_log_k, 0.0, by_log_k) * scaled
+    log_k = _by_ends(observed.omega, beyond, ratio, by_zr, ends.by[:, 0]) * scaled
     zr = _three(np.where(observed.rigid, 1.0, ratio**2), 0.0, by_zr) * scaled
     return Linear(
         residual=whitened(rest, (observed.amplitudes - predicted)[..., None])[..., 0],
@@ -248,12 +279,25 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
         drive=drive,
         impedance=impedance,
         ratio=ratio,
+        ends=ends,
         predicted=predicted,
         basis=rotation[:, :, 2:],
         observed=observed,
         shared=shared,
         z=z,
     )
+
+
+def _by_ends(
+    omega: FloatArray, beyond: ComplexArray, ratio: ComplexArray, by_zr: ComplexArray, by: ComplexArray
+) -> ComplexArray:
+    """Derivatives (N, 3) of F1, V1 and V2 by what changes the logarithm of the spring, and both masses, as `by` (N, 3).
+
+    `beyond` is the impedance beyond the spring, with the mass at the wheel.
+    """
+    spring, contact, wheel = by.T
+    of_spring, wheel = ratio * (1 - ratio) * spring, 1j * omega * wheel
+    return _three(beyond * of_spring + ratio**2 * wheel + 1j * omega * contact, 0.0, of_spring + by_zr * wheel)
 
 
 def part_shapes(omega: FloatArray, rig: Rig, speed: FloatArray, rigid: BoolArray) -> dict[str, ComplexArray]:
@@ -307,6 +351,21 @@ def _impedance_by_shared(observed: Observed, shared: Shared, z: FloatArray) -> C
         elif role is Role.MASS:
             change[:, index] = np.where(observed.mass_at == parameter.index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)
+
+
+def _by_belts(linear: Linear) -> ComplexArray:
+    """Derivatives of the three amplitudes by z (N, 3, p), through the mass and the springs of the specimens."""
+    observed, shared, ends = linear.observed, linear.shared, linear.ends
+    change = np.zeros((len(linear.predicted), 3, len(shared)), dtype=complex)
+    if shared.has_belts:
+        tyre, jw = ~observed.rigid, 1j * observed.omega
+        scaled = observed.gains(shared, linear.z) * np.where(tyre, linear.drive, 0.0)[:, None]
+        beyond = linear.impedance + jw * ends.wheel
+        by_zr = -jw * ends.spring / (ends.spring + jw * beyond) ** 2
+        for place, turn, which in observed.belt_columns(shared):
+            by = _by_ends(observed.omega, beyond, linear.ratio, by_zr, ends.by[:, which])
+            change[:, :, place] = by * scaled * turn[:, None]
+    return change
 
 
 def _by_channels(linear: Linear) -> ComplexArray:

@@ -108,11 +108,17 @@ def outputs(joint: Joint, phasors: Phasors, k1: ArrayLike) -> Outputs:
         by_arm = arm_slopes(stiffness, k1, (k2, c), omega, by)
         curvature = Curvature.of(stiffness, k1, omega)
         bending = curvature.by(by)
-        ratio = stiffness / (stiffness + 1j * omega * impedance)
+        observed = problem.observed.part(back)
+        ends, jw = observed.ends(problem.shared, solution.z, stiffness), 1j * omega
+        beyond = impedance + jw * ends.wheel
+        ratio = ends.spring / (ends.spring + jw * beyond)
         tr = np.abs(ratio)
-        by_tr = tr[:, None] * np.stack([(1 - ratio).real, -(1 - ratio).imag], axis=1)
-        tr_by_zr = -1j * omega / (stiffness + 1j * omega * impedance)
+        tr_by_zr = -jw / (ends.spring + jw * beyond)
+        by_ends = (1 - ratio)[:, None] * ends.by[:, :, 0] + (tr_by_zr * jw)[:, None] * ends.by[:, :, 2]
+        by_tr = tr[:, None] * np.stack([by_ends[:, 0].real, -by_ends[:, 0].imag], axis=1)
         direct = tr[:, None] * (tr_by_zr[:, None] * impedance_by).real
+        for place, turn, which in observed.belt_columns(problem.shared):
+            direct[:, place] += tr * (turn * by_ends[:, which]).real
     rows = [by_k, by_loss[:, None], by_arm[:, :, :2], by_tr[:, None], bending[:, None, :2]]
     by_own = np.concatenate(rows, axis=1)
     by_shared = -by_own @ slope

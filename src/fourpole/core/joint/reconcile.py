@@ -52,7 +52,7 @@ _MOST_ROUNDS = 4
 
 
 def reconcile(
-    problem: Problem, solution: Solution, start: ComplexArray, gross: Sequence[Candidate] = ()
+    problem: Problem, solution: Solution, start: tuple[ComplexArray, FloatArray], gross: Sequence[Candidate] = ()
 ) -> tuple[Problem, Solution, FloatArray, Misfit]:
     """Weaken strange tests, raise what the tests ask for, and say whether chance explains the rest.
 
@@ -60,8 +60,8 @@ def reconcile(
     ----------
     problem, solution : Problem, Solution
         The tests, and their solution with the statement unchanged.
-    start : (c,) complex array [N/m]
-        First value of K* of each condition.
+    start : (c,) complex array [N/m], (p,) float array
+        First values of K* of each condition, and of the shared values.
     gross : sequence of Candidate
         Gross errors of the statement. If there are any, no smaller cause is looked for.
 
@@ -74,7 +74,7 @@ def reconcile(
     misfit : Misfit
         Agreement of the statement with the tests, and the size of each remedy.
     """
-    state = State(problem, solution, start, np.ones(problem.observed.omega.size))
+    state = State(problem, solution, *start, np.ones(problem.observed.omega.size))
     if not gross and problem.scatter == 0 and solution.objective < _NOTHING:
         return problem, solution, state.outlier, _chi2(state)
     weaken_strange_tests(state)

@@ -17,6 +17,11 @@ from fourpole.core.sources import Kind, Role, Source
 DRIFTS = {Kind.DRIFT: 1.0, Kind.ANGLE_DRIFT: 1j}
 BLOCKS = {Kind.BLOCK: 1.0, Kind.ANGLE_BLOCK: 1j}
 
+#: Change of what each value of a belt acts on, per unit, and its place in `core.specimen.Ends.by`.
+BELTS = {Kind.BELT_MASS: (1.0, 1), Kind.BELT_SHARE: (1.0, 2), Kind.BELT_ANGLE: (1j, 2), Kind.BELT_EXPONENT: (1.0, 3)}
+#: Those of each condition without its frequency; the others are of a specimen.
+OF_FAMILY = (Kind.BELT_SHARE, Kind.BELT_ANGLE)
+
 
 @dataclass(frozen=True)
 class SharedParameter:
@@ -129,6 +134,24 @@ class Shared(ByValue):
             if parameter.source.kind in units and parameter.index < count:  # a chunk need not have all specimens
                 change[parameter.index] += units[parameter.source.kind] * value
         return change
+
+    @cached_property
+    def has_belts(self) -> bool:
+        """Whether a specimen has a mass of its own."""
+        return any(parameter.source.kind in BELTS for parameter in self.parameters)
+
+    def belts_at(self, z: FloatArray, counts: tuple[int, int]) -> tuple[FloatArray, ComplexArray, FloatArray]:
+        """Mass [kg] of each specimen, log share [1] of each family, exponent [1] of each specimen at z.
+
+        `counts` are the numbers of specimens and of families; what has no value is 0.
+        """
+        mass, share, exponent = np.zeros(counts[0]), np.zeros(counts[1], dtype=complex), np.zeros(counts[0])
+        of_kind = {Kind.BELT_MASS: mass, Kind.BELT_SHARE: share, Kind.BELT_ANGLE: share, Kind.BELT_EXPONENT: exponent}
+        for value, parameter in zip(z * self.std, self.parameters, strict=True):
+            into = of_kind.get(parameter.source.kind)
+            if into is not None and parameter.index < into.size:  # a chunk need not have all of them
+                into[parameter.index] += BELTS[parameter.source.kind][0] * (parameter.stated + value)
+        return mass, share, exponent
 
     def extra_at(self, z: FloatArray) -> dict[str, float]:
         """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""

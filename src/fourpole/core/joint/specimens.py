@@ -44,6 +44,8 @@ class Misfit:
         Causes that would explain a misfit, the best first; empty if there is no misfit.
     tied : int
         Number of the first candidates that explain the misfit equally well.
+    belts : float [1]
+        Gain of evidence by specimens with a mass of their own; 0 where they have none.
     """
 
     chi2: float = 0.0
@@ -58,15 +60,17 @@ class Misfit:
     specimens: tuple[Source, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     tied: int = 0
+    belts: float = 0.0
 
 
 @dataclass(eq=False)
 class State(ByValue):
-    """The problem, its solution and the factors of the outliers' variances; `start` is the first K*."""
+    """The problem, its solution and the factors of the outliers' variances; `start` and `first` are K* and z before."""
 
     problem: Problem
     solution: Solution
     start: ComplexArray
+    first: FloatArray
     outlier: FloatArray
 
     def solve(self, problem: Problem) -> None:
@@ -128,7 +132,7 @@ def _without_worst(state: State, left: Residuals) -> bool:
     """
     worst = int(np.argmax(np.where(state.outlier > 1, 0.0, left.whole)))
     others = np.arange(left.whole.size) != worst
-    fresh = replace(state.solution, stiffness=state.start, z=np.zeros(len(state.problem.shared)))
+    fresh = replace(state.solution, stiffness=state.start, z=state.first)
     trial = replace(state, solution=fresh)
     _weaken(trial, np.where(others, 1.0, max(left.whole[worst] / 2, 1.0) * _BENT))
     after = residuals(trial.problem, trial.solution).whole[others]

@@ -1,0 +1,194 @@
+"""Specimens with a mass of their own: its priors, first values, and a choice by the evidence of all tests.
+
+A tyre's belt is a large error of a massless model, and then other parts are blamed for it. So the tests are explained
+twice, without and with a mass in each specimen, each time with all that they ask for; see `fourpole.core.specimen`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.components import component
+from fourpole.core.joint.asking import Group, gain_of, volume, widened
+from fourpole.core.joint.shared import SharedParameter
+from fourpole.core.joint.solve import Problem, Solution, solve_either
+from fourpole.core.sources import Kind, Source
+
+#: Standard uncertainty of a mass of which nothing is stated, over the moving mass; of a stated one, over itself.
+_UNSTATED, _STATED = 0.5, 0.5
+#: Stiffness of the spring at the contact over that at the rim: of a tyre, and of a block of rubber.
+TYRE, BLOCK = 0.2, 1.0
+#: Centre of the exponent: between springs of one law, and a spring at the rim that is constant.
+_EXPONENT = 0.6
+#: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
+_STARTS = (0.1, 0.3, 0.6)
+#: Most shares in one problem: with more conditions, those of a specimen have one.
+_MOST_SHARES = 40
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is stated of the inertia of a specimen.
+
+    Attributes
+    ----------
+    mass, mass_std : float [kg]
+        Its mass between the ends, and the standard uncertainty; 0 and 0 where nothing is stated.
+    share : float [1]
+        Usual share of its springs.
+    rod : bool, optional
+        Whether the mass is spread along it; by default the tests say.
+    """
+
+    mass: float = 0.0
+    mass_std: float = 0.0
+    share: float = TYRE
+    rod: bool | None = None
+
+    @classmethod
+    def weighed(cls, weight: float, share: float = TYRE) -> Body:
+        """A specimen of which the whole weight [kg] is stated: some part of it moves between the ends."""
+        return cls(0.5 * weight, 0.5 * _STATED * weight, share)
+
+
+@dataclass(frozen=True, eq=False)
+class Start(ByValue):
+    """A problem, its solution, and the first values from which it was found."""
+
+    problem: Problem
+    solution: Solution
+    stiffness: ComplexArray
+    z: FloatArray
+
+
+def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray, *, rod: bool) -> Problem:
+    """The problem with a mass in each specimen; `stiffness` (c,) is a first K* of each condition, for the reference."""
+    observed, conditions = problem.observed, problem.conditions
+    tyre = ~observed.rigid
+    family = np.zeros(tyre.size, dtype=int)
+    family[tyre] = np.unique(conditions.family[conditions.label[tyre]], return_inverse=True)[1]
+    family = family if family.max(initial=0) < _MOST_SHARES else observed.specimen
+    log_k = np.zeros(tyre.size, dtype=complex)
+    log_k[tyre] = np.log(stiffness[conditions.label[tyre]])
+    means = [np.mean(log_k[tyre & (family == one)]) for one in np.unique(family[tyre])]
+    reference = np.exp(np.array([*means, 0.0])[np.where(tyre, family, -1)])
+    listed = []
+    for number in np.unique(observed.specimen[tyre]).tolist():
+        name, body = problem.names[number], bodies.get(problem.names[number], Body())
+        std = body.mass_std or _UNSTATED * problem.shared.rig.moving_mass
+        listed.append(SharedParameter(Source(Kind.BELT_MASS, name), "kg", number, body.mass, std))
+        if rod:
+            continue
+        listed.append(_of_springs(Kind.BELT_EXPONENT, name, number, _EXPONENT))
+        for one in np.unique(family[tyre & (observed.specimen == number)]).tolist():
+            listed += [_of_springs(Kind.BELT_SHARE, name, one, float(np.log(body.share))),
+                       _of_springs(Kind.BELT_ANGLE, name, one, 0.0)]  # fmt: skip
+    shared = replace(problem.shared, parameters=(*problem.shared.parameters, *listed))
+    observed = replace(observed, family=family, reference=reference, rod=np.full(tyre.size, rod))
+    return replace(problem, observed=observed, shared=shared)
+
+
+def _of_springs(kind: Kind, name: str, index: int, centre: float) -> SharedParameter:
+    row = component(kind)
+    return SharedParameter(Source(kind, name), row.unit, index, centre, row.std)
+
+
+def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> Start | None:
+    """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
+    made = []
+    forms = {body.rod for body in bodies.values()} - {None} or {False, True}
+    for rod in sorted(bool(form) for form in forms):
+        for share in _STARTS:
+            wide = with_belts(problem, bodies, stiffness, rod=rod)
+            z = _first(wide, share * problem.shared.rig.moving_mass)
+            start = own_stiffness(wide, z)
+            wide, solution = solve_either(wide, start, z)
+            if solution.converged:
+                made.append(Start(wide, solution, start, z))
+    return max(made, key=lambda one: one.solution.evidence, default=None)
+
+
+def _first(problem: Problem, mass: float) -> FloatArray:
+    """Shared values (p,) in which each belt has this mass [kg], and the others are as stated."""
+    return np.array([(mass - row.stated) / row.std if row.source.kind is Kind.BELT_MASS else 0.0
+                     for row in problem.shared.parameters])  # fmt: skip
+
+
+def own_stiffness(problem: Problem, z: FloatArray) -> ComplexArray:
+    """K* of each condition [N/m] at shared values z, from F1, V1 and V2 of its tests.
+
+    With r the share of the springs, F1 and both motions give K* as a root of a quadratic. At the lowest frequency it is
+    the larger one, and then the nearer one.
+    """
+    observed, conditions = problem.observed, problem.conditions
+    roots = _roots(problem, z)
+    chosen = np.zeros(conditions.count, dtype=complex)
+    before: dict[int, complex] = {}
+    for condition in np.lexsort((conditions.mean_frequency, conditions.family)).tolist():
+        rows = roots[observed.mass_at.size - roots.shape[0] :][conditions.label == condition]
+        family = int(conditions.family[condition])
+        if family in before:
+            near = np.argmin(np.abs(np.log(rows / before[family])), axis=1)
+        else:
+            near = np.argmax(np.abs(rows), axis=1)
+        value = complex(np.exp(np.mean(np.log(rows[np.arange(len(rows)), near]))))
+        chosen[condition] = before[family] = value
+    return chosen
+
+
+def _roots(problem: Problem, z: FloatArray) -> ComplexArray:
+    """The two K* (N, 2) [N/m] of each test by F1, or by V2/V1 where there is no F1; 1 for a rigid block."""
+    observed, shared = problem.observed, problem.shared
+    omega, rig = observed.omega, shared.rig_at(z)
+    mass, share, _ = shared.belts_at(z, (int(observed.specimen.max()) + 1, int(observed.family.max()) + 1))
+    belt, r = mass[observed.specimen], np.exp(share[observed.family]) if not observed.rod.all() else np.ones(omega.size)
+    at_contact, at_wheel = belt * r / (1 + r), belt / (1 + r)
+    pole = omega**2 * belt * r / (1 + r) ** 2
+    f1, v1, v2 = np.where(observed.amplitudes == 0, np.nan, observed.amplitudes).T
+    ratio = v2 / v1
+    force = 1j * omega * f1 / v1 + omega**2 * rig.input_mass
+    beyond = 1j * omega * np.asarray(rig.impedance(omega, observed.added(shared.masses_at(z))))
+    by_force = np.stack([1 - ratio, -(omega**2 * at_contact + force), force * pole], axis=1)
+    by_motion = np.stack([ratio - 1, ratio * (beyond - omega**2 * at_wheel), -ratio * beyond * pole], axis=1)
+    a, b, c = np.where(np.isfinite(by_force).all(axis=1)[:, None], by_force, by_motion).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(b * b - 4 * a * c)
+        root = np.where((np.conj(b) * root).real < 0, -root, root)
+        both = np.stack([-(b + root) / (2 * a), -2 * c / (b + root)], axis=1)
+    usable = np.isfinite(both) & (both != 0) & ~observed.rigid[:, None]
+    return np.where(usable, both, 1.0)
+
+
+def weight_of(problem: Problem, solution: Solution, plain: Problem, outliers: int) -> float:
+    """Logarithm of the evidence of a solution, comparable with that of another one of the same tests.
+
+    `plain` has the noise of the recordings alone. What enlarges the noise costs its volume; each outlier is rare.
+    """
+    now, before = (np.abs(np.diagonal(one.observed.whiten, axis1=1, axis2=2)) for one in (problem, plain))
+    kept = before > 0
+    scale = float(np.sum(np.log(now[kept] / before[kept])))
+    quiet = replace(problem.reweighted(plain.observed.whiten), scatter=0.0, apart=plain.apart)
+    scale += volume(problem, solution) - volume(quiet, solution)
+    return solution.evidence + scale - outliers * float(np.log(now.shape[0]))
+
+
+def linear_gain(problem: Problem, solution: Solution, bodies: Mapping[str, Body]) -> float:
+    """Gain of evidence by a small mass in each specimen, by the linear model at a solution without them."""
+    wide = with_belts(problem, bodies, solution.stiffness, rod=False)
+    extra = [row for row in wide.shared.parameters[len(problem.shared) :] if row.source.kind is Kind.BELT_MASS]
+    rest = [row for row in wide.shared.parameters[len(problem.shared) :] if row.source.kind is not Kind.BELT_MASS]
+    at = replace(problem, observed=wide.observed)
+    p, e = len(problem.shared), len(extra)
+    triangle = widened(at, solution, [*extra, *rest])[1]
+    return gain_of(triangle[p : p + e, p : p + e], triangle[p : p + e, -1], Group("belt", tuple(extra), 1.0))[0]
+
+
+def masses_of(problem: Problem, solution: Solution) -> Sequence[tuple[str, float, float]]:
+    """The specimens with their masses as found and the standard uncertainties [kg]."""
+    found, std = problem.shared.found(solution.z), np.sqrt(np.diag(solution.covariance)) * problem.shared.std
+    return [(row.source.of, float(found[place]), float(std[place]))
+            for place, row in enumerate(problem.shared.parameters) if row.source.kind is Kind.BELT_MASS]  # fmt: skip

@@ -1,0 +1,228 @@
+r"""A specimen with inertia: a two-port of springs and of a mass between them, or of a mass that is spread along it.
+
+Between force and motion of its two ends a specimen is
+
+.. math:: \begin{bmatrix} F_1 \\ -F_2 \end{bmatrix} = D \begin{bmatrix} x_1 \\ x_2 \end{bmatrix},\qquad
+          D = S \begin{bmatrix} 1 & -1 \\ -1 & 1 \end{bmatrix}
+              - \omega^2 \begin{bmatrix} m_1 & 0 \\ 0 & m_2 \end{bmatrix},
+
+a spring S between two masses that stand on the ground. All three are complex, and depend on frequency. With K* of its
+springs alone, a mass :math:`m_b` and the share :math:`r = k_{contact}/k_{rim}` of the two springs beside it,
+
+.. math:: S = \frac{K^*}{1 - a},\quad m_1 = \frac{m_b\,r/(1 + r)}{1 - a},\quad m_2 = \frac{m_b/(1 + r)}{1 - a},\quad
+          a = \frac{\omega^2 m_b\,r}{(1 + r)^2 K^*}.
+
+The share depends on frequency as far as the two springs are not of one law: :math:`r = r_0 (K^*/K_0)^p`. For p = 0 they
+are, for p = 1 + r the spring at the rim is constant. A rod, whose mass is spread along it, has
+
+.. math:: S = K^*\,\frac{\theta}{\sin\theta},\quad m_1 = m_2 = \frac{m_b}{2}\,\frac{\tan(\theta/2)}{\theta/2},\quad
+          \theta^2 = \frac{\omega^2 m_b}{K^*}.
+
+References
+----------
+H. B. Pacejka, "Tire and Vehicle Dynamics", 3rd ed., 2012, chapter 9 (rigid ring). SAE J2710 (modal tests of tyres).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+
+#: Below this square of the angle of a rod its functions are series; what these leave out is round-off.
+_SMALL = 1e-3
+_PARTS = ("spring", "contact", "wheel")
+
+
+class Form(Enum):
+    """Where a specimen has its mass."""
+
+    MASSLESS = "massless"
+    BELT = "belt"
+    ROD = "rod"
+
+
+@dataclass(frozen=True, eq=False)
+class Ends(ByValue):
+    """The spring between the ends of N specimens, and the mass at each, as a test at one frequency sees them.
+
+    Attributes
+    ----------
+    spring : (N,) complex array [N/m]
+    contact, wheel : (N,) complex arrays [kg]
+        The masses at the contact and at the wheel.
+    by : (N, 4, 3) complex array
+        Derivatives by log K*, mass, log share and exponent, of log `spring`, `contact` and `wheel`.
+    """
+
+    spring: ComplexArray
+    contact: ComplexArray
+    wheel: ComplexArray
+    by: ComplexArray
+
+
+def massless(stiffness: ComplexArray) -> Ends:
+    """The ends of specimens without inertia, of K* (N,) [N/m]."""
+    zero, by = np.zeros(stiffness.size, dtype=complex), np.zeros((stiffness.size, 4, 3), dtype=complex)
+    by[:, 0, 0] = 1.0
+    return Ends(stiffness, zero, zero, by)
+
+
+def ends_of(
+    stiffness: ComplexArray,
+    omega: FloatArray,
+    mass: FloatArray,
+    log_share: ComplexArray,
+    exponent: FloatArray,
+    reference: ComplexArray,
+    rod: BoolArray,
+) -> Ends:
+    """The ends of N specimens, and their derivatives.
+
+    Parameters
+    ----------
+    stiffness : (N,) complex array [N/m]
+        K* of the springs.
+    omega, mass, exponent : (N,) float arrays [rad/s], [kg], [1]
+    log_share : (N,) complex array [1]
+        Logarithm of the share where K* is `reference` (N,) [N/m].
+    rod : (N,) bool array
+        True for a mass that is spread along the specimen, which has no share.
+    """
+    belt = _belt(stiffness, omega, mass, log_share, exponent, reference)
+    if not rod.any():
+        return belt
+    along = _rod(stiffness, omega, mass)
+    spring, contact, wheel = (np.where(rod, getattr(along, name), getattr(belt, name)) for name in _PARTS)
+    return Ends(spring, contact, wheel, np.where(rod[:, None, None], along.by, belt.by))
+
+
+def _belt(
+    stiffness: ComplexArray,
+    omega: FloatArray,
+    mass: FloatArray,
+    log_share: ComplexArray,
+    exponent: FloatArray,
+    reference: ComplexArray,
+) -> Ends:
+    bend = np.log(stiffness / reference)
+    share = np.exp(log_share + exponent * bend)
+    contact, wheel = share / (1 + share), 1 / (1 + share)
+    between = contact * wheel
+    a = omega**2 * mass * between / stiffness
+    h = 1 / (1 - a)
+    at_contact, at_wheel = mass * contact * h, mass * wheel * h
+    by = np.zeros((stiffness.size, 4, 3), dtype=complex)
+    changes = np.stack([-a, omega**2 * between / stiffness, a * (wheel - contact)], axis=1)  # of a
+    by[:, :3, 0] = h[:, None] * changes
+    by[:, :3, 1], by[:, :3, 2] = at_contact[:, None] * by[:, :3, 0], at_wheel[:, None] * by[:, :3, 0]
+    by[:, 0, 0] += 1.0
+    by[:, 1, 1] += contact * h
+    by[:, 1, 2] += wheel * h
+    by[:, 2, 1] += mass * between * h
+    by[:, 2, 2] -= mass * between * h
+    by[:, 3] = bend[:, None] * by[:, 2]
+    by[:, 0] += exponent[:, None] * by[:, 2]
+    return Ends(stiffness * h, at_contact, at_wheel, by)
+
+
+def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray) -> Ends:
+    unit = omega**2 / stiffness
+    square = mass * unit
+    small = np.abs(square) < _SMALL
+    angle = np.sqrt(np.where(small, 1.0, square))
+    sine, cosine, half = np.sin(angle), np.cos(angle), np.tan(angle / 2) / (angle / 2)
+    x = square
+    spring = np.where(small, 1 + x / 6 + 7 * x**2 / 360 + 31 * x**3 / 15120, angle / sine)
+    end = np.where(small, 1 + x / 12 + x**2 / 120 + 17 * x**3 / 20160, half)
+    by_spring = np.where(small, 1 / 6 + 7 * x / 180 + 31 * x**2 / 5040, (sine - angle * cosine) / sine**2 / (2 * angle))
+    by_end = np.where(small, 1 / 12 + x / 60 + 17 * x**2 / 6720, (1 / np.cos(angle / 2) ** 2 - half) / (2 * angle**2))
+    by = np.zeros((stiffness.size, 4, 3), dtype=complex)
+    by[:, 0, 0], by[:, 1, 0] = 1 - x * by_spring / spring, unit * by_spring / spring
+    by[:, 0, 1] = by[:, 0, 2] = -0.5 * mass * x * by_end
+    by[:, 1, 1] = by[:, 1, 2] = 0.5 * (end + mass * unit * by_end)
+    at_end = np.asarray(0.5 * mass * end, dtype=complex)
+    return Ends(stiffness * spring, at_end, at_end, by)
+
+
+@dataclass(frozen=True)
+class Specimen:
+    r"""The inertia of a specimen at one condition; K* of its springs is apart.
+
+    Parameters
+    ----------
+    form : Form
+    mass : float [kg]
+        The mass between its springs, or that of a rod.
+    share : complex [1]
+        Stiffness of the spring at the contact over that at the rim where K* is `reference`.
+    exponent : float [1]
+        Power of K* by which the share changes.
+    reference : complex [N/m]
+        K* at which the share is `share`.
+
+    Examples
+    --------
+    A car's tyre with a belt of 7 kg: 24 Hz is far below its first mode, and yet its ends differ from its spring by 2 to
+    41 %.
+
+    >>> tyre = Specimen(Form.BELT, 7.0, 0.2)
+    >>> stiffness, omega = np.array([2.9e5]), 2 * np.pi * np.array([24.0])
+    >>> d = tyre.dynamic_stiffness(stiffness, omega)
+    >>> (d[0] / stiffness).real.round(3)
+    array([[ 0.983, -1.083],
+           [-1.083,  0.587]])
+    >>> tyre.frequencies(stiffness).round(1)
+    array([[80.1, 87.7]])
+    """
+
+    form: Form = Form.MASSLESS
+    mass: float = 0.0
+    share: complex = 0.2
+    exponent: float = 0.0
+    reference: complex = 1.0
+
+    def ends(self, stiffness: ComplexArray, omega: FloatArray) -> Ends:
+        """The spring and the masses of both ends, for K* (N,) [N/m] at angular frequencies (N,) [rad/s]."""
+        if self.form is Form.MASSLESS:
+            return massless(stiffness)
+        ones = np.ones(stiffness.size)
+        log_share, exponent = np.log(complex(self.share)) * ones, self.exponent * ones
+        rod = np.full(stiffness.size, self.form is Form.ROD)
+        return ends_of(stiffness, omega, self.mass * ones, log_share, exponent, self.reference * ones, rod)
+
+    def dynamic_stiffness(self, stiffness: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        """D (N, 2, 2) [N/m]: the forces on both ends over their motions, contact first.
+
+        Parameters
+        ----------
+        stiffness : (N,) complex array [N/m]
+            K* of the springs.
+        omega : (N,) float array [rad/s]
+        """
+        stiffness, omega = np.atleast_1d(np.asarray(stiffness, complex)), np.atleast_1d(np.asarray(omega, float))
+        ends = self.ends(stiffness, omega)
+        d = np.empty((stiffness.size, 2, 2), dtype=complex)
+        d[:, 0, 0], d[:, 1, 1] = ends.spring - omega**2 * ends.contact, ends.spring - omega**2 * ends.wheel
+        d[:, 0, 1] = d[:, 1, 0] = -ends.spring
+        return d
+
+    def frequencies(self, stiffness: ArrayLike) -> FloatArray:
+        r"""First frequency of the mass (N, 2) [Hz] with the rim held, for K* (N,) [N/m]: contact free, and held too.
+
+        Of a belt they are :math:`\sqrt{\mathrm{Re}\,k_{rim}/m_b}/2\pi` and that of both springs together; the first is
+        FREQ_LONG of MF-Swift. Of a rod they are the first of its own.
+        """
+        stiffness = np.atleast_1d(np.asarray(stiffness, complex))
+        if self.form is Form.ROD:
+            root = np.sqrt(stiffness.real / self.mass) / (2 * np.pi)
+            return np.stack([root * np.pi / 2, root * np.pi], axis=1)
+        share = self.share * (stiffness / self.reference) ** self.exponent
+        rim = stiffness * (1 + share) / share
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pair = np.stack([rim.real, (rim * (1 + share)).real], axis=1)
+            return np.asarray(np.sqrt(pair / self.mass) / (2 * np.pi))
