@@ -35,6 +35,8 @@ from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 
 #: Below this square of the angle of a rod its functions are series; what these leave out is round-off.
 _SMALL = 1e-3
+#: Largest logarithm of a share: of a search that went astray.
+_LARGE = 12.0
 _PARTS = ("spring", "contact", "wheel")
 
 
@@ -110,7 +112,8 @@ def _belt(
     reference: ComplexArray,
 ) -> Ends:
     bend = np.log(stiffness / reference)
-    share = np.exp(log_share + exponent * bend)
+    power = log_share + exponent * bend
+    share = np.exp(np.clip(power.real, -_LARGE, _LARGE) + 1j * power.imag)
     contact, wheel = share / (1 + share), 1 / (1 + share)
     between = contact * wheel
     a = omega**2 * mass * between / stiffness

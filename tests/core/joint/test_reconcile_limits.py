@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fourpole.core.joint import reconcile, specimens
-from fourpole.core.joint.asking import Group, Trial, _gain, tie
+from fourpole.core.joint.asking import Group, Trial, gain_of, tie
 from fourpole.core.joint.scatter import MEDIAN
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.sources import Kind, Source
@@ -57,7 +57,7 @@ def test_or_almost_that_of_the_best_where_this_is_small(other, together):
 def test_the_gain_of_one_column_is_that_of_the_evidence():
     """A column of length 2 that explains 10 of a residual: the best factor, and the gain by the formula."""
     column, target = np.array([[2.0], [0.0]]), np.array([10.0, 3.0])
-    gain, factor = _gain(column, target, group("gain"))
+    gain, factor = gain_of(column, target, group("gain"))
     by_hand = [
         0.5 * 20.0**2 * t**2 / (1 + 4 * t**2) - 0.5 * np.log(1 + 4 * t**2) - 0.5 * np.log(max(t, 1.0))
         for t in np.geomspace(0.3, 30.0, 1000)
@@ -68,7 +68,7 @@ def test_the_gain_of_one_column_is_that_of_the_evidence():
 
 def test_a_rare_error_needs_more_evidence():
     column, target = np.array([[2.0]]), np.array([10.0])
-    rare, usual = (_gain(column, target, group("group", kind=kind))[0] for kind in (Kind.CROSSTALK, Kind.GAIN))
+    rare, usual = (gain_of(column, target, group("group", kind=kind))[0] for kind in (Kind.CROSSTALK, Kind.GAIN))
     assert usual - rare == pytest.approx(3.0)
 
 

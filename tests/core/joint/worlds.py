@@ -12,7 +12,8 @@ from fourpole.core.sources import Kind
 
 CHANNELS = ("F1", "V1", "V2")
 TABLE = {row.kind: row for row in COMPONENTS}
-#: The rows of the table that every dynamic test of a massless specimen has, and those of them that a laboratory leaves unstated.
+#: The rows of the table that every dynamic test of a massless specimen has, and those that a laboratory leaves
+#: unstated.
 DYNAMIC = tuple(kind for kind, row in TABLE.items() if row.std > 0 and row.group not in ("linearity", "belt"))
 ORDINARY = tuple(kind for kind in DYNAMIC if kind not in (Kind.GAIN, Kind.PHASE))
 #: Unit sizes of errors that are absent unless a world has them; of the channel's root mean square for cross-talk.
