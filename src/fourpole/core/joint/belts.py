@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.components import component
-from fourpole.core.joint.asking import Group, gain_of, volume, widened
+from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
+from fourpole.core.joint.misfit import residuals
 from fourpole.core.joint.shared import SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve_either
+from fourpole.core.joint.solve import Problem, Solution, moved, solve_either, sweep
 from fourpole.core.sources import Kind, Source
 
 #: Standard uncertainty of a mass of which nothing is stated, over the moving mass; of a stated one, over itself.
@@ -185,6 +186,35 @@ def linear_gain(problem: Problem, solution: Solution, bodies: Mapping[str, Body]
     p, e = len(problem.shared), len(extra)
     triangle = widened(at, solution, [*extra, *rest])[1]
     return gain_of(triangle[p : p + e, p : p + e], triangle[p : p + e, -1], Group("belt", tuple(extra), 1.0))[0]
+
+
+#: Steps from the other root of a quadratic to the K* that fits best there, and the change of log K* that is none.
+_STEPS, _SAME = 12, 0.01
+
+
+def second_roots(problem: Problem, solution: Solution) -> BoolArray:
+    """Flags (c,) of the conditions whose tests another K* explains as well, within `GAIN` of the evidence.
+
+    V2/V1 is quadratic in K* of a specimen with a mass, and so is F1/V1.
+    """
+    stiffness = _far_roots(problem, solution)
+    for _ in range(_STEPS):
+        step = sweep(problem, solution.z, stiffness, solution.slope)
+        stiffness = moved(stiffness, step.own_step)
+    both = (residuals(problem, replace(solution, stiffness=k)).whole for k in (stiffness, solution.stiffness))
+    there, here = (problem.conditions.sum(whole) for whole in both)
+    apart = np.abs(np.log(stiffness / solution.stiffness)) > _SAME
+    return np.asarray(apart & (there - here < 2 * GAIN))
+
+
+def _far_roots(problem: Problem, solution: Solution) -> ComplexArray:
+    """The root (c,) that is further from K* of each condition [N/m], as the mean of its tests."""
+    conditions = problem.conditions
+    here = slice(conditions.first, None)
+    roots = np.log(_roots(problem, solution.z)[here])
+    off = np.abs(roots - np.log(solution.stiffness)[conditions.label[here]][:, None])
+    far = roots[np.arange(len(roots)), np.argmax(off, axis=1)]
+    return np.exp(np.add.reduceat(far, conditions.starts - conditions.first) / conditions.sizes)
 
 
 def masses_of(problem: Problem, solution: Solution) -> Sequence[tuple[str, float, float]]:

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
-from fourpole.core.joint.belts import Body, explained, linear_gain, weight_of
+from fourpole.core.joint.belts import Body, explained, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
@@ -56,6 +56,8 @@ class Joint(ByValue):
         Factor by which the variance of an outlier was enlarged; 1 for the other tests.
     misfit : Misfit
         Agreement of the statement with the tests.
+    two_roots : (N,) bool array
+        True where another K* of a specimen with a mass explains the test as well.
     """
 
     problem: Problem
@@ -66,6 +68,7 @@ class Joint(ByValue):
     residuals: Residuals
     outlier: FloatArray
     misfit: Misfit
+    two_roots: BoolArray
 
     @property
     def converged(self) -> bool:
@@ -159,7 +162,9 @@ def solve_joint(
         residuals=residuals(problem, solution).part(back),
         outlier=outlier[back],
         misfit=misfit,
-    )
+        two_roots=(np.append(second_roots(problem, solution), [False])[label] if problem.shared.has_belts
+                   else np.zeros(count, dtype=bool)),
+    )  # fmt: skip
 
 
 def of_specimens(
