@@ -390,6 +390,8 @@ def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
         yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
     if estimate.scatter > _MOST_SCATTER:
         yield reported(Code.SCATTER, Verdict.WARNING, estimate.scatter, _MOST_SCATTER)
+    if joint.two_roots[place]:
+        yield reported(Code.TWO_ROOTS, Verdict.WARNING)
     if not joint.converged:
         yield reported(Code.CONVERGENCE, Verdict.WARNING)
 

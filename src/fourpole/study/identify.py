@@ -189,6 +189,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "mounting": np.array([test.mounting for test in tests], dtype=object),
         "specimen": np.array([test.tyre for test in tests], dtype=object),
         "specimens": stated.specimen_uncertainty,
+        "bodies": stated.bodies,
         "time": time,
         "apart": np.where(strange, 0.0, apart),
         "lines": lines[recording].astype(float),
@@ -318,6 +319,10 @@ def _with_specimen(
     return np.sqrt(sum((std**2 for std in moved.values()), own**2)), wider
 
 
+#: What is known of all tests of a rig together.
+_OF_ALL = ("rig", "channels", "specimens", "bodies")
+
+
 def _mass_gain(
     joint: Joint,
     setup: Mapping[str, Any],
@@ -331,8 +336,8 @@ def _mass_gain(
     if bare.all() or not bare.any():
         return {}
     channels, few = setup["channels"].part(bare), phasors.part(bare)
-    some = {name: value[bare] for name, value in setup.items() if name not in ("rig", "channels", "specimens")}
-    alone = solve_joint(few, **some, rig=setup["rig"], channels=channels, specimens=setup["specimens"])
+    some = {name: value[bare] for name, value in setup.items() if name not in _OF_ALL}
+    alone = solve_joint(few, **some, **{name: setup[name] for name in _OF_ALL} | {"channels": channels})
     of_alone = outputs(alone, few, some["k1"])
     without = relative_uncertainties(
         identification(alone, few, some["k1"], k1_std[bare], of_alone),

@@ -20,6 +20,7 @@ from fourpole.fitting.likelihood import likelihood_columns
 from fourpole.fitting.rows import KEY, pair_columns, tyre_columns
 from fourpole.quantities import DERIVED
 from fourpole.study import tables as of
+from fourpole.study.bodies import specimen_rows
 from fourpole.study.identify import RigGroup
 from fourpole.study.points import Points
 from fourpole.study.rig_solution import residual_columns
@@ -65,6 +66,7 @@ def select_tables(
         of.DYNAMIC: of.DYNAMIC.frame(_dynamic_columns(campaign, points, columns)),
         of.CHECKS: of.CHECKS.of_rows(_check_rows(statics, points, conditions)),
         of.RIG: of.RIG.of_rows([cells for estimate in estimates for cells in estimate.rows]),
+        of.SPECIMENS: of.SPECIMENS.of_rows([cells for group, _ in joint for cells in specimen_rows(points, group)]),
         of.RESIDUALS: of.RESIDUALS.of_parts(
             [
                 {**_keys_of(group, range(len(group.keys))), **residual_columns(solution, group.phasors)}

@@ -119,7 +119,7 @@ class Tables(ByValue):
     tables: dict[str, pl.DataFrame]
     files: Published | None
     static, dynamic, checks, previews = _Held(), _Held(), _Held(), _Held()
-    rig, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held()
+    rig, specimens, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held(), _Held()
     corrections, lines, phasors, covariance, likelihood = _Held(), _Held(), _Held(), _Held(), _Held()
 
     def table(self, name: str) -> pl.DataFrame:
@@ -168,6 +168,14 @@ RESIDUALS = TableSpec(
         q.TEST, q.RIG, q.ADDED_MASS, q.FREQUENCY, q.RESIDUAL_RE, q.RESIDUAL_IM, q.RESIDUAL_RE.u_head,
         q.RESIDUAL_IM.u_head, *q.ZR.parts, q.CHI2, q.DOF, q.OUTLIER,
     ),
+)  # fmt: skip
+SPECIMENS = TableSpec(
+    "specimens", "a specimen at one condition without its frequency: its mass and its springs",
+    _columns(
+        q.TYRE, q.RIG, q.PRESSURE, q.PRELOAD, q.FORM, *q.BELT_MASS.heads, q.BELT_FREE, q.BELT_HELD, q.BELT_SHARE,
+        q.BELT_EXPONENT, q.BELT_EVIDENCE,
+    ),
+    key=(q.TYRE.head, q.RIG.head, q.PRESSURE.head, q.PRELOAD.head),
 )  # fmt: skip
 QUANTILES = TableSpec(
     "quantiles", "K2 or C of a dynamic test, where value ± 1.96 u is not a 95 % interval",
@@ -241,8 +249,8 @@ PREVIEWS = TableSpec(
 )  # fmt: skip
 
 _ALL = (
-    STATIC, DYNAMIC, CHECKS, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, LINES, PHASORS, COVARIANCE, LIKELIHOOD,
-    PREVIEWS,
+    STATIC, DYNAMIC, CHECKS, RIG, SPECIMENS, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, LINES, PHASORS, COVARIANCE,
+    LIKELIHOOD, PREVIEWS,
 )  # fmt: skip
 #: All result tables, by name.
 TABLES = {spec.name: spec for spec in _ALL}

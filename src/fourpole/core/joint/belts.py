@@ -6,7 +6,7 @@ twice, without and with a mass in each specimen, each time with all that they as
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,11 +18,14 @@ from fourpole.core.joint.misfit import residuals
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve_either, sweep
 from fourpole.core.sources import Kind, Source
+from fourpole.core.specimen import Form, Specimen
 
 #: Standard uncertainty of a mass of which nothing is stated, over the moving mass; of a stated one, over itself.
 _UNSTATED, _STATED = 0.5, 0.5
 #: Stiffness of the spring at the contact over that at the rim: of a tyre, and of a block of rubber.
 TYRE, BLOCK = 0.2, 1.0
+#: Least relative uncertainty of a stated spring at the rim: that of rubber between the mode and the tests.
+_LEAST = 0.03
 #: Centre of the exponent: between springs of one law, and a spring at the rim that is constant.
 _EXPONENT = 0.6
 #: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
@@ -41,19 +44,30 @@ class Body:
         Its mass between the ends, and the standard uncertainty; 0 and 0 where nothing is stated.
     share : float [1]
         Usual share of its springs.
-    rod : bool, optional
-        Whether the mass is spread along it; by default the tests say.
+    frequency, frequency_std : float [Hz]
+        First frequency of the mass with the rim held and the contact free, and its standard uncertainty; 0 and 0 where
+        it is not stated.
     """
 
     mass: float = 0.0
     mass_std: float = 0.0
     share: float = TYRE
-    rod: bool | None = None
+    frequency: float = 0.0
+    frequency_std: float = 0.0
 
     @classmethod
     def weighed(cls, weight: float, share: float = TYRE) -> Body:
         """A specimen of which the whole weight [kg] is stated: some part of it moves between the ends."""
-        return cls(0.5 * weight, 0.5 * _STATED * weight, share)
+        return cls(0.0, _STATED * weight, share)
+
+    def springs(self, stiffness: float) -> tuple[float, float]:
+        """Logarithm of the share where K' is `stiffness` [N/m], and its standard uncertainty."""
+        rim = self.mass * (2 * np.pi * self.frequency) ** 2
+        if rim <= stiffness:
+            return float(np.log(self.share)), component(Kind.BELT_SHARE).std
+        share = stiffness / (rim - stiffness)
+        relative = np.hypot(self.mass_std / self.mass, 2 * self.frequency_std / self.frequency)
+        return float(np.log(share)), float((1 + share) * max(relative, _LEAST))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,25 +98,25 @@ def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexA
         listed.append(SharedParameter(Source(Kind.BELT_MASS, name), "kg", number, body.mass, std))
         if rod:
             continue
-        listed.append(_of_springs(Kind.BELT_EXPONENT, name, number, _EXPONENT))
+        listed.append(_of_springs(Kind.BELT_EXPONENT, name, number, (_EXPONENT, component(Kind.BELT_EXPONENT).std)))
         for one in np.unique(family[tyre & (observed.specimen == number)]).tolist():
-            listed += [_of_springs(Kind.BELT_SHARE, name, one, float(np.log(body.share))),
-                       _of_springs(Kind.BELT_ANGLE, name, one, 0.0)]  # fmt: skip
+            share = body.springs(float(reference[tyre & (family == one)][0].real))
+            listed.append(_of_springs(Kind.BELT_SHARE, name, one, share))
+            listed.append(_of_springs(Kind.BELT_ANGLE, name, one, (0.0, component(Kind.BELT_ANGLE).std)))
     shared = replace(problem.shared, parameters=(*problem.shared.parameters, *listed))
     observed = replace(observed, family=family, reference=reference, rod=np.full(tyre.size, rod))
     return replace(problem, observed=observed, shared=shared)
 
 
-def _of_springs(kind: Kind, name: str, index: int, centre: float) -> SharedParameter:
-    row = component(kind)
-    return SharedParameter(Source(kind, name), row.unit, index, centre, row.std)
+def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) -> SharedParameter:
+    return SharedParameter(Source(kind, name), component(kind).unit, index, *stated)
 
 
 def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> Start | None:
     """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
     made = []
-    forms = {body.rod for body in bodies.values()} - {None} or {False, True}
-    for rod in sorted(bool(form) for form in forms):
+    known = any(body.frequency for body in bodies.values())
+    for rod in (False,) if known else (False, True):
         for share in _STARTS:
             wide = with_belts(problem, bodies, stiffness, rod=rod)
             z = _first(wide, share * problem.shared.rig.moving_mass)
@@ -217,8 +231,44 @@ def _far_roots(problem: Problem, solution: Solution) -> ComplexArray:
     return np.exp(np.add.reduceat(far, conditions.starts - conditions.first) / conditions.sizes)
 
 
-def masses_of(problem: Problem, solution: Solution) -> Sequence[tuple[str, float, float]]:
-    """The specimens with their masses as found and the standard uncertainties [kg]."""
-    found, std = problem.shared.found(solution.z), np.sqrt(np.diag(solution.covariance)) * problem.shared.std
-    return [(row.source.of, float(found[place]), float(std[place]))
-            for place, row in enumerate(problem.shared.parameters) if row.source.kind is Kind.BELT_MASS]  # fmt: skip
+@dataclass(frozen=True)
+class Found:
+    """The inertia of a specimen at one condition without its frequency, as found.
+
+    Attributes
+    ----------
+    test : int
+        A test of the condition, of the middle one of its frequencies, by its row in the problem.
+    specimen : Specimen
+    mass_std : float [kg]
+    stiffness : complex [N/m]
+        K* of this test.
+    """
+
+    test: int
+    specimen: Specimen
+    mass_std: float
+    stiffness: complex
+
+
+def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
+    """The specimens at each condition without its frequency; a mass within its uncertainty is none."""
+    observed, conditions, shared = problem.observed, problem.conditions, problem.shared
+    stds = (np.sqrt(np.diag(solution.covariance)) * shared.std).tolist()
+    std = {row.key: one for row, one in zip(shared.parameters, stds, strict=True)}
+    counts = (int(observed.specimen.max(initial=0)) + 1, int(observed.family.max(initial=0)) + 1)
+    mass, share, exponent = shared.belts_at(solution.z, counts)
+    made = []
+    for family in np.unique(conditions.family).tolist():
+        own = np.flatnonzero(conditions.family == family)
+        middle = int(own[np.argsort(conditions.mean_frequency[own])[own.size // 2]])
+        test, stiffness = int(conditions.starts[middle]), complex(solution.stiffness[middle])
+        number, of_family = int(observed.specimen[test]), int(observed.family[test])
+        key = (Source(Kind.BELT_MASS, problem.names[number]), number)
+        specimen, own_std = Specimen(), std.get(key, 0.0)
+        if mass[number] > 2 * own_std:
+            form = Form.ROD if observed.rod[test] else Form.BELT
+            specimen = Specimen(form, float(mass[number]), complex(np.exp(share[of_family])), float(exponent[number]),
+                                complex(observed.reference[test]))  # fmt: skip
+        made.append(Found(test, specimen, own_std, stiffness))
+    return made
