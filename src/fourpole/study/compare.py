@@ -368,8 +368,16 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
                 last.append((row, _arm_check(group, place, stiffness)))
             last += ((row, check) for check in (*stiffness.checks, *_joint_checks(group, place)))
     judged_points = points.with_checks(last, last=True)
-    first = (tuple(sorted(rows, key=lambda check: check.code is not Code.LINEARITY)) for rows in judged_points.checks)
+    answered = {row for group in groups if group.joint is not None for row in group.rows.tolist()}
+    kept = ([check for check in checks if not (row in answered and _is_answered(check))]
+            for row, checks in enumerate(judged_points.checks))  # fmt: skip
+    first = (tuple(sorted(rows, key=lambda check: check.code is not Code.LINEARITY)) for rows in kept)
     return replace(judged_points, checks=tuple(first))
+
+
+def _is_answered(check: Check) -> bool:
+    """Whether a check asks what the joint route answers from all tests: F1 against V2, but for a sign or a unit."""
+    return check.code is Code.CONSISTENCY and not check.values.get("looks")
 
 
 def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
