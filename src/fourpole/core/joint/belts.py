@@ -72,12 +72,10 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Start(ByValue):
-    """A problem, its solution, and the first values from which it was found."""
+    """A problem and its solution."""
 
     problem: Problem
     solution: Solution
-    stiffness: ComplexArray
-    z: FloatArray
 
 
 def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray, *, rod: bool) -> Problem:
@@ -114,16 +112,15 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
 
 def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> Start | None:
     """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
-    made = []
     known = any(body.frequency for body in bodies.values())
+    made = []
     for rod in (False,) if known else (False, True):
         for share in _STARTS:
             wide = with_belts(problem, bodies, stiffness, rod=rod)
             z = _first(wide, share * problem.shared.rig.moving_mass)
-            start = own_stiffness(wide, z)
-            wide, solution = solve_either(wide, start, z)
+            wide, solution = solve_either(wide, own_stiffness(wide, z), z)
             if solution.converged:
-                made.append(Start(wide, solution, start, z))
+                made.append(Start(wide, solution))
     return max(made, key=lambda one: one.solution.evidence, default=None)
 
 

@@ -31,6 +31,8 @@ from fourpole.errors import RigError
 #: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,
 #: that can show a dependence of K* on the amplitude.
 _UNLIKE, _FEWEST_UNLIKE = 0.05, 3
+#: Whether specimens have a mass is first asked of so many tests.
+_MANY = 200
 #: Places in the run at which a gain may step, as shares of the tests.
 _STEPS = np.arange(1, 8) / 8
 
@@ -221,16 +223,31 @@ def _reconciled(problem: Problem, channels: ChannelUncertainty, bodies: Mapping[
     stated = any(body.mass_std > 0 for body in bodies.values())
     if not stated and _is_enough(massless, bodies):
         return massless
+    few = problem.thinned(_MANY)
+    if few is not problem and not stated:
+        first = closed_form_start(few.observed, few.conditions, few.shared, channels)
+        if _with_masses(few, first, bodies, _massless(few, first), stated=False) is None:
+            return massless
+    return _with_masses(problem, start, bodies, massless, stated=stated) or massless
+
+
+def _with_masses(
+    problem: Problem, start: ComplexArray, bodies: Mapping[str, Body], massless: _Explained, *, stated: bool
+) -> _Explained | None:
+    """The tests explained by specimens with a mass of their own; None if massless ones explain them as well."""
     belt = explained(problem, bodies, start)
     if belt is None:
-        return massless
+        return None
     first = belt.solution.stiffness, belt.solution.z
     scatter = robust_scatter(belt.problem, deviations(belt.problem, first[1], first[0]))
-    with_belt = reconcile(*solve_either(replace(belt.problem, scatter=scatter), *first), first)
-    gain = _weight(with_belt, problem) - _weight(massless, problem)
-    if not stated and gain < GAIN:
-        return massless
-    return (*with_belt[:3], replace(with_belt[3], belts=gain))
+    scattered, solution = solve_either(replace(belt.problem, scatter=scatter), *first)
+    known = _weight(massless, problem)
+    # Where massless specimens fit, nothing that reconciling could raise stands in the way of the masses.
+    if massless[3].fits and not stated and weight_of(scattered, solution, problem, 0) < known + GAIN:
+        return None
+    with_belt = reconcile(scattered, solution, first)
+    gain = _weight(with_belt, problem) - known
+    return (*with_belt[:3], replace(with_belt[3], belts=gain)) if stated or gain > GAIN else None
 
 
 def _massless(problem: Problem, start: ComplexArray) -> _Explained:
