@@ -14,7 +14,9 @@ import numpy as np
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.components import component
 from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
+from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.misfit import residuals
+from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve_either, sweep
 from fourpole.core.sources import Kind, Source
@@ -78,17 +80,33 @@ class Start(ByValue):
     solution: Solution
 
 
-def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray, *, rod: bool) -> Problem:
-    """The problem with a mass in each specimen; `stiffness` (c,) is a first K* of each condition, for the reference."""
-    observed, conditions = problem.observed, problem.conditions
+def with_references(
+    observed: Observed, conditions: JointConditions, references: ComplexArray, *, rod: bool
+) -> Observed:
+    """The tests with the number of each one's share, and K* (s,) [N/m] at which it is that of the shared values."""
     tyre = ~observed.rigid
     family = np.zeros(tyre.size, dtype=int)
     family[tyre] = np.unique(conditions.family[conditions.label[tyre]], return_inverse=True)[1]
     family = family if family.max(initial=0) < _MOST_SHARES else observed.specimen
-    log_k = np.zeros(tyre.size, dtype=complex)
-    log_k[tyre] = np.log(stiffness[conditions.label[tyre]])
-    means = [np.mean(log_k[tyre & (family == one)]) for one in np.unique(family[tyre])]
-    reference = np.exp(np.array([*means, 0.0])[np.where(tyre, family, -1)])
+    known = np.append(references, np.ones(int(family.max(initial=0)) + 1))
+    return replace(observed, family=family, reference=known[family], rod=np.full(tyre.size, rod))
+
+
+def references_of(observed: Observed) -> ComplexArray:
+    """The K* (s,) of `with_references` [N/m]."""
+    found = np.ones(int(observed.family.max(initial=0)) + 1, dtype=complex)
+    found[observed.family[~observed.rigid]] = observed.reference[~observed.rigid]
+    return found
+
+
+def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray, *, rod: bool) -> Problem:
+    """The problem with a mass in each specimen; `stiffness` (c,) is a first K* of each condition, for the reference."""
+    conditions, tyre = problem.conditions, ~problem.observed.rigid
+    observed = with_references(problem.observed, conditions, np.ones(0, complex), rod=rod)
+    log_k, family = np.log(stiffness)[conditions.label[tyre]], observed.family[tyre]
+    count = np.bincount(family)
+    sums = np.bincount(family, log_k.real) + 1j * np.bincount(family, log_k.imag)
+    references = np.exp(sums / np.maximum(count, 1))
     listed = []
     for number in np.unique(observed.specimen[tyre]).tolist():
         name, body = problem.names[number], bodies.get(problem.names[number], Body())
@@ -97,13 +115,12 @@ def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexA
         if rod:
             continue
         listed.append(_of_springs(Kind.BELT_EXPONENT, name, number, (_EXPONENT, component(Kind.BELT_EXPONENT).std)))
-        for one in np.unique(family[tyre & (observed.specimen == number)]).tolist():
-            share = body.springs(float(reference[tyre & (family == one)][0].real))
+        for one in np.unique(observed.family[tyre & (observed.specimen == number)]).tolist():
+            share = body.springs(float(references[one].real))
             listed.append(_of_springs(Kind.BELT_SHARE, name, one, share))
             listed.append(_of_springs(Kind.BELT_ANGLE, name, one, (0.0, component(Kind.BELT_ANGLE).std)))
     shared = replace(problem.shared, parameters=(*problem.shared.parameters, *listed))
-    observed = replace(observed, family=family, reference=reference, rod=np.full(tyre.size, rod))
-    return replace(problem, observed=observed, shared=shared)
+    return replace(problem, observed=with_references(observed, conditions, references, rod=rod), shared=shared)
 
 
 def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) -> SharedParameter:
