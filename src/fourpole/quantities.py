@@ -218,6 +218,9 @@ RIG = _text("rig", "name of the rig; empty where the campaign has one")
 TYRE = _text("tyre", "name of the tyre or specimen")
 CONSTRUCTION = _text("construction", "construction of the tyre")
 ROUTE = _text("route", "how K* was found")
+K_OF = _text(
+    "K* of", "springs: without inertia; driving point, blocked transfer: with that of the specimen, if it has any"
+)
 VERDICT = _text("verdict", "ok, warning or rejected")
 REMARKS = _text("remarks", "reasons for the verdict or the finding, and what to do")
 CONDITION = Quantity("condition", "condition", "condition", meaning="number shared by tests of one K*", kind="count")

@@ -36,10 +36,10 @@ from fourpole.campaign.ordinary import LoggerFile, Ordinary, UnstatedFile
 from fourpole.campaign.report import Equipment, ReportFile
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
-from fourpole.core.joint.belts import BLOCK, TYRE, Body
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind
+from fourpole.core.specimen import BLOCK, TYRE, Body
 from fourpole.errors import CampaignError, TableError
 from fourpole.io.documents import toml_of
 from fourpole.models.shape import shape_of
@@ -99,13 +99,14 @@ class RigFile(File):
 
     values: dict[str, Stated] = Field(default_factory=dict)
     output: Literal["blocked"] | None = None
+    force_at: Literal["drive", "ground"] | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _gather(cls, raw: Any) -> Any:
         if not isinstance(raw, dict):
             raise ValueError("must be a table of values")
-        known_keys(raw, (*PARAMETERS, "output"))
+        known_keys(raw, (*PARAMETERS, "output", "force_at"))
         values = {}
         for name in PARAMETERS:
             if name in raw:
@@ -113,10 +114,14 @@ class RigFile(File):
                     values[name] = _stated(raw[name], _RIG_KINDS[name])
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
-        return {"values": values, "output": raw.get("output")}
+        return {"values": values, "output": raw.get("output"), "force_at": raw.get("force_at")}
 
     @model_validator(mode="after")
     def _complete(self) -> RigFile:
+        if self.force_at is not None and self.output != "blocked":
+            raise ValueError('force_at is a key of a bench: state output = "blocked" too, or leave it out')
+        if self.force_at == "ground" and "input_mass" in self.values:
+            raise ValueError('with force_at = "ground" no input mass is between force cell and specimen: leave it out')
         if self.output != "blocked":
             for name, example in (("moving_mass", "15 kg"), ("preload_stiffness", "12.44 kN/m")):
                 if name not in self.values:
@@ -128,7 +133,8 @@ class RigFile(File):
         """The rig as the core has it, with values and standard uncertainties in SI."""
         values = {name: stated.value for name, stated in self.values.items()}
         std = {name: stated.std for name, stated in self.values.items()}
-        return Rig(**values, blocked=self.output == "blocked", std=std)  # type: ignore[arg-type]
+        sides = {"blocked": self.output == "blocked", "at_ground": self.force_at == "ground"}
+        return Rig(**values, **sides, std=std)  # type: ignore[arg-type]
 
     @property
     def with_damping(self) -> RigFile:

@@ -366,6 +366,8 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
                 last.append((row, _arm_check(group, place, stiffness)))
+            if group.heavy[place if group.heavy.size > 1 else 0]:
+                last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
             last += ((row, check) for check in (*stiffness.checks, *_joint_checks(group, place)))
     judged_points = points.with_checks(last, last=True)
     answered = {row for group in groups if group.joint is not None for row in group.rows.tolist()}

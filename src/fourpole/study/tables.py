@@ -32,7 +32,7 @@ _KINDS = {quantity.head: quantity.kind for quantity in QUANTITIES}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}
 #: Columns that results of older versions lack; they are read as blank.
-LATER = (q.VALUES.head,)
+LATER = (q.VALUES.head, q.K_OF.head)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ DYNAMIC = TableSpec(
         q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
         q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
         q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads,
-        *(head for quantity in DERIVED for head in quantity.heads), q.ROUTE, q.VERDICT, q.REMARKS,
+        *(head for quantity in DERIVED for head in quantity.heads), q.ROUTE, q.K_OF, q.VERDICT, q.REMARKS,
     ),
     endings=(".csv", ".parquet"), always=True,
 )  # fmt: skip

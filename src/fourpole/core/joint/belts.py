@@ -20,56 +20,16 @@ from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve_either, sweep
 from fourpole.core.sources import Kind, Source
-from fourpole.core.specimen import Form, Specimen
+from fourpole.core.specimen import Body, Form, Specimen
 
-#: Standard uncertainty of a mass of which nothing is stated, over the moving mass; of a stated one, over itself.
-_UNSTATED, _STATED = 0.5, 0.5
-#: Stiffness of the spring at the contact over that at the rim: of a tyre, and of a block of rubber.
-TYRE, BLOCK = 0.2, 1.0
-#: Least relative uncertainty of a stated spring at the rim: that of rubber between the mode and the tests.
-_LEAST = 0.03
+#: Standard uncertainty of a mass of which nothing is stated, over the moving mass.
+_UNSTATED = 0.5
 #: Centre of the exponent: between springs of one law, and a spring at the rim that is constant.
 _EXPONENT = 0.6
 #: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
 _STARTS = (0.1, 0.3, 0.6)
 #: Most shares in one problem: with more conditions, those of a specimen have one.
 _MOST_SHARES = 40
-
-
-@dataclass(frozen=True)
-class Body:
-    """What is stated of the inertia of a specimen.
-
-    Attributes
-    ----------
-    mass, mass_std : float [kg]
-        Its mass between the ends, and the standard uncertainty; 0 and 0 where nothing is stated.
-    share : float [1]
-        Usual share of its springs.
-    frequency, frequency_std : float [Hz]
-        First frequency of the mass with the rim held and the contact free, and its standard uncertainty; 0 and 0 where
-        it is not stated.
-    """
-
-    mass: float = 0.0
-    mass_std: float = 0.0
-    share: float = TYRE
-    frequency: float = 0.0
-    frequency_std: float = 0.0
-
-    @classmethod
-    def weighed(cls, weight: float, share: float = TYRE) -> Body:
-        """A specimen of which the whole weight [kg] is stated: some part of it moves between the ends."""
-        return cls(0.0, _STATED * weight, share)
-
-    def springs(self, stiffness: float) -> tuple[float, float]:
-        """Logarithm of the share where K' is `stiffness` [N/m], and its standard uncertainty."""
-        rim = self.mass * (2 * np.pi * self.frequency) ** 2
-        if rim <= stiffness:
-            return float(np.log(self.share)), component(Kind.BELT_SHARE).std
-        share = stiffness / (rim - stiffness)
-        relative = np.hypot(self.mass_std / self.mass, 2 * self.frequency_std / self.frequency)
-        return float(np.log(share)), float((1 + share) * max(relative, _LEAST))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +48,7 @@ def with_references(
     family = np.zeros(tyre.size, dtype=int)
     family[tyre] = np.unique(conditions.family[conditions.label[tyre]], return_inverse=True)[1]
     family = family if family.max(initial=0) < _MOST_SHARES else observed.specimen
-    known = np.append(references, np.ones(int(family.max(initial=0)) + 1))
+    known = np.append(references, np.ones(int(family.max(initial=0)) + 1, dtype=complex))
     return replace(observed, family=family, reference=known[family], rod=np.full(tyre.size, rod))
 
 
@@ -106,7 +66,7 @@ def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexA
     log_k, family = np.log(stiffness)[conditions.label[tyre]], observed.family[tyre]
     count = np.bincount(family)
     sums = np.bincount(family, log_k.real) + 1j * np.bincount(family, log_k.imag)
-    references = np.exp(sums / np.maximum(count, 1))
+    references = np.exp(sums.real / np.maximum(count, 1)) + 0j  # real: a share may differ from r_0 in its angle by p
     listed = []
     for number in np.unique(observed.specimen[tyre]).tolist():
         name, body = problem.names[number], bodies.get(problem.names[number], Body())

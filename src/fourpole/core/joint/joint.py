@@ -13,7 +13,7 @@ from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
-from fourpole.core.joint.belts import Body, explained, linear_gain, second_roots, weight_of
+from fourpole.core.joint.belts import explained, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
@@ -26,6 +26,7 @@ from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.sources import Kind, Source
+from fourpole.core.specimen import Body
 from fourpole.errors import RigError
 
 #: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,
