@@ -15,13 +15,14 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import FileError
 from fourpole.models.interface import StateSpace
-from fourpole.virtual.bench import Bench, Zener, far_end
+from fourpole.virtual.bench import Bench, Element, Zener, equations, far_end
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run
+from fourpole.virtual.inertia import Laden
 from fourpole.virtual.phasor_rig import CHANNELS, Conditions, Laboratory, simulate_phasors
-from fourpole.virtual.plan import Planned
-from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
-from fourpole.virtual.runs import Run, cubic_of, tyre_of
+from fourpole.virtual.plan import Planned, with_inertia
+from fourpole.virtual.recordings import F1_GAIN, V1_DELAY, WIDE
+from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
 from fourpole.virtual.truth import FURTHER, Statement, Truth
 from fourpole.virtual.tyres import VirtualTyre
 
@@ -41,12 +42,14 @@ MORE_COLUMNS = (
     *(f"gain error {channel} [1]" for channel in CHANNELS),
     *(f"phase error {channel} [rad]" for channel in CHANNELS),
 )
+#: Further columns for a campaign with specimens that have a mass of their own.
+INERTIA_COLUMNS = ("belt mass [kg]", "belt share [1]", "belt frequency, rim held, contact free [Hz]")
 _NOISY_CHANNELS = """\
 [channels]
 time       = {{ column = "t", unit = "s" }}
-force_in   = {{ column = "F1", unit = "kN", gain = {gain}, range = "1 kN", {accuracy} }}
-motion_in  = {{ column = "V1", unit = "m/s", delay = "{delay} ms", range = "0.25 m/s", {accuracy} }}
-motion_out = {{ column = "V2", unit = "m/s", invert = true, range = "0.5 m/s", {accuracy} }}
+force_in   = {{ column = "F1", unit = "kN", gain = {gain}, range = "{force} kN", {accuracy} }}
+motion_in  = {{ column = "V1", unit = "m/s", delay = "{delay} ms", range = "{motion_in} m/s", {accuracy} }}
+motion_out = {{ column = "V2", unit = "m/s", invert = true, range = "{motion_out} m/s", {accuracy} }}
 load       = {{ column = "F", unit = "N", range = "5 kN", std_gain = "0.02 %" }}
 deflection = {{ column = "x", unit = "mm", range = "50 mm", std_gain = "0.02 %" }}
 """
@@ -106,7 +109,9 @@ def finish(
     """Write truth.csv, campaign.toml and, last, tests.csv, which make the recordings a campaign."""
     import polars as pl
 
-    columns = (*TRUTH_COLUMNS, *MORE_COLUMNS)[: len(rows[0])]
+    laden = INERTIA_COLUMNS if with_inertia(tests) else ()
+    columns = (*TRUTH_COLUMNS, *MORE_COLUMNS)[: len(rows[0]) - len(laden)]
+    columns = (*columns, *laden)
     truth = pl.DataFrame(rows, schema=list(columns), orient="row", infer_schema_length=None)
     _replace(folder / "truth.csv", truth.write_csv())
     _replace(folder / "campaign.toml", _campaign_toml(tests, statement, seed))
@@ -136,9 +141,13 @@ def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int) ->
     title = f"{', '.join(others)} and {last}" if others else last
     title = f"{title[:1].upper()}{title[1:]}, virtual{', clean' if clean else ''} (seed {seed})"
     gain, phase = 100.0 * statement.std_gain, float(np.rad2deg(statement.std_phase))
+    ranges = WIDE if with_inertia(tests) else 1.0
     noisy = _NOISY_CHANNELS.format(
         gain=F1_GAIN,
         delay=_short(1e3 * V1_DELAY),
+        force=_short(ranges),
+        motion_in=_short(0.25 * ranges),
+        motion_out=_short(0.5 * ranges),
         accuracy=f'std_gain = "{_short(gain)} %", std_phase = "{_short(phase)} deg"',
     )
     parts = [
@@ -197,9 +206,9 @@ def _replace(path: Path, text: str) -> None:
 
 
 def truth_rows(
-    this: Run, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool
+    this: Run, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool, inertia: bool
 ) -> list[tuple[object, ...]]:
-    """Rows of truth.csv: one per test, or one per preload for a static test; with `MORE_COLUMNS` if `more`."""
+    """Rows of truth.csv: one per test, or one per preload for a static test; with `MORE_COLUMNS` if `more`, and so on."""
     bench = this.bench
     shared: tuple[object, ...] = (bench.mass, bench.preload_stiffness, bench.preload_damping)
     if more:
@@ -207,6 +216,7 @@ def truth_rows(
         errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in CHANNELS)
         shared = (*shared, *parts, bench.leaf_friction, *errors)
     row = this.row
+    shared = (*shared, *(_inertia(this, frequency) if inertia else ()))
     if row.kind == "static":
         tyre, pressure = this.as_labelled().real.mounted, row.pressure
         rows = ((load, None, None, float(tyre.static_stiffness(pressure, load)), *(None,) * 5) for load in preloads)
@@ -214,6 +224,14 @@ def truth_rows(
     if row.kind == "calibration":
         return [(row.name, None, None, None, row.added_mass, frequency, *(None,) * 5, 1.0, *shared)]
     return [(*_dynamic_row(this, frequency), *shared)]
+
+
+def _inertia(this: Run, frequency: float) -> tuple[object, ...]:
+    """The values of `INERTIA_COLUMNS` in a dynamic test; None for other tests."""
+    if this.row.kind != "dynamic" or (inertia := this.as_labelled().real.mounted.inertia) is None:
+        return (None,) * len(INERTIA_COLUMNS)
+    springs = equations(tyre_of(this.as_labelled(), frequency))
+    return (inertia.mass, *inertia.described(springs, 2.0 * np.pi * frequency))
 
 
 def _dynamic_row(this: Run, frequency: float) -> tuple[object, ...]:
@@ -231,7 +249,7 @@ def _dynamic_row(this: Run, frequency: float) -> tuple[object, ...]:
         arm = (tyre.k2, tyre.c)
     elif isinstance(this.real.mounted, VirtualTyre):
         arm = _arm(complex(*_two_parts(tyre, frequency)), k1, frequency)
-    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(tyre, bench, frequency))
+    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(laden(this, tyre), bench, frequency))
 
 
 def _arm(stiffness: complex, k1: float, frequency: float) -> tuple[float, float]:
@@ -240,7 +258,7 @@ def _arm(stiffness: complex, k1: float, frequency: float) -> tuple[float, float]
     return 1.0 / flexibility.real, -1.0 / (2.0 * np.pi * frequency * flexibility.imag)
 
 
-def _described(tyre: Zener | StateSpace, bench: Bench, frequency: float, cubic: float) -> tuple[complex, float]:
+def _described(tyre: Element, bench: Bench, frequency: float, cubic: float) -> tuple[complex, float]:
     """K* [N/m] and |V2/V1| [1] of the first harmonics of a tyre that is not linear."""
     motion = run(Cam(frequency), tyre, bench, duration=_DESCRIBED, cubic=cubic)
     turn = np.exp(2j * np.pi * frequency * motion.time)
@@ -260,10 +278,12 @@ def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float
     return tyre.k1 + tyre.k2 * x * x / (1.0 + x * x), tyre.k2 * x / (1.0 + x * x)
 
 
-def _transmissibility(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
+def _transmissibility(tyre: Element, bench: Bench, frequency: float) -> float:
     """|V2/V1| [1]; with friction, that of its first harmonic."""
     if not bench.leaf_friction:
         return abs(far_end(tyre, bench.damped_at(frequency), frequency))
+    if isinstance(tyre, Laden):
+        return _described(tyre, bench, frequency, 0.0)[1]
     names = (*FURTHER, "preload_stiffness", "preload_damping")
     laboratory = Laboratory(
         moving_mass=(bench.mass, 0.0), undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")}

@@ -87,6 +87,11 @@ def plan_tests(
     ]
 
 
+def with_inertia(tests: Sequence[Planned]) -> bool:
+    """Whether a specimen has a mass of its own."""
+    return any(test.tyre is not None and test.tyre.inertia is not None for test in tests)
+
+
 def _with_masses(
     conditions: Sequence[_Condition], added_masses: Sequence[float], at: tuple[str, float, float] | None
 ) -> list[tuple[_Condition, Sequence[float]]]:

@@ -14,7 +14,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run, run_block
 from fourpole.virtual.plan import Planned
-from fourpole.virtual.runs import Run, cubic_of, tyre_of
+from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
 from fourpole.virtual.sensors import Sensor
 from fourpole.virtual.static_rig import load_cycles
 from fourpole.virtual.truth import Truth
@@ -29,6 +29,8 @@ _DURATION = 4.096
 _STATIC_RATE = 50.0
 #: Largest relative departure of the cam's frequency from the stated one.
 _SPEED_ERROR = 3e-3
+#: Factor of the sensors' ranges in a campaign with a passive specimen that resonates on the rig.
+WIDE = 5.0
 #: A sensor of a laboratory, whose converter has 16 bits.
 _WITH_BITS = partial(Sensor, bits=16)
 
@@ -81,14 +83,14 @@ def record_dynamic(
     if this.real.kind == "calibration":
         marched = partial(run_block, cam)
     else:
-        marched = partial(run, cam, tyre_of(this, frequency), cubic=cubic_of(this))
+        marched = partial(run, cam, laden(this, tyre_of(this, frequency)), cubic=cubic_of(this))
     motion = marched(
         this.loaded_bench, duration=_DURATION, sample_rate=_SAMPLE_RATE, oversampling=oversampling, guard=guard
     )
     gain = truth.gain_errors
     sensors = {channel: Sensor(gain_error=gain[channel], delay=late[channel]) for channel in late}
     if not clean:
-        sensors = _laboratory_sensors(gain, late, rng)
+        sensors = _laboratory_sensors(gain, late, truth.ranges, rng)
     times = np.arange(round(_DURATION * _SAMPLE_RATE)) / _SAMPLE_RATE
     signals = {"F1": motion.force, "V1": motion.v1, "V2": motion.v2}
     base = (float(motion.time[0]), float((motion.time[-1] - motion.time[0]) / (motion.time.size - 1)))
@@ -145,9 +147,9 @@ _SENSORS = {
 
 
 def _laboratory_sensors(
-    gain: Mapping[str, float], late: Mapping[str, float], rng: np.random.Generator
+    gain: Mapping[str, float], late: Mapping[str, float], ranges: float, rng: np.random.Generator
 ) -> dict[str, Sensor]:
-    """The sensors of a test with their errors of gain [1], delays [s], offsets and phases of drift and hum."""
+    """The sensors of a test with their errors of gain [1], delays [s], ranges, offsets and phases of drift and hum."""
     phase = rng.uniform(0.0, 2.0 * np.pi, 6)
     sign = rng.uniform(-1.0, 1.0, 3)
     return {
@@ -158,6 +160,7 @@ def _laboratory_sensors(
             offset=sensor.offset * sign[at],
             drift_phase=phase[2 * at],
             hum_phase=phase[2 * at + 1],
+            full_scale=ranges * sensor.full_scale,
         )
         for at, (channel, sensor) in enumerate(_SENSORS.items())
     }

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from fourpole.virtual.faults import Fault
 from fourpole.virtual.folder import finish, prepare, truth_rows, write_recording
-from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests
-from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_static
+from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests, with_inertia
+from fourpole.virtual.recordings import WIDE, cam_frequency, record_dynamic, record_static
 from fourpole.virtual.runs import runs_of
 from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state
 from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, ModelTyre, Tyre
@@ -118,6 +118,9 @@ def simulate_campaign(
     If any of the arguments from `calibration_masses` on is given, truth.csv has further columns: the further parts of
     the rig and the errors of the channels. With friction, TR is that of the first harmonic.
 
+    K* in truth.csv is that of a specimen's springs, TR that of its two ends. Where a specimen has a mass of its own,
+    truth.csv has it, and the ranges of F1, V1 and V2 are five times the usual ones: a passive specimen resonates.
+
     Examples
     --------
     >>> import tempfile
@@ -140,6 +143,8 @@ def simulate_campaign(
     statement = state(clean=clean, sensors=sensors, rig_std=rig_std, declared=declared)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
     truth = draw_truth(statement, rng, rig_error=rig_error, undeclared=undeclared)
+    inertia = with_inertia(tests)
+    truth = replace(truth, ranges=WIDE) if inertia else truth
     runs = runs_of(tests, truth)
     for at, fault in enumerate(faults):
         runs = fault.apply(runs, np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2, at))))
@@ -156,7 +161,7 @@ def simulate_campaign(
         else:
             columns, decimals = record_dynamic(this, frequency, truth, rng, clean, chance), 6
         write_recording(columns, target / "recordings" / f"{this.row.name}.csv", None if clean else decimals)
-        rows += truth_rows(this, truth, preloads=preloads, frequency=frequency, more=more)
+        rows += truth_rows(this, truth, preloads=preloads, frequency=frequency, more=more, inertia=inertia)
         if progress is not None:
             progress(done, len(runs))
     finish(target, [this.row for this in runs], rows, statement, seed)
