@@ -331,3 +331,13 @@ RUBBER_MOUNT = ModelTyre(
     values=(120e3, 60e3, 120e3, 30e-3, 3e-3),
     construction="rubber mount (virtual)",
 )
+
+#: A car's tyre: a belt of 7 kg, whose first frequency is 80 Hz with the rim held, and a loss factor near 0.1.
+CAR_TYRE = ModelTyre(
+    name="car-tyre",
+    model=GeneralisedMaxwell(2),
+    values=(252e3, 40e3, 40e3, 30e-3, 4e-3),
+    construction="car's radial-ply (virtual)",
+    stiffening=2.5e-6,
+    inertia=Belt(7.0),
+)
