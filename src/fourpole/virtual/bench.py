@@ -197,7 +197,7 @@ def state_matrices(tyre: Element, bench: Bench) -> tuple[FloatArray, FloatArray]
 
 
 def _laden(tyre: Laden, bench: Bench) -> tuple[FloatArray, FloatArray]:
-    """The equations of motion of a rig with springs and masses in a row, which are added from the wheel to the contact."""
+    """The equations of motion of a rig with springs and masses in a row, from the wheel to the contact."""
     last = tyre.springs[-1]
     a, b = state_matrices(last, bench)
     force = np.zeros(a.shape[0])  # of the last spring, per state

@@ -12,7 +12,7 @@ import scipy
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.models.interface import StateSpace
 from fourpole.models.step import cubic_step
-from fourpole.virtual.bench import Bench, Element, Zener, equations, far_end, leaf, moved, state_matrices
+from fourpole.virtual.bench import Bench, Element, equations, far_end, leaf, moved, state_matrices
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.inertia import Laden
 
@@ -97,7 +97,8 @@ def run(
     Raises
     ------
     ValueError
-        If a constant is out of its range, if a tyre with a mass has a cubic force, or if tyre and rig have so little damping that no steady motion is found.
+        If a constant is out of its range, a tyre with a mass has a cubic force, or tyre and rig have so little damping
+        that no steady motion is found.
 
     Notes
     -----
@@ -140,7 +141,8 @@ def run(
     behind = behind if isinstance(tyre, Laden) else far
     deflection = x1[kept] - far[0]
     # einsum, because the threads that matmul starts cost more time here than they save
-    force = first.d[0] * (x1[kept] - behind[0]) + np.einsum("i,ij->j", first.c, inner) + first.d[1] * (v1[kept] - behind[1])
+    x, v = x1[kept] - behind[0], v1[kept] - behind[1]
+    force = first.d[0] * x + np.einsum("i,ij->j", first.c, inner) + first.d[1] * v
     if cubic:
         force += cubic * deflection**3
         if np.abs(deflection).max() > laws[-1].knee:

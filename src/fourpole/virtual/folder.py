@@ -21,7 +21,7 @@ from fourpole.virtual.dynamic_rig import run
 from fourpole.virtual.inertia import Laden
 from fourpole.virtual.phasor_rig import CHANNELS, Conditions, Laboratory, simulate_phasors
 from fourpole.virtual.plan import Planned, with_inertia
-from fourpole.virtual.recordings import F1_GAIN, V1_DELAY, WIDE
+from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
 from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
 from fourpole.virtual.truth import FURTHER, Statement, Truth
 from fourpole.virtual.tyres import VirtualTyre
@@ -47,9 +47,9 @@ INERTIA_COLUMNS = ("belt mass [kg]", "belt share [1]", "belt frequency, rim held
 _NOISY_CHANNELS = """\
 [channels]
 time       = {{ column = "t", unit = "s" }}
-force_in   = {{ column = "F1", unit = "kN", gain = {gain}, range = "{force} kN", {accuracy} }}
-motion_in  = {{ column = "V1", unit = "m/s", delay = "{delay} ms", range = "{motion_in} m/s", {accuracy} }}
-motion_out = {{ column = "V2", unit = "m/s", invert = true, range = "{motion_out} m/s", {accuracy} }}
+force_in   = {{ column = "F1", unit = "kN", gain = {gain}, range = "1 kN", {accuracy} }}
+motion_in  = {{ column = "V1", unit = "m/s", delay = "{delay} ms", range = "0.25 m/s", {accuracy} }}
+motion_out = {{ column = "V2", unit = "m/s", invert = true, range = "0.5 m/s", {accuracy} }}
 load       = {{ column = "F", unit = "N", range = "5 kN", std_gain = "0.02 %" }}
 deflection = {{ column = "x", unit = "mm", range = "50 mm", std_gain = "0.02 %" }}
 """
@@ -141,13 +141,9 @@ def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int) ->
     title = f"{', '.join(others)} and {last}" if others else last
     title = f"{title[:1].upper()}{title[1:]}, virtual{', clean' if clean else ''} (seed {seed})"
     gain, phase = 100.0 * statement.std_gain, float(np.rad2deg(statement.std_phase))
-    ranges = WIDE if with_inertia(tests) else 1.0
     noisy = _NOISY_CHANNELS.format(
         gain=F1_GAIN,
         delay=_short(1e3 * V1_DELAY),
-        force=_short(ranges),
-        motion_in=_short(0.25 * ranges),
-        motion_out=_short(0.5 * ranges),
         accuracy=f'std_gain = "{_short(gain)} %", std_phase = "{_short(phase)} deg"',
     )
     parts = [
@@ -208,7 +204,7 @@ def _replace(path: Path, text: str) -> None:
 def truth_rows(
     this: Run, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool, inertia: bool
 ) -> list[tuple[object, ...]]:
-    """Rows of truth.csv: one per test, or one per preload for a static test; with `MORE_COLUMNS` if `more`, and so on."""
+    """Rows of truth.csv: one per test, or one per preload for a static test; `more` and `inertia` add columns."""
     bench = this.bench
     shared: tuple[object, ...] = (bench.mass, bench.preload_stiffness, bench.preload_damping)
     if more:
@@ -237,19 +233,19 @@ def _inertia(this: Run, frequency: float) -> tuple[object, ...]:
 def _dynamic_row(this: Run, frequency: float) -> tuple[object, ...]:
     """The row of a dynamic test up to TR, in the order of `TRUTH_COLUMNS`."""
     row, this = this.row, this.as_labelled()
-    bench = this.loaded_bench
+    bench, cam = this.loaded_bench, Cam(frequency, this.real.eccentricity)
     tyre = tyre_of(this, frequency)
     stated = (row.name, row.mounted.name, row.pressure, row.preload, row.added_mass, frequency)
     k1 = float(this.real.mounted.static_stiffness(this.real.pressure, this.real.preload))
     if this.specimen.cubic:
-        stiffness, ratio = _described(tyre, bench, frequency, cubic_of(this))
+        stiffness, ratio = _described(tyre, bench, cam, cubic_of(this))
         return (*stated, k1, *_arm(stiffness, k1, frequency), stiffness.real, stiffness.imag, ratio)
     arm: tuple[float | None, float | None] = (None, None)
     if isinstance(tyre, Zener) and tyre.k1 == k1:
         arm = (tyre.k2, tyre.c)
     elif isinstance(this.real.mounted, VirtualTyre):
         arm = _arm(complex(*_two_parts(tyre, frequency)), k1, frequency)
-    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(laden(this, tyre), bench, frequency))
+    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(laden(this, tyre), bench, cam))
 
 
 def _arm(stiffness: complex, k1: float, frequency: float) -> tuple[float, float]:
@@ -258,10 +254,10 @@ def _arm(stiffness: complex, k1: float, frequency: float) -> tuple[float, float]
     return 1.0 / flexibility.real, -1.0 / (2.0 * np.pi * frequency * flexibility.imag)
 
 
-def _described(tyre: Element, bench: Bench, frequency: float, cubic: float) -> tuple[complex, float]:
+def _described(tyre: Element, bench: Bench, cam: Cam, cubic: float) -> tuple[complex, float]:
     """K* [N/m] and |V2/V1| [1] of the first harmonics of a tyre that is not linear."""
-    motion = run(Cam(frequency), tyre, bench, duration=_DESCRIBED, cubic=cubic)
-    turn = np.exp(2j * np.pi * frequency * motion.time)
+    motion = run(cam, tyre, bench, duration=_DESCRIBED, cubic=cubic)
+    turn = np.exp(2j * np.pi * cam.frequency * motion.time)
     columns = [part for order in range(1, 8) for part in (np.real(turn**order), -np.imag(turn**order))]
     signals = np.stack([motion.force, motion.deflection, motion.x1], axis=1)
     found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), signals, rcond=None)
@@ -278,15 +274,16 @@ def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float
     return tyre.k1 + tyre.k2 * x * x / (1.0 + x * x), tyre.k2 * x / (1.0 + x * x)
 
 
-def _transmissibility(tyre: Element, bench: Bench, frequency: float) -> float:
+def _transmissibility(tyre: Element, bench: Bench, cam: Cam) -> float:
     """|V2/V1| [1]; with friction, that of its first harmonic."""
     if not bench.leaf_friction:
-        return abs(far_end(tyre, bench.damped_at(frequency), frequency))
+        return abs(far_end(tyre, bench.damped_at(cam.frequency), cam.frequency))
     if isinstance(tyre, Laden):
-        return _described(tyre, bench, frequency, 0.0)[1]
+        return _described(tyre, bench, cam, 0.0)[1]
     names = (*FURTHER, "preload_stiffness", "preload_damping")
     laboratory = Laboratory(
         moving_mass=(bench.mass, 0.0), undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")}
     )
-    tests = Conditions(frequency, stiffness=complex(*_two_parts(tyre, frequency)))
+    stiffness = complex(*_two_parts(tyre, cam.frequency))
+    tests = Conditions(cam.frequency, stiffness=stiffness, eccentricity=cam.eccentricity)
     return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])

@@ -96,7 +96,9 @@ class Rod:
         """The springs and the masses of a specimen whose K* is that of `whole`."""
         places, weights = np.polynomial.legendre.leggauss(self.points)
         lengths = np.diff([-1.0, *places, 1.0]) / 2.0
-        return Laden(tuple(_times(whole, 1.0 / length) for length in lengths), tuple((self.mass / 2 * weights).tolist()))
+        return Laden(
+            tuple(_times(whole, 1.0 / length) for length in lengths), tuple((self.mass / 2 * weights).tolist())
+        )
 
     def described(self, whole: StateSpace, omega: float) -> tuple[None, float]:
         """No share, and the first frequency [Hz] with the wheel held and the contact free, of K* at omega [rad/s]."""

@@ -29,8 +29,6 @@ _DURATION = 4.096
 _STATIC_RATE = 50.0
 #: Largest relative departure of the cam's frequency from the stated one.
 _SPEED_ERROR = 3e-3
-#: Factor of the sensors' ranges in a campaign with a passive specimen that resonates on the rig.
-WIDE = 5.0
 #: A sensor of a laboratory, whose converter has 16 bits.
 _WITH_BITS = partial(Sensor, bits=16)
 
@@ -74,7 +72,8 @@ def record_dynamic(
 
     `chance` draws what faults leave open.
     """
-    cam = Cam(frequency) if clean else _worn_cam(frequency, rng)
+    eccentricity = this.real.eccentricity
+    cam = Cam(frequency, eccentricity) if clean else _worn_cam(frequency, eccentricity, rng)
     late = {channel: -phase / (2.0 * np.pi * frequency) for channel, phase in truth.phase_errors.items()}
     oversampling = 10 if clean else 5
     latest = max(abs(delay) for delay in late.values()) + V1_DELAY
@@ -90,7 +89,7 @@ def record_dynamic(
     gain = truth.gain_errors
     sensors = {channel: Sensor(gain_error=gain[channel], delay=late[channel]) for channel in late}
     if not clean:
-        sensors = _laboratory_sensors(gain, late, truth.ranges, rng)
+        sensors = _laboratory_sensors(gain, late, rng)
     times = np.arange(round(_DURATION * _SAMPLE_RATE)) / _SAMPLE_RATE
     signals = {"F1": motion.force, "V1": motion.v1, "V2": motion.v2}
     base = (float(motion.time[0]), float((motion.time[-1] - motion.time[0]) / (motion.time.size - 1)))
@@ -119,11 +118,12 @@ def _recorded(
     return columns
 
 
-def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:
+def _worn_cam(frequency: float, eccentricity: float, rng: np.random.Generator) -> Cam:
     """A cam with fixed profile errors and random phases of ripple and wander."""
     angle = rng.uniform(0.0, 2.0 * np.pi, 3)
     return Cam(
         frequency,
+        eccentricity,
         profile=((2, 0.006, 0.7), (3, 0.002, 2.1)),
         ripple=((1, 1.5e-3, angle[0]), (2, 1.0e-3, angle[1])),
         wander=3.0e-5,
@@ -147,9 +147,9 @@ _SENSORS = {
 
 
 def _laboratory_sensors(
-    gain: Mapping[str, float], late: Mapping[str, float], ranges: float, rng: np.random.Generator
+    gain: Mapping[str, float], late: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, Sensor]:
-    """The sensors of a test with their errors of gain [1], delays [s], ranges, offsets and phases of drift and hum."""
+    """The sensors of a test with their errors of gain [1], delays [s], offsets and phases of drift and hum."""
     phase = rng.uniform(0.0, 2.0 * np.pi, 6)
     sign = rng.uniform(-1.0, 1.0, 3)
     return {
@@ -160,7 +160,6 @@ def _laboratory_sensors(
             offset=sensor.offset * sign[at],
             drift_phase=phase[2 * at],
             hum_phase=phase[2 * at + 1],
-            full_scale=ranges * sensor.full_scale,
         )
         for at, (channel, sensor) in enumerate(_SENSORS.items())
     }

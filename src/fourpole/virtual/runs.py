@@ -10,7 +10,6 @@ import numpy as np
 
 from fourpole.models.interface import StateSpace
 from fourpole.virtual.bench import Bench, Element, Zener, equations, far_end
-from fourpole.virtual.cam import Cam
 from fourpole.virtual.plan import Planned
 from fourpole.virtual.sensors import Flaw
 from fourpole.virtual.truth import Truth
@@ -112,7 +111,7 @@ def tyre_of(this: Run, frequency: float) -> Zener | StateSpace:
     bench = this.loaded_bench.damped_at(frequency)
     part = 1.0
     for _ in range(_ITERATIONS):
-        deflection = Cam(frequency).eccentricity * abs(1.0 - far_end(laden(this, _times(tyre, part)), bench, frequency))
+        deflection = real.eccentricity * abs(1.0 - far_end(laden(this, _times(tyre, part)), bench, frequency))
         part = 1.0 - this.specimen.softening * deflection / (deflection + this.specimen.amplitude)
     return _times(tyre, part)
 

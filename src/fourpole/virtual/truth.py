@@ -44,12 +44,11 @@ class Statement:
 
 @dataclass(frozen=True)
 class Truth:
-    """True rig, true errors of gain [1] and phase [rad] of each channel, and the factor of the sensors' ranges [1]."""
+    """True rig, and true errors of gain [1] and phase [rad] of each channel."""
 
     bench: Bench
     gain_errors: Mapping[str, float]
     phase_errors: Mapping[str, float]
-    ranges: float = 1.0
 
 
 def state(
