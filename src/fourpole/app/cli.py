@@ -101,7 +101,7 @@ def simulate(
 
     plan: dict[str, Any] = {}
     if car:
-        plan = {"tyres": [CAR_TYRE], "preloads": [1000.0], "added_masses": (0.0, 10.0), "eccentricity": 0.25e-3}
+        plan = {"tyres": [CAR_TYRE], "preloads": [1000.0], "added_masses": (0.0, 10.0), "eccentricity": 0.2e-3}
     with progress("recording") as advance:
         made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance, **plan)
     say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")

@@ -123,7 +123,7 @@ def simulate_campaign(
 
     K* in truth.csv is that of a specimen's springs, TR that of its two ends. If a specimen has a mass of its own,
     truth.csv has further columns about it. `CAR_TYRE` resonates on the rig, and lifts off the cam unless its
-    eccentricity is small: 0.25 mm.
+    eccentricity is small, such as 0.2 mm.
 
     Examples
     --------
