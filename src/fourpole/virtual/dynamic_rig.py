@@ -113,6 +113,7 @@ def run(
 
     Examples
     --------
+    >>> from fourpole.virtual.bench import Zener
     >>> tyre = Zener(k1=120e3, k2=90e3, c=800.0)
     >>> motion = run(Cam(frequency=10.0), tyre, Bench(), duration=1.0, guard=0)
     >>> float((np.ptp(motion.v2) / np.ptp(motion.v1)).round(3))  # the transmissibility
