@@ -1,0 +1,373 @@
+r"""All four poles of a specimen at each frequency, from rigid blocks and two loads, without a model of specimen or rig.
+
+Between the forces on both ends of a specimen and their motions :math:`x = V/(j\omega)` is
+
+.. math:: \begin{bmatrix} F_1 \\ -F_2 \end{bmatrix} =
+          \begin{bmatrix} k_{11} & k_{12} \\ k_{21} & k_{22} \end{bmatrix} \begin{bmatrix} x_1 \\ x_2 \end{bmatrix}.
+
+A rigid block of mass M in place of the specimen moves as a whole, so that its recorded channels are
+
+.. math:: \frac{F_1}{V_2} = \frac{\rho}{j\omega}\,(R - \omega^2 m_i - \omega^2 M), \qquad \frac{V_1}{V_2} = \tau.
+
+Two blocks give the ratios of the channels, :math:`\rho` and :math:`\tau`, and the dynamic stiffness R of the rig beyond
+the specimen; :math:`m_i` is the stated input mass. With the specimen's chain from its contact to its wheel,
+
+.. math:: \begin{bmatrix} F_1 \\ x_1 \end{bmatrix} =
+          \begin{bmatrix} a_{11} & a_{12} \\ a_{21} & a_{22} \end{bmatrix} \begin{bmatrix} F_2 \\ x_2 \end{bmatrix},\qquad
+          \begin{bmatrix} k_{11} & k_{12} \\ k_{21} & k_{22} \end{bmatrix} = \frac{1}{a_{21}}
+          \begin{bmatrix} a_{11} & a_{12} a_{21} - a_{11} a_{22} \\ -1 & a_{22} \end{bmatrix},
+
+an added mass A on the rig makes :math:`F_2 = (R - \omega^2 A)\,x_2 = L\,x_2`, and then
+
+.. math:: T = \frac{x_2}{x_1} = \frac{1}{a_{21} L + a_{22}}, \qquad
+          \frac{F_1}{V_1} = \frac{\rho}{\tau}\,\frac{(a_{11} L + a_{12})\,T - \omega^2 m_i}{j\omega},\qquad
+          \frac{V_2}{V_1} = \frac{T}{\tau},
+
+so two added masses give all four. The seven unknowns of each frequency are found together by weighted least squares of
+all ratios; further blocks, loads and repeats are weighed by their noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fourpole.core import stats
+from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
+from fourpole.core.channelerrors import ChannelError, parts
+from fourpole.core.phasor import Phasors
+from fourpole.errors import RigError
+
+#: Symbols of the four poles, in the order of every covariance.
+POLES = ("k11", "k12", "k21", "k22")
+#: Relative round-off of a ratio: the least standard uncertainty that weights have.
+_ROUND_OFF = 1e-9
+#: Rounds of the search, and of the change of the unknowns between neighbouring frequencies.
+_ROUNDS, _PASSES = 20, 3
+#: Change of an unknown, over its size, at which the search has ended.
+_SETTLED = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Setups(ByRows):
+    """What stood on the rig in each of N tests of one specimen at one condition, and of the rigid blocks.
+
+    Attributes
+    ----------
+    rigid : (N,) bool array
+        True for a rigid block in place of the specimen.
+    mass : (N,) float array [kg]
+        Mass of the block, or mass that was fixed to the moving mass.
+    mass_std : (N,) float array [kg]
+        Its standard uncertainty. Tests with equal masses have one error.
+    group : (N,) int array
+        Number of the frequency of each test, from 0.
+    """
+
+    rigid: BoolArray
+    mass: FloatArray
+    mass_std: FloatArray
+    group: np.ndarray
+
+    def lacking(self) -> str:
+        """What a group of tests lacks for four poles, and what to add; empty if it lacks nothing."""
+        blocks, loads = (np.unique(self.mass[which]).size for which in (self.rigid, ~self.rigid))
+        lacks = []
+        if blocks < 2:
+            lacks.append(
+                f"{blocks} of 2 rigid blocks: add tests of kind = calibration with a rigid block in place of the "
+                "specimen, of two different weighed masses in the column added_mass [kg]"
+            )
+        if loads < 2:
+            lacks.append(
+                f"{loads} of 2 loads: add tests of the specimen with another weighed mass fixed to the moving mass, in "
+                "the column added_mass [kg]"
+            )
+        return "; ".join(lacks)
+
+
+@dataclass(frozen=True, eq=False)
+class AllPoles(ByValue):
+    """The four poles of a specimen at F frequencies.
+
+    Attributes
+    ----------
+    frequency : (F,) float array [Hz]
+        Mean frequency of the tests.
+    stiffness : (F, 2, 2) complex array [N/m]
+        k11, k12, k21 and k22: forces on the ends over motions of the ends, contact first.
+    noise : (F, 8, 8) float array [N²/m²]
+        Covariance of Re and Im of k11, k12, k21, k22 by the noise of the phasors, which no two frequencies share.
+    shared : (F, 8, p) float array [N/m]
+        Their change per standard uncertainty of each of p errors that all frequencies share: the weighed masses, the
+        input mass, the specimen's mass at the wheel, and the mountings of the sensors.
+    rig : (F,) complex array [N/m]
+        Dynamic stiffness of the rig beyond the specimen without an added mass.
+    ratios : (F, 2) complex array [1]
+        Recorded over true ratio of F1 to V2 and of V1 to V2: the calibration of the channels against each other.
+    misfit : (F,) float array [1]
+        Chi-square of the ratios that are more than the unknowns.
+    dof : (F,) int array [1]
+        Its degrees of freedom.
+    """
+
+    frequency: FloatArray
+    stiffness: ComplexArray
+    noise: FloatArray
+    shared: FloatArray
+    rig: ComplexArray
+    ratios: ComplexArray
+    misfit: FloatArray
+    dof: np.ndarray
+
+    @property
+    def omega(self) -> FloatArray:
+        """Angular frequency (F,) [rad/s]."""
+        return 2 * np.pi * self.frequency
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (F, 8, 8) of Re and Im of k11, k12, k21, k22 [N²/m²], of noise and shared errors."""
+        return self.noise + self.shared @ np.swapaxes(self.shared, 1, 2)
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainties (F, 4, 2) of Re and Im of k11, k12, k21 and k22 [N/m]."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).reshape(-1, 4, 2)
+
+    @property
+    def determinant(self) -> ComplexArray:
+        """Determinant (F,) of the four-pole [1], k12/k21; 1 for a reciprocal specimen."""
+        return np.asarray(self.stiffness[:, 0, 1] / self.stiffness[:, 1, 0])
+
+    @property
+    def determinant_std(self) -> FloatArray:
+        """Standard uncertainties (F, 2) of Re and Im of `determinant` [1]."""
+        by = np.zeros((self.frequency.size, 1, 4), dtype=complex)
+        by[:, 0, 1] = 1 / self.stiffness[:, 1, 0]
+        by[:, 0, 2] = -self.determinant / self.stiffness[:, 1, 0]
+        turn = real_matrix(by)
+        return np.sqrt(np.diagonal(turn @ self.covariance @ np.swapaxes(turn, 1, 2), axis1=1, axis2=2))
+
+    @property
+    def reciprocity(self) -> float:
+        """Chance of a difference of k12 and k21, at all frequencies together, as large as theirs if they are equal."""
+        turn = real_matrix(np.array([[0, 1.0, -1.0, 0]]))
+        off = parts(self.stiffness.reshape(-1, 4)).reshape(-1, 8) @ turn.T
+        whiten = np.linalg.inv(np.linalg.cholesky(turn @ self.noise @ turn.T))
+        by = (whiten @ turn @ self.shared).reshape(off.size, -1)
+        # The shared errors are found with the difference; their standard normal distribution is the last rows.
+        lines = np.concatenate([by, np.eye(by.shape[1])])
+        seen = np.append(np.einsum("fij,fj->fi", whiten, off).ravel(), np.zeros(by.shape[1]))
+        left = seen - lines @ np.linalg.lstsq(lines, seen, rcond=None)[0]
+        return float(stats.chi2.sf(left @ left, off.size))
+
+
+def real_matrix(matrix: ComplexArray) -> FloatArray:
+    """The matrix (..., 2r, 2c) on interleaved Re and Im that acts as a complex one (..., r, c).
+
+    >>> real_matrix(np.array([[1.0 + 2.0j]]))
+    array([[ 1., -2.],
+           [ 2.,  1.]])
+    """
+    matrix = np.asarray(matrix, dtype=complex)
+    pairs = np.stack([parts(matrix), parts(1j * matrix)], axis=-1)  # (..., r, c, 2, 2)
+    *front, rows, columns = matrix.shape
+    return np.ascontiguousarray(np.swapaxes(pairs, -3, -2)).reshape(*front, 2 * rows, 2 * columns)
+
+
+def all_poles(
+    phasors: Phasors,
+    setups: Setups,
+    *,
+    input_mass: tuple[float, float] = (0.0, 0.0),
+    wheel_mass: tuple[float, float] = (0.0, 0.0),
+    errors: tuple[ChannelError, ...] = (),
+) -> AllPoles:
+    r"""The four poles of a specimen from rigid blocks and two or more added masses.
+
+    Parameters
+    ----------
+    phasors : Phasors
+        N tests with F1, V1 and V2, of one specimen at one condition and of the blocks, on one rig. No channel needs a
+        calibration, but each must be the same in all tests.
+    setups : Setups
+    input_mass : (float, float) [kg]
+        Mass between force cell and contact, in tests with a block too, and its standard uncertainty. An error of it is
+        an error of the same size of the masses at both ends, of opposite sign.
+    wheel_mass : (float, float) [kg]
+        Mass that is mounted together with the specimen at its wheel side, as `Rig.tyre_mass`, and its standard
+        uncertainty. It is taken off k22: :math:`k_{22} + \omega^2 m`.
+    errors : tuple of ChannelError
+        Errors of the channels that are not the same in all tests, as of a sensor that is mounted anew.
+
+    Returns
+    -------
+    AllPoles
+        One row per frequency, rising.
+
+    Raises
+    ------
+    RigError
+        If a frequency has fewer than two blocks or two loads.
+
+    Notes
+    -----
+    The frequencies of the tests in a group may differ by 1 %. The channels' ratios, R and the specimen's chain change
+    linearly between them, with the slope through the neighbouring groups. None of these has a pole where the rig or the
+    specimen resonates, as mobilities and k11, k12, k22 have. With one frequency alone, nothing is known of the slopes.
+
+    References
+    ----------
+    ISO 10846-2 (k11, k12, k21, k22 of resilient elements). JCGM 102:2011, 6.2.
+
+    Examples
+    --------
+    A spring of 200 kN/m with a loss factor of 0.1, at 20 Hz, on a mass of 15 kg that floats; F1's gain is 5 % high:
+
+    >>> w = 2 * np.pi * 20.0
+    >>> k, rows = 2e5 * (1 + 0.1j), []
+    >>> for mass in (5.0, 12.0):  # two blocks
+    ...     rows.append([1.05 * 1j * w * (15.0 + mass), 1.0, 1.0])
+    >>> for mass in (0.0, 10.0):  # two loads
+    ...     t = k / (k - w**2 * (15.0 + mass))
+    ...     rows.append([1.05 * k * (1 - t) / (1j * w), 1.0, t])
+    >>> zero = np.zeros(4)
+    >>> phasors = Phasors(zero + 20.0, np.array(rows), np.zeros((4, 6, 6)), zero, zero + np.inf)
+    >>> setups = Setups(np.arange(4) < 2, np.array([5.0, 12.0, 0.0, 10.0]), zero, zero.astype(int))
+    >>> all_poles(phasors, setups).stiffness[0].round(3)
+    array([[ 200000.+20000.j, -200000.-20000.j],
+           [-200000.-20000.j,  200000.+20000.j]])
+    """
+    groups = [np.flatnonzero(setups.group == number) for number in np.unique(setups.group)]
+    groups.sort(key=lambda rows: float(np.mean(phasors.frequency[rows])))
+    for rows in groups:
+        if lack := setups.part(rows).lacking():
+            raise RigError(f"{np.mean(phasors.frequency[rows]):.4g} Hz has {lack}")
+    names = np.unique(setups.mass[setups.mass > 0])
+    tests = [_Tests(phasors.part(rows), setups.part(rows), rows, input_mass[0], names, errors) for rows in groups]
+    mean = np.array([test.mean for test in tests])
+    unknowns = np.array([test.first() for test in tests])
+    for _ in range(_PASSES if any(np.ptp(test.omega) > 0 for test in tests) and len(tests) > 1 else 1):
+        slopes = np.gradient(unknowns, mean, axis=0, edge_order=min(2, len(tests) - 1)) if len(tests) > 1 else 0 * unknowns
+        fits = [test.fitted(*row) for test, row in zip(tests, zip(unknowns, slopes, strict=True), strict=True)]
+        unknowns = np.array([fit[0] for fit in fits])
+    stds = np.array([*(float(np.max(setups.mass_std[setups.mass == name])) for name in names), input_mass[1]])
+    stds = np.array([*stds, *(error.std for error in errors)])
+    shared = np.array([fit[2] * stds for fit in fits])
+    a11, a12, a21, a22 = unknowns[:, 3:].T
+    square, zero = mean**2, 0 * a11
+    poles = np.stack([a11 / a21, a12 - a11 * a22 / a21, -1 / a21, a22 / a21 + square * wheel_mass[0]], axis=1)
+    by = np.array([[1 / a21, zero, -a11 / a21**2, zero], [-a22 / a21, zero + 1, a11 * a22 / a21**2, -a11 / a21],
+                   [zero, zero, 1 / a21**2, zero], [zero, zero, -a22 / a21**2, 1 / a21]])  # fmt: skip
+    turn = real_matrix(np.moveaxis(by, 2, 0))
+    at_wheel = np.zeros((mean.size, 8, 1))
+    at_wheel[:, 6, 0] = square * wheel_mass[1]
+    return AllPoles(
+        frequency=mean / (2 * np.pi),
+        stiffness=poles.reshape(-1, 2, 2),
+        noise=turn @ np.array([fit[1] for fit in fits])[:, 6:, 6:] @ np.swapaxes(turn, 1, 2),
+        shared=np.concatenate([turn @ shared[:, 6:], at_wheel], axis=2),
+        rig=unknowns[:, 2],
+        ratios=unknowns[:, :2],
+        misfit=np.array([fit[3] for fit in fits]),
+        dof=np.array([4 * rows.size - 14 for rows in groups]),
+    )
+
+
+class _Tests:
+    """The tests of one frequency: two complex ratios of each, and what they must be.
+
+    The seven unknowns are rho, tau, R, a11, a12, a21, a22: smooth over frequency also where rig or specimen resonate.
+    """
+
+    def __init__(
+        self,
+        phasors: Phasors,
+        setups: Setups,
+        rows: np.ndarray,
+        input_mass: float,
+        names: FloatArray,
+        errors: tuple[ChannelError, ...],
+    ) -> None:
+        self.omega, self.omega_std = phasors.omega, 2 * np.pi * phasors.frequency_std
+        self.mean = float(np.mean(self.omega))
+        self.setups, self.input_mass = setups, input_mass
+        self.of_mass = (setups.mass[:, None] == names).astype(float)
+        f, v1, v2 = phasors.amplitudes.T
+        rigid = setups.rigid
+        below = np.where(rigid, v2, v1)
+        self.ratios = np.stack([f / below, np.where(rigid, v1, v2) / below], axis=1)
+        zero, one = np.zeros(f.size), np.ones(f.size)
+        # Derivatives of the logarithms of both ratios by those of the three channels.
+        sign = np.where(rigid, 1.0, -1.0)
+        by_log = np.array([[one, np.minimum(sign, 0.0), -np.maximum(sign, 0.0)], [zero, sign, -sign]])
+        by_log = np.moveaxis(by_log, 2, 0) * self.ratios[:, :, None]
+        turn = real_matrix(by_log / phasors.amplitudes[:, None, :])
+        self.covariance = turn @ phasors.covariance @ np.swapaxes(turn, 1, 2)
+        least = _ROUND_OFF * np.repeat(np.abs(self.ratios), 2, axis=1)
+        self.covariance += least[:, None] ** 2 * np.eye(4)
+        by_error = [by_log[:, :, error.channel] * error.turn[rows, None] for error in errors]
+        self.by_error = parts(np.array(by_error).reshape(-1, 2 * f.size)).reshape(-1, 4 * f.size).T
+
+    def first(self) -> ComplexArray:
+        """First values of the unknowns (7,), by linear least squares at the mean frequency."""
+        w, rigid, mass = self.mean, self.setups.rigid, self.setups.mass
+        ones = np.ones(mass.size)
+        lines = np.stack([ones, -(w**2) * mass], axis=1)[rigid].astype(complex)
+        whole, rho = np.linalg.lstsq(lines, 1j * w * self.ratios[rigid, 0], rcond=None)[0]
+        tau, r = np.mean(self.ratios[rigid, 1]), whole / rho + w**2 * self.input_mass
+        t = tau * self.ratios[~rigid, 1]
+        lines = np.stack([ones[~rigid], t], axis=1)
+        force = 1j * w * tau / rho * self.ratios[~rigid, 0] + w**2 * self.input_mass
+        k11, k12 = np.linalg.lstsq(lines, force, rcond=None)[0]
+        k21, k22 = np.linalg.lstsq(lines, -(r - w**2 * mass[~rigid]) * t, rcond=None)[0]
+        return np.array([rho, tau, r, -k11 / k21, k12 - k11 * k22 / k21, -1 / k21, -k22 / k21])
+
+    def model(self, unknowns: ComplexArray, slopes: ComplexArray, omega: FloatArray) -> tuple[ComplexArray, ...]:
+        """Both ratios (N, 2) at each test's frequency; derivatives by the unknowns, test mass and input mass."""
+        rho, tau, r, a11, a12, a21, a22 = unknowns[:, None] + slopes[:, None] * (omega - self.mean)
+        jw, square, rigid = 1j * omega, omega**2, self.setups.rigid
+        load = r - square * self.setups.mass
+        block = load - square * self.input_mass
+        t, over = 1 / (a21 * load + a22), a11 * load + a12
+        force = over * t - square * self.input_mass
+        zero, gain = np.zeros(rigid.size), rho / tau / jw
+        by_t = -(t**2)[:, None] * np.stack([zero, zero, a21, zero, zero, load, zero + 1], axis=1)
+        by_over = np.stack([zero, zero, a11, load, zero + 1, zero, zero], axis=1)
+        by_force = gain[:, None] * (over[:, None] * by_t + t[:, None] * by_over)
+        by_force[:, 0], by_force[:, 1] = force / tau / jw, -gain * force / tau
+        by_ratio = by_t / tau[:, None]
+        by_ratio[:, 1] -= t / tau**2
+        by_block = np.stack([block / jw, zero, rho / jw, zero, zero, zero, zero], axis=1)
+        by_tau = np.tile(np.arange(7) == 1, (rigid.size, 1))
+        values = np.where(rigid[:, None], np.stack([rho * block / jw, tau], axis=1),
+                          np.stack([gain * force, t / tau], axis=1))  # fmt: skip
+        by = np.where(rigid[:, None, None], np.stack([by_block, by_tau], axis=1), np.stack([by_force, by_ratio], axis=1))
+        by_mass = -square[:, None] * by[:, :, 2]
+        by_input = np.stack([np.where(rigid, -square * rho / jw, -square * gain), zero], axis=1)
+        return values, by, by_mass, by_input
+
+    def fitted(self, unknowns: ComplexArray, slopes: ComplexArray) -> tuple[ComplexArray, FloatArray, FloatArray, float]:
+        """The unknowns, their covariance by noise, their change by each shared error, and chi-square."""
+        ahead, behind = (self.model(unknowns, slopes, self.omega + sign * self.omega_std)[0] for sign in (1, -1))
+        jitter = parts(ahead - behind).reshape(-1, 4) / 2
+        whiten = np.linalg.inv(np.linalg.cholesky(self.covariance + jitter[:, :, None] * jitter[:, None, :]))
+        size = np.abs(unknowns)
+        for _ in range(_ROUNDS):
+            values, by, by_mass, by_input = self.model(unknowns, slopes, self.omega)
+            left = np.einsum("nij,nj->ni", whiten, parts(self.ratios - values).reshape(-1, 4)).ravel()
+            design = (whiten @ real_matrix(by * size)).reshape(left.size, 14)
+            inverse = np.linalg.pinv(design)
+            step = inverse @ left
+            unknowns = unknowns + size * (step[::2] + 1j * step[1::2])
+            if np.max(np.abs(step)) < _SETTLED:
+                break
+        scale = np.repeat(size, 2)
+        inverse = scale[:, None] * inverse
+        own = parts(by_mass).reshape(-1, 1) * np.repeat(self.of_mass, 4, axis=0)
+        of_errors = np.concatenate([-own, -parts(by_input).reshape(-1, 1), self.by_error], axis=1)
+        whitened = np.einsum("nij,njp->nip", whiten, of_errors.reshape(len(whiten), 4, -1))
+        moved = inverse @ whitened.reshape(left.size, -1)
+        return unknowns, inverse @ inverse.T, moved, float(left @ left - step @ design.T @ left)

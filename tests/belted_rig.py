@@ -1,0 +1,89 @@
+"""A rig with a belted tyre, in nodes: contact, belt, wheel; solved by elimination, sharing no formula with the package.
+
+Rigid blocks or the tyre stand between the force cell and a mass on a spring with a damper. Sensors are off.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fourpole.core.allpoles import Setups
+from fourpole.core.phasor import Phasors
+
+
+@dataclass
+class BeltedRig:
+    """The truth, in SI."""
+
+    belt: float = 7.0
+    k_contact: float = 348e3
+    k_rim: float = 1740e3
+    loss: float = 0.08
+    active: float = 0.0  # share of the force by which the wheel feels more of the belt than the belt of the wheel
+    moving_mass: float = 22.0
+    k_rig: float = 12.44e3
+    c_rig: float = 45.0
+    input_mass: float = 0.0
+    wheel_mass: float = 0.0
+    gains: tuple = (1.05 * np.exp(-0.052j), 0.95 * np.exp(0.04j), 1.03 * np.exp(0.03j))
+    delays: tuple = (2e-4, 0.0, 1e-4)
+    remounted: dict = field(default_factory=dict)  # factor of V1 by test number
+
+    def springs(self, omega):
+        """Both springs with a modulus and a loss that rise with frequency."""
+        shape = (omega / (2 * np.pi * 10)) ** (2 / np.pi * np.arctan(self.loss)) * np.exp(1j * np.arctan(self.loss))
+        return self.k_contact * shape, self.k_rim * shape
+
+    def specimen(self, omega):
+        """Forces on contact and wheel over their motions (2, 2): the belt's node is eliminated."""
+        c, r = self.springs(omega)
+        whole = np.array([[c, -c, 0], [-c, c + r - omega**2 * self.belt, -r], [0, -r * (1 + self.active), r]])
+        if self.belt == 0.0 and self.active == 0.0:
+            k = 1 / (1 / c + 1 / r)
+            return np.array([[k, -k], [-k, k]])
+        ends = [0, 2]
+        return whole[np.ix_(ends, ends)] - np.outer(whole[ends, 1], whole[1, ends]) / whole[1, 1]
+
+    def test(self, omega, mass, *, rigid):
+        """F1, V1 and V2 as recorded, for a motion of the contact of 1 mm."""
+        x1 = 1e-3
+        rig = self.k_rig + 1j * omega * self.c_rig - omega**2 * self.moving_mass
+        if rigid:
+            x2, force = x1, (rig - omega**2 * mass) * x1
+        else:
+            d = self.specimen(omega)
+            beyond = rig - omega**2 * (mass + self.wheel_mass)
+            x2 = -d[1, 0] * x1 / (d[1, 1] + beyond)
+            force = d[0, 0] * x1 + d[0, 1] * x2
+        force -= omega**2 * self.input_mass * x1
+        true = np.array([force, 1j * omega * x1, 1j * omega * x2])
+        return true * np.array(self.gains) * np.exp(-1j * omega * np.array(self.delays))
+
+    def recorded(
+        self, frequencies, *, blocks=(6.0, 20.0), loads=(0.0, 12.0), repeats=1, noise=0.0, jitter=0.0, seed=0,
+        masses_off=None,
+    ):  # fmt: skip
+        """Phasors and setups of all tests; `noise` is relative, `jitter` the relative scatter of the frequency."""
+        rng = np.random.default_rng(seed)
+        rows, found, covariance, of_f = [], [], [], []
+        for number, nominal in enumerate(frequencies):
+            for rigid, masses in ((True, blocks), (False, loads)):
+                for mass in list(masses) * repeats:
+                    f = nominal * (1 + jitter * rng.uniform(-1, 1))
+                    off = (masses_off or {}).get(mass, 0.0)
+                    exact = self.test(2 * np.pi * f, mass + off, rigid=rigid)
+                    exact[1] *= self.remounted.get(len(rows), 1.0)
+                    std = noise * np.abs(exact)
+                    drawn = exact + std * (rng.standard_normal(3) + 1j * rng.standard_normal(3))
+                    rows.append((rigid, mass, number))
+                    found.append(drawn)
+                    covariance.append(np.diag(np.repeat(std, 2) ** 2))
+                    of_f.append(f)
+        rigid, mass, group = (np.array(column) for column in zip(*rows, strict=True))
+        count = np.zeros(len(rows))
+        phasors = Phasors(np.array(of_f), np.array(found), np.array(covariance), count, count + np.inf)
+        return phasors, Setups(rigid, mass, 2e-4 * mass, group)
+
+    def truth(self, frequencies):
+        """k11, k12, k21, k22 (F, 2, 2)."""
+        return np.array([self.specimen(2 * np.pi * f) for f in frequencies])
