@@ -29,7 +29,7 @@ all ratios; further blocks, loads and repeats are weighed by their noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -150,18 +150,42 @@ class AllPoles(ByValue):
         turn = real_matrix(by)
         return np.sqrt(np.diagonal(turn @ self.covariance @ np.swapaxes(turn, 1, 2), axis1=1, axis2=2))
 
-    @property
-    def reciprocity(self) -> float:
-        """Chance of a difference of k12 and k21, at all frequencies together, as large as theirs if they are equal."""
-        turn = real_matrix(np.array([[0, 1.0, -1.0, 0]]))
-        off = parts(self.stiffness.reshape(-1, 4)).reshape(-1, 8) @ turn.T
-        whiten = np.linalg.inv(np.linalg.cholesky(turn @ self.noise @ turn.T))
-        by = (whiten @ turn @ self.shared).reshape(off.size, -1)
-        # The shared errors are found with the difference; their standard normal distribution is the last rows.
-        lines = np.concatenate([by, np.eye(by.shape[1])])
-        seen = np.append(np.einsum("fij,fj->fi", whiten, off).ravel(), np.zeros(by.shape[1]))
-        left = seen - lines @ np.linalg.lstsq(lines, seen, rcond=None)[0]
-        return float(stats.chi2.sf(left @ left, off.size))
+
+def reciprocal(measured: AllPoles) -> tuple[AllPoles, float]:
+    """The four poles with k12 = k21, and the chance that such poles would differ as much as the measured ones.
+
+    The shared errors are found with the poles: a sensor that was mounted anew, for one, makes k12 and k21 differ.
+
+    Examples
+    --------
+    Two estimates of one spring, k21 ten times as certain as k12:
+
+    >>> noise = np.diag(np.repeat([10.0, 100.0, 10.0, 10.0], 2) ** 2)[None]
+    >>> poles, none = np.array([[[1e5, -1e5 - 99], [-1e5, 1e5]]]) + 0j, np.zeros(1)
+    >>> equal, chance = reciprocal(AllPoles(none, poles, noise, np.zeros((1, 8, 0)), none, none, none, none))
+    >>> equal.stiffness[0, 0, 1].real.round(1), equal.std[0, 1, 0].round(2), round(chance, 2)
+    (np.float64(-100001.0), np.float64(9.95), 0.62)
+    """
+    turn, noise, shared = real_matrix(np.array([[0, 1.0, -1.0, 0]])), measured.noise, measured.shared
+    values = parts(measured.stiffness.reshape(-1, 4)).reshape(-1, 8)
+    between = turn @ noise @ turn.T
+    whiten = np.linalg.inv(np.linalg.cholesky(between))
+    count = shared.shape[2]
+    # The last rows are the standard normal distribution of the shared errors.
+    lines = np.concatenate([(whiten @ turn @ shared).reshape(2 * len(values), count), np.eye(count)])
+    seen = np.append(np.einsum("fij,fj->fi", whiten @ turn, values), np.zeros(count))
+    errors = np.linalg.lstsq(lines, seen, rcond=None)[0]
+    left = seen - lines @ errors
+    keep = np.eye(8) - noise @ turn.T @ np.linalg.solve(between, np.broadcast_to(turn, (len(values), 2, 8)))
+    poles = np.einsum("fij,fj->fi", keep, values - shared @ errors)
+    root = np.linalg.inv(np.linalg.qr(lines, mode="r")) if count else np.zeros((0, 0))
+    equal = replace(
+        measured,
+        stiffness=(poles[:, ::2] + 1j * poles[:, 1::2]).reshape(-1, 2, 2),
+        noise=keep @ noise @ np.swapaxes(keep, 1, 2),
+        shared=keep @ shared @ root,
+    )
+    return equal, float(stats.chi2.sf(left @ left, 2 * len(values)))
 
 
 def real_matrix(matrix: ComplexArray) -> FloatArray:
