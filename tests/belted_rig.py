@@ -87,3 +87,28 @@ class BeltedRig:
     def truth(self, frequencies):
         """k11, k12, k21, k22 (F, 2, 2)."""
         return np.array([self.specimen(2 * np.pi * f) for f in frequencies])
+
+    def write(self, folder, frequencies, *, blocks=(6.0, 20.0), loads=(0.0, 12.0), noise=1e-3, seed=0, statement=""):
+        """A campaign folder with recordings of 2 s at 1.5 kHz; `noise` is that of a sample over the amplitude."""
+        rng, time = np.random.default_rng(seed), np.arange(3000) / 1500.0
+        (folder / "recordings").mkdir(parents=True)
+        channels = [f'{role} = {{ column = "{name}", unit = "{unit}" }}' for role, name, unit in (
+            ("time", "t", "s"), ("force_in", "F1", "N"), ("motion_in", "V1", "m/s"), ("motion_out", "V2", "m/s"))]  # fmt: skip
+        lines = [*(["[rig]", 'moving_mass = "22 kg"', 'preload_stiffness = "12 kN/m"', statement]),
+                 "[channels]", *channels, "[tyres.car]"]  # fmt: skip
+        (folder / "campaign.toml").write_text("\n".join(lines) + "\n")
+        rows = ["test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz],added_mass [kg],u(added_mass) [kg],mounting"]
+        for kind, letter, masses in (("calibration", "B", blocks), ("dynamic", "D", loads)):
+            for number, mass in enumerate(masses):
+                for f in frequencies:
+                    name = f"{letter}{number + 1}-{f:g}"
+                    size = 0.1 * self.test(2 * np.pi * f, mass, rigid=kind == "calibration")
+                    waves = (size * np.exp(2j * np.pi * f * time)[:, None]).real
+                    waves += noise * np.abs(size) * rng.standard_normal(waves.shape)
+                    table = np.column_stack([time, waves])
+                    file = folder / "recordings" / f"{name}.csv"
+                    np.savetxt(file, table, "%.9g", ",", header="t,F1,V1,V2", comments="")
+                    state = "car,2.2,4000" if kind == "dynamic" else ",,"
+                    rows.append(f"{name},recordings/{name}.csv,{kind},{state},{f:g},{mass:g},{2e-4 * mass:g},once")
+        (folder / "tests.csv").write_text("\n".join(rows) + "\n")
+        return folder

@@ -1,0 +1,229 @@
+"""The four poles of the specimens of a campaign, from its rigid blocks and added masses."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from fourpole import quantities as q
+from fourpole.campaign.folder import Campaign, condition_numbers, read_campaign
+from fourpole.campaign.row import Test, condition_words
+from fourpole.core.allpoles import POLES, AllPoles, Setups, all_poles, reciprocal
+from fourpole.core.arrays import ByValue
+from fourpole.core.checks import Verdict
+from fourpole.core.joint.belts import BLOCK, TYRE
+from fourpole.core.joint.conditions import group_conditions
+from fourpole.core.phasor import CHANNELS
+from fourpole.core.rig import Rig
+from fourpole.core.sources import Kind
+from fourpole.core.specimenfit import SpecimenFit, fit_specimen
+from fourpole.errors import CampaignError
+from fourpole.io.folders import is_for_keeping, make_folder
+from fourpole.study.cache import Cache
+from fourpole.study.identify import added_masses, channel_uncertainty
+from fourpole.study.points import Points
+from fourpole.study.reduce import jobs_of
+from fourpole.study.workers import reduce_tests
+from fourpole.words import remark_of
+
+#: Chance below which a deviation counts as real: of k12 from k21, of the poles from a form of specimen.
+UNLIKELY = 1e-3
+#: Errors of the channels that another mounting or another added mass changes.
+_MOUNTED = (Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE, Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE)
+#: Relative differences of frequency in a group beyond this need a second frequency, for the slopes.
+_EQUAL = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class TwoPort(ByValue):
+    """The four poles of a specimen at one condition.
+
+    Attributes
+    ----------
+    test : Test
+        Its first test, with specimen, rig and condition.
+    name : str
+        Specimen and condition in words.
+    measured : AllPoles
+        As measured, with k12 and k21 each by itself.
+    poles : AllPoles
+        With k12 = k21, if the measured ones do not contradict it; otherwise as measured.
+    chance : float [1]
+        Chance that the poles of a reciprocal specimen would differ as much as the measured k12 and k21.
+    form : SpecimenFit or None
+        The massless spring, belt or rod that describes them best; None if they are not reciprocal.
+    notes : tuple of str
+        Tests and frequencies that were left out, with the reason, and what was assumed.
+    """
+
+    test: Test
+    name: str
+    measured: AllPoles
+    poles: AllPoles
+    chance: float
+    form: SpecimenFit | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def reciprocal(self) -> bool:
+        """Whether k12 and k21 agree within their uncertainty."""
+        return self.chance >= UNLIKELY
+
+
+def measure_two_ports(
+    campaign: Campaign | str | Path,
+    *,
+    cache: str | Path | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[list[TwoPort], list[str]]:
+    """The four poles of each specimen and condition of a campaign that has rigid blocks and two added masses.
+
+    Parameters
+    ----------
+    campaign : Campaign or path
+    cache : path, optional
+        Folder of the phasors of each recording.
+    workers : int, optional
+        Number of processes that reduce the recordings.
+    progress : callable, optional
+        Called with the number of reduced recordings and the number of all recordings.
+
+    Returns
+    -------
+    two_ports : list of TwoPort
+    lacks : list of str
+        Conditions without four poles, each with what to add.
+
+    Raises
+    ------
+    CampaignError
+        If a channel is missing, the output is blocked, or no condition has what four poles need.
+    """
+    stated = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
+    for role in CHANNELS:
+        if stated.stated.channels.named(role) is None:
+            raise CampaignError(f"campaign.toml: [channels] {role} is missing: four poles need F1, V1 and V2")
+    tests = [test for test in stated.of_kind("dynamic") if not _is_blocked(stated, test)]
+    if not tests:
+        raise CampaignError("no dynamic test on a rig whose far side moves: a blocked specimen does not show k22")
+    kept = None
+    if cache is not None and is_for_keeping(Path(cache), stated.folder):
+        kept = Cache(make_folder(cache))
+    points = reduce_tests(jobs_of(stated, tests, "joint"), cache=kept, workers=workers, progress=progress)
+    condition, sound = condition_numbers(stated, points.tests), points.sound
+    sound &= np.isfinite(points.phasors.amplitudes).all(axis=1)
+    found, lacks = [], []
+    rigs = np.array([test.rig for test in points.tests])
+    for rig in dict.fromkeys(rigs.tolist()):
+        for number in dict.fromkeys(condition[(rigs == rig) & (condition >= 0)].tolist()):
+            rows = np.flatnonzero((rigs == rig) & ((condition == number) | (condition < 0)))
+            made = _two_port(stated, points, rows, rows[sound[rows]])
+            (found if isinstance(made, TwoPort) else lacks).append(made)
+    if not found:
+        nothing = "no test of a specimen: add tests of kind = dynamic with two added masses"
+        raise CampaignError(f"four poles cannot be found. {'. '.join(lacks) or nothing}")
+    return found, lacks
+
+
+def _is_blocked(campaign: Campaign, test: Test) -> bool:
+    rig = campaign.stated.all_rigs.get(test.rig)
+    return rig is not None and rig.output == "blocked"
+
+
+def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.ndarray) -> TwoPort | str:
+    """The four poles by some rows of one condition and of the blocks, or what is lacking; `every` has rejected rows too."""
+    first = next(points.tests[row] for row in every if points.tests[row].kind != "calibration")
+    name = condition_words(first, further=[axis.name for axis in campaign.stated.conditions.axes])
+    tests, notes = [points.tests[row] for row in rows], [*_rejected(points, set(every) - set(rows))]
+    mass, std = added_masses(tests)
+    rigid = np.array([test.kind == "calibration" for test in tests], dtype=bool)
+    phasors = points.phasors.part(rows)
+    count = Counter(test.name for test in tests)
+    nominal = [np.nan if count[test.name] > 1 else test.value("frequency") or np.nan for test in tests]
+    recording = np.unique([test.name for test in tests], return_inverse=True)[1]
+    # Each recording has a block or a load of its own, so that lines of two recordings may share a group.
+    group = group_conditions(np.zeros(rows.size, dtype=int), phasors.frequency, np.array(nominal), recording)
+    setups = Setups(rigid, mass, std, group)
+    lacking = {number: lack for number in np.unique(group).tolist() if (lack := setups.part(group == number).lacking())}
+    used = ~np.isin(group, list(lacking))
+    if not used.any():
+        return f"{name}: {'; '.join([setups.lacking() or next(iter(lacking.values()), 'no test can be used'), *notes])}"
+    for number, lack in lacking.items():
+        notes.append(f"{np.mean(phasors.frequency[group == number]):.4g} Hz is left out: it has {lack}")
+    phasors, setups = phasors.part(used), setups.part(used)
+    if np.unique(setups.group).size == 1 and np.ptp(phasors.frequency) > _EQUAL * phasors.frequency.max():
+        notes.append("the tests have slightly different frequencies, and there is no second frequency to correct for that")
+    mounting = np.array([test.mounting for test in tests], dtype=object)[used]
+    unsure = channel_uncertainty(campaign, [points.corrections[row] for row in rows[used]], float(phasors.frequency.max()))
+    labels = [np.unique(label.astype(str), return_inverse=True)[1] for label in (mounting, setups.mass)]
+    errors = tuple(error for error in unsure.errors(phasors.omega, labels) if error.source.kind in _MOUNTED)
+    rig = campaign.stated.all_rigs[first.rig].rig() if first.rig in campaign.stated.all_rigs else Rig(blocked=True)
+    masses = {key: (getattr(rig, key), rig.std.get(key, 0.0)) for key in ("input_mass", "tyre_mass")}
+    notes += [_UNSTATED[key] if not value else _STATED[key].format(value) for key, (value, _) in masses.items()]
+    measured = all_poles(
+        phasors, setups, input_mass=masses["input_mass"], wheel_mass=masses["tyre_mass"], errors=errors
+    )
+    equal, chance = reciprocal(measured)
+    share = TYRE if first.tyre in campaign.stated.tyres else BLOCK
+    form = fit_specimen(measured, share) if chance >= UNLIKELY else None
+    return TwoPort(first, name, measured, equal if form is not None else measured, chance, form, tuple(notes))
+
+
+_UNSTATED = {
+    "input_mass": "no input_mass is stated: what moves with the contact is part of k11",
+    "tyre_mass": "no tyre_mass is stated: what was mounted with the specimen at its wheel side is part of k22",
+}
+_STATED = {
+    "input_mass": "the stated input_mass, {:g} kg, is taken off k11",
+    "tyre_mass": "the stated tyre_mass, {:g} kg, is taken off k22",
+}
+
+
+def _rejected(points: Points, rows: set[int]) -> Iterator[str]:
+    """A note on each row that cannot be used."""
+    for row in sorted(rows):
+        reasons = [remark_of(check) for check in points.checks[row] if check.verdict is Verdict.REJECTED]
+        yield f"test {points.tests[row].name} is left out: {'; '.join(reasons) or 'it lacks F1, V1 or V2'}"
+
+
+def two_port_table(found: list[TwoPort]) -> pl.DataFrame:
+    """One row per specimen, condition and frequency: poles, uncertainties, determinant, and the form held against them.
+
+    Poles are in N/m; the determinant of the four-pole is k12/k21 as measured.
+    """
+    rows = []
+    for two_port in found:
+        poles, measured, form = two_port.poles, two_port.measured, two_port.form
+        for at, frequency in enumerate(poles.frequency.tolist()):
+            row: dict[str, object] = {q.TYRE.head: two_port.test.tyre, q.RIG.head: two_port.test.rig}
+            for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE):
+                row[quantity.head] = two_port.test.value(quantity.key)
+            row |= {q.FREQUENCY.head: frequency, "k12 = k21": two_port.form is not None}
+            for pole, value, std in zip(POLES, poles.stiffness[at].ravel().tolist(), poles.std[at].tolist(), strict=True):
+                row |= _complex_cells(pole, value, std, "N/m")
+            row |= _complex_cells("det", complex(measured.determinant[at]), measured.determinant_std[at].tolist(), "1")
+            row["form"] = form.specimen.form.value if form is not None else ""
+            row["mass of the form [kg]"] = form.specimen.mass if form is not None else None
+            row["u(mass of the form) [kg]"] = form.mass_std if form is not None else None
+            of_form = form.poles[at].ravel().tolist() if form is not None else [None] * 4
+            for pole, value in zip(POLES, of_form, strict=True):
+                row[f"Re {pole} of the form [N/m]"] = None if value is None else value.real
+                row[f"Im {pole} of the form [N/m]"] = None if value is None else value.imag
+            rows.append(row)
+    return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def _complex_cells(name: str, value: complex, std: list[float], unit: str) -> dict[str, float]:
+    """The cells of a complex value with the standard uncertainties of both parts."""
+    return {
+        f"Re {name} [{unit}]": value.real,
+        f"Im {name} [{unit}]": value.imag,
+        f"u(Re {name}) [{unit}]": std[0],
+        f"u(Im {name}) [{unit}]": std[1],
+    }
