@@ -97,7 +97,9 @@ class BeltedRig:
         lines = [*(["[rig]", 'moving_mass = "22 kg"', 'preload_stiffness = "12 kN/m"', statement]),
                  "[channels]", *channels, "[tyres.car]"]  # fmt: skip
         (folder / "campaign.toml").write_text("\n".join(lines) + "\n")
-        rows = ["test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz],added_mass [kg],u(added_mass) [kg],mounting"]
+        rows = [
+            "test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz],added_mass [kg],u(added_mass) [kg],mounting"
+        ]
         for kind, letter, masses in (("calibration", "B", blocks), ("dynamic", "D", loads)):
             for number, mass in enumerate(masses):
                 for f in frequencies:

@@ -274,7 +274,9 @@ def all_poles(
     mean = np.array([test.mean for test in tests])
     unknowns = np.array([test.first() for test in tests])
     for _ in range(_PASSES if any(np.ptp(test.omega) > 0 for test in tests) and len(tests) > 1 else 1):
-        slopes = np.gradient(unknowns, mean, axis=0, edge_order=min(2, len(tests) - 1)) if len(tests) > 1 else 0 * unknowns
+        slopes = (
+            np.gradient(unknowns, mean, axis=0, edge_order=min(2, len(tests) - 1)) if len(tests) > 1 else 0 * unknowns
+        )
         fits = [test.fitted(*row) for test, row in zip(tests, zip(unknowns, slopes, strict=True), strict=True)]
         unknowns = np.array([fit[0] for fit in fits])
     stds = np.array([*(float(np.max(setups.mass_std[setups.mass == name])) for name in names), input_mass[1]])
@@ -368,12 +370,16 @@ class _Tests:
         by_tau = np.tile(np.arange(7) == 1, (rigid.size, 1))
         values = np.where(rigid[:, None], np.stack([rho * block / jw, tau], axis=1),
                           np.stack([gain * force, t / tau], axis=1))  # fmt: skip
-        by = np.where(rigid[:, None, None], np.stack([by_block, by_tau], axis=1), np.stack([by_force, by_ratio], axis=1))
+        by = np.where(
+            rigid[:, None, None], np.stack([by_block, by_tau], axis=1), np.stack([by_force, by_ratio], axis=1)
+        )
         by_mass = -square[:, None] * by[:, :, 2]
         by_input = np.stack([np.where(rigid, -square * rho / jw, -square * gain), zero], axis=1)
         return values, by, by_mass, by_input
 
-    def fitted(self, unknowns: ComplexArray, slopes: ComplexArray) -> tuple[ComplexArray, FloatArray, FloatArray, float]:
+    def fitted(
+        self, unknowns: ComplexArray, slopes: ComplexArray
+    ) -> tuple[ComplexArray, FloatArray, FloatArray, float]:
         """The unknowns, their covariance by noise, their change by each shared error, and chi-square."""
         ahead, behind = (self.model(unknowns, slopes, self.omega + sign * self.omega_std)[0] for sign in (1, -1))
         jitter = parts(ahead - behind).reshape(-1, 4) / 2

@@ -74,6 +74,11 @@ class TwoPort(ByValue):
         """Whether k12 and k21 agree within their uncertainty."""
         return self.chance >= UNLIKELY
 
+    @property
+    def form_fits(self) -> bool:
+        """Whether the form describes the poles within their uncertainty."""
+        return self.form is not None and self.form.chance >= UNLIKELY
+
 
 def measure_two_ports(
     campaign: Campaign | str | Path,
@@ -158,9 +163,13 @@ def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.nd
         notes.append(f"{np.mean(phasors.frequency[group == number]):.4g} Hz is left out: it has {lack}")
     phasors, setups = phasors.part(used), setups.part(used)
     if np.unique(setups.group).size == 1 and np.ptp(phasors.frequency) > _EQUAL * phasors.frequency.max():
-        notes.append("the tests have slightly different frequencies, and there is no second frequency to correct for that")
+        notes.append(
+            "the tests have slightly different frequencies, and there is no second frequency to correct for that"
+        )
     mounting = np.array([test.mounting for test in tests], dtype=object)[used]
-    unsure = channel_uncertainty(campaign, [points.corrections[row] for row in rows[used]], float(phasors.frequency.max()))
+    unsure = channel_uncertainty(
+        campaign, [points.corrections[row] for row in rows[used]], float(phasors.frequency.max())
+    )
     labels = [np.unique(label.astype(str), return_inverse=True)[1] for label in (mounting, setups.mass)]
     errors = tuple(error for error in unsure.errors(phasors.omega, labels) if error.source.kind in _MOUNTED)
     rig = campaign.stated.all_rigs[first.rig].rig() if first.rig in campaign.stated.all_rigs else Rig(blocked=True)
@@ -205,7 +214,9 @@ def two_port_table(found: list[TwoPort]) -> pl.DataFrame:
             for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE):
                 row[quantity.head] = two_port.test.value(quantity.key)
             row |= {q.FREQUENCY.head: frequency, "k12 = k21": two_port.form is not None}
-            for pole, value, std in zip(POLES, poles.stiffness[at].ravel().tolist(), poles.std[at].tolist(), strict=True):
+            for pole, value, std in zip(
+                POLES, poles.stiffness[at].ravel().tolist(), poles.std[at].tolist(), strict=True
+            ):
                 row |= _complex_cells(pole, value, std, "N/m")
             row |= _complex_cells("det", complex(measured.determinant[at]), measured.determinant_std[at].tolist(), "1")
             row["form"] = form.specimen.form.value if form is not None else ""
