@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fourpole import quantities as q
 from fourpole.app.console import out, print_json, print_table, progress, say, warn
 from fourpole.campaign import read_campaign
 from fourpole.core.confidence import COVERAGE_FACTOR
@@ -67,7 +66,7 @@ def _show(two_port: TwoPort) -> None:
     out(two_port.name)
     poles = two_port.poles
     values, reach = poles.stiffness.reshape(-1, 4) / 1e3, COVERAGE_FACTOR * poles.std.max(axis=2) / 1e3
-    heads = [q.FREQUENCY.label, *(head for pole in _SHOWN for head in (f"Re {pole}", f"Im {pole}", "±"))]
+    heads = ["f [Hz]", *(head for pole in _SHOWN for head in (f"Re {pole}", f"Im {pole}", "±"))]
     rows = []
     for row, frequency in enumerate(poles.frequency.tolist()):
         cells = [number(frequency)]

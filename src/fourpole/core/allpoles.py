@@ -13,7 +13,8 @@ Two blocks give the ratios of the channels, :math:`\rho` and :math:`\tau`, and t
 the specimen; :math:`m_i` is the stated input mass. With the specimen's chain from its contact to its wheel,
 
 .. math:: \begin{bmatrix} F_1 \\ x_1 \end{bmatrix} =
-          \begin{bmatrix} a_{11} & a_{12} \\ a_{21} & a_{22} \end{bmatrix} \begin{bmatrix} F_2 \\ x_2 \end{bmatrix},\qquad
+          \begin{bmatrix} a_{11} & a_{12} \\ a_{21} & a_{22} \end{bmatrix}
+          \begin{bmatrix} F_2 \\ x_2 \end{bmatrix},\qquad
           \begin{bmatrix} k_{11} & k_{12} \\ k_{21} & k_{22} \end{bmatrix} = \frac{1}{a_{21}}
           \begin{bmatrix} a_{11} & a_{12} a_{21} - a_{11} a_{22} \\ -1 & a_{22} \end{bmatrix},
 
@@ -24,14 +25,16 @@ an added mass A on the rig makes :math:`F_2 = (R - \omega^2 A)\,x_2 = L\,x_2`, a
           \frac{V_2}{V_1} = \frac{T}{\tau},
 
 so two added masses give all four. The seven unknowns of each frequency are found together by weighted least squares of
-all ratios; further blocks, loads and repeats are weighed by their noise.
+all ratios; further blocks, loads and repeats are weighed by their uncertainty.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy import linalg
 
 from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
@@ -101,7 +104,7 @@ class AllPoles(ByValue):
         Covariance of Re and Im of k11, k12, k21, k22 by the noise of the phasors, which no two frequencies share.
     shared : (F, 8, p) float array [N/m]
         Their change per standard uncertainty of each of p errors that all frequencies share: the weighed masses, the
-        input mass, the specimen's mass at the wheel, and the mountings of the sensors.
+        input mass, the mountings of the sensors, the specimen's change between loads, the mass at its wheel.
     rig : (F,) complex array [N/m]
         Dynamic stiffness of the rig beyond the specimen without an added mass.
     ratios : (F, 2) complex array [1]
@@ -135,6 +138,11 @@ class AllPoles(ByValue):
     def std(self) -> FloatArray:
         """Standard uncertainties (F, 4, 2) of Re and Im of k11, k12, k21 and k22 [N/m]."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).reshape(-1, 4, 2)
+
+    @property
+    def agreement(self) -> float:
+        """Chance that no frequency has a misfit as large as the largest, if tests differ by their uncertainty alone."""
+        return float(min(1.0, self.misfit.size * np.min(stats.chi2.sf(self.misfit, self.dof))))
 
     @property
     def determinant(self) -> ComplexArray:
@@ -207,6 +215,7 @@ def all_poles(
     *,
     input_mass: tuple[float, float] = (0.0, 0.0),
     wheel_mass: tuple[float, float] = (0.0, 0.0),
+    change: complex = 0j,
     errors: tuple[ChannelError, ...] = (),
 ) -> AllPoles:
     r"""The four poles of a specimen from rigid blocks and two or more added masses.
@@ -223,6 +232,9 @@ def all_poles(
     wheel_mass : (float, float) [kg]
         Mass that is mounted together with the specimen at its wheel side, as `Rig.tyre_mass`, and its standard
         uncertainty. It is taken off k22: :math:`k_{22} + \omega^2 m`.
+    change : complex [1] + j [rad]
+        Standard uncertainty of modulus and angle of the specimen's stiffness with each further added mass, against the
+        tests with the smallest one.
     errors : tuple of ChannelError
         Errors of the channels that are not the same in all tests, as of a sensor that is mounted anew.
 
@@ -269,19 +281,16 @@ def all_poles(
     for rows in groups:
         if lack := setups.part(rows).lacking():
             raise RigError(f"{np.mean(phasors.frequency[rows]):.4g} Hz has {lack}")
-    names = np.unique(setups.mass[setups.mass > 0])
-    tests = [_Tests(phasors.part(rows), setups.part(rows), rows, input_mass[0], names, errors) for rows in groups]
+    shared = _Shared(setups, input_mass[1], change, errors)
+    tests = [_Tests(phasors.part(rows), setups.part(rows), rows, input_mass[0], shared) for rows in groups]
     mean = np.array([test.mean for test in tests])
     unknowns = np.array([test.first() for test in tests])
-    for _ in range(_PASSES if any(np.ptp(test.omega) > 0 for test in tests) and len(tests) > 1 else 1):
-        slopes = (
-            np.gradient(unknowns, mean, axis=0, edge_order=min(2, len(tests) - 1)) if len(tests) > 1 else 0 * unknowns
-        )
-        fits = [test.fitted(*row) for test, row in zip(tests, zip(unknowns, slopes, strict=True), strict=True)]
-        unknowns = np.array([fit[0] for fit in fits])
-    stds = np.array([*(float(np.max(setups.mass_std[setups.mass == name])) for name in names), input_mass[1]])
-    stds = np.array([*stds, *(error.std for error in errors)])
-    shared = np.array([fit[2] * stds for fit in fits])
+    slopes, apart = np.zeros_like(unknowns), len(tests) > 1 and any(np.ptp(test.omega) > 0 for test in tests)
+    for _ in range(_PASSES if apart else 1):
+        if apart:
+            slopes = np.asarray(np.gradient(unknowns, mean, axis=0, edge_order=2 if len(tests) > 2 else 1))
+        fits = [test.fitted(*start) for test, *start in zip(tests, unknowns, slopes, strict=True)]
+        unknowns = np.array([fit.unknowns for fit in fits])
     a11, a12, a21, a22 = unknowns[:, 3:].T
     square, zero = mean**2, 0 * a11
     poles = np.stack([a11 / a21, a12 - a11 * a22 / a21, -1 / a21, a22 / a21 + square * wheel_mass[0]], axis=1)
@@ -293,13 +302,33 @@ def all_poles(
     return AllPoles(
         frequency=mean / (2 * np.pi),
         stiffness=poles.reshape(-1, 2, 2),
-        noise=turn @ np.array([fit[1] for fit in fits])[:, 6:, 6:] @ np.swapaxes(turn, 1, 2),
-        shared=np.concatenate([turn @ shared[:, 6:], at_wheel], axis=2),
+        noise=turn @ np.array([fit.noise for fit in fits])[:, 6:, 6:] @ np.swapaxes(turn, 1, 2),
+        shared=np.concatenate([turn @ np.array([fit.shared for fit in fits])[:, 6:], at_wheel], axis=2),
         rig=unknowns[:, 2],
         ratios=unknowns[:, :2],
-        misfit=np.array([fit[3] for fit in fits]),
+        misfit=np.array([fit.misfit for fit in fits]),
         dof=np.array([4 * rows.size - 14 for rows in groups]),
     )
+
+
+class _Shared:
+    """The errors that all tests share: the masses by their value, and the loads with which a specimen may change."""
+
+    def __init__(self, setups: Setups, input_std: float, change: complex, errors: tuple[ChannelError, ...]) -> None:
+        self.masses, self.errors = np.unique(setups.mass[setups.mass > 0]), errors
+        self.loads = np.unique(setups.mass[~setups.rigid])[1:]
+        of_masses = [float(np.max(setups.mass_std[setups.mass == mass])) for mass in self.masses]
+        of_errors = [error.std for error in errors]
+        self.stds = np.array([*of_masses, input_std, *of_errors, *[change.real, change.imag] * self.loads.size])
+
+
+class _Fit(NamedTuple):
+    """The unknowns of a frequency, their covariance by noise, their change by each shared error, and chi-square."""
+
+    unknowns: ComplexArray
+    noise: FloatArray
+    shared: FloatArray
+    misfit: float
 
 
 class _Tests:
@@ -308,19 +337,10 @@ class _Tests:
     The seven unknowns are rho, tau, R, a11, a12, a21, a22: smooth over frequency also where rig or specimen resonate.
     """
 
-    def __init__(
-        self,
-        phasors: Phasors,
-        setups: Setups,
-        rows: np.ndarray,
-        input_mass: float,
-        names: FloatArray,
-        errors: tuple[ChannelError, ...],
-    ) -> None:
+    def __init__(self, phasors: Phasors, setups: Setups, rows: np.ndarray, input_mass: float, shared: _Shared) -> None:
         self.omega, self.omega_std = phasors.omega, 2 * np.pi * phasors.frequency_std
         self.mean = float(np.mean(self.omega))
-        self.setups, self.input_mass = setups, input_mass
-        self.of_mass = (setups.mass[:, None] == names).astype(float)
+        self.setups, self.input_mass, self.shared = setups, input_mass, shared
         f, v1, v2 = phasors.amplitudes.T
         rigid = setups.rigid
         below = np.where(rigid, v2, v1)
@@ -334,8 +354,8 @@ class _Tests:
         self.covariance = turn @ phasors.covariance @ np.swapaxes(turn, 1, 2)
         least = _ROUND_OFF * np.repeat(np.abs(self.ratios), 2, axis=1)
         self.covariance += least[:, None] ** 2 * np.eye(4)
-        by_error = [by_log[:, :, error.channel] * error.turn[rows, None] for error in errors]
-        self.by_error = parts(np.array(by_error).reshape(-1, 2 * f.size)).reshape(-1, 4 * f.size).T
+        by_error = [by_log[:, :, error.channel] * error.turn[rows, None] for error in shared.errors]
+        self.by_error = np.array(by_error).reshape(-1, 2 * f.size).T
 
     def first(self) -> ComplexArray:
         """First values of the unknowns (7,), by linear least squares at the mean frequency."""
@@ -351,8 +371,10 @@ class _Tests:
         k21, k22 = np.linalg.lstsq(lines, -(r - w**2 * mass[~rigid]) * t, rcond=None)[0]
         return np.array([rho, tau, r, -k11 / k21, k12 - k11 * k22 / k21, -1 / k21, -k22 / k21])
 
-    def model(self, unknowns: ComplexArray, slopes: ComplexArray, omega: FloatArray) -> tuple[ComplexArray, ...]:
-        """Both ratios (N, 2) at each test's frequency; derivatives by the unknowns, test mass and input mass."""
+    def model(
+        self, unknowns: ComplexArray, slopes: ComplexArray, omega: FloatArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Both ratios (N, 2) at each test's frequency, and their derivatives (N, 2, 7) by the unknowns."""
         rho, tau, r, a11, a12, a21, a22 = unknowns[:, None] + slopes[:, None] * (omega - self.mean)
         jw, square, rigid = 1j * omega, omega**2, self.setups.rigid
         load = r - square * self.setups.mass
@@ -368,36 +390,44 @@ class _Tests:
         by_ratio[:, 1] -= t / tau**2
         by_block = np.stack([block / jw, zero, rho / jw, zero, zero, zero, zero], axis=1)
         by_tau = np.tile(np.arange(7) == 1, (rigid.size, 1))
-        values = np.where(rigid[:, None], np.stack([rho * block / jw, tau], axis=1),
-                          np.stack([gain * force, t / tau], axis=1))  # fmt: skip
-        by = np.where(
-            rigid[:, None, None], np.stack([by_block, by_tau], axis=1), np.stack([by_force, by_ratio], axis=1)
-        )
-        by_mass = -square[:, None] * by[:, :, 2]
-        by_input = np.stack([np.where(rigid, -square * rho / jw, -square * gain), zero], axis=1)
-        return values, by, by_mass, by_input
+        of_block, of_specimen = np.stack([by_block, by_tau], axis=1), np.stack([by_force, by_ratio], axis=1)
+        values = np.where(rigid, [rho * block / jw, tau], [gain * force, t / tau]).T
+        return values, np.where(rigid[:, None, None], of_block, of_specimen)
 
-    def fitted(
-        self, unknowns: ComplexArray, slopes: ComplexArray
-    ) -> tuple[ComplexArray, FloatArray, FloatArray, float]:
-        """The unknowns, their covariance by noise, their change by each shared error, and chi-square."""
+    def by_shared(self, unknowns: ComplexArray, by: ComplexArray) -> FloatArray:
+        """Change (4N, p) of the ratios, recorded less expected, per standard uncertainty of each shared error."""
+        square, mass, rho, tau = self.omega[:, None] ** 2, self.setups.mass[:, None], unknowns[0], unknowns[1]
+        of_input = 1j * self.omega * rho * np.where(self.setups.rigid, 1.0, 1 / tau)
+        by_input = np.stack([of_input, 0 * of_input], axis=1).reshape(-1, 1)
+        # A stiffer specimen has a smaller a21 and a larger a12.
+        stiffer = unknowns[4] * by[:, :, 4] - unknowns[5] * by[:, :, 5]
+        own = np.repeat((mass == self.shared.loads) & ~self.setups.rigid[:, None], 2, axis=0)
+        by_change = (stiffer.reshape(-1, 1) * own)[:, :, None] * np.array([1, 1j])
+        by_mass = (square * by[:, :, 2]).reshape(-1, 1) * np.repeat(mass == self.shared.masses, 2, axis=0)
+        columns = [by_mass, -by_input, self.by_error, by_change.reshape(by_mass.shape[0], -1)]
+        return (
+            np.swapaxes(parts(np.concatenate(columns, axis=1)), 1, 2).reshape(-1, self.shared.stds.size)
+            * self.shared.stds
+        )
+
+    def fitted(self, unknowns: ComplexArray, slopes: ComplexArray) -> _Fit:
+        """The unknowns by Gauss-Newton, from first values."""
         ahead, behind = (self.model(unknowns, slopes, self.omega + sign * self.omega_std)[0] for sign in (1, -1))
         jitter = parts(ahead - behind).reshape(-1, 4) / 2
-        whiten = np.linalg.inv(np.linalg.cholesky(self.covariance + jitter[:, :, None] * jitter[:, None, :]))
+        noise = linalg.block_diag(*(self.covariance + jitter[:, :, None] * jitter[:, None, :]))
+        shared = self.by_shared(unknowns, self.model(unknowns, slopes, self.omega)[1])
+        scale = np.sqrt(np.diagonal(noise))
+        root = np.linalg.cholesky((noise + shared @ shared.T) / np.outer(scale, scale))
         size = np.abs(unknowns)
         for _ in range(_ROUNDS):
-            values, by, by_mass, by_input = self.model(unknowns, slopes, self.omega)
-            left = np.einsum("nij,nj->ni", whiten, parts(self.ratios - values).reshape(-1, 4)).ravel()
-            design = (whiten @ real_matrix(by * size)).reshape(left.size, 14)
+            values, by = self.model(unknowns, slopes, self.omega)
+            left = np.linalg.solve(root, parts(self.ratios - values).ravel() / scale)
+            design = np.linalg.solve(root, real_matrix(by * size).reshape(left.size, 14) / scale[:, None])
             inverse = np.linalg.pinv(design)
             step = inverse @ left
             unknowns = unknowns + size * (step[::2] + 1j * step[1::2])
             if np.max(np.abs(step)) < _SETTLED:
                 break
-        scale = np.repeat(size, 2)
-        inverse = scale[:, None] * inverse
-        own = parts(by_mass).reshape(-1, 1) * np.repeat(self.of_mass, 4, axis=0)
-        of_errors = np.concatenate([-own, -parts(by_input).reshape(-1, 1), self.by_error], axis=1)
-        whitened = np.einsum("nij,njp->nip", whiten, of_errors.reshape(len(whiten), 4, -1))
-        moved = inverse @ whitened.reshape(left.size, -1)
-        return unknowns, inverse @ inverse.T, moved, float(left @ left - step @ design.T @ left)
+        left = left - design @ step
+        gain = np.repeat(size, 2)[:, None] * inverse @ np.linalg.inv(root) / scale
+        return _Fit(unknowns, gain @ noise @ gain.T, gain @ shared, float(left @ left))

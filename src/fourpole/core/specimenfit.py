@@ -122,8 +122,8 @@ class _Search:
         spring = ends.spring[:, None] * ends.by[:, :, 0]
         by = np.stack([spring - square[:, None] * ends.by[:, :, 1], -spring, -spring,
                        spring - square[:, None] * ends.by[:, :, 2]], axis=1)  # fmt: skip
-        common = np.stack([by[:, :, 1], by[:, :, 2], 1j * by[:, :, 2], by[:, :, 3]], axis=2)
-        common = np.moveaxis(parts(common), 3, 2).reshape(-1, 8, 4)[:, :, : self.count]
+        by_common = np.stack([by[:, :, 1], by[:, :, 2], 1j * by[:, :, 2], by[:, :, 3]], axis=2)
+        common = np.moveaxis(parts(by_common), 3, 2).reshape(-1, 8, 4)[:, :, : self.count]
         of_errors = np.concatenate([common, self.measured.shared], axis=2)
         priors = np.zeros((len(self.left(values, log_k)[1]), of_errors.shape[2]))
         own = len(priors) - self.errors

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -107,7 +108,7 @@ def _points(ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str
 
 
 def _form(two_port: TwoPort, at: int, modulus: Axes, phase: Axes, style: Style) -> FloatArray | None:
-    """A pole of the form that describes the poles best, and K* of its springs; phase [rad] at the measured frequencies."""
+    """A pole of the form that describes all best, and K* of its springs; its phase [rad] at the measured frequencies."""
     fit, frequency = two_port.form, two_port.poles.frequency
     if fit is None:
         return None
@@ -122,7 +123,7 @@ def _form(two_port: TwoPort, at: int, modulus: Axes, phase: Axes, style: Style) 
     modulus.plot(fine, np.abs(pole) / 1e3, color=style.look.ink, lw=1.0, label=label, zorder=2)
     phase.plot(fine, np.degrees(angle), color=style.look.ink, lw=1.0, zorder=2)
     if not massless:
-        springs = {"color": style.look.muted, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 1}
+        springs: dict[str, Any] = {"color": style.look.muted, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 1}
         modulus.plot(fine, np.abs(stiffness) / 1e3, label="K* of its springs", **springs)
         phase.plot(fine, np.degrees(np.angle(stiffness)), **springs)
     return np.asarray(np.interp(frequency, fine, angle))
@@ -133,10 +134,9 @@ def _determinant(ax: Axes, two_port: TwoPort, style: Style) -> None:
     measured = two_port.measured
     off, std = measured.determinant - 1, measured.determinant_std
     reach = max(float(np.ptp(measured.frequency)), 1.0)
-    for part, values, shift in (("Re", off.real, -0.003), ("Im", off.imag, 0.003)):
-        at = 0 if part == "Re" else 1
-        ax.errorbar(measured.frequency + shift * reach, 100 * values, 100 * NORMAL_95 * std[:, at], fmt="o" if at == 0 else "s",
-                    ms=3.4, color=style.colour(2 * at + 2), capsize=1.5, lw=0.9, label=f"{part}, 95 %")  # fmt: skip
+    for at, (part, values, mark) in enumerate((("Re", off.real, "o"), ("Im", off.imag, "s"))):
+        beside = measured.frequency + (0.006 * at - 0.003) * reach
+        _points(ax, beside, 100 * values, 100 * std[:, at], style.colour(2 * at + 2), mark, f"{part}, 95 %")
     ax.axhline(0.0, color=style.look.ink, lw=0.8)
     said = "reciprocal within the uncertainty" if two_port.reciprocal else "not reciprocal"
     ax.set_title(f"determinant of the four-pole, k12/k21 as measured, less 1: {said}", loc="left", fontsize="medium")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -123,13 +123,17 @@ def measure_two_ports(
     points = reduce_tests(jobs_of(stated, tests, "joint"), cache=kept, workers=workers, progress=progress)
     condition, sound = condition_numbers(stated, points.tests), points.sound
     sound &= np.isfinite(points.phasors.amplitudes).all(axis=1)
-    found, lacks = [], []
+    found: list[TwoPort] = []
+    lacks: list[str] = []
     rigs = np.array([test.rig for test in points.tests])
     for rig in dict.fromkeys(rigs.tolist()):
         for number in dict.fromkeys(condition[(rigs == rig) & (condition >= 0)].tolist()):
             rows = np.flatnonzero((rigs == rig) & ((condition == number) | (condition < 0)))
             made = _two_port(stated, points, rows, rows[sound[rows]])
-            (found if isinstance(made, TwoPort) else lacks).append(made)
+            if isinstance(made, TwoPort):
+                found.append(made)
+            else:
+                lacks.append(made)
     if not found:
         nothing = "no test of a specimen: add tests of kind = dynamic with two added masses"
         raise CampaignError(f"four poles cannot be found. {'. '.join(lacks) or nothing}")
@@ -142,7 +146,7 @@ def _is_blocked(campaign: Campaign, test: Test) -> bool:
 
 
 def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.ndarray) -> TwoPort | str:
-    """The four poles by some rows of one condition and of the blocks, or what is lacking; `every` has rejected rows too."""
+    """The four poles by rows of one condition and of the blocks, or what is lacking; `every` has the rejected ones too."""
     first = next(points.tests[row] for row in every if points.tests[row].kind != "calibration")
     name = condition_words(first, further=[axis.name for axis in campaign.stated.conditions.axes])
     tests, notes = [points.tests[row] for row in rows], [*_rejected(points, set(every) - set(rows))]
@@ -176,8 +180,21 @@ def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.nd
     masses = {key: (getattr(rig, key), rig.std.get(key, 0.0)) for key in ("input_mass", "tyre_mass")}
     notes += [_UNSTATED[key] if not value else _STATED[key].format(value) for key, (value, _) in masses.items()]
     measured = all_poles(
-        phasors, setups, input_mass=masses["input_mass"], wheel_mass=masses["tyre_mass"], errors=errors
+        phasors,
+        setups,
+        input_mass=masses["input_mass"],
+        wheel_mass=masses["tyre_mass"],
+        change=campaign.stated.specimen_uncertainty.block,
+        errors=errors,
     )
+    if measured.agreement < UNLIKELY:
+        worst, scale = int(np.argmax(measured.misfit / measured.dof)), measured.misfit.sum() / measured.dof.sum()
+        measured = replace(measured, noise=measured.noise * scale)
+        notes.append(
+            f"the tests do not agree within their uncertainty, at {measured.frequency[worst]:.4g} Hz the least, and the "
+            f"variance of their noise is enlarged {scale:.3g} times: see whether V1/V2 of both blocks is the same "
+            "(a block that is not rigid, a sensor that moved) and whether repeats agree"
+        )
     equal, chance = reciprocal(measured)
     share = TYRE if first.tyre in campaign.stated.tyres else BLOCK
     form = fit_specimen(measured, share) if chance >= UNLIKELY else None
