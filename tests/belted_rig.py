@@ -92,10 +92,10 @@ class BeltedRig:
         """A campaign folder with recordings of 2 s at 1.5 kHz; `noise` is that of a sample over the amplitude."""
         rng, time = np.random.default_rng(seed), np.arange(3000) / 1500.0
         (folder / "recordings").mkdir(parents=True)
-        channels = [f'{role} = {{ column = "{name}", unit = "{unit}" }}' for role, name, unit in (
-            ("time", "t", "s"), ("force_in", "F1", "N"), ("motion_in", "V1", "m/s"), ("motion_out", "V2", "m/s"))]  # fmt: skip
-        lines = [*(["[rig]", 'moving_mass = "22 kg"', 'preload_stiffness = "12 kN/m"', statement]),
-                 "[channels]", *channels, "[tyres.car]"]  # fmt: skip
+        units = {"time": ("t", "s"), "force_in": ("F1", "N"), "motion_in": ("V1", "m/s"), "motion_out": ("V2", "m/s")}
+        channels = [f'{role} = {{ column = "{name}", unit = "{unit}" }}' for role, (name, unit) in units.items()]
+        rig = ["[rig]", 'moving_mass = "22 kg"', 'preload_stiffness = "12 kN/m"', statement]
+        lines = [*rig, "[channels]", *channels, "[tyres.car]"]
         (folder / "campaign.toml").write_text("\n".join(lines) + "\n")
         rows = [
             "test,file,kind,tyre,pressure [bar],preload [N],frequency [Hz],added_mass [kg],u(added_mass) [kg],mounting"

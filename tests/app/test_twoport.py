@@ -20,7 +20,15 @@ def test_the_poles_are_printed_with_reciprocity_and_belt_and_written(run, belted
     ran = run("twoport", belted)
     assert ran.exit_code == 0, ran.stderr
     said = " ".join(ran.stdout.split())
-    for text in ("car, 2.2 bar, 4000 N", "Re k11", "Re k12", "Re k22", "Reciprocity holds", "A belt of 7.00", "rim held"):
+    for text in (
+        "car, 2.2 bar, 4000 N",
+        "Re k11",
+        "Re k12",
+        "Re k22",
+        "Reciprocity holds",
+        "A belt of 7.00",
+        "rim held",
+    ):
         assert text in said
     assert "no tyre_mass is stated" in " ".join(ran.stderr.split())
     assert sorted(path.name for path in (belted / "twoport").iterdir()) == sorted(FILES)

@@ -49,7 +49,7 @@ def test_a_car_tyre_to_100_hz_comes_back_within_1_percent_at_laboratory_noise():
 
 
 def test_the_uncertainty_is_that_of_the_errors_and_the_misfit_has_its_degrees_of_freedom():
-    """2 x 19 x 8 deviations of 20 laboratories: their mean square is 1 within some percent, as their chance wants it."""
+    """The mean square of 19 x 8 deviations over their u, in 20 laboratories, is 1."""
     rig, plain, equal, misfit, chances = BeltedRig(), [], [], [], []
     for seed in range(20):
         poles = all_poles(*rig.recorded(FREQUENCIES, noise=2e-4, seed=seed))

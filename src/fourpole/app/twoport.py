@@ -11,13 +11,14 @@ from fourpole.app.console import out, print_json, print_table, progress, say, wa
 from fourpole.campaign import read_campaign
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.specimen import Form
+from fourpole.core.specimenfit import UNLIKELY
 from fourpole.errors import FileError
 from fourpole.export.twoports import write_two_ports
 from fourpole.io.folders import make_folder
 from fourpole.io.staging import staged
 from fourpole.io.write import write_bytes, write_table
 from fourpole.report.digits import PLUS_MINUS, number, with_u
-from fourpole.study.twoports import UNLIKELY, TwoPort, measure_two_ports, two_port_table
+from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 
 #: Poles of the printed table, with their places.
 _SHOWN = {"k11": 0, "k12": 1, "k22": 3}
@@ -89,10 +90,11 @@ def _reciprocity(two_port: TwoPort) -> str:
     worst = int(np.argmax(off / np.hypot(*measured.determinant_std.T)))
     value, std = 100 * float(off[worst]), 100 * float(np.hypot(*measured.determinant_std[worst]))
     return (
-        f"Reciprocity is broken: k12/k21 differs from 1 by {with_u(value, std)} % at {measured.frequency[worst]:.4g} Hz "
-        f"({_p(two_port.chance)}). The poles are as measured. A passive specimen is reciprocal: check that the "
-        "sensors and their mountings were the same with blocks and specimen, that blocks and added masses were rigid and "
-        "firmly fixed, that their weights are right, and that the specimen is linear at the amplitudes of the tests"
+        f"Reciprocity is broken: k12/k21 differs from 1 by {with_u(value, std)} % at "
+        f"{measured.frequency[worst]:.4g} Hz ({_p(two_port.chance)}). The poles are as measured. A passive specimen is "
+        "reciprocal: check that the sensors and their mountings were the same with blocks and specimen, that blocks and "
+        "added masses were rigid and firmly fixed, that their weights are right, and that the specimen is linear at the "
+        "amplitudes of the tests"
     )
 
 

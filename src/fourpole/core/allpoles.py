@@ -256,7 +256,7 @@ def all_poles(
 
     References
     ----------
-    ISO 10846-2 (k11, k12, k21, k22 of resilient elements). JCGM 102:2011, 6.2.
+    ISO 10846-1 (k1,1, k1,2, k2,1, k2,2 of resilient elements). JCGM 102:2011, 6.2.
 
     Examples
     --------

@@ -19,6 +19,8 @@ from fourpole.core.joint.belts import TYRE
 from fourpole.core.sources import Kind
 from fourpole.core.specimen import Form, Specimen
 
+#: Chance below which a difference counts as real: of k12 and k21, of the poles and a form, of a form and a simpler one.
+UNLIKELY = 1e-3
 #: Most rounds of the search, most halvings of a step, and the change of chi-square at which it has ended.
 _ROUNDS, _HALVINGS, _SETTLED = 60, 12, 1e-9
 #: Longest step of the logarithm of K*.
@@ -59,7 +61,9 @@ class SpecimenFit(ByValue):
 
 
 def fit_specimen(measured: AllPoles, share: float = TYRE) -> SpecimenFit:
-    """The form of specimen that describes four poles best by BIC: a massless spring, a belt or a rod.
+    """The form of specimen that describes four poles best: a massless spring, a belt or a rod.
+
+    A form with more parameters must be better by more than chance alone makes it in one of a thousand cases.
 
     Parameters
     ----------
@@ -81,8 +85,8 @@ def fit_specimen(measured: AllPoles, share: float = TYRE) -> SpecimenFit:
     ('belt', 7.0, 0.25)
     """
     fits = [_Search(measured, form, share).fit() for form in Form]
-    size = np.log(8 * measured.frequency.size)
-    return min(fits, key=lambda fit: fit.chi2 + _COUNT[fit.specimen.form] * size)
+    cost = {form: float(stats.chi2.isf(UNLIKELY, count)) if count else 0.0 for form, count in _COUNT.items()}
+    return min((fit for fit in fits if fit.specimen.mass >= 0), key=lambda fit: fit.chi2 + cost[fit.specimen.form])
 
 
 class _Search:

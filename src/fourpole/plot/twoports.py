@@ -108,7 +108,7 @@ def _points(ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str
 
 
 def _form(two_port: TwoPort, at: int, modulus: Axes, phase: Axes, style: Style) -> FloatArray | None:
-    """A pole of the form that describes all best, and K* of its springs; its phase [rad] at the measured frequencies."""
+    """A pole of the form that describes all best, with K* of its springs; its phase [rad] where it was measured."""
     fit, frequency = two_port.form, two_port.poles.frequency
     if fit is None:
         return None

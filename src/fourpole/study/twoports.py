@@ -21,7 +21,7 @@ from fourpole.core.joint.conditions import group_conditions
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind
-from fourpole.core.specimenfit import SpecimenFit, fit_specimen
+from fourpole.core.specimenfit import UNLIKELY, SpecimenFit, fit_specimen
 from fourpole.errors import CampaignError
 from fourpole.io.folders import is_for_keeping, make_folder
 from fourpole.study.cache import Cache
@@ -31,8 +31,6 @@ from fourpole.study.reduce import jobs_of
 from fourpole.study.workers import reduce_tests
 from fourpole.words import remark_of
 
-#: Chance below which a deviation counts as real: of k12 from k21, of the poles from a form of specimen.
-UNLIKELY = 1e-3
 #: Errors of the channels that another mounting or another added mass changes.
 _MOUNTED = (Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE, Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE)
 #: Relative differences of frequency in a group beyond this need a second frequency, for the slopes.
@@ -146,7 +144,7 @@ def _is_blocked(campaign: Campaign, test: Test) -> bool:
 
 
 def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.ndarray) -> TwoPort | str:
-    """The four poles by rows of one condition and of the blocks, or what is lacking; `every` has the rejected ones too."""
+    """The four poles by rows of one condition and of the blocks, or what is lacking; `every` has rejected rows too."""
     first = next(points.tests[row] for row in every if points.tests[row].kind != "calibration")
     name = condition_words(first, further=[axis.name for axis in campaign.stated.conditions.axes])
     tests, notes = [points.tests[row] for row in rows], [*_rejected(points, set(every) - set(rows))]
@@ -191,9 +189,9 @@ def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.nd
         worst, scale = int(np.argmax(measured.misfit / measured.dof)), measured.misfit.sum() / measured.dof.sum()
         measured = replace(measured, noise=measured.noise * scale)
         notes.append(
-            f"the tests do not agree within their uncertainty, at {measured.frequency[worst]:.4g} Hz the least, and the "
-            f"variance of their noise is enlarged {scale:.3g} times: see whether V1/V2 of both blocks is the same "
-            "(a block that is not rigid, a sensor that moved) and whether repeats agree"
+            f"the tests do not agree within their uncertainty, at {measured.frequency[worst]:.4g} Hz the least: the "
+            f"variance of their noise is enlarged {scale:.3g} times. See whether V1/V2 is the same with all blocks (if "
+            "not, a block is not rigid or a sensor moved), and whether repeats agree"
         )
     equal, chance = reciprocal(measured)
     share = TYRE if first.tyre in campaign.stated.tyres else BLOCK
@@ -212,10 +210,12 @@ _STATED = {
 
 
 def _rejected(points: Points, rows: set[int]) -> Iterator[str]:
-    """A note on each row that cannot be used."""
+    """A note on each row that cannot be used: why it is rejected, or else all that is known of a missing channel."""
     for row in sorted(rows):
-        reasons = [remark_of(check) for check in points.checks[row] if check.verdict is Verdict.REJECTED]
-        yield f"test {points.tests[row].name} is left out: {'; '.join(reasons) or 'it lacks F1, V1 or V2'}"
+        checks = points.checks[row]
+        reasons = [remark_of(check) for check in checks if check.verdict is Verdict.REJECTED]
+        reasons = reasons or ["F1, V1 or V2 is missing", *filter(None, map(remark_of, checks))]
+        yield f"test {points.tests[row].name} is left out: {'; '.join(reasons)}"
 
 
 def two_port_table(found: list[TwoPort]) -> pl.DataFrame:
