@@ -91,10 +91,10 @@ def _reciprocity(two_port: TwoPort) -> str:
     value, std = 100 * float(off[worst]), 100 * float(np.hypot(*measured.determinant_std[worst]))
     return (
         f"Reciprocity is broken: k12/k21 differs from 1 by {with_u(value, std)} % at "
-        f"{measured.frequency[worst]:.4g} Hz ({_p(two_port.chance)}). The poles are as measured. A passive specimen is "
-        "reciprocal: check that the sensors and their mountings were the same with blocks and specimen, that blocks and "
-        "added masses were rigid and firmly fixed, that their weights are right, and that the specimen is linear at the "
-        "amplitudes of the tests"
+        f"{measured.frequency[worst]:.4g} Hz ({_p(two_port.chance)}). The poles are as measured. A passive specimen "
+        "is reciprocal: check that the sensors and their mountings were the same with blocks and specimen, that blocks "
+        "and added masses were rigid and firmly fixed, that their weights are right, and that the specimen is linear "
+        "at the amplitudes of the tests"
     )
 
 

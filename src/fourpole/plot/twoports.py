@@ -70,7 +70,7 @@ def _draw(figure: SubFigure, two_port: TwoPort, style: Style, left_out: str) -> 
         phases[-1].set_xlabel(q.FREQUENCY.label)
         moduli[-1].tick_params(labelbottom=False, labelleft=column == 0)
         phases[-1].tick_params(labelleft=column == 0)
-    moduli[0].set_ylabel("modulus [kN/m]")
+    moduli[0].set_ylabel("|k| [kN/m]")
     phases[0].set_ylabel("phase [deg]")
     _determinant(figure.add_subplot(lower[0, 0]), two_port, style)
     handles, labels = moduli[1].get_legend_handles_labels()
