@@ -9,9 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import optimize
 
 from fourpole.core import stats
-from fourpole.core.allpoles import AllPoles, real_matrix
+from fourpole.core.allpoles import AllPoles
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import parts
 from fourpole.core.components import component
@@ -21,12 +22,12 @@ from fourpole.core.specimen import Form, Specimen
 
 #: Chance below which a difference counts as real: of k12 and k21, of the poles and a form, of a form and a simpler one.
 UNLIKELY = 1e-3
-#: Most rounds of the search, most halvings of a step, and the change of chi-square at which it has ended.
-_ROUNDS, _HALVINGS, _SETTLED = 60, 12, 1e-9
-#: Longest step of the logarithm of K*.
-_LONGEST = 1.0
+#: A stiffness that no specimen has [N/m], and the most rounds of a search.
+_FAR, _ROUNDS = 1e15, 100
 #: Parameters of each form that all frequencies share: mass, log share, its angle, exponent.
 _COUNT = {Form.MASSLESS: 0, Form.BELT: 4, Form.ROD: 1}
+#: Centre of the exponent's prior, between springs of one law and a rim of constant stiffness, and stds of the priors.
+_EXPONENT = component(Kind.BELT_EXPONENT).std
 _STDS = np.array([component(kind).std for kind in (Kind.BELT_SHARE, Kind.BELT_ANGLE, Kind.BELT_EXPONENT)])
 
 
@@ -84,92 +85,57 @@ def fit_specimen(measured: AllPoles, share: float = TYRE) -> SpecimenFit:
     >>> fit.specimen.form.value, round(fit.specimen.mass, 2), round(abs(fit.specimen.share), 2)
     ('belt', 7.0, 0.25)
     """
-    fits = [_Search(measured, form, share).fit() for form in Form]
+    fits = [_fit(measured, form, share) for form in Form]
     cost = {form: float(stats.chi2.isf(UNLIKELY, count)) if count else 0.0 for form, count in _COUNT.items()}
     return min((fit for fit in fits if fit.specimen.mass >= 0), key=lambda fit: fit.chi2 + cost[fit.specimen.form])
 
 
-class _Search:
-    """Gauss-Newton search for one form, with K* of each frequency projected out of the equations of the common ones."""
+def _fit(measured: AllPoles, form: Form, share: float) -> SpecimenFit:
+    """The most probable specimen of a form."""
+    omega, count, errors = measured.omega, _COUNT[form], measured.shared.shape[2]
+    spring, mass, log_k = _first(measured)
+    log_k = log_k if count else np.log(spring)
+    reference = complex(np.exp(np.mean(log_k)))
+    first = np.array([mass, np.log(share), 0.0, _EXPONENT])
+    whiten = np.linalg.inv(np.linalg.cholesky(measured.noise))
 
-    def __init__(self, measured: AllPoles, form: Form, share: float) -> None:
-        self.measured, self.form, self.count = measured, form, _COUNT[form]
-        poles, square = measured.stiffness, measured.omega**2
-        spring = -0.5 * (poles[:, 0, 1] + poles[:, 1, 0])
-        contact, wheel = (spring - poles[:, 0, 0]) / square, (spring - poles[:, 1, 1]) / square
-        rest = 1 - square * contact * wheel / ((contact + wheel) * spring)
-        self.log_k = np.log(spring * rest if self.count else spring)
-        self.reference = complex(np.exp(np.mean(self.log_k)))
-        mass = float(np.average(((contact + wheel) * rest).real, weights=square**2))
-        self.first = np.array([max(mass, 1e-3), np.log(share), 0.0, component(Kind.BELT_EXPONENT).std])
-        self.centre = self.first[1:].copy()  # the exponent's prior is centred between both laws, one std above 0
-        self.whiten = np.linalg.inv(np.linalg.cholesky(measured.noise))
-        self.errors = measured.shared.shape[2]
-
-    def specimen(self, values: FloatArray) -> Specimen:
-        """The specimen of some common values."""
-        mass, log_share, angle, exponent = values[:4]
+    def parted(values: FloatArray) -> tuple[Specimen, FloatArray, ComplexArray]:
+        """The specimen, the shared errors and K* of some values."""
+        own, of_errors, log_k = np.split(values, [count, count + errors])
+        mass, log_share, angle, exponent = [*own, *([0.0] * (4 - count))]
         share = np.exp(np.clip(log_share, -12, 12) + 1j * angle)
-        return Specimen(self.form, float(mass), complex(share), float(exponent), self.reference)
+        stiffness = np.exp(np.clip(log_k[::2], 0, 50) + 1j * log_k[1::2])
+        return Specimen(form, float(mass), complex(share), float(exponent), reference), of_errors, stiffness
 
-    def left(self, values: FloatArray, log_k: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened differences (F, 8), and departures of the common values from their priors."""
-        poles = self.specimen(values).dynamic_stiffness(np.exp(log_k), self.measured.omega)
-        off = parts((self.measured.stiffness - poles).reshape(-1, 4)).reshape(-1, 8) - self.measured.shared @ values[4:]
-        stated = (self.centre - values[1:4]) / _STDS if self.form is Form.BELT else np.zeros(0)
-        return np.einsum("fij,fj->fi", self.whiten, off), np.append(stated, -values[4:])
+    def left(values: FloatArray) -> FloatArray:
+        """Whitened differences, and departures of the common values from their priors."""
+        specimen, of_errors, stiffness = parted(values)
+        with np.errstate(all="ignore"):  # a search that goes astray overflows
+            poles = np.nan_to_num(specimen.dynamic_stiffness(stiffness, omega), nan=_FAR, posinf=_FAR, neginf=-_FAR)
+        off = parts((measured.stiffness - poles).reshape(-1, 4)).reshape(-1, 8)
+        off = np.einsum("fij,fj->fi", whiten, off - measured.shared @ of_errors)
+        prior = (values[1:4] - first[1:]) / _STDS if form is Form.BELT else []
+        return np.concatenate([off.ravel(), prior, of_errors])
 
-    def slopes(self, values: FloatArray, log_k: ComplexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivatives of the whitened poles by log K* and by the common values, and of the departures from priors."""
-        square = self.measured.omega**2
-        ends = self.specimen(values).ends(np.exp(log_k), self.measured.omega)
-        spring = ends.spring[:, None] * ends.by[:, :, 0]
-        by = np.stack([spring - square[:, None] * ends.by[:, :, 1], -spring, -spring,
-                       spring - square[:, None] * ends.by[:, :, 2]], axis=1)  # fmt: skip
-        by_common = np.stack([by[:, :, 1], by[:, :, 2], 1j * by[:, :, 2], by[:, :, 3]], axis=2)
-        common = np.moveaxis(parts(by_common), 3, 2).reshape(-1, 8, 4)[:, :, : self.count]
-        of_errors = np.concatenate([common, self.measured.shared], axis=2)
-        priors = np.zeros((len(self.left(values, log_k)[1]), of_errors.shape[2]))
-        own = len(priors) - self.errors
-        priors[range(own), range(1, own + 1)] = 1 / _STDS[:own]
-        priors[range(own, len(priors)), range(self.count, of_errors.shape[2])] = 1.0
-        return self.whiten @ real_matrix(by[:, :, :1]), self.whiten @ of_errors, priors
+    start = np.concatenate([first[:count], np.zeros(errors), parts(log_k).ravel()])
+    found = optimize.least_squares(left, start, x_scale="jac", xtol=1e-10, ftol=1e-10, max_nfev=_ROUNDS)
+    specimen, _, stiffness = parted(found.x)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    return SpecimenFit(
+        specimen=specimen,
+        mass_std=float(np.sqrt(covariance[0, 0])) if count else 0.0,
+        stiffness=stiffness,
+        poles=specimen.dynamic_stiffness(stiffness, omega),
+        chi2=2 * float(found.cost),
+        dof=6 * omega.size - min(count, 1),
+    )
 
-    def fit(self) -> SpecimenFit:
-        """The most probable values."""
-        values, log_k = np.append(self.first if self.count else 0 * self.first, np.zeros(self.errors)), self.log_k
-        places = np.append(np.arange(self.count), 4 + np.arange(self.errors))
-        left, departure = self.left(values, log_k)
-        chi2 = float(np.sum(left**2) + departure @ departure)
-        for _ in range(_ROUNDS):
-            own, common, priors = self.slopes(values, log_k)
-            q, r = np.linalg.qr(own, mode="complete")
-            seen, by = np.swapaxes(q, 1, 2) @ left[:, :, None], np.swapaxes(q, 1, 2) @ common
-            lines = np.concatenate([by[:, 2:].reshape(6 * len(by), places.size), priors])
-            step = np.linalg.lstsq(lines, np.append(seen[:, 2:], departure), rcond=None)[0]
-            moved = np.linalg.solve(r[:, :2], seen[:, :2] - by[:, :2] @ step[:, None])[:, :, 0]
-            before, most = chi2, min(1.0, _LONGEST / float(np.max(np.abs(moved))))
-            for halving in range(_HALVINGS):
-                part = most * 0.5**halving
-                fresh, fresh_k = values.copy(), log_k + part * (moved[:, 0] + 1j * moved[:, 1])
-                fresh[places] += part * step
-                left, departure = self.left(fresh, fresh_k)
-                chi2 = float(np.sum(left**2) + departure @ departure)
-                if chi2 <= before:
-                    break
-            else:
-                chi2 = before
-                break
-            values, log_k = fresh, fresh_k
-            if before - chi2 <= _SETTLED * max(before, 1.0):
-                break
-        specimen = self.specimen(values)
-        covariance = np.linalg.pinv(lines.T @ lines)
-        return SpecimenFit(
-            specimen=specimen,
-            mass_std=float(np.sqrt(covariance[0, 0])) if self.count else 0.0,
-            stiffness=np.exp(log_k),
-            poles=specimen.dynamic_stiffness(np.exp(log_k), self.measured.omega),
-            chi2=chi2,
-            dof=6 * log_k.size - min(self.count, 1),
-        )
+
+def _first(measured: AllPoles) -> tuple[ComplexArray, float, ComplexArray]:
+    """The spring between the ends, and the mass and log K* of a belt that has exactly these poles at each frequency."""
+    poles, square = measured.stiffness, measured.omega**2
+    spring = -0.5 * (poles[:, 0, 1] + poles[:, 1, 0])
+    contact, wheel = (spring - poles[:, 0, 0]) / square, (spring - poles[:, 1, 1]) / square
+    rest = 1 - square * contact * wheel / ((contact + wheel) * spring)
+    mass = float(np.average(((contact + wheel) * rest).real, weights=square**2))
+    return spring, max(mass, 1e-3), np.log(spring * rest)
