@@ -117,7 +117,7 @@ def test_a_specimen_that_changes_between_loads_is_within_the_shared_uncertainty(
     left = (poles.stiffness - rig.truth(FREQUENCIES)).reshape(-1, 4)
     change = poles.shared[:, :, -3].reshape(-1, 4, 2)
     np.testing.assert_allclose(left, change[..., 0] + 1j * change[..., 1], rtol=0.02, atol=30.0)
-    np.testing.assert_allclose(poles.shared[:, ::2, -2] * 3, -poles.shared[:, 1::2, -3], rtol=1e-9, atol=1e-3)
+    np.testing.assert_allclose(poles.shared[:, ::2, -2] * 3, -poles.shared[:, 1::2, -3], rtol=1e-4, atol=0.01)
 
 
 def test_blocks_that_move_differently_do_not_agree():

@@ -30,6 +30,7 @@ all ratios; further blocks, loads and repeats are weighed by their uncertainty.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -48,8 +49,10 @@ POLES = ("k11", "k12", "k21", "k22")
 _ROUND_OFF = 1e-9
 #: Rounds of the search, and of the change of the unknowns between neighbouring frequencies.
 _ROUNDS, _PASSES = 20, 3
+#: Step of a derivative, over the size of the unknown: the error of the derivative is below 1e-9 of it.
+_STEP = 1e-5
 #: Change of an unknown, over its size, at which the search has ended.
-_SETTLED = 1e-12
+_SETTLED = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,12 +294,10 @@ def all_poles(
             slopes = np.asarray(np.gradient(unknowns, mean, axis=0, edge_order=2 if len(tests) > 2 else 1))
         fits = [test.fitted(*start) for test, *start in zip(tests, unknowns, slopes, strict=True)]
         unknowns = np.array([fit.unknowns for fit in fits])
-    a11, a12, a21, a22 = unknowns[:, 3:].T
-    square, zero = mean**2, 0 * a11
-    poles = np.stack([a11 / a21, a12 - a11 * a22 / a21, -1 / a21, a22 / a21 + square * wheel_mass[0]], axis=1)
-    by = np.array([[1 / a21, zero, -a11 / a21**2, zero], [-a22 / a21, zero + 1, a11 * a22 / a21**2, -a11 / a21],
-                   [zero, zero, 1 / a21**2, zero], [zero, zero, -a22 / a21**2, 1 / a21]])  # fmt: skip
-    turn = real_matrix(np.moveaxis(by, 2, 0))
+    square, chains = mean**2, unknowns[:, 3:]
+    poles = np.array([_poles(chain) for chain in chains])
+    poles[:, 3] += square * wheel_mass[0]
+    turn = real_matrix(np.array([_slope(_poles, chain) for chain in chains]))
     at_wheel = np.zeros((mean.size, 8, 1))
     at_wheel[:, 6, 0] = square * wheel_mass[1]
     return AllPoles(
@@ -309,6 +310,18 @@ def all_poles(
         misfit=np.array([fit.misfit for fit in fits]),
         dof=np.array([4 * rows.size - 14 for rows in groups]),
     )
+
+
+def _poles(chain: ComplexArray) -> ComplexArray:
+    """k11, k12, k21, k22 of a11, a12, a21, a22."""
+    a11, a12, a21, a22 = chain
+    return np.array([a11 / a21, a12 - a11 * a22 / a21, -1 / a21, a22 / a21])
+
+
+def _slope(function: Callable[[ComplexArray], ComplexArray], at: ComplexArray) -> ComplexArray:
+    """Derivatives of an analytic function by its arguments (k,), along a new last axis, by central differences."""
+    steps = np.diag(_STEP * np.abs(at))
+    return np.stack([(function(at + step) - function(at - step)) / (2 * step.sum()) for step in steps], axis=-1)
 
 
 class _Shared:
@@ -371,28 +384,15 @@ class _Tests:
         k21, k22 = np.linalg.lstsq(lines, -(r - w**2 * mass[~rigid]) * t, rcond=None)[0]
         return np.array([rho, tau, r, -k11 / k21, k12 - k11 * k22 / k21, -1 / k21, -k22 / k21])
 
-    def model(
-        self, unknowns: ComplexArray, slopes: ComplexArray, omega: FloatArray
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """Both ratios (N, 2) at each test's frequency, and their derivatives (N, 2, 7) by the unknowns."""
+    def model(self, unknowns: ComplexArray, slopes: ComplexArray, omega: FloatArray) -> ComplexArray:
+        """Both ratios (N, 2) at each test's frequency."""
         rho, tau, r, a11, a12, a21, a22 = unknowns[:, None] + slopes[:, None] * (omega - self.mean)
-        jw, square, rigid = 1j * omega, omega**2, self.setups.rigid
-        load = r - square * self.setups.mass
-        block = load - square * self.input_mass
-        t, over = 1 / (a21 * load + a22), a11 * load + a12
-        force = over * t - square * self.input_mass
-        zero, gain = np.zeros(rigid.size), rho / tau / jw
-        by_t = -(t**2)[:, None] * np.stack([zero, zero, a21, zero, zero, load, zero + 1], axis=1)
-        by_over = np.stack([zero, zero, a11, load, zero + 1, zero, zero], axis=1)
-        by_force = gain[:, None] * (over[:, None] * by_t + t[:, None] * by_over)
-        by_force[:, 0], by_force[:, 1] = force / tau / jw, -gain * force / tau
-        by_ratio = by_t / tau[:, None]
-        by_ratio[:, 1] -= t / tau**2
-        by_block = np.stack([block / jw, zero, rho / jw, zero, zero, zero, zero], axis=1)
-        by_tau = np.tile(np.arange(7) == 1, (rigid.size, 1))
-        of_block, of_specimen = np.stack([by_block, by_tau], axis=1), np.stack([by_force, by_ratio], axis=1)
-        values = np.where(rigid, [rho * block / jw, tau], [gain * force, t / tau]).T
-        return values, np.where(rigid[:, None, None], of_block, of_specimen)
+        load, at_input = r - omega**2 * self.setups.mass, omega**2 * self.input_mass
+        t = 1 / (a21 * load + a22)
+        of_block, of_specimen = [load - at_input, tau], [((a11 * load + a12) * t - at_input) / tau, t / tau]
+        ratios = np.where(self.setups.rigid, of_block, of_specimen)
+        ratios[0] *= rho / (1j * omega)
+        return np.asarray(ratios.T)
 
     def by_shared(self, unknowns: ComplexArray, by: ComplexArray) -> FloatArray:
         """Change (4N, p) of the ratios, recorded less expected, per standard uncertainty of each shared error."""
@@ -412,16 +412,16 @@ class _Tests:
 
     def fitted(self, unknowns: ComplexArray, slopes: ComplexArray) -> _Fit:
         """The unknowns by Gauss-Newton, from first values."""
-        ahead, behind = (self.model(unknowns, slopes, self.omega + sign * self.omega_std)[0] for sign in (1, -1))
+        ahead, behind = (self.model(unknowns, slopes, self.omega + sign * self.omega_std) for sign in (1, -1))
         jitter = parts(ahead - behind).reshape(-1, 4) / 2
         noise = linalg.block_diag(*(self.covariance + jitter[:, :, None] * jitter[:, None, :]))
-        shared = self.by_shared(unknowns, self.model(unknowns, slopes, self.omega)[1])
+        shared = self.by_shared(unknowns, _slope(lambda at: self.model(at, slopes, self.omega), unknowns))
         scale = np.sqrt(np.diagonal(noise))
         root = np.linalg.cholesky((noise + shared @ shared.T) / np.outer(scale, scale))
         size = np.abs(unknowns)
         for _ in range(_ROUNDS):
-            values, by = self.model(unknowns, slopes, self.omega)
-            left = np.linalg.solve(root, parts(self.ratios - values).ravel() / scale)
+            by = _slope(lambda at: self.model(at, slopes, self.omega), unknowns)
+            left = np.linalg.solve(root, parts(self.ratios - self.model(unknowns, slopes, self.omega)).ravel() / scale)
             design = np.linalg.solve(root, real_matrix(by * size).reshape(left.size, 14) / scale[:, None])
             inverse = np.linalg.pinv(design)
             step = inverse @ left

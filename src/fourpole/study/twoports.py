@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -14,7 +14,7 @@ from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign, condition_numbers, read_campaign
 from fourpole.campaign.row import Test, condition_words
 from fourpole.core.allpoles import POLES, AllPoles, Setups, all_poles, reciprocal
-from fourpole.core.arrays import ByValue
+from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.core.joint.belts import BLOCK, TYRE
 from fourpole.core.joint.conditions import group_conditions
@@ -25,14 +25,15 @@ from fourpole.core.specimenfit import UNLIKELY, SpecimenFit, fit_specimen
 from fourpole.errors import CampaignError
 from fourpole.io.folders import is_for_keeping, make_folder
 from fourpole.study.cache import Cache
-from fourpole.study.identify import added_masses, channel_uncertainty
-from fourpole.study.points import Points
+from fourpole.study.identify import setup_of
+from fourpole.study.points import Points, StaticStiffness
 from fourpole.study.reduce import jobs_of
 from fourpole.study.workers import reduce_tests
 from fourpole.words import remark_of
 
 #: Errors of the channels that another mounting or another added mass changes.
 _MOUNTED = (Kind.MOUNTING_GAIN, Kind.MOUNTING_PHASE, Kind.REMOUNTING_GAIN, Kind.REMOUNTING_PHASE)
+_PARTS = ("Re", "Im")
 #: Relative differences of frequency in a group beyond this need a second frequency, for the slopes.
 _EQUAL = 1e-4
 
@@ -119,8 +120,14 @@ def measure_two_ports(
     if cache is not None and is_for_keeping(Path(cache), stated.folder):
         kept = Cache(make_folder(cache))
     points = reduce_tests(jobs_of(stated, tests, "joint"), cache=kept, workers=workers, progress=progress)
-    condition, sound = condition_numbers(stated, points.tests), points.sound
-    sound &= np.isfinite(points.phasors.amplitudes).all(axis=1)
+    count = len(points.tests)
+    points = replace(
+        points,
+        condition=condition_numbers(stated, points.tests),
+        stiffness=(StaticStiffness(),) * count,
+        strange=np.zeros(count, dtype=bool),
+    )
+    condition, sound = points.condition, points.sound & np.isfinite(points.phasors.amplitudes).all(axis=1)
     found: list[TwoPort] = []
     lacks: list[str] = []
     rigs = np.array([test.rig for test in points.tests])
@@ -147,34 +154,28 @@ def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.nd
     """The four poles by rows of one condition and of the blocks, or what is lacking; `every` has rejected rows too."""
     first = next(points.tests[row] for row in every if points.tests[row].kind != "calibration")
     name = condition_words(first, further=[axis.name for axis in campaign.stated.conditions.axes])
-    tests, notes = [points.tests[row] for row in rows], [*_rejected(points, set(every) - set(rows))]
-    mass, std = added_masses(tests)
-    rigid = np.array([test.kind == "calibration" for test in tests], dtype=bool)
-    phasors = points.phasors.part(rows)
-    count = Counter(test.name for test in tests)
-    nominal = [np.nan if count[test.name] > 1 else test.value("frequency") or np.nan for test in tests]
-    recording = np.unique([test.name for test in tests], return_inverse=True)[1]
-    # Each recording has a block or a load of its own, so that lines of two recordings may share a group.
-    group = group_conditions(np.zeros(rows.size, dtype=int), phasors.frequency, np.array(nominal), recording)
-    setups = Setups(rigid, mass, std, group)
+    notes = [*_rejected(points, set(every) - set(rows))]
+    if not rows.size:
+        return "; ".join([f"{name}: no test can be used", *notes])
+    known, phasors = setup_of(campaign, first.rig, points, rows)[0], points.phasors.part(rows)
+    # Blocks and specimen are one family here; each test has its place in a frequency.
+    family = np.zeros(rows.size, dtype=int)
+    group = group_conditions(family, phasors.frequency, known["nominal_frequency"], known["recording"])
+    rigid = points.condition[rows] < 0
+    setups = Setups(rigid, known["added_mass"], known["added_mass_std"], group)
     lacking = {number: lack for number in np.unique(group).tolist() if (lack := setups.part(group == number).lacking())}
     used = ~np.isin(group, list(lacking))
     if not used.any():
-        return f"{name}: {'; '.join([setups.lacking() or next(iter(lacking.values()), 'no test can be used'), *notes])}"
+        return "; ".join([f"{name}: {setups.lacking() or next(iter(lacking.values()))}", *notes])
     for number, lack in lacking.items():
         notes.append(f"{np.mean(phasors.frequency[group == number]):.4g} Hz is left out: it has {lack}")
     phasors, setups = phasors.part(used), setups.part(used)
     if np.unique(setups.group).size == 1 and np.ptp(phasors.frequency) > _EQUAL * phasors.frequency.max():
-        notes.append(
-            "the tests have slightly different frequencies, and there is no second frequency to correct for that"
-        )
-    mounting = np.array([test.mounting for test in tests], dtype=object)[used]
-    unsure = channel_uncertainty(
-        campaign, [points.corrections[row] for row in rows[used]], float(phasors.frequency.max())
-    )
-    labels = [np.unique(label.astype(str), return_inverse=True)[1] for label in (mounting, setups.mass)]
-    errors = tuple(error for error in unsure.errors(phasors.omega, labels) if error.source.kind in _MOUNTED)
-    rig = campaign.stated.all_rigs[first.rig].rig() if first.rig in campaign.stated.all_rigs else Rig(blocked=True)
+        notes.append("the tests differ slightly in frequency, and there is no second frequency to correct for that")
+    labels = [np.unique(label.astype(str), return_inverse=True)[1] for label in (known["mounting"][used], setups.mass)]
+    every_error = replace(known["channels"], response=None).errors(phasors.omega, labels)
+    errors = tuple(error for error in every_error if error.source.kind in _MOUNTED)
+    rig = known["rig"] or Rig(blocked=True)
     masses = {key: (getattr(rig, key), rig.std.get(key, 0.0)) for key in ("input_mass", "tyre_mass")}
     notes += [_UNSTATED[key] if not value else _STATED[key].format(value) for key, (value, _) in masses.items()]
     measured = all_poles(
@@ -182,7 +183,7 @@ def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.nd
         setups,
         input_mass=masses["input_mass"],
         wheel_mass=masses["tyre_mass"],
-        change=campaign.stated.specimen_uncertainty.block,
+        change=known["specimens"].block,
         errors=errors,
     )
     if measured.agreement < UNLIKELY:
@@ -200,7 +201,8 @@ def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.nd
 
 
 _UNSTATED = {
-    "input_mass": "no input_mass is stated: what moves with the contact is part of k11",
+    "input_mass": "no input_mass is stated: a part between force cell and contact would be a mass in k11, and a "
+    "negative one in k22",
     "tyre_mass": "no tyre_mass is stated: what was mounted with the specimen at its wheel side is part of k22",
 }
 _STATED = {
@@ -223,35 +225,34 @@ def two_port_table(found: list[TwoPort]) -> pl.DataFrame:
 
     Poles are in N/m; the determinant of the four-pole is k12/k21 as measured.
     """
-    rows = []
+    tables = []
     for two_port in found:
-        poles, measured, form = two_port.poles, two_port.measured, two_port.form
-        for at, frequency in enumerate(poles.frequency.tolist()):
-            row: dict[str, object] = {q.TYRE.head: two_port.test.tyre, q.RIG.head: two_port.test.rig}
-            for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE):
-                row[quantity.head] = two_port.test.value(quantity.key)
-            row |= {q.FREQUENCY.head: frequency, "k12 = k21": two_port.form is not None}
-            for pole, value, std in zip(
-                POLES, poles.stiffness[at].ravel().tolist(), poles.std[at].tolist(), strict=True
-            ):
-                row |= _complex_cells(pole, value, std, "N/m")
-            row |= _complex_cells("det", complex(measured.determinant[at]), measured.determinant_std[at].tolist(), "1")
-            row["form"] = form.specimen.form.value if form is not None else ""
-            row["mass of the form [kg]"] = form.specimen.mass if form is not None else None
-            row["u(mass of the form) [kg]"] = form.mass_std if form is not None else None
-            of_form = form.poles[at].ravel().tolist() if form is not None else [None] * 4
-            for pole, value in zip(POLES, of_form, strict=True):
-                row[f"Re {pole} of the form [N/m]"] = None if value is None else value.real
-                row[f"Im {pole} of the form [N/m]"] = None if value is None else value.imag
-            rows.append(row)
-    return pl.DataFrame(rows, infer_schema_length=None)
+        test, form, nothing = two_port.test, two_port.form, np.full((len(two_port.poles.frequency), 4), np.nan)
+        states = {quantity.head: test.value(quantity.key) for quantity in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)}
+        columns: dict[str, Any] = {q.TYRE.head: test.tyre, q.RIG.head: test.rig, **states}
+        columns |= {q.FREQUENCY.head: two_port.poles.frequency, "k12 = k21": form is not None}
+        values, of_form = (
+            two_port.poles.stiffness.reshape(-1, 4),
+            nothing if form is None else form.poles.reshape(-1, 4),
+        )
+        for at, pole in enumerate(POLES):
+            columns |= _complex_cells(pole, "N/m", values[:, at], two_port.poles.std[:, at])
+        measured = two_port.measured
+        columns |= _complex_cells("det", "1", measured.determinant, measured.determinant_std)
+        columns["form"] = "" if form is None else form.specimen.form.value
+        columns["mass of the form [kg]"] = None if form is None else form.specimen.mass
+        columns["u(mass of the form) [kg]"] = None if form is None else form.mass_std
+        for at, pole in enumerate(POLES):
+            columns |= _complex_cells(f"{pole} of the form", "N/m", of_form[:, at])
+        tables.append(pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None)))
+    return pl.concat(tables, how="vertical_relaxed")
 
 
-def _complex_cells(name: str, value: complex, std: list[float], unit: str) -> dict[str, float]:
-    """The cells of a complex value with the standard uncertainties of both parts."""
-    return {
-        f"Re {name} [{unit}]": value.real,
-        f"Im {name} [{unit}]": value.imag,
-        f"u(Re {name}) [{unit}]": std[0],
-        f"u(Im {name}) [{unit}]": std[1],
-    }
+def _complex_cells(name: str, unit: str, values: ComplexArray, std: FloatArray | None = None) -> dict[str, FloatArray]:
+    """Columns of complex values, with the standard uncertainties (F, 2) of both parts if there are any."""
+    columns = {f"Re {name} [{unit}]": values.real, f"Im {name} [{unit}]": values.imag}
+    return (
+        columns
+        if std is None
+        else columns | {f"u({part} {name}) [{unit}]": std[:, at] for at, part in enumerate(_PARTS)}
+    )
