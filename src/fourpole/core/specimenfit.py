@@ -102,7 +102,7 @@ def _fit(measured: AllPoles, form: Form, share: float) -> SpecimenFit:
     def parted(values: FloatArray) -> tuple[Specimen, FloatArray, ComplexArray]:
         """The specimen, the shared errors and K* of some values."""
         own, of_errors, log_k = np.split(values, [count, count + errors])
-        mass, log_share, angle, exponent = [*own, *([0.0] * (4 - count))]
+        mass, log_share, angle, exponent = np.append(own, np.zeros(4 - count))
         share = np.exp(np.clip(log_share, -12, 12) + 1j * angle)
         stiffness = np.exp(np.clip(log_k[::2], 0, 50) + 1j * log_k[1::2])
         return Specimen(form, float(mass), complex(share), float(exponent), reference), of_errors, stiffness

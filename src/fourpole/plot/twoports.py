@@ -139,6 +139,6 @@ def _determinant(ax: Axes, two_port: TwoPort, style: Style) -> None:
         _points(ax, beside, 100 * values, 100 * std[:, at], style.colour(2 * at + 2), mark, f"{part}, 95 %")
     ax.axhline(0.0, color=style.look.ink, lw=0.8)
     said = "reciprocal within the uncertainty" if two_port.reciprocal else "not reciprocal"
-    ax.set_title(f"determinant of the four-pole, k12/k21 as measured, less 1: {said}", loc="left", fontsize="medium")
+    ax.set_title(f"determinant k12/k21 as measured, less 1: {said}", loc="left", fontsize="medium")
     ax.set(xlabel=q.FREQUENCY.label, ylabel="k12/k21 - 1 [%]")
-    ax.legend(loc="upper right", ncols=2, frameon=False)
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)
