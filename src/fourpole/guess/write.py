@@ -123,6 +123,7 @@ _QUESTIONS = """\
 # simultaneous = true
 # Keys of a channel, in its { }: coupling = "dc", "ac" or "iepe" of its amplifier; std_delay = "10 us"
 # of motion_in: mounted = "specimen", or "drive" or "rig" if nobody touches the sensor when the specimen changes
+# Of a tyre or specimen below: specimen_mass = "9 kg", its weight; then its own mass is looked for in each test
 """
 _WRITTEN = ("campaign.toml", "tests.csv")
 
