@@ -236,9 +236,11 @@ _SHAPES = {
 
 
 def components() -> str:
-    """The components of the likelihood, with their sizes where nothing is stated."""
+    """The components of the likelihood, with their sizes where nothing is stated; the page has belts in words."""
     rows = []
     for row in COMPONENTS:
+        if row.group == "belt":
+            continue
         factor, unit = _SHOWN_UNITS[row.unit]
         std, bound = (f"{float(f'{factor * size:.3g}'):g}{unit}" for size in (row.std, row.bound))
         words = row.words.replace("|K*|", r"$\lvert K^*\rvert$").replace("K*", "$K^*$")
