@@ -22,6 +22,7 @@ from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Samenes
 from fourpole.core.joint.around import Likelihood
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
+from fourpole.fitting.inertia import InertiaFile, inertias_in
 from fourpole.fitting.likelihood import COVARIANCE, MOST_BYTES, covariance_of, joined, read_likelihoods
 from fourpole.fitting.measuredtable import FREQUENCY, IM, RE, STD, as_frame, covariances, in_si, numbers_of, usable
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
@@ -73,6 +74,8 @@ class Measured(ByValue):
         within the noise.
     loop : Loop, optional
         The static test, if K1 is the tangent of its ramp.
+    inertia : InertiaFile, optional
+        The mass of the specimen between its ends, of which K* of its springs is free.
     """
 
     tyre: str
@@ -82,6 +85,7 @@ class Measured(ByValue):
     shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     recorded: Recorded | None = field(default=None, compare=False)
     loop: Loop | None = None
+    inertia: InertiaFile | None = None
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -237,6 +241,10 @@ def read_measured(
     likelihoods = {} if covariance is None else read_likelihoods(results)
     given: dict[str, Any] = {"over": over, "std": std, "k1": k1, "by_amplitude": by_amplitude}
     found = measured_of(frame, covariance, likelihoods, name=table.name, rule=rule, **given)
+    if table.name in _RESULTS:
+        inertias = inertias_in(results)
+        held = tuple(replace(one, inertia=inertias.at(one.tyre, one.state)) for one in found.conditions)
+        found = replace(found, conditions=held)
     spoken += [] if own else _repeats([one.own.omega for one in found.conditions], table.name)
     return replace(found, sha256=hashlib.sha256(content).hexdigest(), notes=(*spoken, *found.notes))
 

@@ -29,7 +29,13 @@ _TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def write(
-    source: ModelFile, path: Path, points: Points = (), specimen: str | None = None, *, version: int = 2
+    source: ModelFile,
+    path: Path,
+    points: Points = (),
+    specimen: str | None = None,
+    belt: "Specimen | None" = None,  # noqa
+    *,
+    version: int = 2,
 ) -> tuple[str, ...]:
     """Write an FMU of a version of FMI, 2 or 3, with the models of a file at operating points; returns notes."""
     systems, notes = systems_of(source, points, specimen)
