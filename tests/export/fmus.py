@@ -53,7 +53,7 @@ def points(models=MODELS, belt=None):
     if belt is None:
         return found
     belted = [Point(one.label, one.system, belt_modes(one.system, belt, BAND), weight(belt)) for one in found]
-    return [*belted, Point("massless", found[0].system)]
+    return [Point("massless", found[0].system), *belted]
 
 
 #: Number of states of the FMU of all models.

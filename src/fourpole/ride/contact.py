@@ -157,8 +157,9 @@ def ride_with_contact(
     forces[n - wheels :] = loads
     q, speed = motion[:n], motion[n:]
     acceleration = body.seat @ np.linalg.solve(body.mass, forces - body.stiffness @ q - body.damping @ speed)
+    none = np.zeros(loads.shape)
     found = TimeRide(
-        step, acceleration, weighted(acceleration, step), loads, body.travel @ q, deflections, np.zeros(loads.shape)
+        step, acceleration, weighted(acceleration, step), loads, body.travel @ q, deflections, none, none[0]
     )
     ends = np.array([one.x[-1] if curve is not None else np.inf for one in stepper.static])[:, None]
     air = loads <= -body.loads[:, None] * (1 - 1e-12)

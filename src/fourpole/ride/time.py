@@ -33,8 +33,8 @@ class TimeRide(ByValue):
     jump : (W, N) float array [N]
         Half the jump of the load where the slope of the road changes, which a damper alone feels; the load there is
         the mean of both sides.
-    carried : float [J]
-        Work of the forces on the belts as the wheels move; 0 without belts.
+    carried : (N,) float array [J]
+        Work done on the belts up to each time as the wheels carry them; 0 without belts.
     """
 
     step: float
@@ -44,7 +44,7 @@ class TimeRide(ByValue):
     travel: FloatArray
     deflection: FloatArray
     jump: FloatArray
-    carried: float = 0.0
+    carried: FloatArray
 
     @property
     def comfort(self) -> Comfort:
@@ -56,7 +56,7 @@ class TimeRide(ByValue):
         """Energy that the tyres took over the ride [J]; lost, if they end as they began."""
         after, before = self.load + self.jump, self.load - self.jump
         middle = 0.5 * (after[:, :-1] + before[:, 1:])
-        return float(np.sum(middle * np.diff(self.deflection, axis=1))) + self.carried
+        return float(np.sum(middle * np.diff(self.deflection, axis=1))) + float(self.carried[-1] - self.carried[0])
 
     @property
     def values(self) -> FloatArray:
@@ -180,10 +180,11 @@ def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float,
     )
     jump = np.zeros(inputs.shape)
     jump[:, 1:-1] = 0.5 * both_ends(tyre, belt).d[0, 1] / step * np.diff(inputs, n=2, axis=1)
-    carried = 0.0
+    carried = np.zeros(inputs.shape[1])
     if len(force):
         on_belt, wheel = load - force, inputs - deflection
-        carried = float(np.sum(0.5 * (on_belt[:, 1:] + on_belt[:, :-1]) * np.diff(wheel, axis=1)))
+        work = 0.5 * (on_belt[:, 1:] + on_belt[:, :-1]) * np.diff(wheel, axis=1)
+        carried[1:] = np.cumsum(np.sum(work, axis=0))
     return TimeRide(step, acceleration[0], weighted[0], load, travel, deflection, jump, carried)
 
 
