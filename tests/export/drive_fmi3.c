@@ -111,7 +111,7 @@ int main(void) {
     motion[0] = 1e-3;
     RIGHT(fmi3SetFloat64(c, inputs, 4, motion, 4));
     RIGHT(fmi3GetContinuousStates(c, more, COUNT));
-    expect(COUNT == 0 || more[0] == 1e-3, __LINE__);
+    expect(COUNT == 0 || SETS > 1 || more[0] == 1e-3, __LINE__);
     RIGHT(fmi3ExitInitializationMode(c));
     RIGHT(fmi3UpdateDiscreteStates(c, &event, &end, &early, &states, &timed, &reached));
     RIGHT(fmi3EnterContinuousTimeMode(c));
