@@ -20,7 +20,7 @@ from fourpole.io.published import Published
 
 #: Table of a results folder with the inertia of each specimen at each condition.
 SPECIMENS = "specimens.csv"
-_FORM, _MASS, _SHARE = "form", "belt mass [kg]", "share [1]"
+_FORM, _MASS, _SHARE = "form", "belt mass [kg]", q.SHARE.head
 #: Share of a car's tyre, where none is stated [1].
 USUAL_SHARE = 0.2
 

@@ -15,7 +15,7 @@ from pydantic import Field, StrictBool, ValidationError
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
-from fourpole.fitting.inertia import InertiaFile, mean_inertia
+from fourpole.fitting.inertia import InertiaFile
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
 from fourpole.fitting.pressures import PressureFile, check_pressures
 from fourpole.fitting.shifting import TemperatureFile, check_law
@@ -231,14 +231,6 @@ class ModelFile(Strict):
         entry = self.model_entry(tyre)
         conditions = () if entry is None else entry.conditions
         return next((one for one in conditions if one.coordinates == coordinates), None)
-
-    def inertia_at(self, tyre: str, coordinates: Mapping[str, float]) -> InertiaFile | None:
-        """The inertia of a tyre: that of the condition, or else the mean of all conditions."""
-        condition, mapped, entry = self.condition_at(tyre, coordinates), self.map_entry(tyre), self.model_entry(tyre)
-        if condition is not None or entry is None:
-            one = condition or mapped
-            return None if one is None else one.inertia
-        return mean_inertia([one.inertia for one in entry.conditions])
 
     def axis(self, column: str) -> Axis:
         """The axis of a column, with its tolerance."""
