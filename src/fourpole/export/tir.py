@@ -315,8 +315,8 @@ class _File:
             return
         yield from belt_note([self.nominal.belt])
         yield (
-            f"FREQ_LONG is of the belt on the spring at the rim, of {belt_words(self.nominal.belt)}; DAMP_LONG is half "
-            "the loss factor of K* at FREQ_LONG"
+            f"FREQ_LONG is the undamped frequency of {belt_words(self.nominal.belt)} on the spring at the rim; "
+            "DAMP_LONG is half the loss factor of K* there"
         )
         if self.nominal.map.octaves_beyond([self.belt_mode[0]])[0] > 0:
             yield "FREQ_LONG is outside the tested frequencies: K* there is what the model predicts"

@@ -59,7 +59,7 @@ class ParameterFile(Strict):
 
 
 class VerdictFile(Strict):
-    """Whether any passive linear tyre can have K* as it was measured."""
+    """Whether any massless, relaxing tyre can have K* as it was measured."""
 
     possible: bool
     chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
