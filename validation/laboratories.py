@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ RANGES = {
     "declared input mass, in 1 of 5": "0.5 kg, known to 5 %",
     "rigid blocks of 5, 10 and 15 kg, in 3 of 20": "each at 4 frequencies",
     "without V2, in 3 of 10": "one test in five",
+    "belts, in 1 of 4": "of each tyre 0.5 to 8 kg; springs as 0.1 to 0.4 at rest, of one law, or constant at the rim",
 }
 
 
@@ -51,6 +52,8 @@ class Case:
     added_mass: NDArray[np.float64]
     k1: NDArray[np.float64]
     k1_std: NDArray[np.float64]
+    specimen: NDArray[np.str_]
+    belts: dict[str, float]
 
     @property
     def rig(self) -> Rig:
@@ -92,7 +95,7 @@ def case(number: int) -> Case:
     mean = np.tile(np.repeat(np.linspace(10.0, 24.0, frequencies), added.size), families)
     frequency = mean * (1 + rng.uniform(-0.003, 0.003, mean.size))
     mass = np.tile(added, frequencies * families)
-    k1, k2, c = _tyres(rng, family, frequency)
+    k1, k2, c, specimen = _tyres(rng, family, frequency)
     k1_std_share = _between(rng, 1e-3, 1e-2)
     stated_k1 = k1 * (1 + k1_std_share * rng.standard_normal(families)[family])
     has_v2 = ~((rng.random(mean.size) < 0.2) & (rng.random() < 0.3))
@@ -102,11 +105,30 @@ def case(number: int) -> Case:
         family, mass = np.append(family, np.full(12, -1)), np.append(mass, blocks)
         frequency = np.append(frequency, np.tile([10.0, 14.0, 19.0, 24.0], 3))
         k1, k2, c = (np.append(values, np.ones(12)) for values in (k1, k2, c))
+        specimen = np.append(specimen, specimen[:1].repeat(12))
         stated_k1, has_v2 = np.append(stated_k1, np.full(12, np.nan)), np.append(has_v2, np.ones(12, dtype=bool))
         block = np.append(block, np.ones(12, dtype=bool))
     conditions = Conditions(frequency, k1, k2, c, added_mass=mass, calibration=block, has_motion_out=has_v2)
-    campaign = simulate_phasors(laboratory, conditions, rng)
-    return Case(number, laboratory, masses, campaign, family, mass, stated_k1, np.abs(k1_std_share * stated_k1))
+    belts, share = _belts(np.random.default_rng(np.random.SeedSequence(SEED, spawn_key=(1, number))), conditions)
+    belt_mass = [belts.get(name, 0.0) for name in specimen.tolist()]
+    campaign = simulate_phasors(laboratory, replace(conditions, belt_mass=belt_mass, belt_share=share), rng)
+    k1_std = np.abs(k1_std_share * stated_k1)
+    return Case(number, laboratory, masses, campaign, family, mass, stated_k1, k1_std, specimen, belts)
+
+
+def _belts(rng: np.random.Generator, conditions: Conditions) -> tuple[dict[str, float], NDArray[np.complex128]]:
+    """The belt of each tyre [kg], none in most campaigns, and the share of its springs in each test."""
+    laden, constant = rng.random() < 0.25, rng.random() < 0.5
+    masses = {tyre.name: _between(rng, 0.5, 8.0) for tyre in (CROSS_PLY, RADIAL_PLY)}
+    share = _between(rng, 0.1, 0.4)
+    k1, k2, c, frequency = (
+        np.asarray(values, dtype=float) for values in (conditions.k1, conditions.k2, conditions.c, conditions.frequency)
+    )
+    if not constant:
+        return masses if laden else {}, np.full(frequency.size, share, dtype=complex)
+    flexibility = 1 / (k1 + 1 / (1 / k2 + 1 / (2j * np.pi * frequency * c)))
+    rim = (1 + share) / share * k1
+    return masses if laden else {}, 1 / (rim * flexibility - 1)
 
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:
@@ -135,13 +157,15 @@ def _laboratory(rng: np.random.Generator) -> Laboratory:
 
 def _tyres(
     rng: np.random.Generator, family: NDArray[np.int64], frequency: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """K1, K2 and C of each test, at its own frequency."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.str_]]:
+    """K1, K2 and C of each test, at its own frequency, and the name of the tyre."""
     k1, k2, c = np.empty((3, frequency.size))
+    names = np.empty(frequency.size, dtype="U16")
     for at in range(int(family.max()) + 1):
         tyre = CROSS_PLY if rng.random() < 0.5 else RADIAL_PLY
         pressure, preload = rng.uniform(100e3, 240e3), rng.uniform(1000.0, 2000.0)
         rows = family == at
+        names[rows] = tyre.name
         k1[rows] = tyre.static_stiffness(pressure, preload)
         k2[rows], c[rows] = tyre.k2(frequency[rows], pressure, preload), tyre.c(frequency[rows], pressure, preload)
-    return k1, k2, c
+    return k1, k2, c, names

@@ -218,6 +218,9 @@ RIG = _text("rig", "name of the rig; empty where the campaign has one")
 TYRE = _text("tyre", "name of the tyre or specimen")
 CONSTRUCTION = _text("construction", "construction of the tyre")
 ROUTE = _text("route", "how K* was found")
+K_OF = _text(
+    "K* of", "springs: without inertia; driving point, blocked transfer: with that of the specimen, if it has any"
+)
 VERDICT = _text("verdict", "ok, warning or rejected")
 REMARKS = _text("remarks", "reasons for the verdict or the finding, and what to do")
 CONDITION = Quantity("condition", "condition", "condition", meaning="number shared by tests of one K*", kind="count")
@@ -367,6 +370,29 @@ ESTIMATES = tuple(
         ("H1", "G(V1,F1)/G(F1,F1)"), ("H2", "G(V1,V1)/G(F1,V1)"), ("Hv", "the geometric mean of H1 and H2"),
     )
 )  # fmt: skip
+
+FORM = _text("form", "where the specimen has its mass: massless, belt (between two springs) or rod (spread along it)")
+BELT_MASS = Quantity(
+    "belt_mass", "m_b", "belt mass", "kg", "mass of the specimen between its ends; of a rod its whole mass"
+)
+BELT_FREE = Quantity(
+    "belt_free", "f_b", "belt frequency, rim held, contact free", "Hz",
+    "first frequency of this mass on the spring at the rim, sqrt(Re k_rim/m_b)/2π; FREQ_LONG of MF-Swift",
+)  # fmt: skip
+BELT_HELD = Quantity(
+    "belt_held", "f_b2", "belt frequency, contact held", "Hz", "first frequency of this mass between both springs"
+)
+BELT_SHARE = Quantity(
+    "belt_share", "r", "share", "1", "stiffness of the spring at the contact over that at the rim, modulus"
+)
+BELT_EXPONENT = Quantity("belt_exponent", "p", "exponent", "1", "power of K* by which the share changes with frequency")
+BELT_EVIDENCE = Quantity(
+    "belt_evidence",
+    "",
+    "evidence over massless",
+    "1",
+    "gain of the logarithm of the evidence by the mass of all specimens",
+)
 
 CODE = _text("code", "name of the check")
 STATISTIC = Quantity("statistic", "", "statistic", meaning="what the check found; blank for a check without a number")

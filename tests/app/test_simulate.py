@@ -1,5 +1,6 @@
 """simulate: a campaign to analyse, said where it is."""
 
+import polars as pl
 import pytest
 
 from fourpole.virtual import simulate_campaign
@@ -10,7 +11,8 @@ def small(monkeypatch):
     """The whole campaign has 210 tests; here it has six."""
 
     def small(folder, **settings):
-        return simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 24.0], **settings)
+        few = {"pressures": [170e3], "preloads": [1000.0], "frequencies": [10.0, 24.0]}
+        return simulate_campaign(folder, **few | settings)
 
     monkeypatch.setattr("fourpole.virtual.simulate_campaign", small)
 
@@ -34,3 +36,11 @@ def test_the_same_seed_gives_the_same_files(run, tmp_path):
         run("simulate", tmp_path / name, "--seed", seed)
     a, b, c = ((tmp_path / name / "recordings" / "D1.csv").read_bytes() for name in "abc")
     assert a == b != c
+
+
+def test_a_cars_tyre_on_request(run, tmp_path):
+    assert run("simulate", tmp_path / "c", "--car").stderr.startswith("5 tests recorded")
+    truth = pl.read_csv(tmp_path / "c" / "truth.csv", infer_schema_length=None)
+    assert set(truth["tyre"]) == {"car-tyre"}
+    assert truth["belt mass [kg]"].drop_nulls().to_list() == [7.0] * 4
+    assert truth["added mass [kg]"].drop_nulls().to_list() == [0.0, 0.0, 10.0, 10.0]

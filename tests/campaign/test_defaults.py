@@ -17,7 +17,7 @@ from fourpole.campaign.defaults import (
     RIG_STD,
     SIMULTANEOUS_STD,
 )
-from fourpole.campaign.schema import ConditionsFile
+from fourpole.campaign.schema import ConditionsFile, SpecimenFile
 from fourpole.core.components import COMPONENTS, component
 from fourpole.core.rig import PARAMETERS
 from fourpole.core.sources import Kind
@@ -75,5 +75,5 @@ def test_the_documentation_has_every_key_of_a_channel(key):
 
 
 def test_every_key_of_a_component_is_one_of_campaign_toml():
-    known = {*ChannelFile.model_fields, *ConditionsFile.model_fields, *PARAMETERS}
+    known = {*ChannelFile.model_fields, *ConditionsFile.model_fields, *SpecimenFile.model_fields, *PARAMETERS}
     assert {row.key for row in COMPONENTS if row.key} <= known

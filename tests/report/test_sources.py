@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from fourpole.campaign.channels import ChannelFile
-from fourpole.campaign.schema import ConditionsFile
+from fourpole.campaign.schema import ConditionsFile, SpecimenFile
 from fourpole.core.components import COMPONENTS
 from fourpole.core.rig import PARAMETERS
 from fourpole.core.sources import RATIOS, Kind, Role, Source
@@ -24,7 +24,8 @@ SITUATIONS = [
     replace(PLAIN, joint=False, with_v2=False, blocked=True),
 ]
 #: Keys of campaign.toml that a remedy may name.
-KEYS = {name for keys in (ChannelFile.model_fields, ConditionsFile.model_fields, PARAMETERS) for name in keys}
+STATED = (ChannelFile.model_fields, ConditionsFile.model_fields, SpecimenFile.model_fields, PARAMETERS)
+KEYS = {name for keys in STATED for name in keys}
 SOURCES = [
     *(Source(kind, of) for kind in Kind for of in kind.of or ("something new" if kind is Kind.OTHER else "",)),
     *(Source(Kind.GAIN, *pair) for pair in RATIOS),

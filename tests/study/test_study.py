@@ -74,6 +74,7 @@ DYNAMIC = [
     "TR predicted [1]",
     "u(TR) [1]",
     "route",
+    "K* of",
     "verdict",
     "remarks",
 ]

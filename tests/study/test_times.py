@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fourpole.study import load
+from fourpole.virtual.bench import Bench, Zener, state_matrices
 from fourpole.virtual.cam import Cam
-from fourpole.virtual.dynamic_rig import Bench, Zener, respond, run, state_matrices
+from fourpole.virtual.dynamic_rig import respond, run
 
 pytestmark = pytest.mark.thorough
 

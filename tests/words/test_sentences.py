@@ -61,7 +61,7 @@ def test_every_cause_of_a_misfit_is_made_somewhere():
 def test_every_component_of_a_channel_or_a_specimen_has_words_as_a_cause():
     asked = [row for row in COMPONENTS if row.kind.role in (Role.CHANNEL, Role.MOUNTING, Role.SPECIMEN, Role.TEST)]
     named = {"delay": ("late", "early")}
-    for row in asked:
+    for row in [one for one in asked if one.group != "belt"]:  # a belt is an explanation, and no cause of a misfit
         forms = named.get(row.group, (row.kind.name.lower(), row.group))
         assert any(form in TEXTS["causes"] for form in forms), row.kind
 

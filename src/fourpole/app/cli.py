@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -91,12 +91,19 @@ def simulate(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder for the campaign.")],
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1982,
     clean: Annotated[bool, typer.Option("--clean", help="Without noise and sensor errors.")] = False,
+    car: Annotated[
+        bool,
+        typer.Option("--car", help="Of a car's tyre with a belt of 7 kg, with 10 kg of added mass in half the tests."),
+    ] = False,
 ) -> None:
     """Record a whole campaign on the virtual rigs: campaign.toml, tests.csv, recordings and truth.csv."""
-    from fourpole.virtual import simulate_campaign
+    from fourpole.virtual import CAR_TYRE, simulate_campaign
 
+    plan: dict[str, Any] = {}
+    if car:
+        plan = {"tyres": [CAR_TYRE], "preloads": [1000.0], "added_masses": (0.0, 10.0), "eccentricity": 0.2e-3}
     with progress("recording") as advance:
-        made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance)
+        made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance, **plan)
     say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
 
 

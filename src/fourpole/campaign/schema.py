@@ -8,7 +8,16 @@ from functools import cached_property
 from math import sqrt
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StrictBool,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from fourpole import units
 from fourpole.campaign import defaults
@@ -30,6 +39,7 @@ from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind
+from fourpole.core.specimen import BLOCK, TYRE, Body
 from fourpole.errors import CampaignError, TableError
 from fourpole.io.documents import toml_of
 from fourpole.models.shape import shape_of
@@ -89,13 +99,14 @@ class RigFile(File):
 
     values: dict[str, Stated] = Field(default_factory=dict)
     output: Literal["blocked"] | None = None
+    force_at: Literal["drive", "ground"] | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _gather(cls, raw: Any) -> Any:
         if not isinstance(raw, dict):
             raise ValueError("must be a table of values")
-        known_keys(raw, (*PARAMETERS, "output"))
+        known_keys(raw, (*PARAMETERS, "output", "force_at"))
         values = {}
         for name in PARAMETERS:
             if name in raw:
@@ -103,10 +114,14 @@ class RigFile(File):
                     values[name] = _stated(raw[name], _RIG_KINDS[name])
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
-        return {"values": values, "output": raw.get("output")}
+        return {"values": values, "output": raw.get("output"), "force_at": raw.get("force_at")}
 
     @model_validator(mode="after")
     def _complete(self) -> RigFile:
+        if self.force_at is not None and self.output != "blocked":
+            raise ValueError('force_at is a key of a bench: state output = "blocked" too, or leave it out')
+        if self.force_at == "ground" and "input_mass" in self.values:
+            raise ValueError('with force_at = "ground" no input mass is between force cell and specimen: leave it out')
         if self.output != "blocked":
             for name, example in (("moving_mass", "15 kg"), ("preload_stiffness", "12.44 kN/m")):
                 if name not in self.values:
@@ -118,7 +133,8 @@ class RigFile(File):
         """The rig as the core has it, with values and standard uncertainties in SI."""
         values = {name: stated.value for name, stated in self.values.items()}
         std = {name: stated.std for name, stated in self.values.items()}
-        return Rig(**values, blocked=self.output == "blocked", std=std)  # type: ignore[arg-type]
+        sides = {"blocked": self.output == "blocked", "at_ground": self.force_at == "ground"}
+        return Rig(**values, **sides, std=std)  # type: ignore[arg-type]
 
     @property
     def with_damping(self) -> RigFile:
@@ -134,12 +150,38 @@ class SpecimenFile(BaseModel):
     """[tyres.NAME] or [specimens.NAME]: the construction, the shape, and further keys of any name.
 
     `fixed` says whether the specimen is held on both sides, so that it can be pulled; None if it is not stated.
+    `specimen_mass` is its whole weight, `belt_mass` what moves between its ends, and `belt_frequency` the first
+    frequency of this mass with the rim held and the contact free.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, defer_build=True)
 
     construction: str = ""
     fixed: StrictBool | None = None
+    specimen_mass: Stated | None = None
+    belt_mass: Stated | None = None
+    belt_frequency: Stated | None = None
+
+    @field_validator("specimen_mass", "belt_mass", "belt_frequency", mode="before")
+    @classmethod
+    def _quantity(cls, raw: Any, info: ValidationInfo) -> Stated:
+        stated = _stated(raw, "frequency" if info.field_name == "belt_frequency" else "mass")
+        if not stated.value > 0:
+            raise ValueError(f"is {stated.value:g}: state a positive number")
+        return stated
+
+    @model_validator(mode="after")
+    def _whole(self) -> SpecimenFile:
+        if self.belt_frequency is not None and self.belt_mass is None:
+            raise ValueError("belt_frequency tells the spring of a belt whose mass is known: state belt_mass too")
+        return self
+
+    def body(self, share: float) -> Body:
+        """What is stated of its inertia, with the usual share of its springs."""
+        if self.belt_mass is not None:
+            frequency = self.belt_frequency or Stated(0.0, 0.0, assumed=False)
+            return Body(self.belt_mass.value, self.belt_mass.std, share, frequency.value, frequency.std)
+        return Body.weighed(self.specimen_mass.value, share) if self.specimen_mass is not None else Body(share=share)
 
     @model_validator(mode="after")
     def _check_shape(self) -> SpecimenFile:
@@ -268,6 +310,11 @@ class CampaignFile(File):
     def specimen_uncertainty(self) -> SpecimenUncertainty:
         """Standard uncertainties of the specimens over blocks of tests and over the run."""
         return self.ordinary.specimens(self.conditions.std_block, self.conditions.std_drift)
+
+    @property
+    def bodies(self) -> dict[str, Body]:
+        """What is stated of the inertia of each specimen."""
+        return {name: one.body(TYRE if name in self.tyres else BLOCK) for name, one in self.all_specimens.items()}
 
     def summary(self) -> dict[str, Any]:
         """Statements on rigs, channels and specimens as plain data, in SI units."""

@@ -93,6 +93,8 @@ class Code(Enum):
     AGREEMENT = "agreement"
     RIG = "rig"
     SCATTER = "scatter"
+    TWO_ROOTS = "second K*"
+    INERTIA = "inertia of the specimen"
     V1_SCALE = "V1 against K1"
     K1_RATIO = "K1 against K'"
     K1_LARGE = "K1 above K'"

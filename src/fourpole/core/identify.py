@@ -29,6 +29,7 @@ from fourpole.core.routes import (
     why_no_arm,
 )
 from fourpole.core.sources import Kind, Source
+from fourpole.core.specimen import Body, Inertia
 from fourpole.errors import RigError
 
 #: The outputs whose uncertainty is split into its sources, with their units, in the order of every budget.
@@ -39,7 +40,9 @@ OUTPUTS = {"Re K*": "N/m", "Im K*": "N/m", "loss factor": "1", "K2": "N/m", "C":
 _ADDED_AT = 6 + len(PARAMETERS)
 _K1_AT = _ADDED_AT + 1
 _OMEGA_AT = _K1_AT + 1
-_INPUTS = _OMEGA_AT + 1
+_BODY_AT = _OMEGA_AT + 1  # the mass of the specimen, and the logarithm of the share of its springs
+_INPUTS = _BODY_AT + 2
+_ITS = "the specimen"
 _INPUT_MASS_AT = 6 + list(PARAMETERS).index("input_mass")
 
 
@@ -143,6 +146,7 @@ def identify(
     added_mass_std: ArrayLike = 0.0,
     channels: ChannelUncertainty | None = None,
     mounting: Sequence[str] | None = None,
+    bodies: Sequence[Body] | None = None,
 ) -> Identification:
     r"""Identify K*, K2, C and TR of each test, with uncertainties to first order; those of K2 and C to second order.
 
@@ -162,6 +166,10 @@ def identify(
         Uncertainties of the channels; without it the channels count as exact.
     mounting : sequence of N str, optional
         Name of the mounting of V1's sensor in each test; without it all tests have one.
+
+    bodies : sequence of N Body, optional
+        What is known of the inertia of each specimen; without it the specimens count as massless. It counts where the
+        rig is blocked; see `fourpole.core.specimen.Inertia.springs`.
 
     Returns
     -------
@@ -197,6 +205,7 @@ def identify(
         added_mass_std=added_mass_std,
         channels=channels,
         mounting=mounting,
+        bodies=bodies,
     )
     covariance = answers.covariance
     reasons = tuple(why_no_arm(*row) for row in zip(answers.stiffness, answers.k1, answers.k2, answers.c, strict=True))
@@ -269,12 +278,12 @@ def variance_by_source(
 
     phasor = slice(0, 6)
     sources = {Source(Kind.NOISE): alone(phasors.covariance.reshape(count, 6, 6), phasor)}
-    sources[Source(Kind.FREQUENCY)] = alone(answers.covariance[:, _OMEGA_AT:, _OMEGA_AT:], slice(_OMEGA_AT, None))
     for error in answers.errors:
         part = alone(error_covariance(error, answers.amplitudes), phasor)
         sources[error.source] = sources.get(error.source, 0.0) + part
     values = [Source(Kind.RIG_VALUE, name) for name in PARAMETERS]
-    for i, source in enumerate((*values, Source(Kind.ADDED_MASS), Source(Kind.K1)), start=6):
+    values += [Source(Kind.ADDED_MASS), Source(Kind.K1), Source(Kind.FREQUENCY)]
+    for i, source in enumerate((*values, Source(Kind.BELT_MASS, _ITS), Source(Kind.BELT_SHARE, _ITS)), start=6):
         sources[source] = alone(answers.covariance[:, i : i + 1, i : i + 1], slice(i, i + 1))
     return answers.curvature.distributed(sources)
 
@@ -308,8 +317,10 @@ class _Answers:
         added_mass_std: ArrayLike = 0.0,
         channels: ChannelUncertainty | None = None,
         mounting: Sequence[str] | None = None,
+        bodies: Sequence[Body] | None = None,
     ) -> None:
         _check_route(route, rig)
+        self._bodies, self._body_std = bodies, np.zeros((np.size(phasors.frequency), 2))
         count = np.size(phasors.frequency)
         self.rig = rig
         self.omega, self.amplitudes = phasors.omega.reshape(count), phasors.amplitudes.reshape(count, 3)
@@ -326,7 +337,7 @@ class _Answers:
         self.covariance[:, :6, :6] = phasors.covariance.reshape(count, 6, 6) + of_channels
         of_rig = np.tile(rig.uncertainties if rig is not None else np.zeros(len(PARAMETERS)), (count, 1))
         omega_std = 2 * np.pi * np.asarray(phasors.frequency_std).reshape(count)
-        std = np.column_stack([of_rig, added_std, np.nan_to_num(self.k1_std), omega_std])
+        std = np.column_stack([of_rig, added_std, np.nan_to_num(self.k1_std), omega_std, self._body_std])
         self.covariance[:, range(6, _INPUTS), range(6, _INPUTS)] = std**2
 
     def _identify(self, route: str) -> None:
@@ -344,6 +355,8 @@ class _Answers:
         self.by_mobility = parts(by_mobility, axis=-2)
         self.stiffness, by_stiffness = self._stiffness(route)
         by_stiffness[:, _OMEGA_AT] += self.stiffness / self.omega  # the factor jw of every route's formula
+        if self._bodies is not None and self.rig is not None and self.rig.blocked:
+            by_stiffness = self._without_inertia(self._bodies, by_stiffness, at_ground=self.rig.at_ground)
         self.loss_factor, by_loss = _loss_factor(self.stiffness, by_stiffness)
         by_difference = by_stiffness.copy()
         by_difference[:, _K1_AT] -= 1.0
@@ -353,6 +366,16 @@ class _Answers:
         self.tr_measured, self.tr_predicted, by_tr = self._transmissibility(by_stiffness)
         rows = [parts(by_stiffness, axis=-2), by_loss[:, None], by_arm, by_tr[:, None], bending[:, None]]
         self.jacobian = np.concatenate(rows, axis=1)
+
+    def _without_inertia(self, bodies: Sequence[Body], by_stiffness: ComplexArray, *, at_ground: bool) -> ComplexArray:
+        """Make K* that of the springs, and give its derivatives."""
+        inertia = Inertia.of(bodies, self.stiffness.real)
+        self._body_std = np.stack([inertia.mass_std, inertia.share_std], axis=1)
+        self.stiffness, by = inertia.springs(self.stiffness, self.omega, at_ground=at_ground)
+        by_stiffness = by_stiffness * by[:, :1]
+        by_stiffness[:, _BODY_AT:] += by[:, 1:]
+        by_stiffness[:, _OMEGA_AT] += 2 * inertia.mass / self.omega * by[:, 1]  # mass and frequency act as m w^2
+        return by_stiffness
 
     def _phasor(self, index: int) -> ComplexArray:
         """Derivatives of the amplitude of F1, V1 or V2, by its index."""

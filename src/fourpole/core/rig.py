@@ -64,6 +64,8 @@ class Rig:
         Mass between force cell and contact; >= 0.
     blocked : bool
         True for a rig whose output side does not move (elastomer benches): V2 = 0, its mobility is 0.
+    at_ground : bool
+        True where F1 of a blocked rig is the force on the ground, and not on the driven end.
     std : mapping of str to float
         Standard uncertainty of each value by its name, in its unit; 0 for values without an entry.
 
@@ -93,6 +95,7 @@ class Rig:
     frame_stiffness: float = float("inf")
     input_mass: float = 0.0
     blocked: bool = False
+    at_ground: bool = False
     std: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -25,19 +25,32 @@ H. B. Pacejka, "Tire and Vehicle Dynamics", 3rd ed., 2012, chapter 9 (rigid ring
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
+from fourpole.core.components import component
+from fourpole.core.sources import Kind
 
 #: Below this square of the angle of a rod its functions are series; what these leave out is round-off.
 _SMALL = 1e-3
 #: Largest logarithm of a share: of a search that went astray.
 _LARGE = 12.0
 _PARTS = ("spring", "contact", "wheel")
+
+
+#: Standard uncertainty of the mass that moves between the ends, over the weight of a specimen.
+_STATED = 0.5
+#: Stiffness of the spring at the contact over that at the rim: of a tyre, and of a block of rubber.
+TYRE, BLOCK = 0.2, 1.0
+#: Least relative uncertainty of a stated spring at the rim: that of rubber between the mode and the tests.
+_LEAST = 0.03
+#: Newton steps from the dynamic stiffness at an end to K* of the springs.
+_STEPS = 20
 
 
 class Form(Enum):
@@ -138,6 +151,7 @@ def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray) -> Ends:
     square = mass * unit
     small = np.abs(square) < _SMALL
     angle = np.sqrt(np.where(small, 1.0, square))
+    angle = angle.real + 1j * np.clip(angle.imag, -_LARGE, _LARGE)
     sine, cosine, half = np.sin(angle), np.cos(angle), np.tan(angle / 2) / (angle / 2)
     x = square
     spring = np.where(small, 1 + x / 6 + 7 * x**2 / 360 + 31 * x**3 / 15120, angle / sine)
@@ -229,3 +243,97 @@ class Specimen:
         with np.errstate(divide="ignore", invalid="ignore"):
             pair = np.stack([rim.real, (rim * (1 + share)).real], axis=1)
             return np.asarray(np.sqrt(pair / self.mass) / (2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is stated of the inertia of a specimen.
+
+    Attributes
+    ----------
+    mass, mass_std : float [kg]
+        Its mass between the ends, and the standard uncertainty; 0 and 0 where nothing is stated.
+    share : float [1]
+        Usual share of its springs.
+    frequency, frequency_std : float [Hz]
+        First frequency of the mass with the rim held and the contact free, and its standard uncertainty; 0 and 0 where
+        it is not stated.
+    """
+
+    mass: float = 0.0
+    mass_std: float = 0.0
+    share: float = TYRE
+    frequency: float = 0.0
+    frequency_std: float = 0.0
+
+    @classmethod
+    def weighed(cls, weight: float, share: float = TYRE) -> Body:
+        """A specimen of which the whole weight [kg] is stated: some part of it moves between the ends."""
+        return cls(0.0, _STATED * weight, share)
+
+    def springs(self, stiffness: float) -> tuple[float, float]:
+        """Logarithm of the share where K' is `stiffness` [N/m], and its standard uncertainty."""
+        rim = self.mass * (2 * np.pi * self.frequency) ** 2
+        if not self.frequency or not 0 < stiffness < rim:
+            return float(np.log(self.share)), component(Kind.BELT_SHARE).std
+        share = stiffness / (rim - stiffness)
+        relative = np.hypot(self.mass_std / self.mass, 2 * self.frequency_std / self.frequency)
+        return float(np.log(share)), float((1 + share) * max(relative, _LEAST))
+
+
+@dataclass(frozen=True, eq=False)
+class Inertia(ByRows):
+    """What is known of the inertia of the specimens of N tests.
+
+    Attributes
+    ----------
+    mass, mass_std : (N,) float arrays [kg]
+    log_share, share_std : (N,) float arrays [1]
+        Logarithm of the share of the springs, and its standard uncertainty.
+    """
+
+    mass: FloatArray
+    mass_std: FloatArray
+    log_share: FloatArray
+    share_std: FloatArray
+
+    @classmethod
+    def of(cls, bodies: Sequence[Body], stiffness: FloatArray) -> Inertia:
+        """That of N specimens as stated, whose K' is about `stiffness` (N,) [N/m]."""
+        springs = [body.springs(one) for body, one in zip(bodies, stiffness.tolist(), strict=True)]
+        share, std = np.array(springs).reshape(-1, 2).T
+        mass, mass_std = np.array([(body.mass, body.mass_std) for body in bodies]).reshape(-1, 2).T
+        return cls(mass, mass_std, share, np.where(mass_std > 0, std, 0.0))
+
+    def springs(
+        self, measured: ComplexArray, omega: FloatArray, *, at_ground: bool
+    ) -> tuple[ComplexArray, ComplexArray]:
+        r"""K* (N,) of the springs of specimens whose far end is held [N/m], and derivatives (N, 3).
+
+        Parameters
+        ----------
+        measured : (N,) complex array [N/m]
+            Force over the motion of the driven end: :math:`D_{11}` where the force is that on this end, and
+            :math:`-D_{12}` where it is that on the ground.
+        omega : (N,) float array [rad/s]
+        at_ground : bool
+            Whether the force is that on the ground.
+
+        Returns
+        -------
+        stiffness : (N,) complex array [N/m]
+        by : (N, 3) complex array
+            Derivatives by `measured`, by the mass and by the logarithm of the share.
+        """
+        stiffness = measured.copy()
+        zero, no = np.zeros(omega.size), np.zeros(omega.size, dtype=bool)
+        for step in range(_STEPS + 1):
+            ends = ends_of(stiffness, omega, self.mass, self.log_share + 0j, zero, stiffness, no)
+            slopes = ends.spring[:, None] * ends.by[:, :3, 0]
+            value = ends.spring
+            if not at_ground:
+                value, slopes = value - omega**2 * ends.contact, slopes - (omega**2)[:, None] * ends.by[:, :3, 1]
+            slopes[:, 0] /= stiffness
+            if step < _STEPS:
+                stiffness = stiffness - (value - measured) / slopes[:, 0]
+        return stiffness, np.stack([1 / slopes[:, 0], *(-slopes[:, 1:] / slopes[:, :1]).T], axis=1)

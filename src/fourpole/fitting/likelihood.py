@@ -17,6 +17,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.joint import Joint
 from fourpole.core.joint.around import Likelihood
+from fourpole.core.joint.belts import references_of, with_references
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import Shared, SharedParameter
@@ -129,8 +130,11 @@ def likelihood_columns(found: Likelihood) -> dict[str, np.ndarray]:
 def likelihood_record(found: Likelihood) -> dict[str, Any]:
     """The part of study.json for one rig: the values that its tests share, as numbers that JSON keeps exactly."""
     shared = found.problem.shared
-    rig = {name: getattr(shared.rig, name) for name in PARAMETERS}
+    rig, observed = {name: getattr(shared.rig, name) for name in PARAMETERS}, found.problem.observed
+    pairs = [[one.real, one.imag] for one in references_of(observed).tolist()]
+    belts = {"belts": {"rod": bool(observed.rod.any()), "K*": pairs}} if shared.has_belts else {}
     return {
+        **belts,
         "rig": {name: value for name, value in rig.items() if np.isfinite(value)},
         "masses": shared.masses.tolist(),
         "specimens": list(found.problem.names),
@@ -201,6 +205,9 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         rod=np.zeros(label.size, dtype=bool),
     )
     conditions = JointConditions(label, family, frequency, k1)
+    if belts := record.get("belts"):
+        references = np.array([complex(*pair) for pair in belts["K*"]])
+        observed = with_references(observed, conditions, references, rod=bool(belts["rod"]))
     problem = Problem(
         observed, conditions, Shared(Rig(**record["rig"]), parameters, masses), errors,
         tuple(map(str, record["specimens"])), apart=spread if np.any(spread) else None,

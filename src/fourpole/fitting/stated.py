@@ -69,4 +69,4 @@ def rig_in(file: RigFile | None) -> Rig | None:
     std = {name: one.std for name, one in file.values.items()}
     if max(map(abs, [*values.values(), *std.values()]), default=0.0) > LARGEST:
         raise ModelError("the model file's rig has a number beyond all measure: it was changed")
-    return Rig(**values, std=std, blocked=file.output == "blocked")
+    return Rig(**values, std=std, blocked=file.output == "blocked")  # type: ignore[arg-type]

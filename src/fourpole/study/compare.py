@@ -366,10 +366,20 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
                 last.append((row, _arm_check(group, place, stiffness)))
+            if group.heavy[place if group.heavy.size > 1 else 0]:
+                last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
             last += ((row, check) for check in (*stiffness.checks, *_joint_checks(group, place)))
     judged_points = points.with_checks(last, last=True)
-    first = (tuple(sorted(rows, key=lambda check: check.code is not Code.LINEARITY)) for rows in judged_points.checks)
+    answered = {row for group in groups if group.joint is not None for row in group.rows.tolist()}
+    kept = ([check for check in checks if not (row in answered and _is_answered(check))]
+            for row, checks in enumerate(judged_points.checks))  # fmt: skip
+    first = (tuple(sorted(rows, key=lambda check: check.code is not Code.LINEARITY)) for rows in kept)
     return replace(judged_points, checks=tuple(first))
+
+
+def _is_answered(check: Check) -> bool:
+    """Whether a check asks what the joint route answers from all tests: F1 against V2, but for a sign or a unit."""
+    return check.code is Code.CONSISTENCY and not check.values.get("looks")
 
 
 def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
@@ -390,6 +400,8 @@ def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
         yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
     if estimate.scatter > _MOST_SCATTER:
         yield reported(Code.SCATTER, Verdict.WARNING, estimate.scatter, _MOST_SCATTER)
+    if joint.two_roots[place]:
+        yield reported(Code.TWO_ROOTS, Verdict.WARNING)
     if not joint.converged:
         yield reported(Code.CONVERGENCE, Verdict.WARNING)
 

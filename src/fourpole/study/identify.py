@@ -27,6 +27,7 @@ from fourpole.core.montecarlo import Interval, arm_intervals, draw_around, draw_
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
+from fourpole.core.specimen import Body
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import Key
 from fourpole.study.points import Points, StaticStiffness
@@ -69,6 +70,10 @@ class RigGroup(ByValue):
         The rig as found; None for another route.
     intervals : dict of int to (Interval, Interval)
         Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
+    k_of : (N,) array of str
+        What K* is of: springs, driving point or blocked transfer.
+    heavy : (N,) bool array
+        Rows whose specimen has a stated mass that this route does not take out.
     """
 
     rig_name: str
@@ -81,6 +86,8 @@ class RigGroup(ByValue):
     joint: Joint | None = None
     estimate: RigEstimate | None = None
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
+    k_of: np.ndarray = field(default_factory=lambda: np.array(["springs"]))
+    heavy: BoolArray = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
 
 def no_rig(campaign: Campaign, route: str) -> str:
@@ -189,6 +196,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "mounting": np.array([test.mounting for test in tests], dtype=object),
         "specimen": np.array([test.tyre for test in tests], dtype=object),
         "specimens": stated.specimen_uncertainty,
+        "bodies": stated.bodies,
         "time": time,
         "apart": np.where(strange, 0.0, apart),
         "lines": lines[recording].astype(float),
@@ -269,13 +277,20 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     """The tests of one rig, each by itself by a route."""
     phasors, rig, k1 = of_rig[-1], setup["rig"], setup["k1"]
     arguments = {name: setup[name] for name in ("added_mass", "added_mass_std", "channels", "mounting")}
+    bodies = [setup["bodies"].get(name, Body()) for name in setup["specimen"]]
+    known, blocked = np.array([body.mass_std > 0 for body in bodies]), rig is not None and rig.blocked
+    if blocked and known.any():
+        arguments["bodies"] = bodies
+    at_far_end = route == "transmissibility" or (blocked and rig.at_ground)
+    k_of = np.where(known & blocked, "springs", "blocked transfer" if at_far_end else "driving point")
     arguments |= {"k1_std": np.array([of_test.std for of_test in stiffness]), "route": route}
     result = identify(phasors, rig, k1, **arguments)
     # K* of a test stays at its own temperature; the covariance is that of its condition, at the mean temperature.
     moved = (setup["apart"] * np.abs(result.stiffness))[:, None, None] ** 2 * np.eye(2)
     result = replace(result, condition_covariance=result.condition_covariance + moved)
     variance = variance_by_source(phasors, rig, k1, **arguments)
-    return RigGroup(*of_rig, route, result, k1_apart(variance, [of_test.parts for of_test in stiffness]))
+    variance = k1_apart(variance, [of_test.parts for of_test in stiffness])
+    return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=known & (not blocked))
 
 
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:
@@ -318,6 +333,10 @@ def _with_specimen(
     return np.sqrt(sum((std**2 for std in moved.values()), own**2)), wider
 
 
+#: What is known of all tests of a rig together.
+_OF_ALL = ("rig", "channels", "specimens", "bodies")
+
+
 def _mass_gain(
     joint: Joint,
     setup: Mapping[str, Any],
@@ -331,8 +350,8 @@ def _mass_gain(
     if bare.all() or not bare.any():
         return {}
     channels, few = setup["channels"].part(bare), phasors.part(bare)
-    some = {name: value[bare] for name, value in setup.items() if name not in ("rig", "channels", "specimens")}
-    alone = solve_joint(few, **some, rig=setup["rig"], channels=channels, specimens=setup["specimens"])
+    some = {name: value[bare] for name, value in setup.items() if name not in _OF_ALL}
+    alone = solve_joint(few, **some, **{name: setup[name] for name in _OF_ALL} | {"channels": channels})
     of_alone = outputs(alone, few, some["k1"])
     without = relative_uncertainties(
         identification(alone, few, some["k1"], k1_std[bare], of_alone),
@@ -354,7 +373,7 @@ def _intervals(
     for row in np.flatnonzero(_skew(result)).tolist() if draws else ():
         test, point = group.keys[row]
         rng = np.random.default_rng([seed, *test.encode(), *((point,) if point > 1 else ())])
-        if group.joint is not None:
+        if group.joint is not None or (group.route == "mobility" and group.k_of[row] == "springs"):
             stiffness = draw_around(complex(result.stiffness[row]), result.stiffness_covariance[row], draws, rng)
         else:
             added = {name: float(setup[name][row]) for name in ("added_mass", "added_mass_std")}

@@ -20,6 +20,7 @@ from fourpole.fitting.likelihood import likelihood_columns
 from fourpole.fitting.rows import KEY, pair_columns, tyre_columns
 from fourpole.quantities import DERIVED
 from fourpole.study import tables as of
+from fourpole.study.bodies import specimen_rows
 from fourpole.study.identify import RigGroup
 from fourpole.study.points import Points
 from fourpole.study.rig_solution import residual_columns
@@ -65,6 +66,7 @@ def select_tables(
         of.DYNAMIC: of.DYNAMIC.frame(_dynamic_columns(campaign, points, columns)),
         of.CHECKS: of.CHECKS.of_rows(_check_rows(statics, points, conditions)),
         of.RIG: of.RIG.of_rows([cells for estimate in estimates for cells in estimate.rows]),
+        of.SPECIMENS: of.SPECIMENS.of_rows([cells for group, _ in joint for cells in specimen_rows(points, group)]),
         of.RESIDUALS: of.RESIDUALS.of_parts(
             [
                 {**_keys_of(group, range(len(group.keys))), **residual_columns(solution, group.phasors)}
@@ -131,10 +133,12 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Rig
     phasors, rigs = points.phasors, {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     count = len(points.tests)
     routes, input_mass, stiffness = np.full(count, route, dtype=object), np.zeros(count), np.full(count, np.nan + 0j)
+    of_what = np.full(count, "", dtype=object)
     columns: _Columns = {}
     for group in groups:
         rows, result, rig = group.rows, group.result, rigs.get(group.rig_name)
         routes[rows], stiffness[rows], input_mass[rows] = group.route, result.stiffness, rig.input_mass if rig else 0.0
+        of_what[rows] = np.where(np.isfinite(result.stiffness), group.k_of, "")
         of_group = {
             **pair_columns(q.CORR_R_I, result.mobility.real, result.mobility.imag, result.mobility_covariance),
             **tyre_columns(result),
@@ -149,7 +153,8 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Rig
     blocked = [test.rig in rigs and rigs[test.rig].blocked for test in points.tests]
     sides = zip(force, v1, v2, phasors.omega, stiffness, blocked, strict=True)
     deflection = [deflection_amplitude(*of_row, stiffness=k, blocked=fixed) for *of_row, k, fixed in sides]
-    return {**columns, q.ROUTE.head: routes, q.DEFLECTION_AMPLITUDE.head: np.array(deflection, dtype=float)}
+    columns |= {q.ROUTE.head: routes, q.K_OF.head: of_what}
+    return {**columns, q.DEFLECTION_AMPLITUDE.head: np.array(deflection, dtype=float)}
 
 
 def _keys_of(group: RigGroup, places: Sequence[int] | np.ndarray) -> _Columns:

@@ -32,7 +32,7 @@ _KINDS = {quantity.head: quantity.kind for quantity in QUANTITIES}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}
 #: Columns that results of older versions lack; they are read as blank.
-LATER = (q.VALUES.head,)
+LATER = (q.VALUES.head, q.K_OF.head)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class Tables(ByValue):
     tables: dict[str, pl.DataFrame]
     files: Published | None
     static, dynamic, checks, previews = _Held(), _Held(), _Held(), _Held()
-    rig, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held()
+    rig, specimens, residuals, budget, quantiles = _Held(), _Held(), _Held(), _Held(), _Held()
     corrections, lines, phasors, covariance, likelihood = _Held(), _Held(), _Held(), _Held(), _Held()
 
     def table(self, name: str) -> pl.DataFrame:
@@ -150,7 +150,7 @@ DYNAMIC = TableSpec(
         q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
         q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
         q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads,
-        *(head for quantity in DERIVED for head in quantity.heads), q.ROUTE, q.VERDICT, q.REMARKS,
+        *(head for quantity in DERIVED for head in quantity.heads), q.ROUTE, q.K_OF, q.VERDICT, q.REMARKS,
     ),
     endings=(".csv", ".parquet"), always=True,
 )  # fmt: skip
@@ -168,6 +168,14 @@ RESIDUALS = TableSpec(
         q.TEST, q.RIG, q.ADDED_MASS, q.FREQUENCY, q.RESIDUAL_RE, q.RESIDUAL_IM, q.RESIDUAL_RE.u_head,
         q.RESIDUAL_IM.u_head, *q.ZR.parts, q.CHI2, q.DOF, q.OUTLIER,
     ),
+)  # fmt: skip
+SPECIMENS = TableSpec(
+    "specimens", "a specimen at one condition without its frequency: its mass and its springs",
+    _columns(
+        q.TYRE, q.RIG, q.PRESSURE, q.PRELOAD, q.FORM, *q.BELT_MASS.heads, q.BELT_FREE, q.BELT_HELD, q.BELT_SHARE,
+        q.BELT_EXPONENT, q.BELT_EVIDENCE,
+    ),
+    key=(q.TYRE.head, q.RIG.head, q.PRESSURE.head, q.PRELOAD.head),
 )  # fmt: skip
 QUANTILES = TableSpec(
     "quantiles", "K2 or C of a dynamic test, where value ± 1.96 u is not a 95 % interval",
@@ -241,8 +249,8 @@ PREVIEWS = TableSpec(
 )  # fmt: skip
 
 _ALL = (
-    STATIC, DYNAMIC, CHECKS, RIG, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, LINES, PHASORS, COVARIANCE, LIKELIHOOD,
-    PREVIEWS,
+    STATIC, DYNAMIC, CHECKS, RIG, SPECIMENS, RESIDUALS, QUANTILES, BUDGET, CORRECTIONS, LINES, PHASORS, COVARIANCE,
+    LIKELIHOOD, PREVIEWS,
 )  # fmt: skip
 #: All result tables, by name.
 TABLES = {spec.name: spec for spec in _ALL}

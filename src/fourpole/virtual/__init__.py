@@ -8,18 +8,21 @@ from fourpole.virtual.bench import Bench, Rocking, Zener, state_matrices
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import Motion, run, run_block
 from fourpole.virtual.faults import FAULTS, Fault
+from fourpole.virtual.inertia import Belt, Laden, Rod
 from fourpole.virtual.phasor_rig import Conditions, DrawnLaboratory, Laboratory, PhasorCampaign, draw, simulate_phasors
 from fourpole.virtual.runs import Run, Specimen
 from fourpole.virtual.sensors import Flaw, Sensor, sample
 from fourpole.virtual.simulate import SimulatedCampaign, simulate_campaign
 from fourpole.virtual.static_rig import StaticCycles, load_cycles
-from fourpole.virtual.tyres import CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT, ModelTyre, VirtualTyre
+from fourpole.virtual.tyres import CAR_TYRE, CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT, ModelTyre, VirtualTyre
 
 __all__ = [
+    "CAR_TYRE",
     "CROSS_PLY",
     "FAULTS",
     "RADIAL_PLY",
     "RUBBER_MOUNT",
+    "Belt",
     "Bench",
     "Cam",
     "Conditions",
@@ -27,10 +30,12 @@ __all__ = [
     "Fault",
     "Flaw",
     "Laboratory",
+    "Laden",
     "ModelTyre",
     "Motion",
     "PhasorCampaign",
     "Rocking",
+    "Rod",
     "Run",
     "Sensor",
     "SimulatedCampaign",

@@ -10,6 +10,7 @@ import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.models.interface import StateSpace
+from fourpole.virtual.inertia import Laden
 
 #: A frame that follows its spring at a rate above this is treated as quasi-static [rad/s].
 _AT_ONCE = 1e9
@@ -128,7 +129,11 @@ class Bench:
             raise ValueError("frame_stiffness must be > 0; infinite where the frame is rigid")
 
 
-def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, FloatArray]:
+#: What may stand in the place of the tyre.
+Element = Zener | StateSpace | Laden
+
+
+def state_matrices(tyre: Element, bench: Bench) -> tuple[FloatArray, FloatArray]:
     r"""Matrices A, B of the equations of motion y' = A y + B u with y = (x2, v2, z) and u = (x1, v1).
 
     The states z of the tyre and its force F follow from its deflection and deflection rate:
@@ -149,6 +154,9 @@ def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, 
     For a mass that rocks, its angle and angular velocity are the last states, and the far end of the tyre moves with
     x2 + r_t theta.
 
+    A mass between the springs of a specimen has its own equation of motion. Its states stand after x2 and v2: those of
+    the spring before it, its displacement and its velocity, from the contact on.
+
     These equations have no friction. `Bench.damped_at` must have replaced a loss factor by a damper.
 
     Raises
@@ -164,6 +172,8 @@ def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, 
     """
     if bench.preload_loss_factor:
         raise ValueError("a loss factor has no equation of motion: replace it by a damper with Bench.damped_at")
+    if isinstance(tyre, Laden):
+        return _laden(tyre, bench)
     tyre = equations(tyre)
     m = bench.mass + bench.tyre_mass
     k3, c3, frame = leaf(bench)
@@ -184,6 +194,31 @@ def state_matrices(tyre: Zener | StateSpace, bench: Bench) -> tuple[FloatArray, 
     if bench.rocking is not None:
         a, b = _rocking(a, b, tyre, bench.rocking, m)
     return a + 0.0, b  # the sum changes negative zeros into positive ones
+
+
+def _laden(tyre: Laden, bench: Bench) -> tuple[FloatArray, FloatArray]:
+    """The equations of motion of a rig with springs and masses in a row, from the wheel to the contact."""
+    last = tyre.springs[-1]
+    a, b = state_matrices(last, bench)
+    force = np.zeros(a.shape[0])  # of the last spring, per state
+    force[:2], force[2 : 2 + last.a.shape[0]] = -last.d, last.c
+    if bench.rocking is not None:
+        force[-2:] = -bench.tyre_arm * last.d
+    direct = last.d
+    for spring, mass in zip(reversed(tyre.springs[:-1]), reversed(tyre.masses), strict=True):
+        z, x, v = slice(2, 2 + spring.a.shape[0]), 2 + spring.a.shape[0], 3 + spring.a.shape[0]
+        size = a.shape[0] + v - 1
+        behind, node = np.r_[:2, v + 1 : size], slice(x, v + 1)
+        wide, drive = np.zeros((size, size)), np.zeros((size, 2))
+        wide[np.ix_(behind, behind)], wide[behind, node] = a, b
+        wide[x, v] = 1.0
+        wide[v, behind] = -force / mass
+        wide[v, node] -= (direct + spring.d) / mass
+        wide[v, z], drive[v] = spring.c / mass, spring.d / mass
+        wide[z, z], wide[z, node], drive[z] = spring.a, -spring.b, spring.b
+        a, b, force, direct = wide, drive, np.zeros(size), spring.d
+        force[z], force[node] = spring.c, -spring.d
+    return a, b
 
 
 def _rocking(
@@ -229,7 +264,7 @@ def leaf(bench: Bench) -> tuple[float, float, float]:
     return k3 * share, c3 * share * share, inf
 
 
-def far_end(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> complex:
+def far_end(tyre: Element, bench: Bench, frequency: float) -> complex:
     """x2/x1 [1] at one `frequency` [Hz], from the equations of motion; x2 is the motion of the tyre's far end.
 
     Examples

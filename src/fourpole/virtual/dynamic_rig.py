@@ -12,8 +12,9 @@ import scipy
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.models.interface import StateSpace
 from fourpole.models.step import cubic_step
-from fourpole.virtual.bench import Bench, Zener, equations, far_end, leaf, moved, state_matrices
+from fourpole.virtual.bench import Bench, Element, equations, far_end, leaf, moved, state_matrices
 from fourpole.virtual.cam import Cam
+from fourpole.virtual.inertia import Laden
 
 #: Largest deflection of a cubic tyre, relative to the amplitude that it has without its cubic force.
 _KNEE = 1.3
@@ -56,7 +57,7 @@ class Motion(ByValue):
 
 def run(
     cam: Cam,
-    tyre: Zener | StateSpace,
+    tyre: Element,
     bench: Bench,
     *,
     duration: float,
@@ -75,8 +76,9 @@ def run(
     Parameters
     ----------
     cam : Cam
-    tyre : Zener or StateSpace
-        The element for one frequency, or any model in the time domain from `fourpole.models.chain.in_time`.
+    tyre : Zener, StateSpace or Laden
+        The element for one frequency, any model in the time domain from `fourpole.models.chain.in_time`, or a specimen
+        with masses between its springs.
     bench : Bench
     duration, sample_rate : float [s], [Hz]
         Length and sampling rate of the record.
@@ -85,7 +87,7 @@ def run(
     guard : int
         Fine points before time 0 and after the end, for sensors with a delay.
     cubic : float [N/m^3]
-        kappa >= 0 of a further force kappa x^3 of the tyre, whose deflection is x.
+        kappa >= 0 of a further force kappa x^3 of a massless tyre, whose deflection is x.
 
     Returns
     -------
@@ -95,7 +97,8 @@ def run(
     Raises
     ------
     ValueError
-        If a constant is out of its range, or if tyre and rig have so little damping that no steady motion is found.
+        If a constant is out of its range, a tyre with a mass has a cubic force, or tyre and rig have so little damping
+        that no steady motion is found.
 
     Notes
     -----
@@ -110,13 +113,17 @@ def run(
 
     Examples
     --------
+    >>> from fourpole.virtual.bench import Zener
     >>> tyre = Zener(k1=120e3, k2=90e3, c=800.0)
     >>> motion = run(Cam(frequency=10.0), tyre, Bench(), duration=1.0, guard=0)
     >>> float((np.ptp(motion.v2) / np.ptp(motion.v1)).round(3))  # the transmissibility
     1.435
     """
     base = _Base.of(cam, bench, duration, sample_rate, oversampling, guard)
-    tyre, bench, step = equations(tyre), bench.damped_at(cam.frequency), base.step
+    bench, step = bench.damped_at(cam.frequency), base.step
+    if isinstance(tyre, Laden) and cubic:
+        raise ValueError("a tyre with a mass of its own has no cubic force")
+    tyre = tyre if isinstance(tyre, Laden) else equations(tyre)
     a, b = state_matrices(tyre, bench)
     run_up = _run_up(a, step)
     laws: list[_Law] = []
@@ -130,10 +137,13 @@ def run(
     x1, v1 = cam.motion(time)
     states = _iterated(a, b, laws, np.stack([x1, v1]), step)[:, kept] if laws else respond(a, b, x1, v1, step, kept)
     far = moved(states, bench.tyre_arm, bench)
-    inner = states[2 : 2 + tyre.a.shape[0]]
+    first = tyre.springs[0] if isinstance(tyre, Laden) else tyre
+    inner, behind = np.split(states[2:], [first.a.shape[0]])
+    behind = behind if isinstance(tyre, Laden) else far
     deflection = x1[kept] - far[0]
     # einsum, because the threads that matmul starts cost more time here than they save
-    force = tyre.d[0] * deflection + np.einsum("i,ij->j", tyre.c, inner) + tyre.d[1] * (v1[kept] - far[1])
+    x, v = x1[kept] - behind[0], v1[kept] - behind[1]
+    force = first.d[0] * x + np.einsum("i,ij->j", first.c, inner) + first.d[1] * v
     if cubic:
         force += cubic * deflection**3
         if np.abs(deflection).max() > laws[-1].knee:
@@ -244,7 +254,7 @@ class _Law:
         return a + self.slope * np.outer(self.column, self.row)
 
 
-def _friction(tyre: StateSpace, bench: Bench, cam: Cam) -> _Law:
+def _friction(tyre: StateSpace | Laden, bench: Bench, cam: Cam) -> _Law:
     """Coulomb friction between the moving mass and the foundation."""
     width = _SMOOTHED * cam.eccentricity * 2.0 * np.pi * cam.frequency * abs(far_end(tyre, bench, cam.frequency))
     damper = 0.5 * bench.leaf_friction / width
@@ -259,7 +269,7 @@ def _friction(tyre: StateSpace, bench: Bench, cam: Cam) -> _Law:
     return _Law(column, force, row, damper, words)
 
 
-def _hardening(tyre: StateSpace, bench: Bench, cam: Cam, cubic: float) -> _Law:
+def _hardening(tyre: StateSpace | Laden, bench: Bench, cam: Cam, cubic: float) -> _Law:
     """The cubic force of the tyre, on the moving mass."""
     knee = _KNEE * cam.eccentricity * abs(1.0 - far_end(tyre, bench, cam.frequency))
     spring = 1.5 * cubic * knee * knee

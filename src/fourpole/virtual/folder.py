@@ -15,13 +15,14 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import PARAMETERS
 from fourpole.errors import FileError
 from fourpole.models.interface import StateSpace
-from fourpole.virtual.bench import Bench, Zener, far_end
+from fourpole.virtual.bench import Bench, Element, Zener, equations, far_end
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run
+from fourpole.virtual.inertia import Laden
 from fourpole.virtual.phasor_rig import CHANNELS, Conditions, Laboratory, simulate_phasors
-from fourpole.virtual.plan import Planned
+from fourpole.virtual.plan import Planned, with_inertia
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
-from fourpole.virtual.runs import Run, cubic_of, tyre_of
+from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
 from fourpole.virtual.truth import FURTHER, Statement, Truth
 from fourpole.virtual.tyres import VirtualTyre
 
@@ -41,6 +42,8 @@ MORE_COLUMNS = (
     *(f"gain error {channel} [1]" for channel in CHANNELS),
     *(f"phase error {channel} [rad]" for channel in CHANNELS),
 )
+#: Further columns for a campaign with specimens that have a mass of their own.
+INERTIA_COLUMNS = ("belt mass [kg]", "belt share [1]", "belt frequency, rim held, contact free [Hz]")
 _NOISY_CHANNELS = """\
 [channels]
 time       = {{ column = "t", unit = "s" }}
@@ -106,7 +109,9 @@ def finish(
     """Write truth.csv, campaign.toml and, last, tests.csv, which make the recordings a campaign."""
     import polars as pl
 
-    columns = (*TRUTH_COLUMNS, *MORE_COLUMNS)[: len(rows[0])]
+    laden = INERTIA_COLUMNS if with_inertia(tests) else ()
+    columns = (*TRUTH_COLUMNS, *MORE_COLUMNS)[: len(rows[0]) - len(laden)]
+    columns = (*columns, *laden)
     truth = pl.DataFrame(rows, schema=list(columns), orient="row", infer_schema_length=None)
     _replace(folder / "truth.csv", truth.write_csv())
     _replace(folder / "campaign.toml", _campaign_toml(tests, statement, seed))
@@ -197,9 +202,9 @@ def _replace(path: Path, text: str) -> None:
 
 
 def truth_rows(
-    this: Run, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool
+    this: Run, truth: Truth, *, preloads: Sequence[float], frequency: float, more: bool, inertia: bool
 ) -> list[tuple[object, ...]]:
-    """Rows of truth.csv: one per test, or one per preload for a static test; with `MORE_COLUMNS` if `more`."""
+    """Rows of truth.csv: one per test, or one per preload for a static test; `more` and `inertia` add columns."""
     bench = this.bench
     shared: tuple[object, ...] = (bench.mass, bench.preload_stiffness, bench.preload_damping)
     if more:
@@ -207,6 +212,7 @@ def truth_rows(
         errors = (errors[channel] for errors in (truth.gain_errors, truth.phase_errors) for channel in CHANNELS)
         shared = (*shared, *parts, bench.leaf_friction, *errors)
     row = this.row
+    shared = (*shared, *(_inertia(this, frequency) if inertia else ()))
     if row.kind == "static":
         tyre, pressure = this.as_labelled().real.mounted, row.pressure
         rows = ((load, None, None, float(tyre.static_stiffness(pressure, load)), *(None,) * 5) for load in preloads)
@@ -216,22 +222,30 @@ def truth_rows(
     return [(*_dynamic_row(this, frequency), *shared)]
 
 
+def _inertia(this: Run, frequency: float) -> tuple[object, ...]:
+    """The values of `INERTIA_COLUMNS` in a dynamic test; None for other tests."""
+    if this.row.kind != "dynamic" or (inertia := this.as_labelled().real.mounted.inertia) is None:
+        return (None,) * len(INERTIA_COLUMNS)
+    springs = equations(tyre_of(this.as_labelled(), frequency))
+    return (inertia.mass, *inertia.described(springs, 2.0 * np.pi * frequency))
+
+
 def _dynamic_row(this: Run, frequency: float) -> tuple[object, ...]:
     """The row of a dynamic test up to TR, in the order of `TRUTH_COLUMNS`."""
     row, this = this.row, this.as_labelled()
-    bench = this.loaded_bench
+    bench, cam = this.loaded_bench, Cam(frequency, this.real.eccentricity)
     tyre = tyre_of(this, frequency)
     stated = (row.name, row.mounted.name, row.pressure, row.preload, row.added_mass, frequency)
     k1 = float(this.real.mounted.static_stiffness(this.real.pressure, this.real.preload))
     if this.specimen.cubic:
-        stiffness, ratio = _described(tyre, bench, frequency, cubic_of(this))
+        stiffness, ratio = _described(tyre, bench, cam, cubic_of(this))
         return (*stated, k1, *_arm(stiffness, k1, frequency), stiffness.real, stiffness.imag, ratio)
     arm: tuple[float | None, float | None] = (None, None)
     if isinstance(tyre, Zener) and tyre.k1 == k1:
         arm = (tyre.k2, tyre.c)
     elif isinstance(this.real.mounted, VirtualTyre):
         arm = _arm(complex(*_two_parts(tyre, frequency)), k1, frequency)
-    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(tyre, bench, frequency))
+    return (*stated, k1, *arm, *_two_parts(tyre, frequency), _transmissibility(laden(this, tyre), bench, cam))
 
 
 def _arm(stiffness: complex, k1: float, frequency: float) -> tuple[float, float]:
@@ -240,10 +254,10 @@ def _arm(stiffness: complex, k1: float, frequency: float) -> tuple[float, float]
     return 1.0 / flexibility.real, -1.0 / (2.0 * np.pi * frequency * flexibility.imag)
 
 
-def _described(tyre: Zener | StateSpace, bench: Bench, frequency: float, cubic: float) -> tuple[complex, float]:
+def _described(tyre: Element, bench: Bench, cam: Cam, cubic: float) -> tuple[complex, float]:
     """K* [N/m] and |V2/V1| [1] of the first harmonics of a tyre that is not linear."""
-    motion = run(Cam(frequency), tyre, bench, duration=_DESCRIBED, cubic=cubic)
-    turn = np.exp(2j * np.pi * frequency * motion.time)
+    motion = run(cam, tyre, bench, duration=_DESCRIBED, cubic=cubic)
+    turn = np.exp(2j * np.pi * cam.frequency * motion.time)
     columns = [part for order in range(1, 8) for part in (np.real(turn**order), -np.imag(turn**order))]
     signals = np.stack([motion.force, motion.deflection, motion.x1], axis=1)
     found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), signals, rcond=None)
@@ -260,13 +274,16 @@ def _two_parts(tyre: Zener | StateSpace, frequency: float) -> tuple[float, float
     return tyre.k1 + tyre.k2 * x * x / (1.0 + x * x), tyre.k2 * x / (1.0 + x * x)
 
 
-def _transmissibility(tyre: Zener | StateSpace, bench: Bench, frequency: float) -> float:
+def _transmissibility(tyre: Element, bench: Bench, cam: Cam) -> float:
     """|V2/V1| [1]; with friction, that of its first harmonic."""
     if not bench.leaf_friction:
-        return abs(far_end(tyre, bench.damped_at(frequency), frequency))
+        return abs(far_end(tyre, bench.damped_at(cam.frequency), cam.frequency))
+    if isinstance(tyre, Laden):
+        return _described(tyre, bench, cam, 0.0)[1]
     names = (*FURTHER, "preload_stiffness", "preload_damping")
     laboratory = Laboratory(
         moving_mass=(bench.mass, 0.0), undeclared={name: getattr(bench, name) for name in (*names, "leaf_friction")}
     )
-    tests = Conditions(frequency, stiffness=complex(*_two_parts(tyre, frequency)))
+    stiffness = complex(*_two_parts(tyre, cam.frequency))
+    tests = Conditions(cam.frequency, stiffness=stiffness, eccentricity=cam.eccentricity)
     return float(simulate_phasors(laboratory, tests, np.random.default_rng(0)).transmissibility[0])

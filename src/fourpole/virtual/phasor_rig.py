@@ -2,7 +2,7 @@
 
 The equations of motion of the whole chain are solved at one frequency per test, on small matrices of their own::
 
-    F1, V1 ── input mass ── TYRE ── tyre mass + moving mass + added mass ── leaf spring ── frame ── fixed
+    F1, V1 ── input mass ── TYRE (with a belt) ── tyre mass + moving mass + added mass ── leaf spring ── frame ── fixed
                                  └ V2 is measured here
 
 The solution is as exact as in the time domain and a thousand times faster, for validations with thousands of campaigns.
@@ -137,6 +137,10 @@ class Conditions(ByValue):
         Whether V2 is measured.
     stiffness : (N,) complex array [N/m], optional
         K* of the tyre in place of K1, K2 and C, not zero. It may come from any model, causal or not.
+    belt_mass : (N,) float array [kg]
+        Mass of a belt between two springs that together have this K*; >= 0.
+    belt_share : (N,) complex array [1]
+        K* of the spring at the contact over that at the rim; not zero.
 
     Examples
     --------
@@ -153,6 +157,8 @@ class Conditions(ByValue):
     calibration: ArrayLike = False
     has_motion_out: ArrayLike = True
     stiffness: ArrayLike | None = None
+    belt_mass: ArrayLike = 0.0
+    belt_share: ArrayLike = 0.2
 
     def spread(self) -> _Tests:
         """The conditions with an array of N values for each quantity.
@@ -167,9 +173,10 @@ class Conditions(ByValue):
         if self.stiffness is not None:  # K1 is K*, and the arm has no damper
             parts = [np.asarray(self.stiffness, dtype=complex), np.ones(()), np.zeros(())]
         tyre = [np.where(calibration, 1.0, part) for part in parts]
-        others = (np.asarray(value, dtype=float) for value in (self.added_mass, self.eccentricity))
+        others = (np.asarray(value, dtype=float) for value in (self.added_mass, self.eccentricity, self.belt_mass))
+        share = np.asarray(self.belt_share, dtype=complex)
         frequency = np.atleast_1d(np.asarray(self.frequency, dtype=float))
-        tests = _Tests(*np.broadcast_arrays(frequency, *tyre, *others, calibration, has_motion_out))
+        tests = _Tests(*np.broadcast_arrays(frequency, *tyre, *others, share, calibration, has_motion_out))
         if tests.frequency.ndim != 1:
             raise ValueError(f"conditions have shape {tests.frequency.shape}: one value per test is wanted")
         positive = [tests.frequency, tests.eccentricity]
@@ -177,8 +184,9 @@ class Conditions(ByValue):
             positive += [tests.k1.real, tests.k2, tests.c]
         elif not np.all(np.isfinite(tests.k1) & (tests.k1 != 0)):
             raise ValueError("the stiffness must be finite and not zero: a model answers within its band only")
-        if not (min(values.min() for values in positive) > 0.0 <= tests.added_mass.min()):
-            raise ValueError("frequency, eccentricity, K1, K2 and C must be > 0, added_mass >= 0")
+        masses = min(tests.added_mass.min(), tests.belt_mass.min())
+        if not (min(values.min() for values in positive) > 0.0 <= masses and np.all(tests.belt_share)):
+            raise ValueError("frequency, eccentricity, K1, K2, C and belt_share must be > 0, the masses >= 0")
         return tests
 
 
@@ -192,6 +200,8 @@ class _Tests(ByRows):
     c: FloatArray
     added_mass: FloatArray
     eccentricity: FloatArray
+    belt_mass: FloatArray
+    belt_share: ComplexArray
     calibration: BoolArray
     has_motion_out: BoolArray
 
@@ -359,11 +369,17 @@ def _over_tyres(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Force on the tyre [N] and motion x2 of the moving mass [m], for the motion x1 of the contact.
 
-    There are two equations of motion: one for the massless point between K2 and C, one for the moving mass.
+    There are two equations of motion: one for the massless point between K2 and C, or for the belt between its springs,
+    and one for the moving mass.
     """
     k1, k2, damper = tests.k1, tests.k2, s * tests.c
+    belt = tests.belt_mass > 0.0
+    if belt.any():
+        contact = _stiffness(tests) * (1.0 + tests.belt_share)
+        k1, k2 = np.where(belt, 0.0, k1), np.where(belt, contact, k2)
+        damper = np.where(belt, contact / tests.belt_share, damper)
     matrix = np.empty((s.size, 2, 2), dtype=np.complex128)
-    matrix[:, 0, 0], matrix[:, 0, 1] = k2 + damper, -damper
+    matrix[:, 0, 0], matrix[:, 0, 1] = k2 + damper + s * s * tests.belt_mass, -damper
     matrix[:, 1, 0], matrix[:, 1, 1] = -damper, k1 + damper + above
     forces = np.zeros((s.size, 2, 2), dtype=np.complex128)
     forces[:, 0, 0], forces[:, 1, 0] = k2 * x1, k1 * x1  # from the motion of the cam

@@ -31,6 +31,7 @@ class Planned:
     preload: float = nan
     frequency: float = nan
     added_mass: float = 0.0
+    eccentricity: float = 1e-3
 
     @property
     def mounted(self) -> Tyre:
@@ -51,13 +52,15 @@ def plan_tests(
     calibration_masses: Sequence[float] = (),
     repeats: int = 1,
     mounts: Sequence[ModelTyre] = (),
+    eccentricity: float = 1e-3,
 ) -> list[Planned]:
     """Static tests S1 ..., dynamic tests D1 ... and calibrations C1 ...; see `simulate_campaign` for the arguments.
 
     Raises
     ------
     ValueError
-        If `added_mass_at` is no condition of the campaign, a calibration has no mass, or `repeats` is below 1.
+        If `added_mass_at` is no condition of the campaign, a calibration has no mass, the eccentricity is not
+        positive, or `repeats` is below 1.
 
     Examples
     --------
@@ -67,6 +70,8 @@ def plan_tests(
     """
     if not all(mass > 0.0 for mass in calibration_masses):
         raise ValueError(f"calibration_masses = {tuple(calibration_masses)}: the mass of a block must be > 0 kg")
+    if not eccentricity > 0.0:
+        raise ValueError(f"eccentricity = {eccentricity}: must be > 0 m")
     if repeats < 1:
         raise ValueError(f"repeats = {repeats}: a campaign has each dynamic test at least once")
     static = [*product(tyres, pressures), *((mount, nan) for mount in mounts)]
@@ -79,12 +84,20 @@ def plan_tests(
     blocks = product(calibration_masses, frequencies)
     return [
         *(Planned(f"S{number}", "static", *row) for number, row in enumerate(static, start=1)),
-        *(Planned(f"D{number}", "dynamic", *row) for number, row in enumerate(dynamic, start=1)),
         *(
-            Planned(f"C{number}", "calibration", frequency=frequency, added_mass=mass)
+            Planned(f"D{number}", "dynamic", *row, eccentricity=eccentricity)
+            for number, row in enumerate(dynamic, start=1)
+        ),
+        *(
+            Planned(f"C{number}", "calibration", frequency=frequency, added_mass=mass, eccentricity=eccentricity)
             for number, (mass, frequency) in enumerate(blocks, start=1)
         ),
     ]
+
+
+def with_inertia(tests: Sequence[Planned]) -> bool:
+    """Whether a specimen has a mass of its own."""
+    return any(test.tyre is not None and test.tyre.inertia is not None for test in tests)
 
 
 def _with_masses(

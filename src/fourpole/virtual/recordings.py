@@ -14,7 +14,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run, run_block
 from fourpole.virtual.plan import Planned
-from fourpole.virtual.runs import Run, cubic_of, tyre_of
+from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
 from fourpole.virtual.sensors import Sensor
 from fourpole.virtual.static_rig import load_cycles
 from fourpole.virtual.truth import Truth
@@ -72,7 +72,8 @@ def record_dynamic(
 
     `chance` draws what faults leave open.
     """
-    cam = Cam(frequency) if clean else _worn_cam(frequency, rng)
+    eccentricity = this.real.eccentricity
+    cam = Cam(frequency, eccentricity) if clean else _worn_cam(frequency, eccentricity, rng)
     late = {channel: -phase / (2.0 * np.pi * frequency) for channel, phase in truth.phase_errors.items()}
     oversampling = 10 if clean else 5
     latest = max(abs(delay) for delay in late.values()) + V1_DELAY
@@ -81,7 +82,7 @@ def record_dynamic(
     if this.real.kind == "calibration":
         marched = partial(run_block, cam)
     else:
-        marched = partial(run, cam, tyre_of(this, frequency), cubic=cubic_of(this))
+        marched = partial(run, cam, laden(this, tyre_of(this, frequency)), cubic=cubic_of(this))
     motion = marched(
         this.loaded_bench, duration=_DURATION, sample_rate=_SAMPLE_RATE, oversampling=oversampling, guard=guard
     )
@@ -117,11 +118,12 @@ def _recorded(
     return columns
 
 
-def _worn_cam(frequency: float, rng: np.random.Generator) -> Cam:
+def _worn_cam(frequency: float, eccentricity: float, rng: np.random.Generator) -> Cam:
     """A cam with fixed profile errors and random phases of ripple and wander."""
     angle = rng.uniform(0.0, 2.0 * np.pi, 3)
     return Cam(
         frequency,
+        eccentricity,
         profile=((2, 0.006, 0.7), (3, 0.002, 2.1)),
         ripple=((1, 1.5e-3, angle[0]), (2, 1.0e-3, angle[1])),
         wander=3.0e-5,

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from fourpole.models.interface import StateSpace
-from fourpole.virtual.bench import Bench, Zener, equations, far_end
-from fourpole.virtual.cam import Cam
+from fourpole.virtual.bench import Bench, Element, Zener, equations, far_end
 from fourpole.virtual.plan import Planned
 from fourpole.virtual.sensors import Flaw
 from fourpole.virtual.truth import Truth
@@ -103,7 +102,7 @@ def runs_of(tests: Sequence[Planned], truth: Truth) -> list[Run]:
 
 
 def tyre_of(this: Run, frequency: float) -> Zener | StateSpace:
-    """The element of a dynamic test at the true `frequency` of the cam [Hz], at the amplitude of the test."""
+    """The springs of a dynamic test at the true `frequency` of the cam [Hz], at the amplitude of the test."""
     real = this.real
     mounted = real.mounted.element(frequency, real.pressure, real.preload)
     tyre = _repeated(mounted, this.specimen.repeat, frequency)
@@ -112,9 +111,15 @@ def tyre_of(this: Run, frequency: float) -> Zener | StateSpace:
     bench = this.loaded_bench.damped_at(frequency)
     part = 1.0
     for _ in range(_ITERATIONS):
-        deflection = Cam(frequency).eccentricity * abs(1.0 - far_end(_times(tyre, part), bench, frequency))
+        deflection = real.eccentricity * abs(1.0 - far_end(laden(this, _times(tyre, part)), bench, frequency))
         part = 1.0 - this.specimen.softening * deflection / (deflection + this.specimen.amplitude)
     return _times(tyre, part)
+
+
+def laden(this: Run, springs: Zener | StateSpace) -> Element:
+    """The springs of a dynamic test with the mass that the specimen has of its own."""
+    inertia = this.real.mounted.inertia
+    return springs if inertia is None else inertia.laden(equations(springs))
 
 
 def cubic_of(this: Run) -> float:

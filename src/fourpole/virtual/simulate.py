@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.virtual.faults import Fault
 from fourpole.virtual.folder import finish, prepare, truth_rows, write_recording
-from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests
+from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests, with_inertia
 from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_static
 from fourpole.virtual.runs import runs_of
 from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state
@@ -56,6 +56,7 @@ def simulate_campaign(
     repeats: int = 1,
     faults: Sequence[Fault] = (),
     mounts: Sequence[ModelTyre] = (),
+    eccentricity: float = 1e-3,
 ) -> SimulatedCampaign:
     """Simulate static and dynamic tests of virtual tyres and write them as a campaign folder, with the true values.
 
@@ -101,6 +102,8 @@ def simulate_campaign(
     mounts : sequence of ModelTyre
         Specimens without inflation: each has a static test, and a dynamic test at the first preload and each frequency.
         Their tests come after those of the tyres, whose files they do not change.
+    eccentricity : float [m]
+        Amplitude of the motion of the contact; > 0.
 
     Returns
     -------
@@ -117,6 +120,10 @@ def simulate_campaign(
     -----
     If any of the arguments from `calibration_masses` on is given, truth.csv has further columns: the further parts of
     the rig and the errors of the channels. With friction, TR is that of the first harmonic.
+
+    K* in truth.csv is that of a specimen's springs, TR that of its two ends. If a specimen has a mass of its own,
+    truth.csv has further columns about it. `CAR_TYRE` resonates on the rig, and lifts off the cam unless its
+    eccentricity is small, such as 0.2 mm.
 
     Examples
     --------
@@ -136,10 +143,12 @@ def simulate_campaign(
         calibration_masses=calibration_masses,
         repeats=repeats,
         mounts=mounts,
+        eccentricity=eccentricity,
     )
     statement = state(clean=clean, sensors=sensors, rig_std=rig_std, declared=declared)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
     truth = draw_truth(statement, rng, rig_error=rig_error, undeclared=undeclared)
+    inertia = with_inertia(tests)
     runs = runs_of(tests, truth)
     for at, fault in enumerate(faults):
         runs = fault.apply(runs, np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2, at))))
@@ -156,7 +165,7 @@ def simulate_campaign(
         else:
             columns, decimals = record_dynamic(this, frequency, truth, rng, clean, chance), 6
         write_recording(columns, target / "recordings" / f"{this.row.name}.csv", None if clean else decimals)
-        rows += truth_rows(this, truth, preloads=preloads, frequency=frequency, more=more)
+        rows += truth_rows(this, truth, preloads=preloads, frequency=frequency, more=more, inertia=inertia)
         if progress is not None:
             progress(done, len(runs))
     finish(target, [this.row for this in runs], rows, statement, seed)

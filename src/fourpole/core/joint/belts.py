@@ -6,22 +6,24 @@ twice, without and with a mass in each specimen, each time with all that they as
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.components import component
-from fourpole.core.joint.asking import Group, gain_of, volume, widened
+from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
+from fourpole.core.joint.conditions import JointConditions
+from fourpole.core.joint.misfit import residuals
+from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, solve_either
+from fourpole.core.joint.solve import Problem, Solution, moved, solve_either, sweep
 from fourpole.core.sources import Kind, Source
+from fourpole.core.specimen import Body, Form, Specimen
 
-#: Standard uncertainty of a mass of which nothing is stated, over the moving mass; of a stated one, over itself.
-_UNSTATED, _STATED = 0.5, 0.5
-#: Stiffness of the spring at the contact over that at the rim: of a tyre, and of a block of rubber.
-TYRE, BLOCK = 0.2, 1.0
+#: Standard uncertainty of a mass of which nothing is stated, over the moving mass.
+_UNSTATED = 0.5
 #: Centre of the exponent: between springs of one law, and a spring at the rim that is constant.
 _EXPONENT = 0.6
 #: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
@@ -30,52 +32,41 @@ _STARTS = (0.1, 0.3, 0.6)
 _MOST_SHARES = 40
 
 
-@dataclass(frozen=True)
-class Body:
-    """What is stated of the inertia of a specimen.
-
-    Attributes
-    ----------
-    mass, mass_std : float [kg]
-        Its mass between the ends, and the standard uncertainty; 0 and 0 where nothing is stated.
-    share : float [1]
-        Usual share of its springs.
-    rod : bool, optional
-        Whether the mass is spread along it; by default the tests say.
-    """
-
-    mass: float = 0.0
-    mass_std: float = 0.0
-    share: float = TYRE
-    rod: bool | None = None
-
-    @classmethod
-    def weighed(cls, weight: float, share: float = TYRE) -> Body:
-        """A specimen of which the whole weight [kg] is stated: some part of it moves between the ends."""
-        return cls(0.5 * weight, 0.5 * _STATED * weight, share)
-
-
 @dataclass(frozen=True, eq=False)
 class Start(ByValue):
-    """A problem, its solution, and the first values from which it was found."""
+    """A problem and its solution."""
 
     problem: Problem
     solution: Solution
-    stiffness: ComplexArray
-    z: FloatArray
 
 
-def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray, *, rod: bool) -> Problem:
-    """The problem with a mass in each specimen; `stiffness` (c,) is a first K* of each condition, for the reference."""
-    observed, conditions = problem.observed, problem.conditions
+def with_references(
+    observed: Observed, conditions: JointConditions, references: ComplexArray, *, rod: bool
+) -> Observed:
+    """The tests with the number of each one's share, and K* (s,) [N/m] at which it is that of the shared values."""
     tyre = ~observed.rigid
     family = np.zeros(tyre.size, dtype=int)
     family[tyre] = np.unique(conditions.family[conditions.label[tyre]], return_inverse=True)[1]
     family = family if family.max(initial=0) < _MOST_SHARES else observed.specimen
-    log_k = np.zeros(tyre.size, dtype=complex)
-    log_k[tyre] = np.log(stiffness[conditions.label[tyre]])
-    means = [np.mean(log_k[tyre & (family == one)]) for one in np.unique(family[tyre])]
-    reference = np.exp(np.array([*means, 0.0])[np.where(tyre, family, -1)])
+    known = np.append(references, np.ones(int(family.max(initial=0)) + 1, dtype=complex))
+    return replace(observed, family=family, reference=known[family], rod=np.full(tyre.size, rod))
+
+
+def references_of(observed: Observed) -> ComplexArray:
+    """The K* (s,) of `with_references` [N/m]."""
+    found = np.ones(int(observed.family.max(initial=0)) + 1, dtype=complex)
+    found[observed.family[~observed.rigid]] = observed.reference[~observed.rigid]
+    return found
+
+
+def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray, *, rod: bool) -> Problem:
+    """The problem with a mass in each specimen; `stiffness` (c,) is a first K* of each condition, for the reference."""
+    conditions, tyre = problem.conditions, ~problem.observed.rigid
+    observed = with_references(problem.observed, conditions, np.ones(0, complex), rod=rod)
+    log_k, family = np.log(stiffness)[conditions.label[tyre]], observed.family[tyre]
+    count = np.bincount(family)
+    sums = np.bincount(family, log_k.real) + 1j * np.bincount(family, log_k.imag)
+    references = np.exp(sums.real / np.maximum(count, 1)) + 0j  # real: a share may differ from r_0 in its angle by p
     listed = []
     for number in np.unique(observed.specimen[tyre]).tolist():
         name, body = problem.names[number], bodies.get(problem.names[number], Body())
@@ -83,32 +74,30 @@ def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexA
         listed.append(SharedParameter(Source(Kind.BELT_MASS, name), "kg", number, body.mass, std))
         if rod:
             continue
-        listed.append(_of_springs(Kind.BELT_EXPONENT, name, number, _EXPONENT))
-        for one in np.unique(family[tyre & (observed.specimen == number)]).tolist():
-            listed += [_of_springs(Kind.BELT_SHARE, name, one, float(np.log(body.share))),
-                       _of_springs(Kind.BELT_ANGLE, name, one, 0.0)]  # fmt: skip
+        listed.append(_of_springs(Kind.BELT_EXPONENT, name, number, (_EXPONENT, component(Kind.BELT_EXPONENT).std)))
+        for one in np.unique(observed.family[tyre & (observed.specimen == number)]).tolist():
+            share = body.springs(float(references[one].real))
+            listed.append(_of_springs(Kind.BELT_SHARE, name, one, share))
+            listed.append(_of_springs(Kind.BELT_ANGLE, name, one, (0.0, component(Kind.BELT_ANGLE).std)))
     shared = replace(problem.shared, parameters=(*problem.shared.parameters, *listed))
-    observed = replace(observed, family=family, reference=reference, rod=np.full(tyre.size, rod))
-    return replace(problem, observed=observed, shared=shared)
+    return replace(problem, observed=with_references(observed, conditions, references, rod=rod), shared=shared)
 
 
-def _of_springs(kind: Kind, name: str, index: int, centre: float) -> SharedParameter:
-    row = component(kind)
-    return SharedParameter(Source(kind, name), row.unit, index, centre, row.std)
+def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) -> SharedParameter:
+    return SharedParameter(Source(kind, name), component(kind).unit, index, *stated)
 
 
 def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> Start | None:
     """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
+    known = any(body.frequency for body in bodies.values())
     made = []
-    forms = {body.rod for body in bodies.values()} - {None} or {False, True}
-    for rod in sorted(bool(form) for form in forms):
+    for rod in (False,) if known else (False, True):
         for share in _STARTS:
             wide = with_belts(problem, bodies, stiffness, rod=rod)
             z = _first(wide, share * problem.shared.rig.moving_mass)
-            start = own_stiffness(wide, z)
-            wide, solution = solve_either(wide, start, z)
+            wide, solution = solve_either(wide, own_stiffness(wide, z), z)
             if solution.converged:
-                made.append(Start(wide, solution, start, z))
+                made.append(Start(wide, solution))
     return max(made, key=lambda one: one.solution.evidence, default=None)
 
 
@@ -187,8 +176,73 @@ def linear_gain(problem: Problem, solution: Solution, bodies: Mapping[str, Body]
     return gain_of(triangle[p : p + e, p : p + e], triangle[p : p + e, -1], Group("belt", tuple(extra), 1.0))[0]
 
 
-def masses_of(problem: Problem, solution: Solution) -> Sequence[tuple[str, float, float]]:
-    """The specimens with their masses as found and the standard uncertainties [kg]."""
-    found, std = problem.shared.found(solution.z), np.sqrt(np.diag(solution.covariance)) * problem.shared.std
-    return [(row.source.of, float(found[place]), float(std[place]))
-            for place, row in enumerate(problem.shared.parameters) if row.source.kind is Kind.BELT_MASS]  # fmt: skip
+#: Steps from the other root of a quadratic to the K* that fits best there, and the change of log K* that is none.
+_STEPS, _SAME = 12, 0.01
+
+
+def second_roots(problem: Problem, solution: Solution) -> BoolArray:
+    """Flags (c,) of the conditions whose tests another K* explains as well, within `GAIN` of the evidence.
+
+    V2/V1 is quadratic in K* of a specimen with a mass, and so is F1/V1.
+    """
+    stiffness = _far_roots(problem, solution)
+    for _ in range(_STEPS):
+        step = sweep(problem, solution.z, stiffness, solution.slope)
+        stiffness = moved(stiffness, step.own_step)
+    both = (residuals(problem, replace(solution, stiffness=k)).whole for k in (stiffness, solution.stiffness))
+    there, here = (problem.conditions.sum(whole) for whole in both)
+    apart = np.abs(np.log(stiffness / solution.stiffness)) > _SAME
+    return np.asarray(apart & (there - here < 2 * GAIN))
+
+
+def _far_roots(problem: Problem, solution: Solution) -> ComplexArray:
+    """The root (c,) that is further from K* of each condition [N/m], as the mean of its tests."""
+    conditions = problem.conditions
+    here = slice(conditions.first, None)
+    roots = np.log(_roots(problem, solution.z)[here])
+    off = np.abs(roots - np.log(solution.stiffness)[conditions.label[here]][:, None])
+    far = roots[np.arange(len(roots)), np.argmax(off, axis=1)]
+    return np.exp(np.add.reduceat(far, conditions.starts - conditions.first) / conditions.sizes)
+
+
+@dataclass(frozen=True)
+class Found:
+    """The inertia of a specimen at one condition without its frequency, as found.
+
+    Attributes
+    ----------
+    test : int
+        A test of the condition, of the middle one of its frequencies, by its row in the problem.
+    specimen : Specimen
+    mass_std : float [kg]
+    stiffness : complex [N/m]
+        K* of this test.
+    """
+
+    test: int
+    specimen: Specimen
+    mass_std: float
+    stiffness: complex
+
+
+def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
+    """The specimens at each condition without its frequency; a mass within its uncertainty is none."""
+    observed, conditions, shared = problem.observed, problem.conditions, problem.shared
+    stds = (np.sqrt(np.diag(solution.covariance)) * shared.std).tolist()
+    std = {row.key: one for row, one in zip(shared.parameters, stds, strict=True)}
+    counts = (int(observed.specimen.max(initial=0)) + 1, int(observed.family.max(initial=0)) + 1)
+    mass, share, exponent = shared.belts_at(solution.z, counts)
+    made = []
+    for family in np.unique(conditions.family).tolist():
+        own = np.flatnonzero(conditions.family == family)
+        middle = int(own[np.argsort(conditions.mean_frequency[own])[own.size // 2]])
+        test, stiffness = int(conditions.starts[middle]), complex(solution.stiffness[middle])
+        number, of_family = int(observed.specimen[test]), int(observed.family[test])
+        key = (Source(Kind.BELT_MASS, problem.names[number]), number)
+        specimen, own_std = Specimen(), std.get(key, 0.0)
+        if mass[number] > 2 * own_std:
+            form = Form.ROD if observed.rod[test] else Form.BELT
+            specimen = Specimen(form, float(mass[number]), complex(np.exp(share[of_family])), float(exponent[number]),
+                                complex(observed.reference[test]))  # fmt: skip
+        made.append(Found(test, specimen, own_std, stiffness))
+    return made

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
-from fourpole.core.joint.belts import Body, explained, linear_gain, weight_of
+from fourpole.core.joint.belts import explained, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
@@ -26,11 +26,14 @@ from fourpole.core.phasor import SYMBOLS, Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
 from fourpole.core.sources import Kind, Source
+from fourpole.core.specimen import Body
 from fourpole.errors import RigError
 
 #: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,
 #: that can show a dependence of K* on the amplitude.
 _UNLIKE, _FEWEST_UNLIKE = 0.05, 3
+#: Whether specimens have a mass is first asked of so many tests.
+_MANY = 200
 #: Places in the run at which a gain may step, as shares of the tests.
 _STEPS = np.arange(1, 8) / 8
 
@@ -56,6 +59,8 @@ class Joint(ByValue):
         Factor by which the variance of an outlier was enlarged; 1 for the other tests.
     misfit : Misfit
         Agreement of the statement with the tests.
+    two_roots : (N,) bool array
+        True where another K* of a specimen with a mass explains the test as well.
     """
 
     problem: Problem
@@ -66,6 +71,7 @@ class Joint(ByValue):
     residuals: Residuals
     outlier: FloatArray
     misfit: Misfit
+    two_roots: BoolArray
 
     @property
     def converged(self) -> bool:
@@ -159,7 +165,9 @@ def solve_joint(
         residuals=residuals(problem, solution).part(back),
         outlier=outlier[back],
         misfit=misfit,
-    )
+        two_roots=(np.append(second_roots(problem, solution), [False])[label] if problem.shared.has_belts
+                   else np.zeros(count, dtype=bool)),
+    )  # fmt: skip
 
 
 def of_specimens(
@@ -216,16 +224,31 @@ def _reconciled(problem: Problem, channels: ChannelUncertainty, bodies: Mapping[
     stated = any(body.mass_std > 0 for body in bodies.values())
     if not stated and _is_enough(massless, bodies):
         return massless
+    few = problem.thinned(_MANY)
+    if few is not problem and not stated:
+        first = closed_form_start(few.observed, few.conditions, few.shared, channels)
+        if _with_masses(few, first, bodies, _massless(few, first), stated=False) is None:
+            return massless
+    return _with_masses(problem, start, bodies, massless, stated=stated) or massless
+
+
+def _with_masses(
+    problem: Problem, start: ComplexArray, bodies: Mapping[str, Body], massless: _Explained, *, stated: bool
+) -> _Explained | None:
+    """The tests explained by specimens with a mass of their own; None if massless ones explain them as well."""
     belt = explained(problem, bodies, start)
     if belt is None:
-        return massless
+        return None
     first = belt.solution.stiffness, belt.solution.z
     scatter = robust_scatter(belt.problem, deviations(belt.problem, first[1], first[0]))
-    with_belt = reconcile(*solve_either(replace(belt.problem, scatter=scatter), *first), first)
-    gain = _weight(with_belt, problem) - _weight(massless, problem)
-    if not stated and gain < GAIN:
-        return massless
-    return (*with_belt[:3], replace(with_belt[3], belts=gain))
+    scattered, solution = solve_either(replace(belt.problem, scatter=scatter), *first)
+    known = _weight(massless, problem)
+    # Where massless specimens fit, nothing that reconciling could raise stands in the way of the masses.
+    if massless[3].fits and not stated and weight_of(scattered, solution, problem, 0) < known + GAIN:
+        return None
+    with_belt = reconcile(scattered, solution, first)
+    gain = _weight(with_belt, problem) - known
+    return (*with_belt[:3], replace(with_belt[3], belts=gain)) if stated or gain > GAIN else None
 
 
 def _massless(problem: Problem, start: ComplexArray) -> _Explained:

@@ -363,8 +363,9 @@ def _by_belts(linear: Linear) -> ComplexArray:
         beyond = linear.impedance + jw * ends.wheel
         by_zr = -jw * ends.spring / (ends.spring + jw * beyond) ** 2
         for place, turn, which in observed.belt_columns(shared):
-            by = _by_ends(observed.omega, beyond, linear.ratio, by_zr, ends.by[:, which])
-            change[:, :, place] = by * scaled * turn[:, None]
+            own = np.flatnonzero(turn)  # the tests of one specimen, or of one condition
+            at = (observed.omega[own], beyond[own], linear.ratio[own], by_zr[own])
+            change[own, :, place] = _by_ends(*at, ends.by[own, which]) * scaled[own] * turn[own, None]
     return change
 
 

@@ -97,6 +97,23 @@ class Problem(ByValue):
         covariance = np.eye(6) + columns @ np.swapaxes(columns, 1, 2)
         return self.reweighted(np.linalg.solve(np.linalg.cholesky(covariance), self.observed.whiten))
 
+    def thinned(self, most: int) -> Problem:
+        """Some of the families, evenly chosen, with about so many tests together; all if there are no more."""
+        conditions = self.conditions
+        share = most / max(conditions.label.size, 1)
+        if share >= 1 or not conditions.count:
+            return self
+        number = np.unique(conditions.family, return_inverse=True)[1]
+        count = int(number.max()) + 1
+        kept = np.isin(number, np.linspace(0, count - 1, max(round(share * count), 1)).astype(int))
+        rows = np.append(kept, [True])[conditions.label]  # rigid blocks stay
+        label = np.append(np.cumsum(kept) - 1, [-1])[conditions.label][rows]
+        family, k1 = (np.append(one, [-1])[conditions.label][rows] for one in (conditions.family, conditions.k1))
+        observed = self.observed.part(rows)
+        apart, lines = (one if one is None else one[rows] for one in (self.apart, self.lines))
+        fewer = JointConditions(label, family, observed.omega / (2 * np.pi), k1)
+        return replace(self, observed=observed, conditions=fewer, apart=apart, lines=lines)
+
     def chunks(self) -> Iterator[tuple[slice, slice]]:
         """Slices of tests and of conditions that form a chunk: whole conditions, or rigid blocks alone."""
         conditions = self.conditions

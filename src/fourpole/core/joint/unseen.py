@@ -95,11 +95,9 @@ def _padded(z: FloatArray, extra: list[SharedParameter]) -> FloatArray:
 
 def _by_impedance(joint: Joint, values: Outputs, tests: np.ndarray, zr: ComplexArray) -> FloatArray:
     """Change (n, e) of the true TR of some tests by changes `zr` (n, e) of Zr [N s/m]."""
-    problem, solution = joint.problem, joint.solution
-    omega = problem.observed.omega[np.argsort(joint.order)][tests]
-    impedance = problem.columns("impedance", solution.z, solution.stiffness)[np.argsort(joint.order)][tests]
-    stiffness = values.value[tests, 0] + 1j * values.value[tests, 1]
-    by_zr = -1j * omega / (stiffness + 1j * omega * impedance)
+    parts = [part for _, _, part in joint.problem.linearised(joint.solution.z, joint.solution.stiffness)]
+    by_zr = np.concatenate([-1j * part.observed.omega * part.ratio / part.ends.spring for part in parts])
+    by_zr = by_zr[np.argsort(joint.order)][tests]
     return np.asarray(values.value[tests, 5][:, None] * (by_zr[:, None] * zr).real)
 
 

@@ -1,0 +1,108 @@
+"""Specimens with inertia: found by the evidence of the tests alone, K* that of their springs, and none invented."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.core.joint.inertia import LABS, Lab
+
+from fourpole.core.joint import solve_joint
+from fourpole.core.joint.belts import found_specimens, own_stiffness, with_belts
+from fourpole.core.joint.outputs import outputs
+from fourpole.core.sources import Kind
+from fourpole.core.specimen import Body, Form
+
+BELT = {"kart": 1.2, "truck": 40.0, "mount": 0.4, "massless": 0.0}
+
+
+#: Those of which one is solved each time, besides many of all.
+QUICK = ["car", "car to 60 Hz, constant rim", "car at three pressures", "kart", "mount", "massless"]
+
+
+def solved(lab, seed, **more):
+    """The joint solution, and errors of K', K'' and TR in their standard uncertainties."""
+    phasors, rig, keywords, stiffness, tr = lab.draw(seed)
+    joint = solve_joint(phasors, rig, np.nan, **keywords, **more)
+    values = outputs(joint, phasors, np.nan)
+    std = np.sqrt(np.diagonal(values.covariance_of(slice(0, 6), np.zeros(tr.size)), 0, 1, 2))
+    found, truth = values.value[:, [0, 1, 5]], np.stack([stiffness.real, stiffness.imag, tr], axis=1)
+    return joint, (found - truth) / std[:, [0, 1, 5]]
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
+    joint, off = solved(LABS[name], 1)
+    assert joint.misfit.fits
+    assert not joint.two_roots.any()
+    assert np.abs(off).max() < 4
+    true = BELT.get(name, 7.0)
+    form = Form.MASSLESS if not true else Form.ROD if name == "mount" else Form.BELT
+    for found in found_specimens(joint.problem, joint.solution):
+        assert found.specimen.form is form
+        assert abs(found.specimen.mass - true) < 3 * found.mass_std or not true
+        if name.startswith("car"):
+            frequency = float(joint.problem.observed.omega[found.test]) / (2 * np.pi)
+            _, rim = LABS[name].springs(frequency, int(joint.problem.observed.family[found.test]))
+            free = np.sqrt(rim.real / true) / (2 * np.pi)
+            assert found.specimen.frequencies(found.stiffness)[0, 0] == pytest.approx(free, rel=0.05)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("name", LABS)
+def test_uncertainties_are_those_of_many_laboratories(name):
+    each = [solved(LABS[name], seed) for seed in range(100, 104)]
+    fits = [joint.misfit.fits for joint, _ in each]
+    off = np.concatenate([off for joint, off in each if joint.misfit.fits])
+    assert np.mean(fits) >= 0.9
+    assert np.abs(off).max() < 4
+    assert np.all(np.sqrt(np.mean(off**2, axis=0)) < 1.4)
+    if name == "massless":
+        assert not any(joint.problem.shared.has_belts for joint, _ in each)
+
+
+def test_a_second_mass_is_not_ok():
+    joint, _ = solved(Lab(frequencies=LABS["car to 60 Hz"].frequencies, second=2.0), 3)
+    assert not joint.misfit.fits
+
+
+def test_a_weight_that_is_stated_brings_a_mass_in_at_once():
+    joint, off = solved(LABS["massless"], 5, bodies={"": Body.weighed(9.0)})
+    assert joint.problem.shared.has_belts
+    assert [one.specimen.form for one in found_specimens(joint.problem, joint.solution)] == [Form.MASSLESS]
+    assert joint.misfit.fits
+    assert np.abs(off).max() < 4
+
+
+def test_a_stated_belt_and_frequency_make_k_star_more_certain():
+    lab = LABS["car, one mass"]
+    free, _ = solved(lab, 2)
+    stated, off = solved(lab, 2, bodies={"": Body(7.0, 0.05, frequency=80.0, frequency_std=0.8)})
+    assert np.abs(off).max() < 4
+    stds = [np.sqrt(found_specimens(one.problem, one.solution)[0].mass_std) for one in (stated, free)]
+    assert stds[0] < stds[1]
+
+
+def test_derivatives_by_the_mass_and_its_springs():
+    """Against differences, at an arbitrary point, of a belt and of a rod."""
+    phasors, rig, keywords, *_ = Lab(conditions=2, frequencies=(10.0, 24.0)).draw(4)
+    problem = solve_joint(phasors, rig, np.nan, **keywords).problem
+    bare = replace(problem, shared=replace(problem.shared, parameters=tuple(
+        row for row in problem.shared.parameters if "BELT" not in row.source.kind.name)))  # fmt: skip
+    for rod in (False, True):
+        wide = with_belts(bare, {}, np.full(problem.conditions.count, 2.5e5 + 2e4j), rod=rod)
+        z = 0.3 * np.random.default_rng(1).standard_normal(len(wide.shared))
+        z += [0.5 * (row.source.kind is Kind.BELT_MASS) for row in wide.shared.parameters]
+        stiffness = own_stiffness(wide, z)
+        exact, step = wide.columns("by_shared", z, stiffness), 1e-6
+        basis = wide.columns("basis", z, stiffness)
+        by_k = np.einsum("nij,nik->njk", basis, wide.columns("by_stiffness", z, stiffness))
+        for place, row in enumerate(wide.shared.parameters):
+            change = step * (np.arange(z.size) == place)
+            ends = [wide.columns("residual", z + side * change, stiffness) for side in (1, -1)]
+            numeric = np.einsum("nij,ni->nj", basis, ends[1] - ends[0]) / (2 * step)
+            assert numeric == pytest.approx(
+                exact[:, :, place], rel=1e-4, abs=1e-5 * np.abs(exact[:, :, place]).max() + 1e-6
+            ), row
+        moved = [wide.columns("residual", z, stiffness * np.exp(side * step)) for side in (1, -1)]
+        numeric = np.einsum("nij,ni->nj", basis, moved[1] - moved[0]) / (2 * step)
+        assert numeric == pytest.approx(by_k[:, :, 0], rel=1e-4, abs=1e-5 * np.abs(by_k).max())
