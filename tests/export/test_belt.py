@@ -141,7 +141,8 @@ def test_a_tir_file_has_the_mode_of_the_belt(model, tmp_path):
 
 def test_a_model_file_has_the_inertia_of_specimens_csv(tmp_path):
     """A row per specimen and condition; a blank value of an axis is that of every condition."""
-    table((1.7e5, 2e5), (2e3, 3.5e3)).write_csv(tmp_path / "dynamic.csv")
+    rows_of = table((1.7e5, 2e5), (2e3, 3.5e3))
+    rows_of.write_csv(tmp_path / "dynamic.csv")
     rows = [("tyre", p, None, form, mass, share) for p, form, mass, share in
             ((1.7e5, "belt", 7.0, 0.16), (2e5, "belt", 7.0, 0.25), (2.4e5, "massless", None, None))]  # fmt: skip
     schema = ["tyre", PRESSURE, LOAD, "form", "belt mass [kg]", "share [1]"]
@@ -157,6 +158,9 @@ def test_a_model_file_has_the_inertia_of_specimens_csv(tmp_path):
     (one,) = placed_models(mapped, "map.json", [{PRESSURE: 1.8e5, LOAD: 2.5e3}])
     assert (one.belt.mass, one.belt.share) == (7.0, pytest.approx(0.2))
     assert placed_models(mapped, "map.json", [{PRESSURE: 1.8e5, LOAD: 2.5e3}], belt=Specimen())[0].belt == Specimen()
+    names = pl.Series("test", [f"D{at}" for at in range(rows_of.height)])
+    rows_of.with_columns(names, pl.lit("driving point").alias("K* of")).write_csv(tmp_path / "dynamic.csv")
+    assert {one.inertia for one in read_measured(tmp_path, std=1e-3).conditions} == {None}
 
 
 def test_a_rod_is_named_and_left_out(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -12,15 +11,16 @@ import polars as pl
 from pydantic import Field
 
 from fourpole import quantities as q
-from fourpole.core.condition import axis_of
+from fourpole.core.condition import AXES, axis_of
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import UnitError
+from fourpole.fitting.measuredtable import as_frame
 from fourpole.fitting.modelparts import Strict
 from fourpole.io.published import Published
 
 #: Table of a results folder with the inertia of each specimen at each condition.
 SPECIMENS = "specimens.csv"
-_FORM, _MASS, _SHARE = "form", "belt mass [kg]", q.SHARE.head
+_FORM, _MASS, _SHARE = q.FORM.head, q.BELT_MASS.head, q.BELT_SHARE.head
 #: Share of a car's tyre, where none is stated [1].
 USUAL_SHARE = 0.2
 
@@ -60,10 +60,10 @@ def inertias_in(results: Published) -> Inertias:
     """The inertia that results have."""
     if not results.has(SPECIMENS):
         return Inertias()
-    frame = pl.read_csv(
-        io.BytesIO(results.read(SPECIMENS)), infer_schema_length=None, schema_overrides={q.TYRE.head: pl.String}
-    )
-    return Inertias(frame.filter(pl.col(_MASS) > 0).to_dicts())
+    frame = as_frame(SPECIMENS, results.read(SPECIMENS))
+    numbers = (_MASS, _SHARE, *(axis.column for axis in AXES if axis.column in frame.columns))
+    found = frame.with_columns(pl.col(one).cast(pl.Float64, strict=False) for one in numbers)
+    return Inertias(found.filter(pl.col(_MASS) > 0).to_dicts())
 
 
 def mean_inertia(found: Sequence[InertiaFile | None]) -> InertiaFile | None:
