@@ -23,6 +23,7 @@ from fourpole.fitting.placed import placed_models
 from fourpole.fitting.ridetyres import tyres_for_ride
 from fourpole.models import Zener
 from fourpole.ride.compare import compare_in_time, compare_on_class
+from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.response import Condensed, transfers
 from fourpole.ride.road import ClassRoad
 from fourpole.ride.time import whole_system
@@ -121,8 +122,14 @@ def test_rides_in_time_and_on_a_spectrum_have_the_same_belt(model):
     (plain,) = tyres_for_ride(model)
     without = compare_on_class(body, [plain.tyre], road, 20.0, [10.0])
     assert np.all(np.abs(without.values / spectrum.values - 1)[0, :3] > 1e-3)
-    with pytest.raises(ModelError, match=r'has a belt, with which a ride has no lift-off .*--belt-mass "0 kg"'):
-        compare_in_time(body, [one.tyre], heights[None], 5e-4, [10.0], lift=True)
+    high = compare_in_time(body, [one.tyre], 1e-2 * heights[None, :8000], 2.5e-4, [10.0], lift=True)
+    low = compare_in_time(body, [one.tyre], 1e-2 * heights[None, :8000], 2.5e-4, [10.0])
+    assert high.values == pytest.approx(low.values, rel=2e-3)  # that is too low a road for a lift-off
+    rough = compare_in_time(body, [one.tyre], 4.0 * heights[None, :4000], 5e-4, [10.0], lift=True)
+    assert 0 < rough.contact[0].in_air[0] < 0.5
+    curve = LoadDeflection(np.array([0.0, 0.05]), np.array([0.0, 9e3]))
+    with pytest.raises(ModelError, match=r'curve is of the whole tyre.*--belt-mass "0 kg"'):
+        compare_in_time(body, [one.tyre], heights[None], 5e-4, [10.0], curve=curve)
     with pytest.raises(ModelError, match=r"the belt of 40 kg is a part of the unsprung mass of 37.5 kg, and leaves no"):
         body.without(40.0)
 

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.specimen import Form, Specimen
+from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
 from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import Model, StateSpace
@@ -285,23 +285,18 @@ def compare_in_time(
     Raises
     ------
     ModelError
-        If a model has no state space, the step is too long, the static load is not on the curve, or a tyre has a belt
-        and its wheel may leave the road.
+        If a model has no state space, the step is too long, the static load is not on the curve, or there are both a
+        curve and a tyre with a belt.
     """
     if not np.ptp(heights):
         raise ModelError("the road is level: nothing moves, and there is nothing to compare")
     nonlinear = lift or curve is not None
-    if nonlinear and (belted := [one.name for one in tyres if one.belt.form is Form.BELT]):
-        raise ModelError(
-            f"{belted[0]} has a belt, with which a ride has no lift-off and no curve: leave these out, or state that "
-            'the belt has no mass, --belt-mass "0 kg"'
-        )
     contact: list[ContactRide] = []
 
     def ridden(space: StateSpace, belt: Specimen, kept: list[ContactRide] | None = None) -> TimeRide:
         if not nonlinear:
             return ride_in_time(body, space, heights, step, belt)
-        found = ride_with_contact(body, space, heights, step, curve)
+        found = ride_with_contact(body, space, heights, step, curve, belt)
         if kept is not None:
             kept.append(found)
         return found.ride

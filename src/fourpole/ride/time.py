@@ -180,12 +180,14 @@ def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float,
     )
     jump = np.zeros(inputs.shape)
     jump[:, 1:-1] = 0.5 * both_ends(tyre, belt).d[0, 1] / step * np.diff(inputs, n=2, axis=1)
-    carried = np.zeros(inputs.shape[1])
-    if len(force):
-        on_belt, wheel = load - force, inputs - deflection
-        work = 0.5 * (on_belt[:, 1:] + on_belt[:, :-1]) * np.diff(wheel, axis=1)
-        carried[1:] = np.cumsum(np.sum(work, axis=0))
+    carried = work_on(load - (force if len(force) else load), inputs - deflection)
     return TimeRide(step, acceleration[0], weighted[0], load, travel, deflection, jump, carried)
+
+
+def work_on(force: FloatArray, wheel: FloatArray) -> FloatArray:
+    """Work (N,) [J] up to each time of forces (W, N) [N] on belts as the wheels move (W, N) [m]."""
+    work = 0.5 * (force[:, 1:] + force[:, :-1]) * np.diff(wheel, axis=1)
+    return np.append(0.0, np.cumsum(np.sum(work, axis=0)))
 
 
 def axles(height: FloatArray, body: Body, speed: float, step: float) -> FloatArray:
