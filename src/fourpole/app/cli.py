@@ -367,6 +367,24 @@ def compare(
     """
 
 
+@registered("twoport.run_twoport")
+def twoport(
+    campaign: CampaignFolder,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Folder for table, figure and UFF; by default CAMPAIGN/twoport.")
+    ] = None,
+    workers: Processes = None,
+    remote: RemoteFlag = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """All four poles of each specimen, k11, k12, k21 and k22, without a model of specimen or rig.
+
+    It needs tests with two rigid blocks in place of the specimen (kind = calibration) and tests of the specimen with
+    two added masses. Reciprocity, k12 = k21, is the check; a massless spring, a belt and a rod are held against the
+    poles. Writes a table, a figure and UFF 58 for substructuring.
+    """
+
+
 @registered("lab.run_lab")
 def lab(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],

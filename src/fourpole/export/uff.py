@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +23,8 @@ from fourpole.quantities import Quantity
 _LINE = 80
 _RESPONSE_FUNCTION = 4
 _UP = 3  # +Z translation
-_FREQUENCY, _DISPLACEMENT, _VELOCITY, _FORCE = 18, 8, 11, 13
+DISPLACEMENT, FORCE = 8, 13
+_FREQUENCY, _VELOCITY = 18, 11
 _CONTACT = 1
 
 
@@ -41,28 +43,32 @@ class _Kind(NamedTuple):
 
 
 _KINDS = (
-    _Kind("Mobility V1/F1 at the contact", q.CORR_R_I.pair, (_VELOCITY, "V1", q.V1.unit), (_FORCE, "F1", q.F1.unit)),
+    _Kind("Mobility V1/F1 at the contact", q.CORR_R_I.pair, (_VELOCITY, "V1", q.V1.unit), (FORCE, "F1", q.F1.unit)),
     _Kind(
         "Dynamic stiffness K*, force over deflection",
         q.CORR_K.pair,
-        (_FORCE, "Force on the tyre", "N"),
-        (_DISPLACEMENT, "Deflection", "m"),
+        (FORCE, "Force on the tyre", "N"),
+        (DISPLACEMENT, "Deflection", "m"),
     ),
 )
 
 
 def write(source: ExportTables, path: Path) -> tuple[str, ...]:
     """Write the functions; returns notes on what is left out."""
-    pyuff = need("pyuff", "formats")
     functions = [one for kind in _KINDS for one in _functions(source, kind)]
     if not functions:
         raise TableError(f"{path.name}: no test has V1/F1 or K*: there is no function of frequency to export")
+    write_functions(path, functions, source.title, source.version, source.made)
+    return (*source.left_out(), *_without(source))
+
+
+def write_functions(path: Path, functions: list[dict[str, Any]], title: str, version: str, made: datetime) -> None:
+    """Write numbered response functions, with the header of the file and its units; FileError without the library."""
+    pyuff = need("pyuff", "formats")
     for number, one in enumerate(functions, start=1):
         one["func_id"] = number
-
     with beside(path) as new, contextlib.redirect_stdout(io.StringIO()):  # the library prints to the terminal
-        pyuff.UFF(str(new)).write_sets([*_heads(source, path.name), *functions], mode="overwrite")
-    return (*source.left_out(), *_without(source))
+        pyuff.UFF(str(new)).write_sets([*_heads(path.name, title, version, made), *functions], mode="overwrite")
 
 
 def _without(source: ExportTables) -> Iterator[str]:
@@ -83,12 +89,12 @@ def _known(source: ExportTables, rows: Sequence[int], kind: _Kind) -> list[int]:
     return [row for row in rows if np.isfinite(values[row])]
 
 
-def _heads(source: ExportTables, name: str) -> list[dict[str, Any]]:
+def _heads(name: str, title: str, version: str, made: datetime) -> list[dict[str, Any]]:
     """Data sets with the header of the file and its units, SI."""
-    date, clock = _date(source)
+    date, clock = _date(made)
     dates = {f"{what}_{when}": date if what == "date" else clock for what in ("date", "time") for when in _WHEN}
-    program = _ascii(source.version)
-    header = {"type": 151, "model_name": _ascii(name), "description": _ascii(source.title), "db_app": program}
+    program = _ascii(version)
+    header = {"type": 151, "model_name": _ascii(name), "description": _ascii(title), "db_app": program}
     factors = {"length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
     units = {"type": 164, "units_code": 1, "units_description": "SI: Meter (newton)", "temp_mode": 2}
     return [{**header, "program": program, **dates}, {**units, **factors}]
@@ -98,9 +104,8 @@ _WHEN = ("db_created", "db_saved", "file_written")
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
-def _date(source: ExportTables) -> tuple[str, str]:
+def _date(made: datetime) -> tuple[str, str]:
     """Date as DD-MMM-YY in English, and time, of the analysis."""
-    made = source.made
     return f"{made.day:02d}-{_MONTHS[made.month - 1]}-{made.year % 100:02d}", f"{made:%H:%M:%S}"
 
 
@@ -123,19 +128,33 @@ def _functions(source: ExportTables, kind: _Kind) -> Iterator[dict[str, Any]]:
 def _function(
     source: ExportTables, kind: _Kind, condition: SheetRow, rows: Sequence[int], frequency: FloatArray, values: Any
 ) -> dict[str, Any]:
-    single = len(rows) == 1  # a single value is written as evenly spaced, for which the library needs a step
+    return {
+        "ver_num": condition.repeat,
+        "id2": _ascii(source.name_of(condition)),
+        "id3": " ".join(_date(source.made)),
+        "id4": _ascii(f"{source.version}, route {source.route}; {source.title}"),
+        "id5": _ascii(_uncertainty(source, kind, rows)),
+        **response(kind.name, (_CONTACT, _CONTACT), frequency, values, kind.above, kind.below),
+    }
+
+
+def response(
+    name: str,
+    nodes: tuple[int, int],
+    frequency: FloatArray,
+    values: ComplexArray,
+    above: tuple[int, str, str],
+    below: tuple[int, str, str],
+) -> dict[str, Any]:
+    """A response function between two nodes, response first, each in +Z; `above` and `below` are as in `_Kind`."""
+    single = frequency.size == 1  # a single value is written as evenly spaced, for which the library needs a step
     return {
         "type": 58,
         "func_type": _RESPONSE_FUNCTION,
-        "ver_num": condition.repeat,
-        "id1": _ascii(kind.name),
-        "id2": _ascii(source.name_of(condition)),
-        "id3": " ".join(_date(source)),
-        "id4": _ascii(f"{source.version}, route {source.route}; {source.title}"),
-        "id5": _ascii(_uncertainty(source, kind, rows)),
-        "rsp_node": _CONTACT,
+        "id1": _ascii(name),
+        "rsp_node": nodes[0],
         "rsp_dir": _UP,
-        "ref_node": _CONTACT,
+        "ref_node": nodes[1],
         "ref_dir": _UP,
         "x": np.array([frequency[0], frequency[0] + 1.0]) if single else frequency,
         "data": values,
@@ -143,8 +162,8 @@ def _function(
         "abscissa_spec_data_type": _FREQUENCY,
         "abscissa_axis_lab": "Frequency",
         "abscissa_axis_units_lab": "Hz",
-        **_axis("ordinate", *kind.above),
-        **_axis("orddenom", *kind.below),
+        **_axis("ordinate", *above),
+        **_axis("orddenom", *below),
     }
 
 

@@ -94,8 +94,10 @@ class Problem(ByValue):
 
     def widened(self, columns: FloatArray) -> Problem:
         """The same tests with additional noise along `columns` (N, 6, k), in units of the present noise."""
-        covariance = np.eye(6) + columns @ np.swapaxes(columns, 1, 2)
-        return self.reweighted(np.linalg.solve(np.linalg.cholesky(covariance), self.observed.whiten))
+        unit = np.broadcast_to(np.eye(6), (len(columns), 6, 6))
+        root = np.linalg.qr(np.concatenate([unit, np.swapaxes(columns, 1, 2)], axis=1), mode="r")  # of 1 + C C^T
+        root = root * np.sign(np.diagonal(root, axis1=1, axis2=2))[:, :, None]
+        return self.reweighted(np.linalg.solve(np.swapaxes(root, 1, 2), self.observed.whiten))
 
     def thinned(self, most: int) -> Problem:
         """Some of the families, evenly chosen, with about so many tests together; all if there are no more."""

@@ -1,0 +1,122 @@
+"""The command twoport: all four poles of the specimens, their reciprocity, and the form held against them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fourpole.app.console import out, print_json, print_table, progress, say, warn
+from fourpole.campaign import read_campaign
+from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.specimen import Form
+from fourpole.core.specimenfit import UNLIKELY
+from fourpole.errors import FileError
+from fourpole.export.twoports import write_two_ports
+from fourpole.io.folders import make_folder
+from fourpole.io.staging import staged
+from fourpole.io.write import write_bytes, write_table
+from fourpole.report.digits import PLUS_MINUS, number, with_u
+from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
+
+#: Poles of the printed table, with their places.
+_SHOWN = {"k11": 0, "k12": 1, "k22": 3}
+
+
+def run_twoport(campaign: Path, folder: Path | None, workers: int | None, *, as_json: bool) -> None:
+    """Print and write the four poles of each specimen and condition."""
+    stated = read_campaign(campaign)
+    with progress("reducing") as advance:
+        cache = campaign / "results" / "cache" if (campaign / "results").is_dir() else None
+        found, lacks = measure_two_ports(stated, cache=cache, workers=workers, progress=advance)
+    for lack in lacks:
+        warn(f"no four poles of {lack}")
+    files = _written(found, stated.stated.title or stated.folder.name, make_folder(folder or campaign / "twoport"))
+    if as_json:
+        print_json({"rows": two_port_table(found).to_dicts(), "lacks": lacks, "written": [str(path) for path in files]})
+        return
+    for two_port in found:
+        _show(two_port)
+    out(f"poles are in kN/m, Re and Im; {PLUS_MINUS}, of the worse part")
+    for path in files:
+        out(f"written: {path}")
+
+
+def _written(found: Sequence[TwoPort], title: str, folder: Path) -> list[Path]:
+    """Write table, figure and UFF together; the plot room is imported here because that takes a second."""
+    from fourpole.plot.twoports import two_port_figure_bytes
+
+    names = ["twoport.csv", "twoport.svg", "twoport.png"]
+    with staged(folder) as new:
+        write_table(new / names[0], two_port_table(list(found)))
+        for name in names[1:]:
+            write_bytes(new / name, two_port_figure_bytes(found, name.rpartition(".")[2]))
+        try:
+            write_two_ports(found, title, new / "twoport.uff")
+            names.append("twoport.uff")
+        except FileError as error:
+            warn(f"no UFF: {error}")
+    return [folder / name for name in names]
+
+
+def _show(two_port: TwoPort) -> None:
+    """Print the poles of one condition, what reciprocity says, and the form that describes them."""
+    for note in two_port.notes:
+        say(f"note: {two_port.name}: {note}")
+    out(two_port.name)
+    poles = two_port.poles
+    values, reach = poles.stiffness.reshape(-1, 4) / 1e3, COVERAGE_FACTOR * poles.std.max(axis=2) / 1e3
+    heads = ["f [Hz]", *(head for pole in _SHOWN for head in (f"Re {pole}", f"Im {pole}", "±"))]
+    rows = []
+    for row, frequency in enumerate(poles.frequency.tolist()):
+        cells = [number(frequency)]
+        for at in _SHOWN.values():
+            cells += [number(values[row, at].real), number(values[row, at].imag), number(reach[row, at], 2)]
+        rows.append(cells)
+    print_table(heads, rows, right=heads)
+    out(_reciprocity(two_port))
+    if two_port.form is not None:
+        out(_form(two_port))
+
+
+def _reciprocity(two_port: TwoPort) -> str:
+    """What the difference of k12 and k21 says, and what to do where they differ."""
+    measured = two_port.measured
+    off = np.abs(measured.determinant - 1)
+    if two_port.reciprocal:
+        most = f"k12/k21 is within {100 * float(off.max()):.2g} % of 1"
+        return f"Reciprocity holds within the uncertainty ({_p(two_port.chance)}; {most}): k12 = k21 is used"
+    worst = int(np.argmax(off / np.hypot(*measured.determinant_std.T)))
+    value, std = 100 * float(off[worst]), 100 * float(np.hypot(*measured.determinant_std[worst]))
+    return (
+        f"Reciprocity is broken: k12/k21 differs from 1 by {with_u(value, std)} % at "
+        f"{measured.frequency[worst]:.4g} Hz ({_p(two_port.chance)}). The poles are as measured. A passive specimen "
+        "is reciprocal: check that the sensors and their mountings were the same with blocks and specimen, that blocks "
+        "and added masses were rigid and firmly fixed, that their weights are right, and that the specimen is linear "
+        "at the amplitudes of the tests"
+    )
+
+
+def _form(two_port: TwoPort) -> str:
+    """The form that describes the poles best, and whether it does."""
+    fit = two_port.form
+    assert fit is not None
+    name = "massless spring" if fit.specimen.form is Form.MASSLESS else fit.specimen.form.value
+    mass = "" if fit.specimen.form is Form.MASSLESS else f" of {with_u(fit.specimen.mass, fit.mass_std)} kg"
+    if not two_port.form_fits:
+        return (
+            f"No form describes the poles within their uncertainty; the best is a {name}{mass} ({_p(fit.chance)}). "
+            "Take the measured poles, not K* of one spring. State input_mass and tyre_mass if parts that are mounted "
+            "with the specimen are not in them"
+        )
+    first = ""
+    if fit.specimen.form is Form.BELT:
+        middle = fit.stiffness[[fit.stiffness.size // 2]]
+        free, held = fit.specimen.frequencies(middle)[0]
+        first = f"; its frequency with the rim held is {free:.4g} Hz with the contact free, {held:.4g} Hz with it held"
+    return f"A {name}{mass} describes the poles within their uncertainty ({_p(fit.chance)}){first}"
+
+
+def _p(chance: float) -> str:
+    return f"p-value {chance:.2g}" if chance >= UNLIKELY else f"p-value below {UNLIKELY:g}"
