@@ -16,9 +16,8 @@ from fourpole.core.allpoles import AllPoles
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import parts
 from fourpole.core.components import component
-from fourpole.core.joint.belts import TYRE
 from fourpole.core.sources import Kind
-from fourpole.core.specimen import Form, Specimen
+from fourpole.core.specimen import TYRE, Form, Specimen
 
 #: Chance below which a difference counts as real: of k12 and k21, of the poles and a form, of a form and a simpler one.
 UNLIKELY = 1e-3

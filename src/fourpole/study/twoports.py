@@ -16,11 +16,11 @@ from fourpole.campaign.row import Test, condition_words
 from fourpole.core.allpoles import POLES, AllPoles, Setups, all_poles, reciprocal
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.checks import Verdict
-from fourpole.core.joint.belts import BLOCK, TYRE
 from fourpole.core.joint.conditions import group_conditions
 from fourpole.core.phasor import CHANNELS
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind
+from fourpole.core.specimen import BLOCK, TYRE
 from fourpole.core.specimenfit import UNLIKELY, SpecimenFit, fit_specimen
 from fourpole.errors import CampaignError
 from fourpole.io.folders import is_for_keeping, make_folder
