@@ -46,7 +46,7 @@ def test_fit_chooses_and_says_why(run, tmp_path):
     assert ran.exit_code == 0, ran.output
     said = " ".join(ran.stdout.split())
     assert "zener: 3 parameters, chi-square" in said
-    assert "A passive linear specimen can have this K*" in said
+    assert "A massless, relaxing specimen can have this K*" in said
     assert "zener *" in said
     document = json.loads(out.read_text())
     entry = document["models"][0]
@@ -91,7 +91,7 @@ def test_k1_is_a_datum(run, tmp_path):
 def test_causality_tells_possible_from_impossible(run, tmp_path):
     good = run("causality", reduced(tmp_path / "k.csv"))
     assert good.exit_code == 0
-    assert "possible for a passive linear specimen" in good.stdout
+    assert "possible for a massless, relaxing specimen" in good.stdout
     assert "NOT" not in good.stdout
     table = reduced(tmp_path / "k.csv")
     frame = pl.read_csv(table)

@@ -14,6 +14,7 @@ import sympy as sp
 from fourpole import ChannelUncertainty, Phasors, Rig, identify, maxwell_arm, twoport
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.routes import mobility_route, paper_d, relative_route, transmissibility_route
+from fourpole.core.specimen import Form, Specimen
 from fourpole.core.stats import share_within
 from fourpole.core.tyre import mobility, zener_mobility, zener_stiffness, zener_transmissibility
 
@@ -60,6 +61,24 @@ def test_the_elements_follow_from_newton_and_from_the_laws_of_spring_and_damper(
         assert zero(matrix.det() - 1)
         values = np.array(matrix.subs({m: 15.0, k1: 180e3, c: 700.0, w: 62.5}).evalf().tolist(), dtype=complex)
         assert np.allclose(values, made, rtol=1e-14)
+
+
+def test_a_belt_between_two_springs_is_the_two_port_of_the_page():
+    x1, x2, xb, k, r, mb, z = sp.symbols("x1 x2 xb K r mb Zr")
+    contact, rim = (1 + r) * k, (1 + r) * k / r
+    belt = sp.solve(sp.Eq(contact * (x1 - xb) - rim * (xb - x2), -(w**2) * mb * xb), xb)[0]
+    forces = [contact * (x1 - belt), -rim * (belt - x2)]
+    found = sp.Matrix([[sp.diff(force, x) for x in (x1, x2)] for force in forces])
+    m12 = mb * r / (1 + r) ** 2
+    masses = sp.Matrix([[r * m12, m12], [m12, m12 / r]])
+    page = k * sp.Matrix([[1, -1], [-1, 1]]) - w**2 / (1 - w**2 * m12 / k) * masses
+    assert all(zero(one) for one in found - page)
+    assert zero(sum(masses) - mb)
+    ratio = -page[1, 0] / (page[1, 1] + jw * z)
+    assert zero(k**2 - ratio * ((k + jw * z) * (k - w**2 * m12) - w**2 * m12 / r * k))
+    values = {k: 3e5 + 2e4j, r: 0.2, mb: 7.0, w: 150.0}
+    ours = Specimen(Form.BELT, 7.0, 0.2).dynamic_stiffness([3e5 + 2e4j], [150.0])[0]
+    assert np.array(page.subs(values).evalf(), dtype=complex) == pytest.approx(ours, rel=1e-12)
 
 
 def test_the_work_of_a_cycle_is_pi_times_the_loss_stiffness():

@@ -8,6 +8,13 @@
 
 #include "model.h"
 
+#ifdef BELT /* the springs and the belt have as many states, and the points of the belt are behind */
+#define SETS 2
+#else
+#define SETS 1
+#endif
+#define COUNT (SETS * STATES)
+
 static int said;
 
 static void log_it(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message) {
@@ -31,9 +38,9 @@ static void expect(int right, int line) {
 
 int main(void) {
     const fmi3ValueReference inputs[] = {1, 2, 3, 4}, force[] = {5}, point[] = {6}, far[] = {4000000000u};
-    const fmi3Int32 none[] = {0}, many[] = {POINTS + 1}, last[] = {POINTS};
+    const fmi3Int32 none[] = {0}, many[] = {POINTS + 1}, last[] = {POINTS / SETS};
     const double seed[] = {1.0};
-    double motion[4] = {0.0, 0.06, 0.0, 0.0}, found[1], more[STATES + 1], reached;
+    double motion[4] = {0.0, 0.06, 0.0, 0.0}, found[1], more[COUNT + 1], reached;
     fmi3Boolean event, end, early, states, timed;
     fmi3Float32 narrow[1];
     fmi3FMUState state = 0, other = 0;
@@ -94,7 +101,7 @@ int main(void) {
     WRONG(fmi3GetDirectionalDerivative(c, force, 1, inputs, 1, seed, 2, found, 1));
     WRONG(fmi3GetAdjointDerivative(c, force, 1, inputs, 1, seed, 1, found, 1));
     RIGHT(fmi3GetNumberOfContinuousStates(c, &size));
-    expect(size == STATES, __LINE__);
+    expect(size == COUNT, __LINE__);
     RIGHT(fmi3Terminate(c));
     RIGHT(fmi3Reset(c));
     fmi3FreeInstance(c);
@@ -103,16 +110,16 @@ int main(void) {
     RIGHT(fmi3EnterInitializationMode(c, 0, 0.0, 0.0, 0, 0.0));
     motion[0] = 1e-3;
     RIGHT(fmi3SetFloat64(c, inputs, 4, motion, 4));
-    RIGHT(fmi3GetContinuousStates(c, more, STATES));
-    expect(STATES == 0 || more[0] == 1e-3, __LINE__);
+    RIGHT(fmi3GetContinuousStates(c, more, COUNT));
+    expect(COUNT == 0 || SETS > 1 || more[0] == 1e-3, __LINE__);
     RIGHT(fmi3ExitInitializationMode(c));
     RIGHT(fmi3UpdateDiscreteStates(c, &event, &end, &early, &states, &timed, &reached));
     RIGHT(fmi3EnterContinuousTimeMode(c));
     WRONG(fmi3SetTime(c, NAN));
     RIGHT(fmi3SetTime(c, 0.1));
-    WRONG(fmi3SetContinuousStates(c, more, STATES + 1));
-    RIGHT(fmi3SetContinuousStates(c, more, STATES));
-    RIGHT(fmi3GetContinuousStateDerivatives(c, more, STATES));
+    WRONG(fmi3SetContinuousStates(c, more, COUNT + 1));
+    RIGHT(fmi3SetContinuousStates(c, more, COUNT));
+    RIGHT(fmi3GetContinuousStateDerivatives(c, more, COUNT));
     RIGHT(fmi3CompletedIntegratorStep(c, 1, &event, &end));
     WRONG(fmi3DoStep(c, 0.1, 1e-3, 1, &event, &end, &early, &reached));
     fmi3FreeInstance(c);

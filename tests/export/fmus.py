@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fourpole.core.specimen import Form, Specimen
 from fourpole.export.fmi import fmu
 from fourpole.export.fmi.csource import COMPILERS, common_source, model_source
 from fourpole.export.fmi.variables import Point, states_in
+from fourpole.models.belted import belt_modes, weight
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
 from fourpole.models.tyre_shell import RADIAL_PLY, Shell
@@ -29,6 +31,7 @@ MODELS = {
     "maxwell:3": [150e3, 60e3, 40e3, 30e3, 0.5, 0.02, 0.001],
     "fractional": [150e3, 400e3, 1e-3, 0.4],
 }
+BELT = Specimen(Form.BELT, 7.0, 0.2)
 WITH_INERTIA = {SHELL: list(RADIAL_PLY), "zener": MODELS["zener"]}
 INPUTS = [1, 2, 3, 4]
 FORCE, POINT, PRELOAD, STATE = 5, 6, 7, 8
@@ -44,28 +47,33 @@ def compiler():
     return found
 
 
-def points(models=MODELS):
+def points(models=MODELS, belt=None):
     each = ((model_named(model) if isinstance(model, str) else model, values) for model, values in models.items())
-    return [Point(model.name, realised(model, values, BAND)) for model, values in each]
+    found = [Point(model.name, realised(model, values, BAND)) for model, values in each]
+    if belt is None:
+        return found
+    belted = [Point(one.label, one.system, belt_modes(one.system, belt, BAND), weight(belt)) for one in found]
+    return [Point("massless", found[0].system), *belted]
 
 
 #: Number of states of the FMU of all models.
 STATES = states_in(points())
 
 
-def made(folder, version, models=MODELS):
+def made(folder, version, models=MODELS, belt=None):
     """An FMU of models as operating points, with its binary."""
     compiler()
-    content, notes = fmu("tyre", "Vertical force of tyre", points(models), version)
+    content, notes = fmu("tyre", "Vertical force of tyre", points(models, belt), version)
     assert notes == []
     path = Path(folder, f"tyre{version}.fmu")
     path.write_bytes(content)
     return path
 
 
-def sources(folder, version, models):
+def sources(folder, version, models, belt=None):
     """The folder with the C source of an FMU, without the binary."""
-    for name, text in (common_source(version) | model_source(points(models), "{token}")).items():
+    common = common_source(version, belted=belt is not None)
+    for name, text in (common | model_source(points(models, belt), "{token}")).items():
         Path(folder, name).write_text(text, encoding="utf-8")
     return folder
 
@@ -144,18 +152,18 @@ class Instance:
     def step(self, time, duration):
         self.it.doStep(currentCommunicationPoint=time, communicationStepSize=duration)
 
-    def derivatives(self):
-        return self._array(self._derivatives)
+    def derivatives(self, count=STATES):
+        return self._array(self._derivatives, count=count)
 
-    def states(self):
-        return self._array(self.it.getContinuousStates)
+    def states(self, count=STATES):
+        return self._array(self.it.getContinuousStates, count=count)
 
     def set_states(self, values):
         self._array(self.it.setContinuousStates, values)
 
-    def _array(self, call, values=None):
-        held = np.zeros(STATES) if values is None else np.array(values, dtype=float)
-        call(held.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), STATES)
+    def _array(self, call, values=None, count=STATES):
+        held = np.zeros(count) if values is None else np.array(values, dtype=float)
+        call(held.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), held.size)
         return held
 
     def state_of(self, content):

@@ -186,24 +186,30 @@ class Block:
         reader.take(";")
 
     def matrices(self):
-        """A, B, C, D by evaluation of the equations at unit values of each state and input."""
+        """A, B, C, D by evaluation of the equations, in their order, at unit values of each state and input."""
         states = [name for kind, name in (one for one in self.equations if isinstance(one, tuple))]
+        between = [one for one in self.equations if not isinstance(one, tuple) and one not in self.outputs]
         unknown = set(self.sizes) - set(self.parameters) - set(self.inputs)
-        assert unknown == {*states, *self.outputs}
+        assert unknown == {*states, *self.outputs, *between}
         assert {("der", name) for name in states} == set(self.initial)
-        counts = [self.sizes[name] for name in states]
+        counts = [self.sizes[name] or 1 for name in states]
         total = sum(counts)
         columns = []
         for at in range(total + len(self.inputs)):
             unit = np.eye(total + len(self.inputs))[at]
             held = dict(self.parameters) | dict(zip(self.inputs, unit[total:], strict=True))
             ends = np.cumsum([0, *counts])
-            held |= {name: unit[a:b] for name, a, b in zip(states, ends[:-1], ends[1:], strict=True)}
-            found = [np.atleast_1d(self.equations["der", name](held)) for name in states]
+            held |= {
+                name: unit[a:b] if self.sizes[name] else unit[a]
+                for name, a, b in zip(states, ends[:-1], ends[1:], strict=True)
+            }
+            for name, equation in self.equations.items():
+                held[name] = equation(held)
+            found = [np.atleast_1d(held["der", name]) for name in states]
             assert [len(one) for one in found] == counts
-            columns.append(np.concatenate([*found, [self.equations[self.outputs[0]](held)]]))
-        whole = np.array(columns).T
-        return whole[:-1, :total], whole[:-1, total:], whole[-1:, :total], whole[-1:, total:]
+            columns.append(np.concatenate([*found, [held[name] for name in self.outputs]]))
+        whole, n = np.array(columns).T, len(self.outputs)
+        return whole[:-n, :total], whole[:-n, total:], whole[-n:, :total], whole[-n:, total:]
 
 
 def read_modelica(text):

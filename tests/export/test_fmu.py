@@ -14,12 +14,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import polars as pl
 import pytest
-from tests.export.fmus import MODELS, WITH_INERTIA, compiler, sources
+from tests.export.fmus import BELT, MODELS, WITH_INERTIA, compiler, sources
 from tests.export.vehicle import FREQUENCY, LOAD, PRESSURE, parameters, table
 
 from fourpole.errors import CampaignError, ModelError
 from fourpole.export import export_results
-from fourpole.export.fmi.csource import COMPILED
+from fourpole.export.fmi.csource import COMPILED, compiled_files
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.models.families import model_named
@@ -146,33 +146,48 @@ def test_an_fmu_is_of_a_model(files, tmp_path):
 
 
 #: Operating points without a state, and with branches and pairs of states.
-SETS = {"spring": {"spring": [2e5]}, "shell": WITH_INERTIA}
+SETS = {"damper": {"kelvin": [2e5, 300.0]}, "shell": WITH_INERTIA}
 
 
 @pytest.mark.thorough
 @both
+@pytest.mark.parametrize("belt", [None, BELT])
 @pytest.mark.parametrize("models", SETS)
-def test_the_source_compiles_without_a_warning(tmp_path, version, models):
-    command = [compiler(), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-O2", "-c", *COMPILED[version]]
-    folder = sources(tmp_path, version, SETS[models])
+def test_the_source_compiles_without_a_warning(tmp_path, version, models, belt):
+    files = compiled_files(version, belted=belt is not None)
+    command = [compiler(), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-O2", "-c", *files]
+    folder = sources(tmp_path, version, SETS[models], belt)
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-def driven(tmp_path, version, models, *flags):
+def driven(tmp_path, version, models, *flags, belt=None):
     """The program that drives an FMU in C, compiled with its sources."""
-    folder = sources(tmp_path, version, models)
+    folder = sources(tmp_path, version, models, belt)
     program, driver = tmp_path / "drive", HERE / f"drive_fmi{version}.c"
-    command = [compiler(), "-std=c99", "-g", *flags, "-I.", "-o", program, driver, *COMPILED[version], "-lm"]
+    command = [
+        compiler(),
+        "-std=c99",
+        "-g",
+        *flags,
+        "-I.",
+        "-o",
+        program,
+        driver,
+        *compiled_files(version, belted=belt is not None),
+        "-lm",
+    ]
     subprocess.run(command, cwd=folder, check=True)
     return program
 
 
 @pytest.mark.thorough
 @both
+@pytest.mark.parametrize("belt", [None, BELT])
 @pytest.mark.parametrize("models", SETS)
-def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models):
-    program = driven(tmp_path, version, SETS[models], "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models, belt):
+    flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    program = driven(tmp_path, version, SETS[models], *flags, belt=belt)
     done = subprocess.run([program], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "as it should be\n", "")
 

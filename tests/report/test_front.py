@@ -158,7 +158,7 @@ def test_where_repeats_scatter_the_misfit_of_a_model_has_no_other_reason():
         results = Study(STATIC, table, models=SimpleNamespace(models=[model]))
         said = " ".join(one.text for one in front_page(results, []).doubts)
         assert "by 7.0 % of |K*|" in said
-        assert ("no passive linear specimen" in said) == reason
+        assert ("no massless, relaxing specimen" in said) == reason
 
 
 def test_words_and_tables_have_the_units_that_the_campaign_wants():

@@ -103,7 +103,7 @@ def test_a_c_that_rises_with_frequency_is_why_no_passive_specimen_is_alike(fitte
 
     good, bad = (True, 0.01, []), (False, 0.0312, [10.0, 12.0])
     assert said(bad, rising)[-1] == (
-        "No passive linear specimen without inertia has a C that rises with frequency, as here by 23 % from 10 to "
+        "No massless, relaxing specimen has a C that rises with frequency, as here by 23 % from 10 to "
         "22 Hz: with any constant K1, C can only fall."
     )
     for judgement, c in ((good, rising), (bad, 900.0), (bad, lambda p, load, f: 9000.0 / f)):
@@ -115,20 +115,23 @@ def test_verdicts_are_summed_up(fitted):
         return " ".join(sentences(judged(edited(fitted, discrepancy=0.0), judgements).models.models[0])[1:])
 
     good, bad = (True, 0.01, []), (False, 0.0312, [10.0, 12.0])
-    assert verdicts(good) == "A passive linear specimen can have this K*, within its uncertainty."
-    assert verdicts(good, good) == "A passive linear specimen can have K* as measured in all 2 conditions."
+    assert verdicts(good) == "A massless, relaxing specimen can have this K*, within its uncertainty."
+    assert verdicts(good, good) == "A massless, relaxing specimen can have K* as measured in all 2 conditions."
     assert verdicts(bad) == (
-        "No passive linear specimen can have this K*: it would take an error of K* of up to 3.1 % at each frequency. "
+        "No massless, relaxing specimen can have this K*: it would take an error of K* of up to 3.1 % at each "
+        "frequency. "
         "K* cannot be at 10, 12 Hz."
     )
     assert verdicts(good, bad, (False, 0.2, [14.0])) == (
-        "1 of 3 conditions is possible for a passive linear specimen; in the others it would take an error of K* of "
+        "1 of 3 conditions is possible for a massless, relaxing specimen; in the others it would take an error of K* "
+        "of "
         "up to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz "
         "cannot be."
     )
     every = (False, 0.05, [10.0, 14.0, 17.0, 19.0, 24.0])
     assert verdicts(every, every) == (
-        "None of 2 conditions is possible for a passive linear specimen; it would take an error of K* of up to 5.0 % "
+        "None of 2 conditions is possible for a massless, relaxing specimen; it would take an error of K* of up to "
+        "5.0 % "
         "at each frequency. There K* cannot be at any of the frequencies."
     )
     lone = judged(fitted, [(False, 0.1, [])]).models.models[0]

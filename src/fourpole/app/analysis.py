@@ -140,7 +140,7 @@ def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> 
         for line in (*found[1:], *outcome.lines):  # the first finding repeats the number of tests
             out(line)
         out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
-        out("The rubber mount is passive; no passive specimen can be like the two tyres: the report says why.")
+        out("The rubber mount relaxes; no massless, relaxing specimen can be like the two tyres: the report says why.")
     return outcome.code
 
 

@@ -316,6 +316,7 @@ def export(
     and look-up tables, of maps too.
     """
     from fourpole.export import export_results
+    from fourpole.fitting.inertia import belt_stated
     from fourpole.fitting.placed import operating_point
 
     exported = export_results(
@@ -327,6 +328,7 @@ def export(
         specimen=asked.tyre,
         frequency=asked.frequency,
         radius=asked.radius,
+        belt=belt_stated(asked.belt_mass, asked.belt_share),
     )
     for note in exported.notes:
         warn(note)

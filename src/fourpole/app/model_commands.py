@@ -120,10 +120,10 @@ def fit(
 
 @registered("models.run_causality")
 def causality(results: Study, *, data: DataOptions, as_json: JsonFlag = False) -> None:
-    """Test whether a passive linear specimen can have the measured K*, and name the frequencies where it cannot.
+    """Test whether a linear, massless, relaxing specimen can have K*, and name the frequencies where it cannot.
 
     The best non-negative relaxation spectrum is compared with the data by their covariance, so the test also holds on
-    a narrow band.
+    a narrow band. A specimen with inertia, as a belt or a hydromount has, fails it without a fault of the tests.
     """
 
 

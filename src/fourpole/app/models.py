@@ -153,7 +153,7 @@ def fitted(results: Study, folder: Path) -> Study:
 
 
 def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
-    """Test of each condition whether a passive linear specimen can have its K*, and print the verdicts."""
+    """Test of each condition whether a massless, relaxing specimen can have its K*, and print the verdicts."""
     path = results_in(results)
     measured = _read(path, data)
     if measured.known:
@@ -175,14 +175,17 @@ def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
     if bad:
         say(
             "either the tests are at fault (a gain, a resonance, a tyre that had not settled), or their uncertainty is "
-            "too small, or the tyre is not linear; fourpole rig says what the rig explains"
+            "too small, or the tyre is not linear, or it has inertia, as a belt or a hydromount has: that is no fault "
+            "of the tests; fourpole rig says what the rig explains"
         )
         if hint := channel_hint(*zip(*found, strict=True)):
             say(hint)
 
 
 def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:
-    text = f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a passive linear specimen (chi-square "
+    text = (
+        f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a massless, relaxing specimen (chi-square "
+    )
     out(f"{text}{number(verdict.chi2)} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})")
     if not verdict.possible:
         out(f"  {_contradicting(verdict, one.own.count)}")

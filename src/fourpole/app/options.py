@@ -139,6 +139,13 @@ def _amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
     return _given(text, first, *others, parser=_reader(kind, first, sign), metavar="QUANTITY")
 
 
+def _belt() -> tuple[Any, Any]:
+    """Fields of a group for a belt in place of that of the model file: its mass and its share."""
+    mass = 'Belt between the springs of the tyre, as "7 kg"; by default that of the model file; "0 kg": none.'
+    share = "With --belt-mass: stiffness between contact and belt over that between belt and rim; by default 0.2."
+    return _amount("--belt-mass", "mass", mass, "not negative"), _given(share, "--belt-share")
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class RigOptions:
     """The rig above the tyre [kg], [N/m], [N s/m]; None where an option is not given."""
@@ -312,6 +319,8 @@ class RideOptions:
     column: list[str] | None = _given(
         'Which column of a road or a curve is what, as "height=z [mm]" or "load=F [N]"; may be repeated.'
     )
+    belt_mass: float | None = _belt()[0]
+    belt_share: float | None = _belt()[1]
     folder: Path | None = _given("Folder for table, document and figure.", "--out")
 
 
@@ -417,3 +426,5 @@ class PointOptions:
         "--frequency", "frequency", 'For tir: frequency of its stiffness and damping, as "20 Hz".', "positive"
     )
     radius: float | None = _amount("--radius", "displacement", 'For tir: unloaded radius, as "316 mm".', "positive")
+    belt_mass: float | None = _belt()[0]
+    belt_share: float | None = _belt()[1]

@@ -17,8 +17,10 @@ from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.specimen import Form
 from fourpole.errors import UnitError
 from fourpole.findings.rides import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
+from fourpole.fitting.inertia import belt_stated
 from fourpole.fitting.placed import operating_point
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
 from fourpole.io.folders import model_in
@@ -82,11 +84,11 @@ def run_ride(models: Sequence[Path], road: str, speed: float | None, options: Ri
     stated, way = vehicle_named(options.vehicle), _road(road, _columns(options, of_road=True))
     step = _step(options, way, speed)
     states = [operating_point(text) for text in options.at or ()]
-    wanted = units_beside(model_in(models[0]))
+    wanted, belt = units_beside(model_in(models[0])), belt_stated(options.belt_mass, options.belt_share)
     tyres = [
         one
         for path in models
-        for one in tyres_for_ride(path, states, specimen=options.tyre, beyond=options.beyond, units=wanted)
+        for one in tyres_for_ride(path, states, specimen=options.tyre, beyond=options.beyond, units=wanted, belt=belt)
     ]
     labels = _labels(tyres, wanted)
     matched = [float(np.sqrt(low * high)) for low, high in (one.band for one in tyres)]
@@ -242,6 +244,10 @@ def _files(tyres: Sequence[RideTyre]) -> list[str]:
 def _notes(asked: _Asked, found: RideComparison) -> Iterator[str]:
     """What a reader of the numbers must know, each once."""
     yield from dict.fromkeys(remark for one in asked.tyres for remark in one.remarks)
+    belts = dict.fromkeys(one.tyre.belt.mass for one in asked.tyres if one.tyre.belt.form is Form.BELT)
+    if belts:
+        masses = ", ".join(f"{mass:.4g} kg" for mass in belts)
+        yield f"the belt of the tyre, {masses}, is taken out of the unsprung mass of the vehicle"
     if (outside := most_outside(found, [tyre.band for tyre in asked.tyres])) is not None:
         worst, share = outside
         low, high = asked.tyres[worst].band

@@ -14,6 +14,7 @@ from fourpole.errors import CampaignError
 from fourpole.io.folders import model_in, results_in
 
 if TYPE_CHECKING:
+    from fourpole.core.specimen import Specimen
     from fourpole.models.shape import Shape
 
 
@@ -71,6 +72,7 @@ OPTIONS = {
     "specimen": "a specimen of its own: leave out --tyre",
     "frequency": "a frequency: leave out --frequency",
     "radius": "a radius: leave out --radius",
+    "belt": "a belt: leave out --belt-mass",
 }
 
 
@@ -84,6 +86,11 @@ def _vehicle(file: str, module: str, about: str, *options: str) -> ExportKind:
     return ExportKind(file, module, about, Takes.EITHER, options=("specimen", *options))
 
 
+def _system(file: str, module: str, about: str, *options: str) -> ExportKind:
+    """A kind for vehicle simulations that has operating points, and the belt of a tyre."""
+    return _vehicle(file, module, about, "points", "belt", *options)
+
+
 KINDS = {
     "xlsx": ExportKind("results.xlsx", "workbook", "workbook with all tables and charts", extra="export"),
     "mat": ExportKind("results.mat", "matlab", "MATLAB file, level 5, a struct per table"),
@@ -95,18 +102,14 @@ KINDS = {
     "lsdyna": _material("prony.k", "fe.write_lsdyna", "of a model: LS-DYNA *MAT_GENERAL_VISCOELASTIC"),
     "lsdyna-springs": _material("springs.k", "fe.write_springs", "of a model: LS-DYNA discrete springs"),
     "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
-    "fmu": _vehicle("specimen.fmu", "fmi", "of a model or a map: FMU of FMI 2.0, with C source", "points"),
-    "fmu3": _vehicle("specimen-fmi3.fmu", "fmi.write_fmi3", "the same of FMI 3.0", "points"),
-    "statespace": _vehicle(
-        "statespace.json", "systems.write_json", "of a model or a map: matrices A, B, C, D as JSON", "points"
+    "fmu": _system("specimen.fmu", "fmi", "of a model or a map: FMU of FMI 2.0, with C source"),
+    "fmu3": _system("specimen-fmi3.fmu", "fmi.write_fmi3", "the same of FMI 3.0"),
+    "statespace": _system("statespace.json", "systems.write_json", "of a model or a map: matrices A, B, C, D as JSON"),
+    "statespace-mat": _system(
+        "statespace.mat", "systems.write_matlab", "of a model or a map: matrices A, B, C, D for MATLAB"
     ),
-    "statespace-mat": _vehicle(
-        "statespace.mat", "systems.write_matlab", "of a model or a map: matrices A, B, C, D for MATLAB", "points"
-    ),
-    "modelica": _vehicle("FourpoleModels.mo", "modelica", "of a model or a map: Modelica source", "points"),
-    "tir": _vehicle(
-        "specimen.tir", "tir", "of a model or a map: vertical block of a .tir file", "points", "frequency", "radius"
-    ),
+    "modelica": _system("FourpoleModels.mo", "modelica", "of a model or a map: Modelica source"),
+    "tir": _system("specimen.tir", "tir", "of a model or a map: vertical block of a .tir file", "frequency", "radius"),
     "table": _vehicle("lookup.csv", "lookup", "of a model or a map: CSV of K* over frequency and operating point"),
 }
 #: All kinds with their descriptions, for the help.
@@ -139,6 +142,7 @@ def export_results(
     specimen: str | None = None,
     frequency: float | None = None,
     radius: float | None = None,
+    belt: Specimen | None = None,
 ) -> Exported:
     """Write the results of an analysis, or a model, for another tool, in one step.
 
@@ -162,6 +166,8 @@ def export_results(
         Frequency of a format that has one stiffness and one damping.
     radius : float, optional [m]
         Unloaded radius of the tyre.
+    belt : Specimen, optional
+        The belt between the springs of K*, in place of that in the model file; massless for none.
 
     Returns
     -------
@@ -197,7 +203,14 @@ def export_results(
         hint = f"did you mean {near[0]}? It" if near else "it"
         raise CampaignError(f"no kind of file {shown(kind)}: {hint} is one of {', '.join(KINDS)}")
     chosen, place = KINDS[kind], Path(folder)
-    stated = {"shape": shape, "points": points, "specimen": specimen, "frequency": frequency, "radius": radius}
+    stated: dict[str, Any] = {
+        "shape": shape,
+        "points": points,
+        "specimen": specimen,
+        "frequency": frequency,
+        "radius": radius,
+    }
+    stated |= {"belt": belt}
     more = {name: value for name, value in stated.items() if value is not None and value != ()}
     if unused := [name for name in more if name not in chosen.options]:
         raise CampaignError(f"{kind} has no use for {OPTIONS[unused[0]]}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from fourpole.core.arrays import ByValue
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
 from fourpole.export.matlab import with_head
 from fourpole.export.source import MODEL_FILE, field_names, identifiers
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel, placed_models
 from fourpole.io.write import write_bytes, write_text
+from fourpole.models.belted import both_ends
 from fourpole.models.realised import Realised, realised
 
 #: A system with a smaller relative error of K* is that of the model but for round-off.
@@ -27,6 +29,17 @@ _ABOUT = (
     "in compression; each state is a length [m] and equals x at rest"
 )
 _INPUTS, _OUTPUTS = ["deflection x [m]", "rate v of the deflection [m/s]"], ["force F [N]"]
+#: The same of systems with a belt, which have two ends.
+_ABOUT_ENDS = (
+    "dz/dt = A z + B u, F = C z + D u; [F1; -F2]/[x1; x2] is the dynamic stiffness of both ends with v = jw x, "
+    "e^{+jwt}; displacements and forces positive from the contact towards the wheel, F1 into the contact, F2 on the "
+    "wheel; the belt is in the system, and no part of the mass of the wheel"
+)
+_INPUTS_ENDS = [
+    *("displacement x1 of the contact [m]", "its rate v1 [m/s]"),
+    *("displacement x2 of the wheel [m]", "its rate v2 [m/s]"),
+]
+_OUTPUTS_ENDS = ["force F1 into the contact [N]", "force F2 on the wheel [N]"]
 Points = Sequence[Mapping[str, float]]
 
 
@@ -55,15 +68,45 @@ class System(ByValue):
         low, high = self.placed.band
         model, error = self.placed.model.name, self.realised.error
         approximated = f", approximated within {error:.1g} of |K*|" if error > _ROUND_OFF else ""
-        return f"{self.placed.label}; model {model} of {self.source}, {low:.4g} to {high:.4g} Hz{approximated}"
+        belt = f", with {belt_words(self.belt)}" if self.belted else ""
+        return f"{self.placed.label}; model {model} of {self.source}, {low:.4g} to {high:.4g} Hz{approximated}{belt}"
+
+    @property
+    def belt(self) -> Specimen:
+        """The belt; massless where there is none."""
+        return self.placed.belt
+
+    @property
+    def belted(self) -> bool:
+        """Whether there is a belt."""
+        return self.belt.form is Form.BELT
+
+
+def belt_words(belt: Specimen) -> str:
+    """A belt in words."""
+    return f"a belt of {belt.mass:.4g} kg, share {abs(belt.share):.4g}"
+
+
+def belt_note(belts: Iterable[Specimen]) -> list[str]:
+    """A note on belts that a file has."""
+    masses = [one.mass for one in belts if one.form is Form.BELT]
+    if not masses:
+        return []
+    span = " to ".join(f"{one:.4g}" for one in dict.fromkeys((min(masses), max(masses))))
+    return [f"the belt of {span} kg is in the file: take it off the unsprung mass of the vehicle"]
 
 
 def systems_of(
-    file: ModelFile, points: Points = (), specimen: str | None = None, *, reserved: Collection[str] = ()
+    file: ModelFile,
+    points: Points = (),
+    specimen: str | None = None,
+    *,
+    belt: Specimen | None = None,
+    reserved: Collection[str] = (),
 ) -> tuple[list[System], tuple[str, ...]]:
     """The systems of a file, and notes on models that are left out and on approximations.
 
-    `reserved` are words that no name may be.
+    `belt` stands in place of that of the file; `reserved` are words that no name may be.
 
     Raises
     ------
@@ -72,7 +115,7 @@ def systems_of(
     """
     found: list[tuple[PlacedModel, Realised]] = []
     refused: list[str] = []
-    for one in placed_models(file, MODEL_FILE, points, specimen=specimen):
+    for one in placed_models(file, MODEL_FILE, points, specimen=specimen, belt=belt):
         try:
             found.append((one, realised(one.model, one.values, one.band)))
         except ModelError as error:
@@ -84,7 +127,7 @@ def systems_of(
     systems = [System(text, one, system, source) for text, (one, system) in zip(names, found, strict=True)]
     notes = [f"left out: {text}" for text in refused]
     notes += [remark for one, _ in found for remark in one.remarks]
-    return systems, (*dict.fromkeys(notes), *_approximated(systems))
+    return systems, (*dict.fromkeys(notes), *_approximated(systems), *belt_note(one.belt for one in systems))
 
 
 def _approximated(systems: Sequence[System]) -> list[str]:
@@ -100,48 +143,69 @@ def _approximated(systems: Sequence[System]) -> list[str]:
     return [note]
 
 
-def write_json(source: ModelFile, path: Path, points: Points = (), specimen: str | None = None) -> tuple[str, ...]:
+def write_json(
+    source: ModelFile, path: Path, points: Points = (), specimen: str | None = None, belt: Specimen | None = None
+) -> tuple[str, ...]:
     """Write one JSON document with a system per specimen and operating point; returns notes."""
-    systems, notes = systems_of(source, points, specimen)
+    systems, notes = systems_of(source, points, specimen, belt=belt)
+    ends = any(one.belted for one in systems)
+    about, inputs, outputs = _words(ends=ends)
     document = {
         "format": "fourpole-state-space",
         "version": 1,
-        "about": _ABOUT,
-        "inputs": _INPUTS,
-        "outputs": _OUTPUTS,
-        "systems": [_fields(system, state=system.placed.state) for system in systems],
+        "about": about,
+        "inputs": inputs,
+        "outputs": outputs,
+        "systems": [_fields(system, ends=ends, state=system.placed.state) for system in systems],
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False, default=np.ndarray.tolist)
     write_text(path, f"{text}\n")
     return notes
 
 
-def write_matlab(source: ModelFile, path: Path, points: Points = (), specimen: str | None = None) -> tuple[str, ...]:
+def _words(*, ends: bool) -> tuple[str, list[str], list[str]]:
+    """What a file says of its systems: about, inputs and outputs."""
+    return (_ABOUT_ENDS, _INPUTS_ENDS, _OUTPUTS_ENDS) if ends else (_ABOUT, _INPUTS, _OUTPUTS)
+
+
+def write_matlab(
+    source: ModelFile, path: Path, points: Points = (), specimen: str | None = None, belt: Specimen | None = None
+) -> tuple[str, ...]:
     """Write a MAT-file of level 5 with the struct array `systems`; returns notes.
 
     The fields of `state` have their unit in `state_names`.
     """
     from scipy.io import savemat
 
-    systems, notes = systems_of(source, points, specimen)
+    systems, notes = systems_of(source, points, specimen, belt=belt)
+    ends = any(one.belted for one in systems)
+    about, inputs, outputs = _words(ends=ends)
     entries = []
     for system in systems:
         fields = field_names(system.placed.state)
         state = {fields[name]: value for name, value in system.placed.state.items()}
         names = {field: name for name, field in fields.items()}
-        entries.append(_fields(system, state=state or "", state_names=names or ""))
+        entries.append(_fields(system, ends=ends, state=state or "", state_names=names or ""))
     array = np.empty((1, len(entries)), dtype=[(name, object) for name in entries[0]])
     array[0, :] = [tuple(entry.values()) for entry in entries]
     buffer = io.BytesIO()
-    content = {"systems": array, "about": _ABOUT, "inputs": "; ".join(_INPUTS), "outputs": "; ".join(_OUTPUTS)}
+    content = {"systems": array, "about": about, "inputs": "; ".join(inputs), "outputs": "; ".join(outputs)}
     savemat(buffer, content, long_field_names=True, do_compression=True)
     write_bytes(path, with_head(buffer.getvalue(), f"state space of models of {systems[0].source}"))
     return notes
 
 
-def _fields(system: System, **state: Any) -> dict[str, Any]:
-    """What a file has of a system: words, its operating point, and A (n, n), B (n, 2), C (1, n), D (1, 2)."""
+def _fields(system: System, *, ends: bool, **state: Any) -> dict[str, Any]:
+    """What a file has of a system: words, its operating point, and A (n, n), B (n, 2), C (1, n), D (1, 2).
+
+    With `ends` they are those of both ends: B (n, 4), C (2, n), D (2, 4), and the belt stands beside them.
+    """
     space = system.realised.space
+    matrices: dict[str, Any] = {"A": space.a, "B": space.b, "C": space.c[None], "D": space.d[None]}
+    if ends:
+        both = both_ends(space, system.belt)
+        matrices = {"belt_mass_kg": system.belt.mass, "belt_share": abs(system.belt.share)}
+        matrices |= {"A": both.a, "B": both.b, "C": both.c, "D": both.d}
     return {
         "name": system.name,
         "about": system.about,
@@ -150,8 +214,5 @@ def _fields(system: System, **state: Any) -> dict[str, Any]:
         "band_Hz": list(system.placed.band),
         "error": system.realised.error,
         **state,
-        "A": space.a,
-        "B": space.b,
-        "C": space.c[None],
-        "D": space.d[None],
+        **matrices,
     }

@@ -22,8 +22,10 @@ from scipy.optimize import least_squares
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
 from fourpole.export.source import MODEL_FILE, ascii_line
+from fourpole.export.systems import belt_note, belt_words
 from fourpole.fitting.byamplitude import depends_on_amplitude
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel, placed_models, specimens
@@ -34,6 +36,8 @@ from fourpole.units import shown
 from fourpole.words import first_of
 
 _LOAD, _PRESSURE = q.PRELOAD.head, q.PRESSURE.head
+#: Steps to the frequency of the belt, whose spring depends on frequency: each leaves less than a tenth of the error.
+_ROUNDS = 20
 #: Conditions of the nominal point and the others count as one value within this fraction.
 _SAME = 0.02
 #: Frequencies at which the comments compare the file with the model; width of the columns; longest line of a comment.
@@ -84,6 +88,7 @@ def write(
     specimen: str | None = None,
     frequency: float | None = None,
     radius: float | None = None,
+    belt: Specimen | None = None,
 ) -> tuple[str, ...]:
     """Write the file of one specimen; the first of `points` is the nominal one; returns notes on what is lost.
 
@@ -95,7 +100,7 @@ def write(
     """
     if frequency is None:
         raise ModelError('a .tir file has one vertical damping: state its frequency, --frequency "20 Hz"')
-    nominal, placed = _conditions(source, points, specimen)
+    nominal, placed = _conditions(source, points, specimen, belt)
     for one in placed:
         if one.map.octaves_beyond([frequency])[0] > 0:
             low, high = one.band
@@ -109,7 +114,7 @@ def write(
 
 
 def _conditions(
-    source: ModelFile, points: Sequence[Mapping[str, float]], specimen: str | None
+    source: ModelFile, points: Sequence[Mapping[str, float]], specimen: str | None, belt: Specimen | None
 ) -> tuple[int, list[PlacedModel]]:
     """All conditions of a specimen, and the place of the nominal one."""
     names = specimens(source, MODEL_FILE, specimen)
@@ -124,10 +129,10 @@ def _conditions(
     if mapped is not None:
         tested = maps_of(source, names[0], {}, ShownUnits()).axes
         states = [dict(zip(tested.names, one, strict=True)) for one in tested.points.tolist()]
-    every = placed_models(source, MODEL_FILE, states, specimen=names[0])
+    every = placed_models(source, MODEL_FILE, states, specimen=names[0], belt=belt)
     if not points:
         return _middle(every), every
-    first = placed_models(source, MODEL_FILE, points, specimen=names[0])
+    first = placed_models(source, MODEL_FILE, points, specimen=names[0], belt=belt)
     return 0, first if len(first) > 1 else [*first, *(one for one in every if one.state != first[0].state)]
 
 
@@ -194,6 +199,15 @@ class _File:
         """VERTICAL_DAMPING [N s/m]."""
         return self.stated.imag / (2 * np.pi * self.frequency)
 
+    @property
+    def belt_mode(self) -> tuple[float, float]:
+        """Undamped frequency [Hz] of the belt on the spring at the rim, and its damping ratio [1] by K* there."""
+        frequency = self.frequency
+        for _ in range(_ROUNDS):
+            k = self.stiffness(self.nominal, np.array([frequency]))
+            frequency = float(self.nominal.belt.frequencies(k)[0, 0])
+        return frequency, float(k[0].imag / k[0].real) / 2
+
     def column(self, name: str) -> FloatArray:
         """Loads or pressures (B,); not-a-number where one is not stated."""
         return np.array([one.state.get(name, np.nan) for one in self.every])
@@ -236,6 +250,10 @@ class _File:
         if pressure is not None:
             vertical_block["PFZ1"] = _number(found.pressure_term)
         yield from _block("VERTICAL", vertical_block)
+        if self.nominal.belt.form is Form.BELT:
+            frequency, damping = self.belt_mode
+            yield from _block("INERTIA", {"BELT_MASS": _number(self.nominal.belt.mass)})
+            yield from _block("STRUCTURAL", {"FREQ_LONG": _number(frequency), "DAMP_LONG": _number(damping)})
         for name, block, low, high in (
             (_PRESSURE, "INFLATION_PRESSURE_RANGE", "PRESMIN", "PRESMAX"),
             (_LOAD, "VERTICAL_FORCE_RANGE", "FZMIN", "FZMAX"),
@@ -270,6 +288,7 @@ class _File:
         yield f"its load-deflection curve has K' at {f:.6g} Hz as its tangent, not K1"
         yield from self._over_conditions()
         yield from self._left_out()
+        yield from self._belt()
         yield from self.nominal.remarks
 
     def _elsewhere(self) -> Iterator[str]:
@@ -289,6 +308,18 @@ class _File:
             f"VERTICAL_DAMPING is that of the nominal point: over all conditions, the model has {min(damping):.4g} to "
             f"{max(damping):.4g} N s/m"
         )
+
+    def _belt(self) -> Iterator[str]:
+        """What the keys of the belt are from."""
+        if self.nominal.belt.form is not Form.BELT:
+            return
+        yield from belt_note([self.nominal.belt])
+        yield (
+            f"FREQ_LONG is the undamped frequency of {belt_words(self.nominal.belt)} on the spring at the rim; "
+            "DAMP_LONG is half the loss factor of K* there"
+        )
+        if self.nominal.map.octaves_beyond([self.belt_mode[0]])[0] > 0:
+            yield "FREQ_LONG is outside the tested frequencies: K* there is what the model predicts"
 
     def _left_out(self) -> Iterator[str]:
         """Keys that need what is not stated."""

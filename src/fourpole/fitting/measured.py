@@ -22,11 +22,12 @@ from fourpole.core.condition import AXES, TEMPERATURE_SENSITIVITY, Axis, Samenes
 from fourpole.core.joint.around import Likelihood
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
+from fourpole.fitting.inertia import InertiaFile, inertias_in
 from fourpole.fitting.likelihood import COVARIANCE, MOST_BYTES, covariance_of, joined, read_likelihoods
 from fourpole.fitting.measuredtable import FREQUENCY, IM, RE, STD, as_frame, covariances, in_si, numbers_of, usable
 from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
 from fourpole.io.folders import results_in
-from fourpole.io.published import published_beside, read_listed
+from fourpole.io.published import Published, published_beside, read_listed
 from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.models.data import StiffnessData
 from fourpole.models.ramp import Loop
@@ -48,6 +49,8 @@ _RULE = Sameness()
 #: Tables of a results folder, and the table of a master curve; covariance.parquet may lie beside each.
 _RESULTS, MASTER = ("dynamic.csv", "dynamic.parquet"), "master.csv"
 _USUAL = {axis.column for axis in AXES}
+#: Value of `q.K_OF` where K* has no inertia.
+_SPRINGS = "springs"
 #: Least variance of a test's K* as a share of that of its condition; from the second share on it is that of all tests.
 _LEAST_OWN, _COMMON = 1e-4, 0.9
 
@@ -73,6 +76,8 @@ class Measured(ByValue):
         within the noise.
     loop : Loop, optional
         The static test, if K1 is the tangent of its ramp.
+    inertia : InertiaFile, optional
+        The mass of the specimen between its ends, of which K* of its springs is free.
     """
 
     tyre: str
@@ -82,6 +87,7 @@ class Measured(ByValue):
     shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     recorded: Recorded | None = field(default=None, compare=False)
     loop: Loop | None = None
+    inertia: InertiaFile | None = None
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -237,8 +243,22 @@ def read_measured(
     likelihoods = {} if covariance is None else read_likelihoods(results)
     given: dict[str, Any] = {"over": over, "std": std, "k1": k1, "by_amplitude": by_amplitude}
     found = measured_of(frame, covariance, likelihoods, name=table.name, rule=rule, **given)
+    if table.name in _RESULTS:
+        found = _with_inertia(found, frame, results)
     spoken += [] if own else _repeats([one.own.omega for one in found.conditions], table.name)
     return replace(found, sha256=hashlib.sha256(content).hexdigest(), notes=(*spoken, *found.notes))
+
+
+def _with_inertia(found: MeasuredSet, frame: pl.DataFrame, results: Published) -> MeasuredSet:
+    """The conditions with the inertia of their specimens, where K* is that of the springs alone."""
+    inertias, heavy = inertias_in(results), set[str]()
+    if q.K_OF.head in frame.columns:
+        heavy = set(frame.filter(pl.col(q.K_OF.head) != _SPRINGS)[q.TEST.head])
+    conditions = (
+        one if heavy & set(one.tests) else replace(one, inertia=inertias.at(one.tyre, one.state))
+        for one in found.conditions
+    )
+    return replace(found, conditions=tuple(conditions))
 
 
 def _repeats(omega: Sequence[FloatArray], name: str) -> list[str]:

@@ -15,6 +15,7 @@ from pydantic import Field, StrictBool, ValidationError
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
+from fourpole.fitting.inertia import InertiaFile
 from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
 from fourpole.fitting.pressures import PressureFile, check_pressures
 from fourpole.fitting.shifting import TemperatureFile, check_law
@@ -35,7 +36,7 @@ _LONGEST = 100_000
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static")
+LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static", "inertia")
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -58,7 +59,7 @@ class ParameterFile(Strict):
 
 
 class VerdictFile(Strict):
-    """Whether any passive linear tyre can have K* as it was measured."""
+    """Whether any massless, relaxing tyre can have K* as it was measured."""
 
     possible: bool
     chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
@@ -105,6 +106,7 @@ class ConditionFile(Strict):
     agreed: float = Field(description="Fraction of the starts that led to this optimum [1].")
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
     static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
+    inertia: InertiaFile | None = Field(default=None, description="Mass of the specimen between its ends.")
 
     @property
     def coordinates(self) -> dict[str, float]:
@@ -176,6 +178,7 @@ class MapEntry(_Entry):
     )
     static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at zero frequency.")
     choice: str
+    inertia: InertiaFile | None = Field(default=None, description="Mean of the conditions.")
 
 
 class Provenance(Strict):
@@ -244,7 +247,11 @@ class ModelFile(Strict):
         document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
         models = document["models"]
         for entry in document["maps"]:
-            for part, key in ((entry, "amplitude"), *((axis, "logarithmic") for axis in entry["axes"])):
+            for part, key in (
+                (entry, "amplitude"),
+                (entry, "inertia"),
+                *((axis, "logarithmic") for axis in entry["axes"]),
+            ):
                 if not part[key]:
                     del part[key]
         for part in (document, *models, *(one for entry in models for one in entry["conditions"])):
@@ -427,7 +434,9 @@ def model_parts(model: Model) -> dict[str, Any]:
     return {"model": model.name, "causal": model.causal, "parameters": parameters}
 
 
-def entry_of(tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes = None) -> MapEntry:
+def entry_of(
+    tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes = None, inertia: InertiaFile | None = None
+) -> MapEntry:
     """A map as it is in a file; `amplitude` is the tested range if the model depends on it."""
     surface = None
     if found.static is not None:
@@ -452,6 +461,7 @@ def entry_of(tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes 
         leave_one_out=(error, inside, conditions),
         static=surface,
         choice=choice,
+        inertia=inertia,
     )
 
 

@@ -17,6 +17,7 @@ from fourpole.core.notebook import notebook_html
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart
+from fourpole.fitting.inertia import mean_inertia
 from fourpole.fitting.mapping import map_axes, map_of_model, map_text, mean_uncertainty
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
@@ -381,7 +382,16 @@ def model_file(
     return ModelFile(
         kind="map" if maps else "model",
         models=[_model_entry(one, shapes.get(one.tyre), laws.get(one.tyre)) for one in fits],
-        maps=[entry_of(one.tyre, one.best, one.text, tested(one.measured, one.best.model)) for one in maps],
+        maps=[
+            entry_of(
+                one.tyre,
+                one.best,
+                one.text,
+                tested(one.measured, one.best.model),
+                mean_inertia([each.inertia for each in one.measured]),
+            )
+            for one in maps
+        ],
         rig=rig,
         axes=[
             ToleranceFile(column=axis.column, relative=axis.relative, absolute=axis.absolute)
@@ -457,4 +467,5 @@ def _condition_entry(
         agreed=float(found.agreed),
         verdict=judged,
         static=StaticFile.of(measured.loop, found, data, ranged=True),
+        inertia=measured.inertia,
     )

@@ -9,9 +9,12 @@ import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError, UnitError
-from fourpole.fitting.modelfile import ModelFile
+from fourpole.fitting.inertia import InertiaFile, mean_inertia
+from fourpole.fitting.modelfile import ConditionFile, ModelFile
 from fourpole.fitting.query import maps_of, place_of
+from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
@@ -39,6 +42,8 @@ class PlacedModel(ByValue):
         Values of the model's parameters; those of a fit are as its file has them.
     remarks : tuple of str
         What holds for the point alone: its distance from the tests, the temperature of a master curve.
+    belt : Specimen
+        The belt between the springs of K*; massless where there is none.
     """
 
     specimen: str
@@ -48,6 +53,7 @@ class PlacedModel(ByValue):
     point: FloatArray
     values: FloatArray
     remarks: tuple[str, ...] = ()
+    belt: Specimen = MASSLESS
 
     @property
     def model(self) -> Model:
@@ -68,6 +74,7 @@ def placed_models(
     specimen: str | None = None,
     beyond: bool | None = None,
     units: ShownUnits | None = None,
+    belt: Specimen | None = None,
 ) -> list[PlacedModel]:
     """The models of a file, each at its operating points.
 
@@ -84,6 +91,8 @@ def placed_models(
         Whether to go outside the tested conditions; None where a command has no option for it.
     units : ShownUnits, optional
         Units of labels and messages.
+    belt : Specimen, optional
+        The belt of the specimens, in place of that in the file.
 
     Raises
     ------
@@ -91,7 +100,7 @@ def placed_models(
         If a point is not in the file or is outside the tests, a map is given no point, or there is no such specimen.
     """
     return [
-        placed_at(file, name, one, state, units, beyond=beyond)
+        placed_at(file, name, one, state, units, beyond=beyond, belt=belt)
         for one in specimens(file, name, specimen)
         for state in (points or conditions_of(file, one, name))
     ]
@@ -125,6 +134,7 @@ def placed_at(
     units: ShownUnits | None = None,
     *,
     beyond: bool | None = None,
+    belt: Specimen | None = None,
 ) -> PlacedModel:
     """The model of one specimen at one operating point; see `placed_models`."""
     units = ShownUnits() if units is None else units
@@ -138,7 +148,25 @@ def placed_at(
     label = ", ".join(filter(None, (specimen, words))) or "the specimen"
     fitted = file.condition_at(specimen, own)  # None for a map or a pressure between tests
     values = found.parameters(point[None])[0] if fitted is None else np.array(fitted.values)
-    return PlacedModel(specimen, label, own, found, point, values, (*remarks, *_at_reference(file, specimen)))
+    if belt is None:
+        inertia = _inertia(file, specimen, fitted)
+        belt = MASSLESS if inertia is None else inertia.specimen
+    if belt.form is Form.ROD:
+        remarks = (
+            *remarks,
+            f"{label}: its own mass of {belt.mass:.4g} kg is not in the model: add half of it at each end",
+        )
+        belt = MASSLESS
+    return PlacedModel(specimen, label, own, found, point, values, (*remarks, *_at_reference(file, specimen)), belt)
+
+
+def _inertia(file: ModelFile, name: str, fitted: ConditionFile | None) -> InertiaFile | None:
+    """The inertia of a specimen: that of the condition, or else the mean of all conditions."""
+    mapped, entry = file.map_entry(name), file.model_entry(name)
+    if fitted is None and entry is not None:
+        return mean_inertia([one.inertia for one in entry.conditions])
+    one = fitted or mapped
+    return None if one is None else one.inertia
 
 
 def _at_reference(file: ModelFile, name: str) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
+from fourpole.core.specimen import Specimen
 from fourpole.errors import FourpoleError, ModelError
 from fourpole.fitting.measured import Measured, read_measured
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, read_model_file
@@ -63,6 +64,7 @@ def tyres_for_ride(
     specimen: str | None = None,
     beyond: bool = False,
     units: ShownUnits | None = None,
+    belt: Specimen | None = None,
 ) -> list[RideTyre]:
     """The tyres of a model file, each at its operating points.
 
@@ -78,6 +80,8 @@ def tyres_for_ride(
         Whether to go outside the tested conditions.
     units : ShownUnits, optional
         Units of labels and messages.
+    belt : Specimen, optional
+        The belt of the tyres, in place of that in the file.
 
     Raises
     ------
@@ -88,10 +92,8 @@ def tyres_for_ride(
     """
     place = resolved(model_in(path))
     file, wanted = read_model_file(place), ShownUnits() if units is None else units
-    found = [
-        _tyre(place, one, wanted)
-        for one in placed_models(file, place.name, points, specimen=specimen, beyond=beyond, units=wanted)
-    ]
+    placed = placed_models(file, place.name, points, specimen=specimen, beyond=beyond, units=wanted, belt=belt)
+    found = [_tyre(place, one, wanted) for one in placed]
     if len(found) > _MOST:
         raise ModelError(f"{place.name}: has {len(found)} tyres and conditions: state --at for some of them, or --tyre")
     return _with_common_errors(found, file, place)
@@ -109,6 +111,7 @@ def _tyre(place: Path, one: PlacedModel, units: ShownUnits) -> RideTyre:
         discrepancy=tuple(np.hypot(scatter.condition, scatter.frequency).tolist()),
         name=one.label,
         origin=str(place),
+        belt=one.belt,
     )
     return RideTyre(tyre, one.label, one.specimen, one.state, one.band, place, one.remarks)
 

@@ -47,7 +47,7 @@ _ROUND_OFF = 1e-9
 
 
 class RangeFile(Strict):
-    """The 95 % intervals of K* at a frequency over all passive linear tyres that fit the data."""
+    """The 95 % intervals of K* at a frequency over all massless, relaxing tyres that fit the data."""
 
     frequency: float = Field(gt=0, description="Frequency [Hz].")
     storage: tuple[float, float] = Field(description="Least and largest K' [N/m].")
@@ -113,7 +113,7 @@ class StaticFile(Strict):
         text = f"below the measured band K* rests on {joined} and on the form of the model"
         if frequency < _LOWEST * near:
             return f"{text}; slower than that test nothing was measured, and u is that at {_LOWEST * near:.2g} Hz"
-        return f"{text}; u reaches the ends of the range of all passive linear tyres that fit the data"
+        return f"{text}; u reaches the ends of the range of all massless, relaxing tyres that fit the data"
 
 
 def join_static(measured: MeasuredSet, path: Path, factor_std: float = FACTOR_STD) -> MeasuredSet:
@@ -147,7 +147,7 @@ def join_static(measured: MeasuredSet, path: Path, factor_std: float = FACTOR_ST
 
 
 def _ranges(data: StiffnessData, time: float) -> list[RangeFile]:
-    """The range of K* over all passive linear tyres, from below the frequency of the ramp to the band."""
+    """The range of K* over all massless, relaxing tyres, from below the frequency of the ramp to the band."""
     low, high = _LOWEST * _NEAR / time, float(data.omega.min()) / (2 * np.pi)
     if low >= high:
         return []

@@ -5,7 +5,8 @@ K* of such a tyre is a sum of terms with non-negative coefficients,
 .. math:: K^* = K_\infty + \sum_i K_i \frac{j\omega\tau_i}{1 + j\omega\tau_i} + j\omega C, \quad K_\infty, K_i, C \ge 0,
 
 The sum with the least chi-square is found by non-negative least squares, weighted with the covariance of K*. The test
-needs no values outside the band: there is no integral over frequency and no extrapolation.
+needs no values outside the band: there is no integral over frequency and no extrapolation. "Passive" stands for
+"relaxing and without mass" in this file: a passive tyre with a belt, or a hydromount, has inertia and fails the test.
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ def realised(model: Model, values: ArrayLike, band: tuple[float, float]) -> Real
         space = model.state_space(checked)
     except ModelError:  # a power of the frequency
         return _approximated(model, checked, band)
-    return _separate(space, model.name, band)
+    return separate(space, model.name, band)
 
 
 def _of_arms(arms: Arms, error: float = 0.0) -> Realised:
@@ -161,7 +161,7 @@ def _approximated(model: Model, values: FloatArray, band: tuple[float, float]) -
     raise AssertionError
 
 
-def _separate(space: StateSpace, name: str, band: tuple[float, float]) -> Realised:
+def separate(space: StateSpace, name: str, band: tuple[float, float]) -> Realised:
     """A state space with separate states, by its eigenvalues."""
     poles, vectors = (np.asarray(one, dtype=complex) for one in np.linalg.eig(space.a))
     if np.any(poles.real >= -1e-12 * np.abs(poles)):

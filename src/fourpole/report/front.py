@@ -364,7 +364,7 @@ def _misfits(results: Study, *, scattered: bool) -> list[str]:
         return []
     each = [f"{one.tyre or 'the specimen'} by {percent(one.discrepancy)} of |K*|" for one in off]
     none = all(any(at.verdict is not None and not at.verdict.possible for at in one.conditions) for one in off)
-    why = "; no passive linear specimen can have such a K*" if none and not scattered else ""
+    why = "; no massless, relaxing specimen can have such a K*" if none and not scattered else ""
     return [f"The models depart from the data of {joined(each)}{why}. The tables do not rest on them."]
 
 

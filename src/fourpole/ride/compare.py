@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
+from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import Model, StateSpace
 from fourpole.models.springs import KelvinVoigt
 from fourpole.ride.contact import ContactRide, LoadDeflection, ride_with_contact
@@ -48,6 +51,8 @@ class Tyre(ByValue):
         The tyre and its operating point in words.
     origin : str
         What the tyre is from, such as its file: tyres of the same name and origin have the same discrepancy.
+    belt : Specimen
+        The belt of the tyre, a part of the unsprung mass of the vehicle; massless for none.
 
     Raises
     ------
@@ -61,6 +66,7 @@ class Tyre(ByValue):
     discrepancy: tuple[float, float] = (0.0, 0.0)
     name: str = "the tyre"
     origin: str = ""
+    belt: Specimen = MASSLESS
 
     def __post_init__(self) -> None:
         """Refuse a model that is not causal."""
@@ -104,7 +110,12 @@ def constant_damper(tyre: Tyre, frequency: float) -> Tyre:
     """
     omega = 2 * np.pi * frequency
     (k,) = tyre.stiffness(np.array([omega])).tolist()
-    return Tyre(KelvinVoigt(), np.array([k.real, max(k.imag, 0.0) / omega]), name=f"{tyre.name}, constant damper")
+    return Tyre(
+        KelvinVoigt(),
+        np.array([k.real, max(k.imag, 0.0) / omega]),
+        name=f"{tyre.name}, constant damper",
+        belt=tyre.belt,
+    )
 
 
 #: Changes (E, M) of M measures by one standard uncertainty of each error, by their source.
@@ -226,11 +237,12 @@ def _on_class(
 ) -> tuple[RideComparison, Ride]:
     """The comparison at a number of frequencies, and the ride that these resolve least."""
     omega = 2 * np.pi * frequencies_of(road, speed, count)
-    vehicle = Condensed.of(body, omega)
+    vehicles = {mass: Condensed.of(body.without(mass), omega) for mass in {one.belt.mass for one in tyres}}
     every: list[Ride] = []
 
     def ridden(tyre: Tyre) -> Ride:
-        every.append(ride(body, tyre.stiffness(omega), road, speed, vehicle=vehicle))
+        vehicle = vehicles[tyre.belt.mass]
+        every.append(ride(body, tyre.stiffness(omega), road, speed, vehicle=vehicle, belt=tyre.belt))
         return every[-1]
 
     rides = [ridden(one) for one in tyres]
@@ -273,17 +285,18 @@ def compare_in_time(
     Raises
     ------
     ModelError
-        If a model has no state space, the step is too long, or the static load is not on the curve.
+        If a model has no state space, the step is too long, the static load is not on the curve, or there are both a
+        curve and a tyre with a belt.
     """
     if not np.ptp(heights):
         raise ModelError("the road is level: nothing moves, and there is nothing to compare")
     nonlinear = lift or curve is not None
     contact: list[ContactRide] = []
 
-    def ridden(space: StateSpace, kept: list[ContactRide] | None = None) -> TimeRide:
+    def ridden(space: StateSpace, belt: Specimen, kept: list[ContactRide] | None = None) -> TimeRide:
         if not nonlinear:
-            return ride_in_time(body, space, heights, step)
-        found = ride_with_contact(body, space, heights, step, curve)
+            return ride_in_time(body, space, heights, step, belt)
+        found = ride_with_contact(body, space, heights, step, curve, belt)
         if kept is not None:
             kept.append(found)
         return found.ride
@@ -292,11 +305,12 @@ def compare_in_time(
     for at, tyre in enumerate(tyres):
         if progress is not None:
             progress(at, len(tyres))
-        series.append(ridden(_space(tyre), contact))
-        of.append(_by_differences(tyre, lambda space: _measures(ridden(space)), _measures(series[-1])))
+        series.append(ridden(_space(tyre), tyre.belt, contact))
+        measured = partial(lambda belt, space: _measures(ridden(space, belt)), tyre.belt)
+        of.append(_by_differences(tyre, measured, _measures(series[-1])))
     values = [_measures(one) for one in series]
     measures = (*names(body.wheels), *IN_TIME)
-    found = _compared(measures, values, of, tyres, matched, lambda one: _measures(ridden(_space(one))))
+    found = _compared(measures, values, of, tyres, matched, lambda one: _measures(ridden(_space(one), one.belt)))
     return replace(found, series=tuple(series), contact=tuple(contact))
 
 

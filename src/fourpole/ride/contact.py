@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
+from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import StateSpace
 from fourpole.ride.comfort import check_step, weighted
 from fourpole.ride.linear import step_matrices
-from fourpole.ride.time import TimeRide
+from fourpole.ride.time import TimeRide, work_on
 from fourpole.ride.vehicle import Body
 
 #: Rounds in which the wheels of one body are solved together, and of the search on a curve.
@@ -119,7 +121,12 @@ class ContactRide(ByValue):
 
 
 def ride_with_contact(
-    body: Body, tyre: StateSpace, heights: FloatArray, step: float, curve: LoadDeflection | None = None
+    body: Body,
+    tyre: StateSpace,
+    heights: FloatArray,
+    step: float,
+    curve: LoadDeflection | None = None,
+    belt: Specimen = MASSLESS,
 ) -> ContactRide:
     """The ride over sampled heights of the road, with lift-off, and with a load-deflection curve if there is one.
 
@@ -136,33 +143,93 @@ def ride_with_contact(
         A quarter of a millisecond leaves errors below 0.1 % of a_w on a road without edges, and half of that on
         cleats and potholes; 2 % there for a constant damper alone, whose load jumps as the wheel touches the road.
     curve : LoadDeflection, optional
+    belt : Specimen
+        The belt of each tyre, a part of the unsprung mass of the body; it touches the road by its own spring.
 
     Raises
     ------
     ModelError
-        If the step is too long, or the static load of a wheel is not on the curve.
+        If the step is too long, the static load of a wheel is not on the curve, or there are both a belt and a curve.
     """
+    if curve is not None and belt.form is Form.BELT:
+        raise ModelError(
+            "a load-deflection curve is of the whole tyre, and does not say how its springs at contact and rim "
+            'share it: leave out the curve, or state that the belt has no mass, --belt-mass "0 kg"'
+        )
     check_step(step)
     heights = np.asarray(heights, dtype=float)
     if heights.ndim != 2 or len(heights) != body.wheels or not np.all(np.isfinite(heights)):
         raise ModelError(f"heights of shape {heights.shape} are no road under {body.wheels} wheels without gaps")
+    body, moving = body.without(belt.mass), _Moving.of(body.without(belt.mass), tyre, belt)
     n, wheels, count = len(body.mass), body.wheels, heights.shape[1]
-    stepper = _Stepper.of(body, tyre, step, curve)
+    stepper = _Stepper.of(body, moving, step, curve)
     history = np.zeros((count, stepper.size))
     roads = (heights - heights[:, :1]).T.tolist()
     for at in range(1, count):
         history[at] = stepper.after(history[at - 1], roads[at])
-    motion, loads, deflections = (part.T for part in np.split(history, np.cumsum([2 * n, wheels, wheels]), axis=1)[:3])
-    forces = np.zeros((n, count))
-    forces[n - wheels :] = loads
-    q, speed = motion[:n], motion[n:]
+    parts = np.split(history, np.cumsum([len(moving.a), wheels, wheels]), axis=1)[:3]
+    motion, loads, deflections = (part.T for part in parts)
+    forces, rim = np.zeros((n, count)), loads if moving.rim is None else moving.rim @ motion
+    forces[n - wheels :] = rim
+    q, speed = motion[:n], motion[n : 2 * n]
     acceleration = body.seat @ np.linalg.solve(body.mass, forces - body.stiffness @ q - body.damping @ speed)
+    whole, carried = deflections, work_on(loads - rim, q[n - wheels :])
+    if moving.rim is not None:
+        whole = heights - heights[:, :1] - q[n - wheels :]
     found = TimeRide(
-        step, acceleration, weighted(acceleration, step), loads, body.travel @ q, deflections, np.zeros(loads.shape)
+        *(step, acceleration, weighted(acceleration, step), loads, body.travel @ q),
+        *(whole, np.zeros(loads.shape), carried),
     )
     ends = np.array([one.x[-1] if curve is not None else np.inf for one in stepper.static])[:, None]
     air = loads <= -body.loads[:, None] * (1 - 1e-12)
     return ContactRide(found, np.mean(air, axis=1), np.mean(deflections > ends, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    """What moves above the springs that touch the road: the vehicle, and belts with their springs at the rim.
+
+    Attributes
+    ----------
+    a, b : (M, M), (M, W) float arrays
+        Change of the motion by itself, and by the load at each contact. The motion begins with that of the vehicle.
+    touching : slice
+        Places of the heights in the motion that are above the contacts.
+    tyre : StateSpace
+        The spring between road and what touches it.
+    rim : (W, M) float array, or None
+        Forces of the springs at the rim on the wheels; None without belts.
+    """
+
+    a: FloatArray
+    b: FloatArray
+    touching: slice
+    tyre: StateSpace
+    rim: FloatArray | None = None
+
+    @classmethod
+    def of(cls, body: Body, tyre: StateSpace, belt: Specimen) -> _Moving:
+        """A vehicle without the belts of its tyres, and these."""
+        n, wheels, own = len(body.mass), body.wheels, len(tyre.a)
+        inverse, onto = np.linalg.inv(body.mass), np.eye(n)[:, n - wheels :]
+        a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ body.stiffness, -inverse @ body.damping]])
+        if belt.form is not Form.BELT:
+            return cls(a, np.vstack([np.zeros((n, wheels)), inverse @ onto]), slice(n - wheels, n), tyre)
+        # The motion: that of the vehicle, heights of the belts, their rates, states of the springs at the rim.
+        size, each, share = 2 * n + wheels * (2 + own), np.eye(wheels), abs(belt.share)
+        unit = np.eye(size)
+        height, speed, arms = np.split(unit[2 * n :], np.cumsum([wheels, wheels]))
+        x, v = height - unit[n - wheels : n], speed - unit[2 * n - wheels : 2 * n]
+        rim = tyre.d[0] * x + tyre.d[1] * v + np.kron(each, tyre.c[None]) @ arms
+        rim *= (1 + share) / share
+        whole = np.zeros((size, size))
+        whole[: 2 * n, : 2 * n] = a
+        whole[n : 2 * n] += inverse @ onto @ rim
+        whole[2 * n : 2 * n + wheels], whole[2 * n + wheels : 2 * (n + wheels)] = speed, -rim / belt.mass
+        whole[2 * (n + wheels) :] = np.kron(each, tyre.a) @ arms
+        whole[2 * (n + wheels) :] += np.kron(each, tyre.b[:, :1]) @ x + np.kron(each, tyre.b[:, 1:]) @ v
+        contact = StateSpace(tyre.a, tyre.b, (1 + share) * tyre.c, (1 + share) * tyre.d)
+        return cls(whole, speed.T / belt.mass, slice(2 * n, 2 * n + wheels), contact, rim)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,26 +258,21 @@ class _Stepper:
         return len(self.by_load)
 
     @classmethod
-    def of(cls, body: Body, tyre: StateSpace, step: float, curve: LoadDeflection | None) -> _Stepper:
+    def of(cls, body: Body, moving: _Moving, step: float, curve: LoadDeflection | None) -> _Stepper:
         """The step of a length [s]."""
-        n, wheels, own = len(body.mass), body.wheels, len(tyre.a)
+        tyre, touching = moving.tyre, moving.touching
+        n, wheels, own = len(moving.a), body.wheels, len(tyre.a)
         rest = float(tyre.stiffness(0.0).real)
-        inverse, onto = np.linalg.inv(body.mass), np.eye(n)[:, n - wheels :]
-        a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ body.stiffness, -inverse @ body.damping]])
-        turn, hold, slope = step_matrices(
-            a, np.vstack([np.zeros((n, wheels)), inverse @ onto]), np.zeros((2 * n, wheels)), step
-        )
+        turn, hold, slope = step_matrices(moving.a, moving.b, np.zeros((n, wheels)), step)
         relax, kept, moved = step_matrices(tyre.a, tyre.b[:, :1], tyre.b[:, 1:], step)
         rate = float(tyre.d[1]) / step  # of a backward difference of second order
-        motion, load, now, before, arms = np.split(
-            np.arange(2 * n + wheels * (3 + own)), np.cumsum([2 * n, *[wheels] * 3])
-        )
-        size, each = 2 * n + wheels * (3 + own), np.eye(wheels)
+        motion, load, now, before, arms = np.split(np.arange(n + wheels * (3 + own)), np.cumsum([n, *[wheels] * 3]))
+        size, each = n + wheels * (3 + own), np.eye(wheels)
         whole = np.zeros((size + 2 * wheels, size))
         whole[np.ix_(motion, motion)], whole[np.ix_(motion, load)] = turn, hold - slope
         whole[np.ix_(before, now)] = each
         whole[np.ix_(arms, arms)], whole[np.ix_(arms, now)] = np.kron(each, relax), np.kron(each, kept - moved)
-        whole[size : size + wheels] = np.hstack([onto.T, np.zeros((wheels, n))]) @ whole[motion]
+        whole[size : size + wheels] = whole[motion[touching]]
         whole[size + wheels :] = np.kron(each, tyre.c[None]) @ whole[arms]
         whole[size + wheels :, now] -= 2.0 * rate * each
         whole[size + wheels :, before] += 0.5 * rate * each
@@ -223,10 +285,10 @@ class _Stepper:
             whole=whole,
             by_load=by_load,
             by_deflection=by_deflection,
-            gain=slope[n - wheels : n].tolist(),
+            gain=slope[touching].tolist(),
             stiff=float(tyre.c @ moved[:, 0]) + float(tyre.d[0]) - rest + 1.5 * rate,
-            loads=slice(2 * n, 2 * n + wheels),
-            deflections=slice(2 * n + wheels, 2 * n + 2 * wheels),
+            loads=slice(n, n + wheels),
+            deflections=slice(n + wheels, n + 2 * wheels),
         )
 
     def after(self, state: FloatArray, road: list[float]) -> FloatArray:

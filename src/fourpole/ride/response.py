@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
+from fourpole.models.belted import MASSLESS, gain, weight
 from fourpole.ride.comfort import weighting
 from fourpole.ride.road import ClassRoad, check_speed
 from fourpole.ride.vehicle import Body
@@ -73,7 +75,9 @@ class Transfers(ByValue):
     ----------
     acceleration : (..., N) complex array [1/s²]
     load : (..., N, W) complex array [N/m]
-    travel, deflection : (..., N, W) complex arrays [1]
+    travel : (..., N, W) complex array [1]
+    deflection : (..., N, W) or, with a belt, (..., N, 2W) complex array [1]
+        Of the springs of each tyre, by which K* loses power; those that a belt adds are the last.
     """
 
     acceleration: ComplexArray
@@ -88,7 +92,9 @@ class Transfers(ByValue):
         return cls(acceleration, load, _times(vehicle.travel, wheels), deflection)
 
 
-def transfers(vehicle: Condensed, stiffness: ComplexArray, lags: FloatArray) -> tuple[Transfers, Transfers]:
+def transfers(
+    vehicle: Condensed, stiffness: ComplexArray, lags: FloatArray, belt: Specimen = MASSLESS
+) -> tuple[Transfers, Transfers]:
     r"""Responses of a vehicle on tyres of K* to a road that each axle meets later, and their derivatives by K*.
 
     With the road r and the wheels' forces D per motion, the wheels move by :math:`z = (D + K^*)^{-1} K^* r` and the
@@ -101,14 +107,40 @@ def transfers(vehicle: Condensed, stiffness: ComplexArray, lags: FloatArray) -> 
         K* of each tyre at the frequencies of the vehicle.
     lags : (W,) float array [s]
         Time after which each axle meets what the first one met.
+    belt : Specimen
+        The belt of each tyre, which is no part of the mass of the vehicle's wheels.
     """
     w = vehicle.omega
     road = np.exp(-1j * w[:, None] * lags)
     k = np.asarray(stiffness, dtype=complex)[..., None]
+    if belt.form is Form.BELT:
+        return _with_belt(vehicle, k, road, belt)
     inverse = _inverse(vehicle.wheel + k[..., None] * np.eye(lags.size))
     x = _times(inverse, _times(vehicle.wheel, road))
     by = _times(inverse, x)
     return Transfers.of(vehicle, road - x, k * x, x), Transfers.of(vehicle, by, x - k * by, -by)
+
+
+def _with_belt(vehicle: Condensed, k: ComplexArray, road: ComplexArray, belt: Specimen) -> tuple[Transfers, Transfers]:
+    """The same with a belt, by the two-port of `models.belted`: both ends feel the force Q = q y on the belt.
+
+    With y = u r + (1 - u) z it is Q = -w² m y/(1 - a). Springs lose power by the deflection r - z, and by that of the
+    belt from y, times the root of its gain.
+    """
+    u, minus = weight(belt), -(vehicle.omega[:, None] ** 2)
+    h = 1.0 / (1.0 + minus * belt.mass / (gain(belt) * k))
+    q, h_by = minus * belt.mass * h, h * (1.0 - h) / k
+    q_by = minus * belt.mass * h_by
+    near, far = k + (1 - u) ** 2 * q, k - u * (1 - u) * q
+    near_by, far_by = 1.0 + (1 - u) ** 2 * q_by, 1.0 - u * (1 - u) * q_by
+    inverse = _inverse(vehicle.wheel + near[..., None] * np.eye(road.shape[-1]))
+    z = _times(inverse, far * road)
+    z_by = _times(inverse, far_by * road - near_by * z)
+    y, y_by, root = u * road + (1 - u) * z, (1 - u) * z_by, np.sqrt(gain(belt))
+    load, load_by = k * (road - z) + u * q * y, road - z - k * z_by + u * (q_by * y + q * y_by)
+    moved = np.concatenate([road - z, root * (h - 1) * y], axis=-1)
+    moved_by = np.concatenate([-z_by, root * (h_by * y + (h - 1) * y_by)], axis=-1)
+    return Transfers.of(vehicle, z, load, moved), Transfers.of(vehicle, z_by, load_by, moved_by)
 
 
 def _times(matrix: ComplexArray, vector: ComplexArray) -> ComplexArray:
@@ -185,7 +217,13 @@ def _widths(frequency: FloatArray) -> FloatArray:
 
 
 def ride(
-    body: Body, stiffness: ComplexArray, road: ClassRoad, speed: float, *, vehicle: Condensed | None = None
+    body: Body,
+    stiffness: ComplexArray,
+    road: ClassRoad,
+    speed: float,
+    *,
+    vehicle: Condensed | None = None,
+    belt: Specimen = MASSLESS,
 ) -> Ride:
     """The ride of a vehicle on a road of a known spectrum.
 
@@ -197,7 +235,9 @@ def ride(
     road : ClassRoad
     speed : float [m/s]
     vehicle : Condensed, optional
-        The vehicle at these frequencies, if it is known already, for many rides.
+        The vehicle at these frequencies without belts, if it is known already, for many rides.
+    belt : Specimen
+        The belt of each tyre, a part of the unsprung mass of the vehicle.
 
     Returns
     -------
@@ -207,7 +247,7 @@ def ride(
     Raises
     ------
     ModelError
-        If the speed is not positive, or K* is no number or zero.
+        If the speed is not positive, K* is no number or zero, or a belt leaves no mass of a wheel.
 
     Examples
     --------
@@ -227,8 +267,8 @@ def ride(
     if not np.all(np.any(stiffness, axis=-1)):
         raise ModelError("K* is zero at all frequencies: such a tyre carries no vehicle")
     omega = 2 * np.pi * frequency
-    vehicle = Condensed.of(body, omega) if vehicle is None else vehicle
-    found, slope = transfers(vehicle, stiffness, body.behind / speed)
+    vehicle = Condensed.of(body.without(belt.mass), omega) if vehicle is None else vehicle
+    found, slope = transfers(vehicle, stiffness, body.behind / speed, belt)
     height = road.spectrum_in_time(frequency, speed)
     weight = height * _widths(frequency)
     comfort = weight * np.abs(weighting(frequency)) ** 2

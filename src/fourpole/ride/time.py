@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
+from fourpole.models.belted import MASSLESS, both_ends
 from fourpole.models.interface import StateSpace
 from fourpole.ride.comfort import Comfort, check_step, comfort_of, weighting_system
 from fourpole.ride.linear import LinearSystem, driven
@@ -31,6 +33,8 @@ class TimeRide(ByValue):
     jump : (W, N) float array [N]
         Half the jump of the load where the slope of the road changes, which a damper alone feels; the load there is
         the mean of both sides.
+    carried : (N,) float array [J]
+        Work done on the belts up to each time as the wheels carry them; 0 without belts.
     """
 
     step: float
@@ -40,6 +44,7 @@ class TimeRide(ByValue):
     travel: FloatArray
     deflection: FloatArray
     jump: FloatArray
+    carried: FloatArray
 
     @property
     def comfort(self) -> Comfort:
@@ -51,7 +56,7 @@ class TimeRide(ByValue):
         """Energy that the tyres took over the ride [J]; lost, if they end as they began."""
         after, before = self.load + self.jump, self.load - self.jump
         middle = 0.5 * (after[:, :-1] + before[:, 1:])
-        return float(np.sum(middle * np.diff(self.deflection, axis=1)))
+        return float(np.sum(middle * np.diff(self.deflection, axis=1))) + float(self.carried[-1] - self.carried[0])
 
     @property
     def values(self) -> FloatArray:
@@ -62,42 +67,47 @@ class TimeRide(ByValue):
         return np.concatenate([np.sqrt([*acceleration, *mean_square[0], *mean_square[1]]), [power]])
 
 
-def whole_system(body: Body, tyre: StateSpace) -> LinearSystem:
-    """Vehicle and tyres: from the road under each wheel to seat acceleration, loads, travels and deflections."""
-    n, wheels, size = len(body.mass), body.wheels, len(tyre.a)
+def whole_system(body: Body, tyre: StateSpace, belt: Specimen = MASSLESS) -> LinearSystem:
+    """Vehicle and tyres: from the road under each wheel to seat acceleration, loads, travels and deflections.
+
+    With belts, which are a part of the unsprung mass of the body, the last outputs are the forces on the wheels.
+    """
+    body, ends = body.without(belt.mass), both_ends(tyre, belt)
+    n, wheels, size = len(body.mass), body.wheels, len(ends.a)
     onto = np.zeros((n, wheels))
     onto[n - wheels :] = np.eye(wheels)
     inverse = np.linalg.inv(body.mass)
     each = np.eye(wheels)
-    # The tyres: states of all wheels in turn; inputs are deflection x and rate v of each.
-    a_t = np.kron(each, tyre.a)
-    b_x, b_v = np.kron(each, tyre.b[:, :1]), np.kron(each, tyre.b[:, 1:])
-    c_t = np.kron(each, tyre.c[None])
-    d_x, d_v = tyre.d
-    # x = h - onto' q and v = h' - onto' q', so that a load is a sum of states, of heights h and of their rates.
-    load = np.hstack([-d_x * onto.T, -d_v * onto.T, c_t])
+    # The tyres: states of all wheels in turn; inputs are the height of the road, its rate, the wheel and its rate.
+    a_t = np.kron(each, ends.a)
+    b_h, b_r, b_x, b_v = (np.kron(each, ends.b[:, [at]]) for at in range(4))
+    load, force = (
+        np.hstack([d[2] * onto.T, d[3] * onto.T, np.kron(each, c)]) for c, d in zip(ends.c, ends.d, strict=True)
+    )
     zero = np.zeros((n, wheels))
     motion = np.hstack([-inverse @ body.stiffness, -inverse @ body.damping, np.zeros((n, wheels * size))])
-    motion += inverse @ onto @ load
+    motion += inverse @ onto @ force
     a = np.vstack([
         np.hstack([np.zeros((n, n)), np.eye(n), np.zeros((n, wheels * size))]),
         motion,
-        np.hstack([-b_x @ onto.T, -b_v @ onto.T, a_t]),
+        np.hstack([b_x @ onto.T, b_v @ onto.T, a_t]),
     ])  # fmt: skip
-    by_height, by_rate = inverse @ onto * d_x, inverse @ onto * d_v
-    still = np.zeros((wheels, wheels))
+    (d_h, d_r), (f_h, f_r) = ends.d[:, :2]
+    by_height, by_rate = inverse @ onto * f_h, inverse @ onto * f_r
+    still, forces = np.zeros((wheels, wheels)), belt.form is Form.BELT
     return LinearSystem(
         a=a,
-        b=np.vstack([zero, by_height, b_x]),
-        e=np.vstack([zero, by_rate, b_v]),
+        b=np.vstack([zero, by_height, b_h]),
+        e=np.vstack([zero, by_rate, b_r]),
         c=np.vstack([
             body.seat @ motion,
             load,
             np.hstack([body.travel, np.zeros((wheels, n + wheels * size))]),
             np.hstack([-onto.T, np.zeros((wheels, n + wheels * size))]),
+            *[force] * forces,
         ]),
-        d=np.vstack([body.seat @ by_height, d_x * each, still, each]),
-        f=np.vstack([body.seat @ by_rate, d_v * each, still, still]),
+        d=np.vstack([body.seat @ by_height, d_h * each, still, each, *[f_h * each] * forces]),
+        f=np.vstack([body.seat @ by_rate, d_r * each, still, still, *[f_r * each] * forces]),
     )  # fmt: skip
 
 
@@ -119,7 +129,7 @@ def with_weighting(system: LinearSystem) -> LinearSystem:
     )
 
 
-def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float) -> TimeRide:
+def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float, belt: Specimen = MASSLESS) -> TimeRide:
     """The ride over sampled heights of the road under each wheel.
 
     Parameters
@@ -131,6 +141,8 @@ def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float)
         Road under each wheel, straight between its samples; the vehicle is at rest on the first ones. See `axles`.
     step : float [s]
         Time between samples, at most 2.5 ms for the weighting.
+    belt : Specimen
+        The belt of each tyre, a part of the unsprung mass of the body.
 
     Returns
     -------
@@ -140,7 +152,7 @@ def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float)
     Raises
     ------
     ModelError
-        If the step is too long or the heights do not fit the wheels.
+        If the step is too long, the heights do not fit the wheels, or a belt leaves no mass of a wheel.
 
     Examples
     --------
@@ -160,13 +172,22 @@ def ride_in_time(body: Body, tyre: StateSpace, heights: FloatArray, step: float)
         raise ModelError(f"heights of shape {heights.shape} are not those of {body.wheels} wheels over time")
     if not np.all(np.isfinite(heights)):
         raise ModelError("the road has a height that is no number: a ride needs a road without gaps")
-    system, w = whole_system(body, tyre), body.wheels
+    system, w = whole_system(body, tyre, belt), body.wheels
     inputs = heights - heights[:, :1]
     found = driven(with_weighting(system), inputs, step)
-    acceleration, load, travel, deflection, weighted = np.split(found, np.cumsum([1, w, w, w]))
+    acceleration, load, travel, deflection, force, weighted = np.split(
+        found, np.cumsum([1, w, w, w, len(found) - 3 * w - 2])
+    )
     jump = np.zeros(inputs.shape)
-    jump[:, 1:-1] = 0.5 * tyre.d[1] / step * np.diff(inputs, n=2, axis=1)
-    return TimeRide(step, acceleration[0], weighted[0], load, travel, deflection, jump)
+    jump[:, 1:-1] = 0.5 * both_ends(tyre, belt).d[0, 1] / step * np.diff(inputs, n=2, axis=1)
+    carried = work_on(load - (force if len(force) else load), inputs - deflection)
+    return TimeRide(step, acceleration[0], weighted[0], load, travel, deflection, jump, carried)
+
+
+def work_on(force: FloatArray, wheel: FloatArray) -> FloatArray:
+    """Work (N,) [J] up to each time of forces (W, N) [N] on belts as the wheels move (W, N) [m]."""
+    work = 0.5 * (force[:, 1:] + force[:, :-1]) * np.diff(wheel, axis=1)
+    return np.append(0.0, np.cumsum(np.sum(work, axis=0)))
 
 
 def axles(height: FloatArray, body: Body, speed: float, step: float) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -46,6 +46,31 @@ class Body(ByValue):
     def wheels(self) -> int:
         """Number W of wheels."""
         return len(self.loads)
+
+    def without(self, mass: float) -> Body:
+        """The vehicle without a mass at each wheel [kg] that its tyre has as a belt; the static loads stay.
+
+        Raises
+        ------
+        ModelError
+            If nothing is left of the mass of a wheel.
+
+        Examples
+        --------
+        >>> QuarterCar(250.0, 37.5, 15825.0, 1500.0).body.without(7.0).mass.diagonal()
+        array([250. ,  30.5])
+        """
+        if not mass:
+            return self
+        left = np.array(self.mass, dtype=float)
+        at = np.arange(len(left) - self.wheels, len(left))
+        left[at, at] -= mass
+        if least := [one for one in left[at, at].tolist() if one <= 0]:
+            raise ModelError(
+                f"the belt of {mass:.4g} kg is a part of the unsprung mass of {least[0] + mass:.4g} kg, and leaves no "
+                "wheel: state the mass of wheel, tyre and axle together, or another belt"
+            )
+        return replace(self, mass=left)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.misfit import residuals
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.shared import SharedParameter
-from fourpole.core.joint.solve import Problem, Solution, moved, solve_either, sweep
+from fourpole.core.joint.solve import Problem, Solution, moved, solve, solve_either, sweep
 from fourpole.core.sources import Kind, Source
 from fourpole.core.specimen import Body, Form, Specimen
 
@@ -28,6 +28,8 @@ _UNSTATED = 0.5
 _EXPONENT = 0.6
 #: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
 _STARTS = (0.1, 0.3, 0.6)
+#: Steps from each of them, and the number of the best that are followed to the end.
+_FEW_STEPS, _BEST = 12, 2
 #: Most shares in one problem: with more conditions, those of a specimen have one.
 _MOST_SHARES = 40
 
@@ -90,15 +92,26 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
 def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> Start | None:
     """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
     known = any(body.frequency for body in bodies.values())
-    made = []
+    tried = []
     for rod in (False,) if known else (False, True):
         for share in _STARTS:
             wide = with_belts(problem, bodies, stiffness, rod=rod)
             z = _first(wide, share * problem.shared.rig.moving_mass)
-            wide, solution = solve_either(wide, own_stiffness(wide, z), z)
-            if solution.converged:
-                made.append(Start(wide, solution))
-    return max(made, key=lambda one: one.solution.evidence, default=None)
+            tried.append(Start(wide, solve(wide, own_stiffness(wide, z), z, _FEW_STEPS)))
+    for start in sorted(tried, key=lambda one: -one.solution.evidence)[:_BEST]:
+        wide, solution = solve_either(start.problem, start.solution.stiffness, start.solution.z)
+        if solution.converged:
+            return Start(wide, solution)
+    return None
+
+
+def explains_more(problem: Problem, solution: Solution, bodies: Mapping[str, Body]) -> bool:
+    """Whether the smallest of the first masses raises the evidence of a solution in which K* scatters little."""
+    wide = with_belts(problem, bodies, solution.stiffness, rod=False)
+    z = _first(wide, _STARTS[0] * problem.shared.rig.moving_mass)
+    z[: solution.z.size] = solution.z
+    after = solve(wide, solution.stiffness, z, _FEW_STEPS)
+    return after.evidence > solution.evidence
 
 
 def _first(problem: Problem, mass: float) -> FloatArray:

@@ -13,7 +13,7 @@ from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
-from fourpole.core.joint.belts import explained, linear_gain, second_roots, weight_of
+from fourpole.core.joint.belts import explained, explains_more, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
@@ -32,6 +32,8 @@ from fourpole.errors import RigError
 #: Relative difference of the deflection from that of the repeats, and the least number of tests with such a difference,
 #: that can show a dependence of K* on the amplitude.
 _UNLIKE, _FEWEST_UNLIKE = 0.05, 3
+#: Specimens repeat to 1 % and better; if they do not, a mass may be the reason [1].
+_SCATTERS = 0.01
 #: Whether specimens have a mass is first asked of so many tests.
 _MANY = 200
 #: Places in the run at which a gain may step, as shares of the tests.
@@ -265,8 +267,12 @@ def _massless(problem: Problem, start: ComplexArray) -> _Explained:
 def _is_enough(found: _Explained, bodies: Mapping[str, Body]) -> bool:
     """Whether massless specimens explain the tests as stated, so that none is likely to have a mass."""
     problem, solution, outlier, misfit = found
-    asked = misfit.specimens or misfit.scatter or misfit.unsteady or misfit.inflation > 1 or np.any(outlier > 1)
-    return misfit.fits and not asked and linear_gain(problem, solution, bodies) < GAIN
+    asked = misfit.specimens or misfit.unsteady or misfit.inflation > 1 or np.any(outlier > 1)
+    if not misfit.fits or asked or misfit.scatter > _SCATTERS:
+        return False
+    if misfit.scatter:  # as specimens do, or as a small mass makes them do
+        return not explains_more(problem, solution, bodies)
+    return linear_gain(problem, solution, bodies) < GAIN
 
 
 def _weight(found: _Explained, plain: Problem) -> float:

@@ -253,7 +253,9 @@ class Step(ByValue):
         return float(max(shared.max(initial=0.0), each.max(initial=0.0)))
 
 
-def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) -> Solution:
+def solve(
+    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = _MOST_STEPS
+) -> Solution:
     """Gauss-Newton iteration on the residuals without the drive; a step that does not help is halved.
 
     Parameters
@@ -264,6 +266,8 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         First value of K* of each condition.
     z : (p,) float array, optional
         First shared values; by default as stated.
+    most_steps : int
+        Largest number of steps.
 
     Returns
     -------
@@ -276,10 +280,10 @@ def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None) ->
         step = sweep(problem, z, start, step.slope)
     before = lowest = (z, stiffness, step)
     flat = 0
-    reason = f"the search did not converge in {_MOST_STEPS} steps"
+    reason = f"the search did not converge in {most_steps} steps"
     converged = False
     count = 0
-    for count in range(1, _MOST_STEPS + 1):  # noqa: B007 - the number of steps is reported
+    for count in range(1, most_steps + 1):  # noqa: B007 - the number of steps is reported
         if not no_worse(step, before[2]):
             share *= 0.5
             if share < 1e-6:

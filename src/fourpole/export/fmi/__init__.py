@@ -11,15 +11,17 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
+from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
 from fourpole.export.fmi.csource import NoBinaryError, binary_place, common_source, compiled, model_source
 from fourpole.export.fmi.description import Model, build_description, model_description
-from fourpole.export.fmi.variables import Point
+from fourpole.export.fmi.variables import Point, is_belted
 from fourpole.export.source import identifiers
-from fourpole.export.systems import Points, systems_of
+from fourpole.export.systems import Points, System, belt_words, systems_of
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel
 from fourpole.io.write import write_bytes
+from fourpole.models.belted import belt_modes, weight
 from fourpole.version import VERSION
 
 #: Largest number of operating points of an FMU.
@@ -29,13 +31,19 @@ _TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def write(
-    source: ModelFile, path: Path, points: Points = (), specimen: str | None = None, *, version: int = 2
+    source: ModelFile,
+    path: Path,
+    points: Points = (),
+    specimen: str | None = None,
+    belt: Specimen | None = None,
+    *,
+    version: int = 2,
 ) -> tuple[str, ...]:
     """Write an FMU of a version of FMI, 2 or 3, with the models of a file at operating points; returns notes."""
-    systems, notes = systems_of(source, points, specimen)
+    systems, notes = systems_of(source, points, specimen, belt=belt)
     if len(systems) > _MOST:
         raise ModelError(f"{len(systems)} operating points are more than {_MOST} of an FMU: state --at, or --tyre")
-    found = [Point(_plain(one.placed.label), one.realised) for one in systems]
+    found = [_point(one) for one in systems]
     content, more = fmu(*_described([one.placed for one in systems], systems[0].source), found, version)
     write_bytes(path.with_suffix(path.suffix or ".fmu"), content)
     return (*notes, *more)
@@ -43,6 +51,19 @@ def write(
 
 #: Write an FMU of FMI 3.0; see `write`.
 write_fmi3 = partial(write, version=3)
+
+
+def _point(one: System) -> Point:
+    """The operating point of a system."""
+    label = _plain(one.placed.label)
+    if not one.belted:
+        return Point(label, one.realised)
+    return Point(
+        f"{label}, {belt_words(one.belt)}",
+        one.realised,
+        belt_modes(one.realised, one.belt, one.placed.band),
+        weight(one.belt),
+    )
 
 
 def _described(placed: Sequence[PlacedModel], source: str) -> tuple[str, str]:
@@ -62,18 +83,20 @@ def fmu(name: str, about: str, points: Sequence[Point], version: int) -> tuple[b
 
     The same models give the same bytes, with the same compiler.
     """
-    content = [version, VERSION, common_source(version), model_source(points, ""), name, about]
+    belted = is_belted(points)
+    common = common_source(version, belted=belted)
+    content = [version, VERSION, common, model_source(points, ""), name, about]
     mark = json.dumps([content, [one.label for one in points]])
     token = f"{{{uuid.UUID(hashlib.sha256(mark.encode()).hexdigest()[:32])}}}"
     model = Model(identifiers([name], (), otherwise="specimen")[0], name, about, token, points)
-    source = {**common_source(version), **model_source(points, token)}
+    source = {**common, **model_source(points, token)}
     files = {"modelDescription.xml": model_description(model, version)}
     files |= {f"sources/{file}": text.encode() for file, text in source.items()}
     if version == 3:
         files["sources/buildDescription.xml"] = build_description(model)
     notes = []
     try:
-        files[binary_place(model.identifier, version)] = compiled(source, version)
+        files[binary_place(model.identifier, version)] = compiled(source, version, belted=belted)
     except NoBinaryError as error:
         notes.append(f"the FMU has no binary, only sources, which the importing program must compile: {error}")
     return _zipped(files), notes

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
-from fourpole.export.fmi.variables import Point, Variable, states_in, variables_of
+from fourpole.export.fmi.variables import Point, Variable, is_belted, states_of_part, variables_of
 from fourpole.io.processes import output_of, program_path
 
 #: Files that are compiled and headers, by version of FMI; the headers of FMI are those of the standard, unchanged.
@@ -20,6 +21,8 @@ _HEADERS = {
     3: ("fmi3FunctionTypes.h", "fmi3Functions.h", "fmi3PlatformTypes.h"),
 }
 _OWN_HEADERS = ("branches.h", "instance.h")
+#: Lines for models with a belt; the group has those that stand in their place without one.
+_OF_BELT = re.compile(r"^#ifdef BELT\n(?:(?!^#e).*\n)*(?:#else\n((?:(?!^#e).*\n)*))?#endif\n", re.M)
 #: Commands that are tried, in this order.
 COMPILERS = ("gcc", "cc", "clang")
 #: Time that the compiler may take [s].
@@ -35,21 +38,30 @@ class NoBinaryError(Exception):
     """There is no binary; the message says why and what to do."""
 
 
-def common_source(version: int) -> dict[str, str]:
-    """The files that all models have in common, by name."""
-    names = (*COMPILED[version][:-1], *_OWN_HEADERS, *_HEADERS[version])
+def common_source(version: int, *, belted: bool = False) -> dict[str, str]:
+    """The files that all models have in common, by name; without a belt they have no word of it."""
+    names = (*compiled_files(version, belted=belted)[:-1], *_OWN_HEADERS, *_HEADERS[version])
     place = files("fourpole.export.fmi") / "c"
-    return {name: (place / name).read_text(encoding="utf-8") for name in names}
+    found = {name: (place / name).read_text(encoding="utf-8") for name in names}
+    return found if belted else {name: _OF_BELT.sub(r"\1", text) for name, text in found.items()}
+
+
+def compiled_files(version: int, *, belted: bool = False) -> tuple[str, ...]:
+    """The files that are compiled, that of the numbers last."""
+    return ("belt.c",) * belted + COMPILED[version]
 
 
 def model_source(points: Sequence[Point], token: str) -> dict[str, str]:
     """The files with the numbers of a model, by name."""
     variables = variables_of(points)
     parameters = parameters_of(variables)
-    sizes = {"POINTS": len(points), "STATES": states_in(points), "PARAMETERS": len(parameters)}
+    last = variables.index(parameters[-1]) + 1
+    systems = [one.system for one in points] + [one.force_on_belt for one in points] * is_belted(points)
+    sizes = {"POINTS": len(systems), "STATES": states_of_part(points), "PARAMETERS": len(parameters)}
     header = ["/* Sizes of this model, and its token. */", "#ifndef MODEL_H", "#define MODEL_H", ""]
     header += [f"#define TOKEN {json.dumps(token)}", *(f"#define {name} {value}" for name, value in sizes.items())]
-    counts = [(len(one.system.springs), len(one.system.pair_springs)) for one in points]
+    header += ["#define BELT"] * is_belted(points)
+    counts = [(len(one.springs), len(one.pair_springs)) for one in systems]
     firsts = [sum(2 + 2 * n + 4 * m for n, m in counts[:at]) for at in range(len(counts))]
     numbers = [
         "/* The numbers of this model in SI units, in the order of the value references. */",
@@ -60,14 +72,18 @@ def model_source(points: Sequence[Point], token: str) -> dict[str, str]:
         _array("int", "model_first[POINTS]", map(str, firsts)),
         _array("double", "model_defaults[ROOM(PARAMETERS)]", (repr(one.start) for one in parameters)),
         _array("double", "model_least[ROOM(PARAMETERS)]", (repr(one.least) for one in parameters)),
-        _array("char *const", "model_names[VARIABLES]", (json.dumps(one.name) for one in variables)),
+        _array("char *const", "model_names[VARIABLES]", (json.dumps(one.name) for one in variables[:last])),
     ]
+    if is_belted(points):
+        weights = [one.weight for one in points] * 2
+        numbers += ["", "extern const double model_weights[POINTS];"]
+        numbers += [_array("double", "model_weights[POINTS]", map(repr, weights))]
     return {"model.h": "\n".join([*header, "", "#endif", ""]), "model.c": "\n".join([*numbers, ""])}
 
 
 def parameters_of(variables: Sequence[Variable]) -> list[Variable]:
     """The parameters of the operating points, without the point and the preload."""
-    return [one for one in variables if one.name.startswith("points[")]
+    return [one for one in variables if one.name.startswith(("points[", "belts["))]
 
 
 def _array(kind: str, name: str, values: Iterable[str]) -> str:
@@ -85,7 +101,7 @@ def binary_place(identifier: str, version: int) -> str:
     return f"binaries/{folder}/{identifier}{_ENDINGS.get(sys.platform, '.so')}"
 
 
-def compiled(source: Mapping[str, str], version: int) -> bytes:
+def compiled(source: Mapping[str, str], version: int, *, belted: bool = False) -> bytes:
     """The shared library of the files of a source; `NoBinaryError` if there is no compiler or it fails."""
     compiler = next((found for name in COMPILERS if (found := program_path(name))), None)
     if compiler is None:
@@ -94,7 +110,7 @@ def compiled(source: Mapping[str, str], version: int) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         for name, text in source.items():
             Path(folder, name).write_text(text, encoding="utf-8")
-        command = [compiler, *flags, "-o", "binary", *COMPILED[version]]
+        command = [compiler, *flags, "-o", "binary", *compiled_files(version, belted=belted)]
         try:
             code, _, said = output_of(command, seconds=_LONGEST, folder=folder, also=_OF_COMPILER)
         except OSError as error:

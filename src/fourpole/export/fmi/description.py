@@ -6,8 +6,17 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fourpole.export.fmi.csource import COMPILED
-from fourpole.export.fmi.variables import NOMINAL, UNITS, Point, Variable, states_in, variables_of
+from fourpole.export.fmi.csource import compiled_files
+from fourpole.export.fmi.variables import (
+    NOMINAL,
+    UNITS,
+    Point,
+    Variable,
+    is_belted,
+    states_of_part,
+    states_together,
+    variables_of,
+)
 from fourpole.version import VERSION
 
 _INPUTS = range(1, 5)
@@ -71,7 +80,7 @@ def build_description(model: Model) -> bytes:
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = _child(root, "BuildConfiguration", modelIdentifier=model.identifier)
     sources = _child(configuration, "SourceFileSet", language="C99")
-    for name in COMPILED[3]:
+    for name in compiled_files(3, belted=is_belted(model.points)):
         _child(sources, "SourceFile", name=name)
     return _bytes(root)
 
@@ -83,7 +92,7 @@ def _interfaces(root: ET.Element, model: Model, version: int) -> None:
         interface = _child(root, kind, modelIdentifier=model.identifier, **dict.fromkeys(can, "true"))
         if version == _TWO:
             sources = _child(interface, "SourceFiles")
-            for name in COMPILED[version]:
+            for name in compiled_files(version, belted=is_belted(model.points)):
                 _child(sources, "File", name=name)
 
 
@@ -111,13 +120,13 @@ def _variables(listed: ET.Element, model: Model, version: int) -> None:
 
 def _structure(structure: ET.Element, model: Model, version: int) -> None:
     """What depends on what; FMI 2.0 names a variable by its index from 1, FMI 3.0 by its value reference."""
-    states, dependencies = states_in(model.points), _dependencies(model.points)
-    rates = range(_FIRST_STATE + states, _FIRST_STATE + 2 * states)
+    dependencies = _dependencies(model.points)
+    forces, states, rates = _places(model.points)
     reference, base = ("index", 1) if version == _TWO else ("valueReference", 0)
     for group, tag, places in (
-        ("Outputs", "Output", [_FORCE]),
-        ("Derivatives", "ContinuousStateDerivative", [*rates]),
-        ("InitialUnknowns", "InitialUnknown", [_FORCE, *range(_FIRST_STATE, rates.stop)]),
+        ("Outputs", "Output", forces),
+        ("Derivatives", "ContinuousStateDerivative", rates),
+        ("InitialUnknowns", "InitialUnknown", sorted([*forces, *states, *rates])),
     ):
         if not places:
             continue
@@ -141,13 +150,24 @@ def _value(one: Variable) -> dict[str, str]:
     return found
 
 
+def _places(points: Sequence[Point]) -> tuple[list[int], list[int], list[int]]:
+    """Places of the forces, of the states, and of their derivatives in the same order."""
+    count, last = states_of_part(points), len(variables_of(points))
+    firsts = [_FIRST_STATE] + [last - 2 * count] * is_belted(points)
+    forces = [_FORCE] + [last - 2 * count - 1] * is_belted(points)
+    states = [first + at for first in firsts for at in range(count)]
+    return forces, states, [one + count for one in states]
+
+
 def _dependencies(points: Sequence[Point]) -> dict[int, list[int]]:
-    """Places of what the force and the derivatives of the states follow from, by their own place."""
-    states = states_in(points)
-    found = {_FORCE: [*_INPUTS, *range(_FIRST_STATE, _FIRST_STATE + states)]}
-    for at in range(states):
-        together = {other for point in points for group in point.states if at in group for other in group}
-        found[_FIRST_STATE + states + at] = [1, 3, *(_FIRST_STATE + other for other in sorted(together))]
+    """Places of what the forces and the derivatives of the states follow from, by their own place."""
+    count, (forces, states, rates) = states_of_part(points), _places(points)
+    found = {force: [*_INPUTS, *states] for force in forces}
+    for at, (state, rate) in enumerate(zip(states, rates, strict=True)):
+        own = at % count
+        systems = [one.system if at < count else one.force_on_belt for one in points]
+        together = {other for one in systems for group in states_together(one) if own in group for other in group}
+        found[rate] = [1, 3, *(state - own + other for other in sorted(together))]
     return found
 
 

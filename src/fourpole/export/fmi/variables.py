@@ -9,6 +9,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from fourpole.models.realised import Realised
 
 #: Units with their exponents of kg, m, s and rad.
@@ -31,17 +33,33 @@ _ANY = -sys.float_info.max
 
 @dataclass(frozen=True)
 class Point:
-    """An operating point of an FMU: its words, and the model there as a linear system."""
+    """An operating point of an FMU: its words, and the model there as a linear system.
+
+    With a belt, `belt` is the force Q on it over the mean motion of both ends, in which the contact has `weight` [1].
+    """
 
     label: str
     system: Realised
+    belt: Realised | None = None
+    weight: float = 0.0
 
     @property
-    def states(self) -> list[range]:
-        """Places of the states that belong together: one of each branch, two of each pair."""
-        count, pairs = self.system.springs.size, self.system.pair_springs.size
-        single = [range(at, at + 1) for at in range(count)]
-        return single + [range(count + 2 * at, count + 2 * at + 2) for at in range(pairs)]
+    def force_on_belt(self) -> Realised:
+        """The force that accelerates the belt, over the mean motion of both ends; none without a belt."""
+        nothing, pairs = np.zeros(0), np.zeros(0, dtype=complex)
+        return Realised(0.0, 0.0, nothing, nothing, pairs, pairs) if self.belt is None else self.belt
+
+
+def states_together(system: Realised) -> list[range]:
+    """Places of the states of a system that belong together: one of each branch, two of each pair."""
+    count, pairs = system.springs.size, system.pair_springs.size
+    single = [range(at, at + 1) for at in range(count)]
+    return single + [range(count + 2 * at, count + 2 * at + 2) for at in range(pairs)]
+
+
+def is_belted(points: Sequence[Point]) -> bool:
+    """Whether an FMU has the belt of a tyre, and thus two forces."""
+    return any(one.belt is not None for one in points)
 
 
 @dataclass(frozen=True)
@@ -74,9 +92,9 @@ class Variable:
 
 def variables_of(points: Sequence[Point]) -> list[Variable]:
     """All variables, each at the place that is its value reference."""
-    states = states_in(points)
+    states, belted = states_of_part(points), is_belted(points)
     first = 8
-    return [
+    found = [
         Variable("time", "Time", "s", "independent", "continuous"),
         _input("contact.displacement", "Displacement of the contact towards the wheel, zero at rest under", "m"),
         _input("contact.velocity", "Its velocity; it also says how the displacement goes on within a step", "m/s"),
@@ -99,13 +117,36 @@ def variables_of(points: Sequence[Point]) -> list[Variable]:
             )
             for at in range(states)
         ),
-        *(one for at, point in enumerate(points, start=1) for one in _parameters(f"points[{at}]", point)),
+        *(
+            one
+            for at, point in enumerate(points, start=1)
+            for one in _parameters(f"points[{at}]", point.label, point.system)
+        ),
     ]  # fmt: skip
+    if not belted:
+        return found
+    for at, point in enumerate(points, start=1):
+        found += _parameters(f"belts[{at}]", f"the belt of {point.label}", point.force_on_belt)
+    contact = "Force into the contact: preload plus what the motions add; positive in compression"
+    found += [Variable("contact_force", contact, "N", "output", "continuous", "calculated")]
+    first = len(found)
+    names = [f"belt_states[{at + 1}]" for at in range(states)]
+    found += [Variable(one, "State of the belt", "m", "local", "continuous", "calculated") for one in names]
+    found += [
+        Variable(f"der({one})", "", "m/s", "local", "continuous", "calculated", derivative=first + at)
+        for at, one in enumerate(names)
+    ]
+    return found
+
+
+def states_of_part(points: Sequence[Point]) -> int:
+    """Number of states of the springs, and as many of the belts: that of the point with the most."""
+    return max(len(one.space.a) for point in points for one in (point.system, point.force_on_belt))
 
 
 def states_in(points: Sequence[Point]) -> int:
-    """Number of states: that of the point with the most."""
-    return max(len(one.system.space.a) for one in points)
+    """Number of states."""
+    return states_of_part(points) * (1 + is_belted(points))
 
 
 def _input(name: str, about: str, unit: str) -> Variable:
@@ -117,14 +158,13 @@ def _listed(points: Sequence[Point]) -> str:
     return "; ".join(f"{at} = {one.label}" for at, one in enumerate(points, start=1))
 
 
-def _parameters(name: str, point: Point) -> Iterator[Variable]:
+def _parameters(name: str, label: str, system: Realised) -> Iterator[Variable]:
     """The parameters of one point, in the order of its numbers in the C source."""
-    system = point.system
 
     def one(which: str, about: str, unit: str, start: float, least: float) -> Variable:
         return Variable(f"{name}.{which}", about, unit, "parameter", "fixed", "exact", float(start), least)
 
-    yield one("stiffness_at_rest", f"Stiffness at rest of {point.label}", "N/m", system.rest, 0.0)
+    yield one("stiffness_at_rest", f"Stiffness at rest of {label}", "N/m", system.rest, 0.0)
     yield one("damping", "Viscous damping", "N.s/m", system.damper, 0.0)
     for at, (spring, time) in enumerate(zip(system.springs, system.times, strict=True), start=1):
         yield one(f"branches[{at}].stiffness", "Stiffness that relaxes", "N/m", spring, _ANY)

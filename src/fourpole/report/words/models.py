@@ -29,7 +29,7 @@ _SPELLED = {"°C": "degC"}
 
 
 def sentences(entry: ModelEntry, facts: Facts | None = None) -> list[str]:
-    """The choice of the model, its discrepancy, and whether a passive linear specimen can have this K*.
+    """The choice of the model, its discrepancy, and whether a massless, relaxing specimen can have this K*.
 
     If none can, and C rises with frequency in the `facts`, a sentence says why.
     """
@@ -62,7 +62,7 @@ def chosen(text: str) -> str:
 
 
 def verdicts(entry: ModelEntry) -> list[str]:
-    """Whether K* of each condition can be that of a passive linear specimen, as sentences."""
+    """Whether K* of each condition can be that of a massless, relaxing specimen, as sentences."""
     judged = [(one, one.verdict) for one in entry.conditions if one.verdict is not None]
     bad = [one for one, verdict in judged if not verdict.possible]
     worst = percent(max((verdict.misfit for _, verdict in judged if not verdict.possible), default=0.0))
@@ -71,16 +71,18 @@ def verdicts(entry: ModelEntry) -> list[str]:
         return ["K* depends on the amplitude of the deflection, so no linear specimen can have it at all amplitudes."]
     match len(judged), len(bad):
         case 0, _:
-            return ["The uncertainty of K* is unknown, so a passive linear specimen is neither excluded nor confirmed."]
+            return [
+                "The uncertainty of K* is unknown, so a massless, relaxing specimen is neither excluded nor confirmed."
+            ]
         case 1, 0:
-            return ["A passive linear specimen can have this K*, within its uncertainty."]
+            return ["A massless, relaxing specimen can have this K*, within its uncertainty."]
         case count, 0:
-            return [f"A passive linear specimen can have K* as measured in all {count} conditions."]
+            return [f"A massless, relaxing specimen can have K* as measured in all {count} conditions."]
         case 1, _:
-            return [f"No passive linear specimen can have this K*: {off}. {_where(bad[0])}."]
+            return [f"No massless, relaxing specimen can have this K*: {off}. {_where(bad[0])}."]
     good = len(judged) - len(bad)
     opening = f"{good or 'None'} of {len(judged)} conditions {'is' if good < 2 else 'are'} possible"
-    return [f"{opening} for a passive linear specimen; {'in the others ' if good else ''}{off}.", _listed(bad)]
+    return [f"{opening} for a massless, relaxing specimen; {'in the others ' if good else ''}{off}.", _listed(bad)]
 
 
 def _listed(bad: Sequence[ConditionFile]) -> str:
@@ -116,7 +118,7 @@ def rising_damping(facts: Facts, tyre: str) -> list[str]:
         found = trend_of(q.C, name, facts.values(q.C, name), "frequency") if facts.stated(name) == tyre else None
         if found is not None and found.holds is Holds.RISES and isinstance(found.detail, Trend):
             rise = percent(found.detail.mean.value)
-            text = f"No passive linear specimen without inertia has a C that rises with frequency, as here by {rise}"
+            text = f"No massless, relaxing specimen has a C that rises with frequency, as here by {rise}"
             return [f"{text} from {span(found.detail)}: with any constant K1, C can only fall."]
     return []
 

@@ -239,7 +239,11 @@ const char *model_point(Model *model, double value) {
     if (!(model->values.mode & (INSTANTIATED | INITIALIZATION))) {
         return "is a parameter: it can be set before the end of the initialization only";
     }
+#ifdef BELT
+    if (!(value >= 1.0 && value <= POINTS / 2)) { /* behind them are those of the belt */
+#else
     if (!(value >= 1.0 && value <= POINTS)) {
+#endif
         return "is the number of an operating point that this model does not have";
     }
     model->values.point = (int)value;

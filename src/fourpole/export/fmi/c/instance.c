@@ -77,6 +77,9 @@ int instance_may(Instance *instance, const char *function, int modes) {
     if (!instance) {
         return 0;
     }
+#ifdef BELT
+    belt_follow(instance);
+#endif
     return instance_said(instance, function, instance->model.values.mode & modes ? 0 : "is not allowed now");
 }
 
@@ -111,7 +114,11 @@ int instance_get(Instance *instance, const char *function, const unsigned int *r
                  double *values) {
     size_t at;
     for (at = 0; at < count; at++) {
+#ifdef BELT
+        const char *wrong = belt_get(instance, references[at], &values[at]);
+#else
         const char *wrong = model_get(&instance->model, references[at], &values[at]);
+#endif
         if (wrong) {
             return instance_said_of(instance, function, references[at], wrong);
         }
@@ -128,8 +135,13 @@ int instance_time(Instance *instance, const char *function, double time) {
 }
 
 static int has_states(Instance *instance, const char *function, const void *states, size_t count) {
+#ifdef BELT
+    const char *wrong = count == ALL_STATES ? 0 : "the number of states is not that of this model";
+    return instance_said(instance, function, wrong) && instance_has(instance, function, count, states, states);
+#else
     return instance_said(instance, function, count == STATES ? 0 : "the number of states is not that of this model") &&
            instance_has(instance, function, count, states, states);
+#endif
 }
 
 int instance_set_states(Instance *instance, const char *function, const double *states, size_t count) {
@@ -142,6 +154,10 @@ int instance_set_states(Instance *instance, const char *function, const double *
             return instance_said(instance, function, "a state is not a finite number");
         }
     }
+#ifdef BELT
+    count = STATES;
+    memcpy(instance->belt.values.now.states, states + STATES, count * sizeof *states);
+#endif
     memcpy(instance->model.values.now.states, states, count * sizeof *states);
     return 1;
 }
@@ -152,6 +168,13 @@ int instance_states(Instance *instance, const char *function, double *found, siz
     if (!has_states(instance, function, found, count)) {
         return 0;
     }
+#ifdef BELT
+    if (which == THE_STATES) {
+        model_states(&instance->belt, found + STATES, other);
+    } else if (which == THE_DERIVATIVES) {
+        model_states(&instance->belt, other, found + STATES);
+    }
+#endif
     if (which == THE_STATES) {
         model_states(&instance->model, found, other);
     } else if (which == THE_DERIVATIVES) {
@@ -173,7 +196,11 @@ int instance_change(Instance *instance, const char *function, const unsigned int
     }
     for (at = 0; at < count; at++) {
         unsigned int of = unknowns[at];
+#ifdef BELT
+        const char *wrong = belt_change(instance, &of, knowns, known, seed, &changes[at]);
+#else
         const char *wrong = model_change(&instance->model, &of, knowns, known, seed, &changes[at]);
+#endif
         if (wrong) {
             return instance_said_of(instance, function, of, wrong);
         }
@@ -192,6 +219,9 @@ int instance_save(Instance *instance, const char *function, void **saved) {
     }
     memcpy(made->token, TOKEN, sizeof made->token);
     memcpy(&made->values, &instance->model.values, sizeof made->values);
+#ifdef BELT
+    memcpy(&made->belt, &instance->belt.values, sizeof made->belt);
+#endif
     *saved = made;
     return 1;
 }
@@ -211,6 +241,11 @@ int instance_restore(Instance *instance, const char *function, const void *saved
     if (values->mode & (instance->stepped ? EVENTS | CONTINUOUS : STEPPING)) {
         return instance_said(instance, function, "the state is of the other kind of simulation");
     }
+#ifdef BELT
+    if (!instance_said(instance, function, model_restore(&instance->belt, &((const Saved *)saved)->belt))) {
+        return 0;
+    }
+#endif
     return instance_said(instance, function, model_restore(&instance->model, values));
 }
 
@@ -242,6 +277,9 @@ int instance_deserialise(Instance *instance, const char *function, const void *b
     memcpy(made, bytes, sizeof *made);
     fits = is_own(instance, function, made) &&
            instance_said(instance, function, model_restore(tried, &made->values));
+#ifdef BELT
+    fits = fits && instance_said(instance, function, model_restore(tried, &made->belt));
+#endif
     free(tried);
     if (!fits) {
         free(made);

@@ -12,6 +12,11 @@
 typedef struct Instance Instance;
 struct Instance {
     Model model;
+#ifdef BELT
+    Model belt;                        /* see belt.c */
+    double slopes[4], started[4];      /* slopes and inputs of the model when the last call began */
+    int sloped;
+#endif
     int stepped;                       /* whether it is for co-simulation */
     char *name;
     void *environment;
@@ -23,6 +28,9 @@ struct Instance {
 typedef struct {
     char token[sizeof TOKEN];
     Values values;
+#ifdef BELT
+    Values belt;
+#endif
 } Saved;
 
 Instance *instance_new(const char *name, const char *token, int stepped, void *environment,
@@ -50,6 +58,17 @@ int instance_save(Instance *instance, const char *function, void **saved);
 int instance_restore(Instance *instance, const char *function, const void *saved);
 int instance_serialise(Instance *instance, const char *function, const void *saved, void *bytes, size_t size);
 int instance_deserialise(Instance *instance, const char *function, const void *bytes, size_t size, void **saved);
+#ifdef BELT
+
+/* The variables and states of both models, and the part of the contact in the motion of the belt by operating point. */
+enum { CONTACT_FORCE = VARIABLES, ALL_STATES = 2 * STATES, ALL_VARIABLES = CONTACT_FORCE + 1 + ALL_STATES };
+extern const double model_weights[POINTS];
+
+void belt_follow(Instance *instance); /* at the beginning of each call: what the call before has changed */
+const char *belt_get(Instance *instance, unsigned int reference, double *value);
+const char *belt_change(Instance *instance, unsigned int *of, const unsigned int *knowns, size_t count,
+                        const double *seed, double *change);
+#endif
 
 /* What `instance_states` finds. */
 enum { THE_STATES, THE_DERIVATIVES, THE_NOMINALS };

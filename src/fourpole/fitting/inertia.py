@@ -1,0 +1,93 @@
+"""The inertia of specimens in a model file: as specimens.csv has it, or as an option states it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import polars as pl
+from pydantic import Field
+
+from fourpole import quantities as q
+from fourpole.core.condition import AXES, axis_of
+from fourpole.core.specimen import Form, Specimen
+from fourpole.errors import UnitError
+from fourpole.fitting.measuredtable import as_frame
+from fourpole.fitting.modelparts import Strict
+from fourpole.io.published import Published
+
+#: Table of a results folder with the inertia of each specimen at each condition.
+SPECIMENS = "specimens.csv"
+_FORM, _MASS, _SHARE = q.FORM.head, q.BELT_MASS.head, q.BELT_SHARE.head
+#: Share of a car's tyre, where none is stated [1].
+USUAL_SHARE = 0.2
+
+
+class InertiaFile(Strict):
+    """The mass of a specimen between its ends: a belt between two springs of one law, or a mass spread along it."""
+
+    form: Literal["belt", "rod"]
+    mass: float = Field(gt=0, le=1e6, description="Mass of the belt, or of the rod [kg].")
+    share: float | None = Field(
+        gt=0, le=1e6, description="Stiffness of the spring at the contact over that at the rim [1]; null: of a rod."
+    )
+
+    @property
+    def specimen(self) -> Specimen:
+        """The specimen with this inertia."""
+        return Specimen(Form(self.form), self.mass, self.share or 1.0)
+
+
+@dataclass(frozen=True)
+class Inertias:
+    """The rows of specimens.csv that have a mass."""
+
+    rows: Sequence[Mapping[str, float | str | None]] = ()
+
+    def at(self, tyre: str, state: Mapping[str, float]) -> InertiaFile | None:
+        """The inertia of a specimen at a condition; None where none was found."""
+        for row in self.rows:
+            axes = [column for column in state if column in row]
+            if row[q.TYRE.head] == tyre and all(axis_of(at).same(state[at], row[at], blank=True) for at in axes):
+                share = row[_SHARE] if row[_FORM] == Form.BELT.value else None
+                return InertiaFile.model_validate({"form": row[_FORM], "mass": row[_MASS], "share": share})
+        return None
+
+
+def inertias_in(results: Published) -> Inertias:
+    """The inertia that results have."""
+    if not results.has(SPECIMENS):
+        return Inertias()
+    frame = as_frame(SPECIMENS, results.read(SPECIMENS))
+    numbers = (_MASS, _SHARE, *(axis.column for axis in AXES if axis.column in frame.columns))
+    found = frame.with_columns(pl.col(one).cast(pl.Float64, strict=False) for one in numbers)
+    return Inertias(found.filter(pl.col(_MASS) > 0).to_dicts())
+
+
+def mean_inertia(found: Sequence[InertiaFile | None]) -> InertiaFile | None:
+    """The inertia between conditions: the mean mass, and the geometric mean of the shares."""
+    known = [one for one in found if one is not None]
+    if not known:
+        return None
+    shares = [one.share for one in known if one.share is not None]
+    share = float(np.exp(np.mean(np.log(shares)))) if shares else None
+    return InertiaFile(form=known[0].form, mass=float(np.mean([one.mass for one in known])), share=share)
+
+
+def belt_stated(mass: float | None, share: float | None) -> Specimen | None:
+    """The belt that options state [kg], [1]; None where they state none, massless for a mass of 0.
+
+    Examples
+    --------
+    >>> belt_stated(7.0, None).share
+    0.2
+    """
+    if mass is None:
+        if share is not None:
+            raise UnitError("--belt-share is that of a belt: state its mass too, as --belt-mass '7 kg'")
+        return None
+    if share is not None and not 0 < share < np.inf:
+        raise UnitError("--belt-share: must be positive, as 0.2")
+    return Specimen(Form.BELT, mass, USUAL_SHARE if share is None else share) if mass else Specimen()
