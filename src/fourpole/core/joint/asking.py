@@ -31,8 +31,10 @@ from fourpole.core.sources import PARTS, Kind, Role, Source
 GAIN = 5.0
 #: Groups whose gain is within this of the best are raised with it, if it is enough by itself or almost the best.
 _TIE, _ALMOST = 10.0, 2.0
-#: Number of groups that are tried in earnest in one round.
-_TRIED = 4
+#: Number of groups that are tried in earnest in one round, and of the first steps of each.
+_TRIED, _STEPS = 4, 15
+#: A search goes on if it leaves no more than this share of the objective, or no more than this for each test.
+_MOST_LEFT, _MUCH = 0.1, 40.0
 #: Factors that are tried at first: from this to the largest, so many.
 _SMALLEST, _FACTORS = 0.3, 30
 #: Number of conditions that are set aside by themselves.
@@ -288,7 +290,15 @@ def _apart(problem: Problem, solution: Solution, own: FloatArray) -> tuple[Probl
     """The problem with a scatter `own` (c,) of each condition, and its solution."""
     apart = np.append(own, 0.0)[problem.conditions.label]
     wider = replace(problem, apart=np.hypot(apart, 0.0 if problem.apart is None else problem.apart))
-    return solve_either(wider, solution.stiffness, solution.z)
+    return _tried(wider, solution, solution.z)
+
+
+def _tried(problem: Problem, before: Solution, z: FloatArray) -> tuple[Problem, Solution]:
+    """The solution of a trial; a search that leaves most of a large misfit is not followed to its end."""
+    problem, after = solve_either(problem, before.stiffness, z, _STEPS)
+    if after.converged or after.objective > max(_MOST_LEFT * before.objective, _MUCH * problem.observed.omega.size):
+        return problem, after
+    return solve_either(problem, after.stiffness, after.z)
 
 
 def _trial(problem: Problem, solution: Solution, group: Group, factor: float, outlier: FloatArray) -> Trial | None:
@@ -297,11 +307,11 @@ def _trial(problem: Problem, solution: Solution, group: Group, factor: float, ou
     Scatter that was raised before may have been the group: what is left of it counts.
     """
     wider, z = raised(problem, solution.z, group, factor)
-    wider, after = solve_either(wider, solution.stiffness, z)
+    wider, after = _tried(wider, solution, z)
     gain = -0.5 * np.log(max(factor, 1.0)) - group.cost
     if group is not SCATTER and problem.scatter:
         less = min(_scatter(wider, after, outlier) * SCATTER.parameters[0].std, problem.scatter)
-        wider, after = solve_either(replace(wider, scatter=less), after.stiffness, after.z)
+        wider, after = _tried(replace(wider, scatter=less), after, after.z)
     if wider.scatter != problem.scatter:
         gain += volume(replace(problem, scatter=wider.scatter), solution) - volume(problem, solution)
     gain += after.evidence - solution.evidence

@@ -317,16 +317,18 @@ def solve(
     return Solution(z, stiffness, *distribution, count, converged, reason, step.evidence)
 
 
-def solve_either(problem: Problem, start: ComplexArray, z: FloatArray | None = None) -> tuple[Problem, Solution]:
+def solve_either(
+    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = _MOST_STEPS
+) -> tuple[Problem, Solution]:
     """The solution of a problem; if its search does not converge, of the problem with K1 unknown, and that problem.
 
     K2 and C may vary too fast near their poles to be interpolated; K* itself does not.
     """
-    solution = solve(problem, start, z)
+    solution = solve(problem, start, z, most_steps)
     if solution.converged or not np.isfinite(problem.conditions.k1).any():
         return problem, solution
     simpler = replace(problem, conditions=problem.conditions.without_k1())
-    return simpler, solve(simpler, start, z)
+    return simpler, solve(simpler, start, z, most_steps)
 
 
 def no_worse(step: Step, before: Step) -> bool:
