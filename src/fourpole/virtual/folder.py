@@ -43,7 +43,7 @@ MORE_COLUMNS = (
     *(f"phase error {channel} [rad]" for channel in CHANNELS),
 )
 #: Further columns for a campaign with specimens that have a mass of their own.
-INERTIA_COLUMNS = ("belt mass [kg]", "belt share [1]", "belt frequency, rim held, contact free [Hz]")
+INERTIA_COLUMNS = (q.BELT_MASS.head, "belt share [1]", q.BELT_FREE.head)
 _NOISY_CHANNELS = """\
 [channels]
 time       = {{ column = "t", unit = "s" }}
