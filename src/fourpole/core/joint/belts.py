@@ -16,7 +16,7 @@ from fourpole.core.components import component
 from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.misfit import residuals
-from fourpole.core.joint.model import Observed
+from fourpole.core.joint.model import Observed, whitened
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve, solve_either, sweep
 from fourpole.core.sources import Kind, Source
@@ -30,6 +30,8 @@ _EXPONENT = 0.6
 _STARTS = (0.1, 0.3, 0.6)
 #: Steps from each of them, and the number of the best that are followed to the end.
 _FEW_STEPS, _BEST = 12, 2
+#: A mass may be negative by this many standard uncertainties: it is none, then.
+_POSSIBLE = 3.0
 #: Most shares in one problem: with more conditions, those of a specimen have one.
 _MOST_SHARES = 40
 
@@ -170,12 +172,26 @@ def weight_of(problem: Problem, solution: Solution, plain: Problem, outliers: in
 
     `plain` has the noise of the recordings alone. What enlarges the noise costs its volume; each outlier is rare.
     """
-    now, before = (np.abs(np.diagonal(one.observed.whiten, axis1=1, axis2=2)) for one in (problem, plain))
-    kept = before > 0
-    scale = float(np.sum(np.log(now[kept] / before[kept])))
     quiet = replace(problem.reweighted(plain.observed.whiten), scatter=0.0, apart=plain.apart)
+    predicted = problem.columns("predicted", solution.z, solution.stiffness)
+    scale = _size(problem.observed.whiten, predicted) - _size(plain.observed.whiten, predicted)
     scale += volume(problem, solution) - volume(quiet, solution)
-    return solution.evidence + scale - outliers * float(np.log(now.shape[0]))
+    return solution.evidence + scale - outliers * float(np.log(len(predicted)))
+
+
+def _size(whiten: FloatArray, predicted: ComplexArray) -> float:
+    """Logarithm of the determinant of the weights of all tests, without the drive of each, which is free."""
+    diagonal = np.abs(np.diagonal(whiten, axis1=1, axis2=2))
+    drive = whitened(whiten, np.stack([predicted, 1j * predicted], axis=-1))
+    free = np.linalg.slogdet(np.swapaxes(drive, 1, 2) @ drive)[1]
+    return float(np.sum(np.log(np.where(diagonal > 0, diagonal, 1.0))) - 0.5 * np.sum(free))
+
+
+def is_possible(problem: Problem, solution: Solution) -> bool:
+    """Whether no mass is negative beyond its uncertainty."""
+    std = np.sqrt(np.diag(solution.covariance)) * problem.shared.std
+    found = zip(problem.shared.parameters, problem.shared.found(solution.z), std, strict=True)
+    return all(value > -_POSSIBLE * one for row, value, one in found if row.source.kind is Kind.BELT_MASS)
 
 
 def linear_gain(problem: Problem, solution: Solution, bodies: Mapping[str, Body]) -> float:

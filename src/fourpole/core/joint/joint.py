@@ -13,7 +13,7 @@ from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, ChannelUncertainty
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
-from fourpole.core.joint.belts import explained, explains_more, linear_gain, second_roots, weight_of
+from fourpole.core.joint.belts import explained, explains_more, is_possible, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
 from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
@@ -250,6 +250,8 @@ def _with_masses(
         return None
     with_belt = reconcile(scattered, solution, first)
     gain = _weight(with_belt, problem) - known
+    if not is_possible(*with_belt[:2]):
+        return None
     return (*with_belt[:3], replace(with_belt[3], belts=gain)) if stated or gain > GAIN else None
 
 
