@@ -67,10 +67,9 @@ def with_belts(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexA
     """The problem with a mass in each specimen; `stiffness` (c,) is a first K* of each condition, for the reference."""
     conditions, tyre = problem.conditions, ~problem.observed.rigid
     observed = with_references(problem.observed, conditions, np.ones(0, complex), rod=rod)
-    log_k, family = np.log(stiffness)[conditions.label[tyre]], observed.family[tyre]
-    count = np.bincount(family)
-    sums = np.bincount(family, log_k.real) + 1j * np.bincount(family, log_k.imag)
-    references = np.exp(sums.real / np.maximum(count, 1)) + 0j  # real: a share may differ from r_0 in its angle by p
+    size, family = np.log(np.abs(stiffness))[conditions.label[tyre]], observed.family[tyre]
+    # Real references: where the springs are of two laws, the angle of the share is p times that of K*.
+    references = np.exp(np.bincount(family, size) / np.maximum(np.bincount(family), 1)) + 0j
     listed = []
     for number in np.unique(observed.specimen[tyre]).tolist():
         name, body = problem.names[number], bodies.get(problem.names[number], Body())
@@ -128,12 +127,11 @@ def own_stiffness(problem: Problem, z: FloatArray) -> ComplexArray:
     With r the share of the springs, F1 and both motions give K* as a root of a quadratic. At the lowest frequency it is
     the larger one, and then the nearer one.
     """
-    observed, conditions = problem.observed, problem.conditions
-    roots = _roots(problem, z)
+    conditions, roots = problem.conditions, _roots(problem, z)
     chosen = np.zeros(conditions.count, dtype=complex)
     before: dict[int, complex] = {}
     for condition in np.lexsort((conditions.mean_frequency, conditions.family)).tolist():
-        rows = roots[observed.mass_at.size - roots.shape[0] :][conditions.label == condition]
+        rows = roots[conditions.label == condition]
         family = int(conditions.family[condition])
         if family in before:
             near = np.argmin(np.abs(np.log(rows / before[family])), axis=1)

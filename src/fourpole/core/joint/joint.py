@@ -270,6 +270,8 @@ def _is_enough(found: _Explained, bodies: Mapping[str, Body]) -> bool:
     """Whether massless specimens explain the tests as stated, so that none is likely to have a mass."""
     problem, solution, outlier, misfit = found
     asked = misfit.specimens or misfit.unsteady or misfit.inflation > 1 or np.any(outlier > 1)
+    if not problem.conditions.count:
+        return True
     if not misfit.fits or asked or misfit.scatter > _SCATTERS:
         return False
     if misfit.scatter:  # as specimens do, or as a small mass makes them do
