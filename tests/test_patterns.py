@@ -35,6 +35,7 @@ WORST = {
     "campaign/row._ENTRY": ("", "1", ","),
     "campaign/place._NUMBERS": ("", "9.", "a"),
     "core/sources._MASS": ("added mass ", "a", "\n~"),
+    "export/fmi/csource._OF_BELT": ("#ifdef BELT\n", "a\n", "#e"),
     "export/materials._name": ("", "\u5b57#", "\n~"),
     "export/source._NUMBER": ("", "-0.119", "\n~"),
     "export/source._identifier": ("", "(", "Z "),

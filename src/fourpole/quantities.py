@@ -383,7 +383,7 @@ BELT_HELD = Quantity(
     "belt_held", "f_b2", "belt frequency, contact held", "Hz", "first frequency of this mass between both springs"
 )
 BELT_SHARE = Quantity(
-    "belt_share", "r", "share", "1", "stiffness of the spring at the contact over that at the rim, modulus"
+    "belt_share", "r", "share of springs", "1", "stiffness of the spring at the contact over that at the rim, modulus"
 )
 BELT_EXPONENT = Quantity("belt_exponent", "p", "exponent", "1", "power of K* by which the share changes with frequency")
 BELT_EVIDENCE = Quantity(

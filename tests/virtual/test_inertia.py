@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from fourpole.core.joint import solve_joint
-from fourpole.core.joint.belts import masses_of
+from fourpole.core.joint.belts import found_specimens
 from fourpole.core.rig import Rig
 from fourpole.models.springs import KelvinVoigt
 from fourpole.study import analyse
@@ -120,8 +120,8 @@ def test_the_likelihood_finds_the_belt_on_the_rig_of_phasors():
     stated = {name: getattr(laboratory, name) for name in ("moving_mass", "preload_stiffness", "preload_damping")}
     rig = Rig(**{name: pair[0] for name, pair in stated.items()}, std={name: pair[1] for name, pair in stated.items()})
     joint = solve_joint(made.phasors, rig, added_mass=added, added_mass_std=1e-4 * added)
-    ((_, mass, std),) = masses_of(joint.problem, joint.solution)
-    assert abs(mass - 7.0) < 3 * std < 1.0
+    (found,) = found_specimens(joint.problem, joint.solution)
+    assert abs(found.specimen.mass - 7.0) < 3 * found.mass_std < 1.0
 
 
 @pytest.fixture(scope="module")

@@ -194,7 +194,7 @@ class Specimen:
     array([[ 0.983, -1.083],
            [-1.083,  0.587]])
     >>> tyre.frequencies(stiffness).round(1)
-    array([[80.1, 87.7]])
+    array([[79.3, 86.9]])
     """
 
     form: Form = Form.MASSLESS

@@ -28,8 +28,10 @@ _UNSTATED = 0.5
 _EXPONENT = 0.6
 #: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
 _STARTS = (0.1, 0.3, 0.6)
-#: Steps from each of them, and the number of the best that are followed to the end.
-_FEW_STEPS, _BEST = 12, 2
+#: A first mass that leaves no more than this of a test needs no other one. A test has four numbers.
+_GOOD = 8.0
+#: Steps in which a small mass shows.
+_FEW_STEPS = 15
 #: A mass may be negative by this many standard uncertainties: it is none, then.
 _POSSIBLE = 3.0
 #: Most shares in one problem: with more conditions, those of a specimen have one.
@@ -92,18 +94,17 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
 
 def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> Start | None:
     """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
-    known = any(body.frequency for body in bodies.values())
-    tried = []
+    known, made = any(body.frequency for body in bodies.values()), []
     for rod in (False,) if known else (False, True):
         for share in _STARTS:
             wide = with_belts(problem, bodies, stiffness, rod=rod)
             z = _first(wide, share * problem.shared.rig.moving_mass)
-            tried.append(Start(wide, solve(wide, own_stiffness(wide, z), z, _FEW_STEPS)))
-    for start in sorted(tried, key=lambda one: -one.solution.evidence)[:_BEST]:
-        wide, solution = solve_either(start.problem, start.solution.stiffness, start.solution.z)
-        if solution.converged:
-            return Start(wide, solution)
-    return None
+            wide, solution = solve_either(wide, own_stiffness(wide, z), z)
+            if solution.converged:
+                made.append(Start(wide, solution))
+                if solution.objective < _GOOD * problem.observed.omega.size:
+                    break
+    return max(made, key=lambda one: one.solution.evidence, default=None)
 
 
 def explains_more(problem: Problem, solution: Solution, bodies: Mapping[str, Body]) -> bool:

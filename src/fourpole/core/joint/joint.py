@@ -15,7 +15,7 @@ from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.joint.asking import GAIN
 from fourpole.core.joint.belts import explained, explains_more, is_possible, linear_gain, second_roots, weight_of
 from fourpole.core.joint.conditions import JointConditions, group_conditions
-from fourpole.core.joint.misfit import Residuals, gross_errors, residuals
+from fourpole.core.joint.misfit import UNITS_AND_SIGNS, Residuals, gross_errors, residuals
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
@@ -270,7 +270,7 @@ def _is_enough(found: _Explained, bodies: Mapping[str, Body]) -> bool:
     """Whether massless specimens explain the tests as stated, so that none is likely to have a mass."""
     problem, solution, outlier, misfit = found
     asked = misfit.specimens or misfit.unsteady or misfit.inflation > 1 or np.any(outlier > 1)
-    if not problem.conditions.count:
+    if not problem.conditions.count or any(cause.form in UNITS_AND_SIGNS for cause in misfit.candidates):
         return True
     if not misfit.fits or asked or misfit.scatter > _SCATTERS:
         return False

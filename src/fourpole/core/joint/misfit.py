@@ -240,6 +240,8 @@ _RESONANT = 0.2
 _MOST = 0.7
 #: Factors by which F1 must be multiplied after a mistake of a unit, with the form of the cause in words.
 _FACTORS = {9.80665: "f1_kgf_as_n", 1 / 9.80665: "f1_n_as_kgf", 1e3: "f1_kn_as_n", 1e-3: "f1_n_as_kn"}
+#: Gross errors that no inertia of a specimen looks like.
+UNITS_AND_SIGNS = (*_FACTORS.values(), "v2_unit", "inverted", "exchanged")
 
 
 def gross_errors(observed: Observed, shared: Shared) -> list[Candidate]:

@@ -253,9 +253,7 @@ class Step(ByValue):
         return float(max(shared.max(initial=0.0), each.max(initial=0.0)))
 
 
-def solve(
-    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = _MOST_STEPS
-) -> Solution:
+def solve(problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = 0) -> Solution:
     """Gauss-Newton iteration on the residuals without the drive; a step that does not help is halved.
 
     Parameters
@@ -267,14 +265,14 @@ def solve(
     z : (p,) float array, optional
         First shared values; by default as stated.
     most_steps : int
-        Largest number of steps.
+        Largest number of steps; 0 for the usual one.
 
     Returns
     -------
     Solution
         The values with the smallest objective found. If the search did not converge, `reason` says why.
     """
-    z = np.zeros(len(problem.shared)) if z is None else z
+    z, most_steps = np.zeros(len(problem.shared)) if z is None else z, most_steps or _MOST_STEPS
     stiffness, step, share = start, sweep(problem, z, start), 1.0
     if problem.conditions.is_apart:  # a full sweep needs the slopes of log K*
         step = sweep(problem, z, start, step.slope)
@@ -318,7 +316,7 @@ def solve(
 
 
 def solve_either(
-    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = _MOST_STEPS
+    problem: Problem, start: ComplexArray, z: FloatArray | None = None, most_steps: int = 0
 ) -> tuple[Problem, Solution]:
     """The solution of a problem; if its search does not converge, of the problem with K1 unknown, and that problem.
 
