@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from tests.core.joint.inertia import LABS, Lab
 
 from fourpole.core.joint import solve_joint
@@ -55,7 +56,8 @@ def test_uncertainties_are_those_of_many_laboratories(name):
     off = np.concatenate([off for joint, off in each if joint.misfit.fits])
     assert np.mean(fits) >= 0.9
     assert np.abs(off).max() < 4
-    assert np.all(np.sqrt(np.mean(off**2, axis=0)) < 1.4)
+    # The tests of one laboratory have its errors in common, so that each laboratory counts as one.
+    assert np.all(np.mean(off**2, axis=0) < stats.chi2.isf(1e-3, len(each)) / len(each))
     if name == "massless":
         assert not any(joint.problem.shared.has_belts for joint, _ in each)
 
