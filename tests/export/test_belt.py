@@ -152,7 +152,7 @@ def test_a_model_file_has_the_inertia_of_specimens_csv(tmp_path):
     rows_of.write_csv(tmp_path / "dynamic.csv")
     rows = [("tyre", p, None, form, mass, share) for p, form, mass, share in
             ((1.7e5, "belt", 7.0, 0.16), (2e5, "belt", 7.0, 0.25), (2.4e5, "massless", None, None))]  # fmt: skip
-    schema = ["tyre", PRESSURE, LOAD, "form", "belt mass [kg]", "share [1]"]
+    schema = ["tyre", PRESSURE, LOAD, "form", "belt mass [kg]", "share of springs [1]"]
     pl.DataFrame(rows, schema=schema, orient="row").write_csv(tmp_path / "specimens.csv")
     measured = read_measured(tmp_path, std=1e-3)
     model_file(measured, fit_tyres(measured, "zener")).write(tmp_path / "model.json")
