@@ -212,6 +212,10 @@ class Specimen:
         rod = np.full(stiffness.size, self.form is Form.ROD)
         return ends_of(stiffness, omega, self.mass * ones, log_share, exponent, self.reference * ones, rod)
 
+    def share_at(self, stiffness: ComplexArray) -> ComplexArray:
+        """Share of the springs (N,) [1] where K* is `stiffness` (N,) [N/m]."""
+        return np.asarray(self.share * (stiffness / self.reference) ** self.exponent)
+
     def dynamic_stiffness(self, stiffness: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """D (N, 2, 2) [N/m]: the forces on both ends over their motions, contact first.
 
@@ -238,7 +242,7 @@ class Specimen:
         if self.form is Form.ROD:
             root = np.sqrt(stiffness.real / self.mass) / (2 * np.pi)
             return np.stack([root * np.pi / 2, root * np.pi], axis=1)
-        share = self.share * (stiffness / self.reference) ** self.exponent
+        share = self.share_at(stiffness)
         rim = stiffness * (1 + share) / share
         with np.errstate(divide="ignore", invalid="ignore"):
             pair = np.stack([rim.real, (rim * (1 + share)).real], axis=1)

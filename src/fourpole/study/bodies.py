@@ -36,13 +36,12 @@ def _inertia(joint: Joint, found: Found) -> dict[str, Any]:
     """The cells of a specimen with a mass."""
     specimen, belt = found.specimen, found.specimen.form is Form.BELT
     free, held = specimen.frequencies(found.stiffness)[0].tolist()
-    share = specimen.share * (found.stiffness / specimen.reference) ** specimen.exponent
     return {
         q.BELT_MASS.head: specimen.mass,
         q.BELT_MASS.u_head: found.mass_std,
         q.BELT_FREE.head: free,
         q.BELT_HELD.head: held,
-        q.BELT_SHARE.head: float(np.abs(share)) if belt else None,
+        q.BELT_SHARE.head: float(np.abs(specimen.share_at(np.asarray(found.stiffness)))) if belt else None,
         q.BELT_EXPONENT.head: specimen.exponent if belt else None,
         q.BELT_EVIDENCE.head: joint.misfit.belts,
     }

@@ -366,7 +366,7 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
                 last.append((row, _arm_check(group, place, stiffness)))
-            if group.heavy[place if group.heavy.size > 1 else 0]:
+            if place in group.heavy:
                 last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
             last += ((row, check) for check in (*stiffness.checks, *_joint_checks(group, place)))
     judged_points = points.with_checks(last, last=True)

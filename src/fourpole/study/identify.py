@@ -72,8 +72,8 @@ class RigGroup(ByValue):
         Intervals of K2 and C by Monte Carlo, for the rows where value ± 1.96 u is not a 95 % interval.
     k_of : (N,) array of str
         What K* is of: springs, driving point or blocked transfer.
-    heavy : (N,) bool array
-        Rows whose specimen has a stated mass that this route does not take out.
+    heavy : frozenset of int
+        Places of the rows whose specimen has a stated mass that this route does not take out.
     """
 
     rig_name: str
@@ -87,7 +87,7 @@ class RigGroup(ByValue):
     estimate: RigEstimate | None = None
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     k_of: np.ndarray = field(default_factory=lambda: np.array(["springs"]))
-    heavy: BoolArray = field(default_factory=lambda: np.zeros(1, dtype=bool))
+    heavy: frozenset[int] = frozenset()
 
 
 def no_rig(campaign: Campaign, route: str) -> str:
@@ -290,7 +290,8 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     result = replace(result, condition_covariance=result.condition_covariance + moved)
     variance = variance_by_source(phasors, rig, k1, **arguments)
     variance = k1_apart(variance, [of_test.parts for of_test in stiffness])
-    return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=known & (not blocked))
+    heavy = frozenset() if blocked else frozenset(np.flatnonzero(known).tolist())
+    return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=heavy)
 
 
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:

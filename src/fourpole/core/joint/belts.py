@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
 from fourpole.core.components import component
 from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
 from fourpole.core.joint.conditions import JointConditions
@@ -36,14 +36,6 @@ _FEW_STEPS = 15
 _POSSIBLE = 3.0
 #: Most shares in one problem: with more conditions, those of a specimen have one.
 _MOST_SHARES = 40
-
-
-@dataclass(frozen=True, eq=False)
-class Start(ByValue):
-    """A problem and its solution."""
-
-    problem: Problem
-    solution: Solution
 
 
 def with_references(
@@ -92,7 +84,7 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
     return SharedParameter(Source(kind, name), component(kind).unit, index, *stated)
 
 
-def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> Start | None:
+def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> tuple[Problem, Solution] | None:
     """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
     known, made = any(body.frequency for body in bodies.values()), []
     for rod in (False,) if known else (False, True):
@@ -101,10 +93,10 @@ def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexAr
             z = _first(wide, share * problem.shared.rig.moving_mass)
             wide, solution = solve_either(wide, own_stiffness(wide, z), z)
             if solution.converged:
-                made.append(Start(wide, solution))
+                made.append((wide, solution))
                 if solution.objective < _GOOD * problem.observed.omega.size:
                     break
-    return max(made, key=lambda one: one.solution.evidence, default=None)
+    return max(made, key=lambda one: one[1].evidence, default=None)
 
 
 def explains_more(problem: Problem, solution: Solution, bodies: Mapping[str, Body]) -> bool:
@@ -147,8 +139,8 @@ def _roots(problem: Problem, z: FloatArray) -> ComplexArray:
     """The two K* (N, 2) [N/m] of each test by F1, or by V2/V1 where there is no F1; 1 for a rigid block."""
     observed, shared = problem.observed, problem.shared
     omega, rig = observed.omega, shared.rig_at(z)
-    mass, share, _ = shared.belts_at(z, (int(observed.specimen.max()) + 1, int(observed.family.max()) + 1))
-    belt, r = mass[observed.specimen], np.exp(share[observed.family]) if not observed.rod.all() else np.ones(omega.size)
+    belt, share, _ = observed.belts(shared, z)
+    r = np.exp(share)  # 1 of a rod
     at_contact, at_wheel = belt * r / (1 + r), belt / (1 + r)
     pole = omega**2 * belt * r / (1 + r) ** 2
     f1, v1, v2 = np.where(observed.amplitudes == 0, np.nan, observed.amplitudes).T
@@ -258,19 +250,18 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
     observed, conditions, shared = problem.observed, problem.conditions, problem.shared
     stds = (np.sqrt(np.diag(solution.covariance)) * shared.std).tolist()
     std = {row.key: one for row, one in zip(shared.parameters, stds, strict=True)}
-    counts = (int(observed.specimen.max(initial=0)) + 1, int(observed.family.max(initial=0)) + 1)
-    mass, share, exponent = shared.belts_at(solution.z, counts)
+    mass, share, exponent = observed.belts(shared, solution.z)
     made = []
     for family in np.unique(conditions.family).tolist():
         own = np.flatnonzero(conditions.family == family)
         middle = int(own[np.argsort(conditions.mean_frequency[own])[own.size // 2]])
         test, stiffness = int(conditions.starts[middle]), complex(solution.stiffness[middle])
-        number, of_family = int(observed.specimen[test]), int(observed.family[test])
+        number = int(observed.specimen[test])
         key = (Source(Kind.BELT_MASS, problem.names[number]), number)
         specimen, own_std = Specimen(), std.get(key, 0.0)
-        if mass[number] > 2 * own_std:
+        if mass[test] > 2 * own_std:
             form = Form.ROD if observed.rod[test] else Form.BELT
-            specimen = Specimen(form, float(mass[number]), complex(np.exp(share[of_family])), float(exponent[number]),
-                                complex(observed.reference[test]))  # fmt: skip
+            springs = complex(np.exp(share[test])), float(exponent[test]), complex(observed.reference[test])
+            specimen = Specimen(form, float(mass[test]), *springs)
         made.append(Found(test, specimen, own_std, stiffness))
     return made

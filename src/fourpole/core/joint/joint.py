@@ -241,9 +241,10 @@ def _with_masses(
     belt = explained(problem, bodies, start)
     if belt is None:
         return None
-    first = belt.solution.stiffness, belt.solution.z
-    scatter = robust_scatter(belt.problem, deviations(belt.problem, first[1], first[0]))
-    scattered, solution = solve_either(replace(belt.problem, scatter=scatter), *first)
+    wide, solution = belt
+    first = solution.stiffness, solution.z
+    scatter = robust_scatter(wide, deviations(wide, solution.z, solution.stiffness))
+    scattered, solution = solve_either(replace(wide, scatter=scatter), *first)
     known = _weight(massless, problem)
     # Where massless specimens fit, nothing that reconciling could raise stands in the way of the masses.
     if massless[3].fits and not stated and weight_of(scattered, solution, problem, 0) < known + GAIN:

@@ -142,9 +142,13 @@ class Observed(ByRows):
         """The springs and masses of the specimens of K* (N,) [N/m]; those without a belt are massless."""
         if not shared.has_belts:
             return massless(stiffness)
-        mass, share, exponent = shared.belts_at(z, (int(self.specimen.max()) + 1, int(self.family.max()) + 1))
-        of_test = (mass[self.specimen], share[self.family], exponent[self.specimen])
-        return ends_of(stiffness, self.omega, *of_test, self.reference, self.rod)
+        return ends_of(stiffness, self.omega, *self.belts(shared, z), self.reference, self.rod)
+
+    def belts(self, shared: Shared, z: FloatArray) -> tuple[FloatArray, ComplexArray, FloatArray]:
+        """Mass [kg], log share [1] and exponent [1] of the belt of each test's specimen (N,); 0 where there is none."""
+        counts = (int(self.specimen.max(initial=0)) + 1, int(self.family.max(initial=0)) + 1)
+        mass, share, exponent = shared.belts_at(z, counts)
+        return mass[self.specimen], share[self.family], exponent[self.specimen]
 
     def belt_columns(self, shared: Shared) -> Iterator[tuple[int, ComplexArray, int]]:
         """Each shared value of the belts: its place, its change (N,) of what it acts on, its place in `Ends.by`."""
@@ -219,7 +223,10 @@ class Linear(ByValue):
     def by_shared(self) -> FloatArray:
         """Derivatives (N, 4, p) of the model by the shared values, per stated standard uncertainty."""
         turn = np.swapaxes(self.basis, 1, 2) if self.weigh is None else self.weigh @ np.swapaxes(self.basis, 1, 2)
-        by_shared = whitened(turn @ self.observed.whiten, _by_channels(self) + _by_belts(self))
+        change = _by_channels(self)
+        if self.shared.has_belts:
+            change += _by_belts(self)
+        by_shared = whitened(turn @ self.observed.whiten, change)
         by_shared += self.by_impedance @ parts(self.impedance_by_shared, axis=1)
         return np.asarray(by_shared + self.by_stiffness @ self.observed.by_drift(self.shared))
 
@@ -357,15 +364,14 @@ def _by_belts(linear: Linear) -> ComplexArray:
     """Derivatives of the three amplitudes by z (N, 3, p), through the mass and the springs of the specimens."""
     observed, shared, ends = linear.observed, linear.shared, linear.ends
     change = np.zeros((len(linear.predicted), 3, len(shared)), dtype=complex)
-    if shared.has_belts:
-        tyre, jw = ~observed.rigid, 1j * observed.omega
-        scaled = observed.gains(shared, linear.z) * np.where(tyre, linear.drive, 0.0)[:, None]
-        beyond = linear.impedance + jw * ends.wheel
-        by_zr = -jw * ends.spring / (ends.spring + jw * beyond) ** 2
-        for place, turn, which in observed.belt_columns(shared):
-            own = np.flatnonzero(turn)  # the tests of one specimen, or of one condition
-            at = (observed.omega[own], beyond[own], linear.ratio[own], by_zr[own])
-            change[own, :, place] = _by_ends(*at, ends.by[own, which]) * scaled[own] * turn[own, None]
+    tyre, jw = ~observed.rigid, 1j * observed.omega
+    scaled = observed.gains(shared, linear.z) * np.where(tyre, linear.drive, 0.0)[:, None]
+    beyond = linear.impedance + jw * ends.wheel
+    by_zr = -jw * ends.spring / (ends.spring + jw * beyond) ** 2
+    for place, turn, which in observed.belt_columns(shared):
+        own = np.flatnonzero(turn)  # the tests of one specimen, or of one condition
+        at = (observed.omega[own], beyond[own], linear.ratio[own], by_zr[own])
+        change[own, :, place] = _by_ends(*at, ends.by[own, which]) * scaled[own] * turn[own, None]
     return change
 
 
