@@ -417,6 +417,13 @@ SPECIMEN = Quantity("specimen", "specimen", "specimen", meaning="number of the s
 RUN_PLACE = Quantity(
     "run_place", "place", "place in the run", "1", "time from the mean of the specimen, in lengths of the run"
 )
+PART_OF_RUN = Quantity(
+    "part_of_run",
+    "part",
+    "part of the run",
+    meaning="number of the eighth of the specimen's tests, from 0",
+    kind="count",
+)
 OFF_CURVE = Quantity(
     "off_curve", "off curve", "deflection off the curve", "1",
     "logarithm of the deflection over that of neighbouring frequencies; 0 if repeats hardly differ in it",

@@ -24,7 +24,13 @@ SITUATIONS = [
     replace(PLAIN, joint=False, with_v2=False, blocked=True),
 ]
 #: Keys of campaign.toml that a remedy may name.
-STATED = (ChannelFile.model_fields, ConditionsFile.model_fields, SpecimenFile.model_fields, PARAMETERS)
+STATED = (
+    ChannelFile.model_fields,
+    ConditionsFile.model_fields,
+    SpecimenFile.model_fields,
+    PARAMETERS,
+    ("fixture_stiffness",),
+)
 KEYS = {name for keys in STATED for name in keys}
 SOURCES = [
     *(Source(kind, of) for kind in Kind for of in kind.of or ("something new" if kind is Kind.OTHER else "",)),

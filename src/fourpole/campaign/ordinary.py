@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import StrictBool
@@ -140,7 +140,7 @@ class Ordinary:
                 errors = self.delay(channel), self.low_cut(channel), self.slope(channel, top)
                 known = channel.gain_std, channel.phase_std, *errors
                 values[:, column] = *known, own, with_mass, channel.std_crosstalk
-        named: dict[str, np.ndarray] = dict(zip(_OF_CHANNEL, values, strict=True))
+        named: dict[str, Any] = dict(zip(_OF_CHANNEL, values, strict=True))
         apart = ("mounting", "remounting")
         return ChannelUncertainty(**{name: std if name in apart else std.real for name, std in named.items()})
 

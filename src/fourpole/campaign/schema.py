@@ -48,6 +48,8 @@ from fourpole.models.shape import shape_of
 _MOST_AXES = 20
 #: Keys of [conditions] that state uncertainties of the specimens.
 _OF_SPECIMENS = ("std_block", "std_drift")
+#: Key of [rig] for the spring between V1 and the specimen, which is no part of what the specimen acts on.
+_FIXTURE = "fixture_stiffness"
 #: Kind of quantity of each value of the rig.
 _RIG_KINDS = {name: units.channel_scale(unit, units.KINDS)[0] for name, unit in PARAMETERS.items()}
 
@@ -98,6 +100,7 @@ class RigFile(File):
     """[rig] or [rigs.NAME] of campaign.toml."""
 
     values: dict[str, Stated] = Field(default_factory=dict)
+    fixture: Stated | None = None
     output: Literal["blocked"] | None = None
     force_at: Literal["drive", "ground"] | None = None
 
@@ -106,15 +109,20 @@ class RigFile(File):
     def _gather(cls, raw: Any) -> Any:
         if not isinstance(raw, dict):
             raise ValueError("must be a table of values")
-        known_keys(raw, (*PARAMETERS, "output", "force_at"))
+        known_keys(raw, (*PARAMETERS, _FIXTURE, "output", "force_at"))
         values = {}
-        for name in PARAMETERS:
+        for name in (*PARAMETERS, _FIXTURE):
             if name in raw:
                 try:
-                    values[name] = _stated(raw[name], _RIG_KINDS[name])
+                    values[name] = _stated(raw[name], _RIG_KINDS.get(name, "stiffness"))
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
-        return {"values": values, "output": raw.get("output"), "force_at": raw.get("force_at")}
+        fixture = values.pop(_FIXTURE, None)
+        if fixture is not None and not fixture.value > 0:
+            raise ValueError(f"{_FIXTURE} is {fixture.value:g} N/m: it must be positive; leave a rigid fixture out")
+        return {
+            "values": values, "fixture": fixture, "output": raw.get("output"), "force_at": raw.get("force_at"),
+        }  # fmt: skip
 
     @model_validator(mode="after")
     def _complete(self) -> RigFile:
@@ -135,6 +143,18 @@ class RigFile(File):
         std = {name: stated.std for name, stated in self.values.items()}
         sides = {"blocked": self.output == "blocked", "at_ground": self.force_at == "ground"}
         return Rig(**values, **sides, std=std)  # type: ignore[arg-type]
+
+    @property
+    def stated(self) -> dict[str, Stated]:
+        """All that is stated of it, by key."""
+        return self.values | ({} if self.fixture is None else {_FIXTURE: self.fixture})
+
+    @property
+    def fixture_compliance(self) -> tuple[float, float]:
+        """Compliance of the fixture between V1 and the specimen, and its u [m/N]; 0 for a rigid one."""
+        if self.fixture is None:
+            return 0.0, 0.0
+        return 1 / self.fixture.value, self.fixture.std / self.fixture.value**2
 
     @property
     def with_damping(self) -> RigFile:
@@ -326,8 +346,13 @@ class CampaignFile(File):
                 name: {
                     "output": rig.output or "moving",
                     **{
-                        key: {"value": value.value, "std": value.std, "unit": PARAMETERS[key], "assumed": value.assumed}
-                        for key, value in rig.values.items()
+                        key: {
+                            "value": value.value,
+                            "std": value.std,
+                            "unit": PARAMETERS.get(key, "N/m"),
+                            "assumed": value.assumed,
+                        }
+                        for key, value in rig.stated.items()
                     },
                 }
                 for name, rig in self.all_rigs.items()
@@ -361,7 +386,7 @@ class CampaignFile(File):
         notes = []
         for name, rig in self.all_rigs.items():
             where = f"[rigs.{name}]" if name else "[rig]"
-            if assumed := [key for key, value in rig.values.items() if value.assumed and value.value]:
+            if assumed := [key for key, value in rig.stated.items() if value.assumed and value.value]:
                 notes.append(f"{where} {', '.join(assumed)}: no std stated, taken as 2 % (exact = true if it is exact)")
             damping = rig.values.get("preload_damping")
             if damping is not None and damping.assumed and damping.std and not damping.value:

@@ -67,6 +67,10 @@ class ChannelUncertainty(ByValue):
     response : (N, 3) complex array, optional [1] + j [rad]
         Standard uncertainties of gain and phase of a calibrated response at each test's frequency. One error of each
         applies to all tests, in proportion to these values.
+    fixture : (N,) complex array, optional [1]
+        Change of log V1 by a fixture as compliant as the specimen is, from `core.fixture.given_way`.
+    fixture_std : float [1]
+        Standard uncertainty of the compliance of the fixture, in that unit.
 
     References
     ----------
@@ -90,10 +94,13 @@ class ChannelUncertainty(ByValue):
     remounting: ComplexArray = field(default_factory=lambda: np.zeros(3, dtype=complex))
     crosstalk: FloatArray = field(default_factory=lambda: np.zeros(3))
     response: ComplexArray | None = None
+    fixture: ComplexArray | None = None
+    fixture_std: float = 0.0
 
     def part(self, rows: Any) -> ChannelUncertainty:
         """The uncertainties for some of the tests, by anything that indexes an array."""
-        return self if self.response is None else replace(self, response=self.response[rows])
+        of_tests = {"response": self.response, "fixture": self.fixture}
+        return replace(self, **{name: of_each[rows] for name, of_each in of_tests.items() if of_each is not None})
 
     def errors(
         self, omega: FloatArray, groups: Sequence[np.ndarray] = (), *, possible: bool = False
@@ -128,6 +135,11 @@ class ChannelUncertainty(ByValue):
                     for kind, part, turn in zip(kinds, (std.real, std.imag), (own, 1j * own), strict=True):
                         error = ChannelError(Source(kind, symbol), component(kind).unit, channel, float(part), turn)
                         listed.append(error)
+        if self.fixture is not None:
+            row = component(Kind.FIXTURE)
+            listed.append(
+                ChannelError(Source(Kind.FIXTURE, SYMBOLS[CHANNELS[1]]), row.unit, 1, self.fixture_std, self.fixture)
+            )
         return [error for error in listed if possible or error.std > 0]
 
     def _common(self, channel: int, apart: Sequence[complex]) -> dict[Kind, float]:

@@ -58,6 +58,7 @@ class Kind(Enum):
     RESPONSE_GAIN = ("response gain ", (*SYMBOLS.values(),), Role.CHANNEL)
     RESPONSE_PHASE = ("response phase ", (*SYMBOLS.values(),), Role.CHANNEL)
     CROSSTALK = ("cross-talk ", (*_CROSSED,), Role.CHANNEL)
+    FIXTURE = ("fixture ", ("V1",), Role.CHANNEL)
     GAIN_DRIFT = ("gain drift ", (*SYMBOLS.values(),), Role.CHANNEL)
     GAIN_STEP = ("gain step ", (*SYMBOLS.values(),), Role.CHANNEL)
     RIG_VALUE = ("", (*PARAMETERS,), Role.RIG)
@@ -66,6 +67,8 @@ class Kind(Enum):
     DRIFT = ("drift of ", (), Role.SPECIMEN)
     AMPLITUDE = ("amplitude", (), Role.SPECIMEN)
     ANGLE_DRIFT = ("loss angle drift of ", (), Role.SPECIMEN)
+    STEP = ("step of ", (), Role.SPECIMEN)
+    ANGLE_STEP = ("loss angle step of ", (), Role.SPECIMEN)
     BLOCK = ("block of ", (), Role.SPECIMEN)
     ANGLE_BLOCK = ("loss angle block of ", (), Role.SPECIMEN)
     BELT_MASS = ("belt mass of ", (), Role.SPECIMEN)
@@ -97,7 +100,7 @@ _BETWEEN = {Kind.GAIN: "/", Kind.PHASE: "-"}
 _MASS = re.compile(r"added mass (\S+) kg")
 #: Kinds whose text ends with the name of a specimen.
 _OF_SPECIMEN = (
-    Kind.DRIFT, Kind.ANGLE_DRIFT, Kind.BLOCK, Kind.ANGLE_BLOCK,
+    Kind.DRIFT, Kind.ANGLE_DRIFT, Kind.STEP, Kind.ANGLE_STEP, Kind.BLOCK, Kind.ANGLE_BLOCK,
     Kind.BELT_MASS, Kind.BELT_SHARE, Kind.BELT_ANGLE, Kind.BELT_EXPONENT,
 )  # fmt: skip
 

@@ -37,7 +37,7 @@ COVARIANCE_COLUMNS = tuple(
 FILE = "likelihood.parquet"
 _MOST_SHARED = 100_000
 _NUMBERS = (q.FREQUENCY, q.ADDED_MASS, q.K1, q.RUN_PLACE, q.OFF_CURVE, q.SPREAD)
-_COUNTS = (q.CONDITION, q.FAMILY, q.SPECIMEN)
+_COUNTS = (q.CONDITION, q.FAMILY, q.SPECIMEN, q.PART_OF_RUN)
 _PARTS = (*q.F1.parts, *q.V1.parts, *q.V2.parts)
 #: Columns of likelihood.parquet after test and point.
 LIKELIHOOD_COLUMNS = (
@@ -118,7 +118,7 @@ def likelihood_columns(found: Likelihood) -> dict[str, np.ndarray]:
         observed.omega / (2 * np.pi), observed.added(problem.shared.masses), k1, observed.place, observed.deflection,
         problem.spread,
     )  # fmt: skip
-    counts = (conditions.label, family, observed.specimen)
+    counts = (conditions.label, family, observed.specimen, observed.part_of_run)
     amplitudes = np.stack([observed.amplitudes.real, observed.amplitudes.imag], axis=2).reshape(-1, 6)
     turns = np.stack([observed.turns.real, observed.turns.imag], axis=3).reshape(len(tyre), -1)
     columns = dict(zip((one.head for one in (*_COUNTS, *_NUMBERS)), (*counts, *numbers), strict=True))
@@ -176,7 +176,7 @@ def read_likelihoods(results: Published) -> dict[str, Likelihood]:
 def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
     """The likelihood of one rig from its rows and its record."""
     frame = frame.sort(q.CONDITION.head, maintain_order=True)
-    label, family, specimen = (frame[one.head].to_numpy() for one in _COUNTS)
+    label, family, specimen, part_of_run = (frame[one.head].to_numpy() for one in _COUNTS)
     frequency, mass, k1, place, deflection, spread = (_numbers(frame, one.head) for one in _NUMBERS)
     masses = np.array(record["masses"], dtype=float)
     errors = tuple(Source.read(str(text)) for text in record["errors"])
@@ -199,6 +199,7 @@ def likelihood_in(frame: pl.DataFrame, record: Mapping[str, Any]) -> Likelihood:
         turns=_complex(_lists(frame, q.TURNS.head, 6 * len(errors))).reshape(-1, 3, len(errors)),
         specimen=specimen,
         place=place,
+        part_of_run=part_of_run,
         deflection=deflection,
         family=specimen,
         reference=np.ones(label.size, dtype=complex),

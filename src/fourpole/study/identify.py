@@ -19,6 +19,7 @@ from fourpole.core.checks import Check, Code
 from fourpole.core.condition import temperature_std
 from fourpole.core.curvature import largest_bend
 from fourpole.core.demodulation.corrections import Correction, response_std
+from fourpole.core.fixture import given_way, without_fixture
 from fourpole.core.identify import Identification, identify, variance_by_source
 from fourpole.core.joint import Joint, solve_joint
 from fourpole.core.joint.outputs import Outputs, identification, outputs
@@ -148,6 +149,7 @@ def identify_points(
         Departures from the requested route with their reasons, and notes on each rig as found.
     """
     groups, notes = [], []
+    points = without_fixtures(campaign, points)
     # A rejected test would spoil the joint solution of the others.
     usable = points.sound if route == "joint" else points.sound & (points.condition >= 0)
     rigs = np.array([test.rig for test in points.tests])
@@ -183,16 +185,21 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         time, order = np.arange(len(tests), dtype=float), RunOrder.ROWS
     apart = temperature_std(temperature, points.condition[rows], stated.conditions.per_kelvin)
     added, added_std = added_masses(tests)
+    phasors, of_rig = points.phasors.part(rows), stated.all_rigs.get(rig_name)
+    rig = None if of_rig is None else of_rig.rig()
+    channels = channel_uncertainty(
+        campaign, [points.corrections[index] for index in rows], float(phasors.frequency.max())
+    )
+    fixture, size = given_way(phasors, 0.0 if rig is None else rig.input_mass, points.condition[rows] < 0)
+    fixture_std = 0.0 if of_rig is None or not size else of_rig.fixture_compliance[1] / size
     setup = {
-        "rig": stated.all_rigs[rig_name].rig() if rig_name in stated.all_rigs else None,
+        "rig": rig,
         "k1": np.array([points.stiffness[index].value for index in rows]),
         "family": np.where(strange, len(points.tests) + np.arange(rows.size), points.condition[rows]),
         "nominal_frequency": np.array(nominal),
         "added_mass": added,
         "added_mass_std": added_std,
-        "channels": channel_uncertainty(
-            campaign, [points.corrections[index] for index in rows], float(points.phasors.frequency[rows].max())
-        ),
+        "channels": replace(channels, fixture=fixture, fixture_std=fixture_std),
         "mounting": np.array([test.mounting for test in tests], dtype=object),
         "specimen": np.array([test.tyre for test in tests], dtype=object),
         "specimens": stated.specimen_uncertainty,
@@ -203,6 +210,17 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "recording": recording,
     }
     return setup, order
+
+
+def without_fixtures(campaign: Campaign, points: Points) -> Points:
+    """The points with V1 at the specimen, where a rig states a fixture that gives way before it."""
+    rigs = campaign.stated.all_rigs
+    compliance = {name: rig.fixture_compliance[0] for name, rig in rigs.items()}
+    if not any(compliance.values()):
+        return points
+    own = np.array([compliance.get(test.rig, 0.0) for test in points.tests])
+    mass = np.array([rigs[test.rig].rig().input_mass if test.rig in rigs else 0.0 for test in points.tests])
+    return replace(points, phasors=without_fixture(points.phasors, own, mass))
 
 
 def added_masses(tests: Sequence[Test]) -> tuple[FloatArray, FloatArray]:

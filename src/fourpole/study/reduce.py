@@ -20,6 +20,7 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import at_hand, inside
 from fourpole.campaign.row import Test, problem_of
 from fourpole.core import recordingchecks as checks
+from fourpole.core.channelerrors import ChannelError, error_covariance
 from fourpole.core.checks import Check, Code, Verdict, fault_of, reported
 from fourpole.core.demodulation.corrections import Correction
 from fourpole.core.demodulation.demodulate import Demodulation, demodulate, first_guess
@@ -30,8 +31,9 @@ from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.recording import DRIVE, Recording
-from fourpole.core.recordingchecks import linearity_checks
+from fourpole.core.recordingchecks import force_bend, linearity_checks
 from fourpole.core.rig import Rig
+from fourpole.core.sources import Kind, Source
 from fourpole.core.spectra.checks import check_closure, check_line, check_shared_noise
 from fourpole.core.spectra.excited import Excited
 from fourpole.core.spectra.random import random_amplitudes
@@ -155,7 +157,7 @@ def points_of(job: Reduction, done: Demodulated) -> Points:
     corrections: tuple[tuple[Correction, ...], ...] = ((),)
     shown: tuple[tuple[str, ...], Preview] | None = None
     if isinstance(result, Demodulation):
-        phasors, corrections = result.phasors.part(np.newaxis), (result.corrections,)
+        phasors, corrections = _with_bend(job, result).part(np.newaxis), (result.corrections,)
         shown = (result.channels, result.preview)
         checks = ((*done.checks, *_checks_of_sine(job, result, done.mean_force)),)
     elif result is not None:
@@ -173,6 +175,16 @@ def points_of(job: Reduction, done: Demodulated) -> Points:
         sha256=(done.sha256,) * count,
         columns=columns,
     )
+
+
+def _with_bend(job: Reduction, result: Demodulation) -> Phasors:
+    """The amplitudes, with the error of F1 that the harmonics of a cell that is not linear show."""
+    phasors = result.phasors
+    bend = force_bend(result.harmonics, float(phasors.frequency), job.rig, job.test.added_mass)
+    if not bend:
+        return phasors
+    error = ChannelError(Source(Kind.GAIN, "F1"), "1", 0, bend, np.ones(1, dtype=complex))
+    return replace(phasors, covariance=phasors.covariance + error_covariance(error, phasors.amplitudes[None])[0])
 
 
 def _columns_of(lines: Excited) -> dict[str, np.ndarray]:
@@ -329,7 +341,8 @@ def _checks_of_sine(job: Reduction, result: Demodulation, mean_force: float) -> 
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, rig, frequency = job.test, job.rig, float(result.phasors.frequency)
     added = test.added_mass
-    yield from linearity_checks(result.harmonics, frequency, rig, added)
+    cell = job.channels.force_in
+    yield from linearity_checks(result.harmonics, frequency, rig, added, (cell and cell.linearity) or 0.0)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(result)
     yield from checks.check_spoilt(result, names)

@@ -78,6 +78,7 @@ class NoteCode(StrEnum):
     SCATTER = "scatter"
     BELT = "belt"
     DRIFT = "drift"
+    STEP = "step"
     BLOCK = "block"
     AMPLITUDE = "amplitude"
     OUTLIERS = "outliers"
@@ -319,6 +320,7 @@ class RigEstimate:
             NoteCode.SCATTER: self.scatter > _SCATTERS,
             NoteCode.BELT: bool(self.bodies),
             NoteCode.DRIFT: bool(self.drifts),
+            NoteCode.STEP: bool(self._of_specimens(Kind.STEP)),
             NoteCode.BLOCK: bool(self._of_specimens(Kind.BLOCK)),
             NoteCode.AMPLITUDE: bool(self._of_specimens(Kind.AMPLITUDE)),
             NoteCode.OUTLIERS: bool(self.outliers),
@@ -340,6 +342,10 @@ class RigEstimate:
             drifts="; ".join(
                 f"K* of {value.source.of} drifts by {100 * (value.found or 0.0):+.2g} % over the run"
                 for value in self.drifts
+            ),
+            steps="; ".join(
+                f"K* of {value.source.of} steps by {100 * (value.found or 0.0):+.2g} % during the run"
+                for value in self._of_specimens(Kind.STEP)
             ),
             blocks="; ".join(
                 f"K* of {value.source.of} is {100 * (value.found or 0.0):+.2g} % other in the tests with an added mass"
@@ -416,6 +422,7 @@ _NOTES = {
     ),
     NoteCode.BELT: "{belts}; K* is that of its springs, without inertia",
     NoteCode.DRIFT: "{drifts}, {order}; each row has K* of its own place in the run",
+    NoteCode.STEP: "{steps}, {order}; each row has K* of its own place in the run",
     NoteCode.BLOCK: "{blocks}; each row has K* of its own test",
     NoteCode.AMPLITUDE: "K* changes by {amplitude} as the amplitude of the deflection doubles",
     NoteCode.OUTLIERS: "{strange} not go with the others and hardly {counts}",

@@ -25,7 +25,7 @@ from fourpole.core.specimenfit import UNLIKELY, SpecimenFit, fit_specimen
 from fourpole.errors import CampaignError
 from fourpole.io.folders import is_for_keeping, make_folder
 from fourpole.study.cache import Cache
-from fourpole.study.identify import setup_of
+from fourpole.study.identify import setup_of, without_fixtures
 from fourpole.study.points import Points, StaticStiffness
 from fourpole.study.reduce import jobs_of
 from fourpole.study.workers import reduce_tests
@@ -127,6 +127,7 @@ def measure_two_ports(
         stiffness=(StaticStiffness(),) * count,
         strange=np.zeros(count, dtype=bool),
     )
+    points = without_fixtures(stated, points)
     condition, sound = points.condition, points.sound & np.isfinite(points.phasors.amplitudes).all(axis=1)
     found: list[TwoPort] = []
     lacks: list[str] = []
@@ -173,7 +174,7 @@ def _two_port(campaign: Campaign, points: Points, every: np.ndarray, rows: np.nd
     if np.unique(setups.group).size == 1 and np.ptp(phasors.frequency) > _EQUAL * phasors.frequency.max():
         notes.append("the tests differ slightly in frequency, and there is no second frequency to correct for that")
     labels = [np.unique(label.astype(str), return_inverse=True)[1] for label in (known["mounting"][used], setups.mass)]
-    every_error = replace(known["channels"], response=None).errors(phasors.omega, labels)
+    every_error = replace(known["channels"], response=None, fixture=None).errors(phasors.omega, labels)
     errors = tuple(error for error in every_error if error.source.kind in _MOUNTED)
     rig = known["rig"] or Rig(blocked=True)
     masses = {key: (getattr(rig, key), rig.std.get(key, 0.0)) for key in ("input_mass", "tyre_mass")}

@@ -23,7 +23,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.components import BEGINS, Component, component
 from fourpole.core.joint.misfit import NEGLIGIBLE, is_unlikely
 from fourpole.core.joint.scatter import deviations, scatter_of, squares, strange_conditions
-from fourpole.core.joint.shared import Shared, SharedParameter
+from fourpole.core.joint.shared import STEPS, Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, reduced, solve_either, sweep
 from fourpole.core.sources import PARTS, Kind, Role, Source
 
@@ -40,9 +40,10 @@ _SMALLEST, _FACTORS = 0.3, 30
 #: Number of conditions that are set aside by themselves.
 _WORST = 3
 #: Rare errors need this much more evidence.
-_RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0, Kind.GAIN_STEP: 5.0}
-#: F1 in V1 acts as a compliance of the specimen does, so that no test can ask for it.
+_RARE = {Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0, Kind.GAIN_STEP: 5.0, Kind.STEP: 5.0}
+#: F1 in V1 acts as a compliance of the specimen does, and so does a fixture, for which rigid blocks alone ask.
 _ALIKE = Source(Kind.CROSSTALK, "F1 in V1")
+_SERIES = Source(Kind.FIXTURE, "V1")
 #: A group may be found larger than its bound by this factor.
 _BEYOND = 2.0
 #: The value of the rig that acts as an unstated part does, in all tests.
@@ -147,8 +148,9 @@ def _of_channels(problem: Problem, stated: Shared) -> Iterator[_Column]:
         yield name, SharedParameter(source, row.unit, index, centre, unit), row.bound
     for parameter in problem.specimens:
         row = component(parameter.source.kind)
-        unit = std.get(parameter.key) or row.std
-        yield row.group, replace(parameter, std=unit), row.bound
+        unit = std.get(parameter.key) or row.std or BEGINS * row.bound
+        name = f"{row.group} {parameter.index}" if parameter.source.kind in STEPS else row.group
+        yield name, replace(parameter, std=unit), row.bound
 
 
 def _absent(problem: Problem, stated: Shared) -> Iterator[_Column]:
@@ -210,8 +212,10 @@ def trials(problem: Problem, solution: Solution, groups: Sequence[Group], outlie
 
 def _screened(problem: Problem, solution: Solution, groups: Sequence[Group]) -> Iterator[tuple[float, Group, float]]:
     """Groups with their gain by the linear model and the factor that gives it, the largest gain first."""
-    groups = [group for group in groups
-              if group.parameters[0].source.role is not Role.TEST and group.parameters[0].source != _ALIKE]  # fmt: skip
+    alike = (_ALIKE,) if problem.observed.rigid.any() else (_ALIKE, _SERIES)
+    sources = [group.parameters[0].source for group in groups]
+    groups = [group for group, source in zip(groups, sources, strict=True)
+              if source.role is not Role.TEST and source not in alike]  # fmt: skip
     extra = [parameter for group in groups for parameter in group.parameters]
     p, e = len(problem.shared), len(extra)
     triangle = widened(problem, solution, extra)[1]

@@ -19,7 +19,7 @@ from fourpole.core.joint.misfit import UNITS_AND_SIGNS, Residuals, gross_errors,
 from fourpole.core.joint.model import Observed
 from fourpole.core.joint.reconcile import reconcile, without_rig
 from fourpole.core.joint.scatter import deviations, robust_scatter
-from fourpole.core.joint.shared import Shared, SharedParameter
+from fourpole.core.joint.shared import PARTS_OF_RUN, STEPS, Shared, SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, solve_either
 from fourpole.core.joint.specimens import Misfit
 from fourpole.core.phasor import SYMBOLS, Phasors
@@ -36,8 +36,6 @@ _UNLIKE, _FEWEST_UNLIKE = 0.05, 3
 _SCATTERS = 0.01
 #: Whether specimens have a mass is first asked of so many tests.
 _MANY = 200
-#: Places in the run at which a gain may step, as shares of the tests.
-_STEPS = np.arange(1, 8) / 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,12 +128,13 @@ def solve_joint(
     masses, mass_at, masses_std = _distinct(added, added_std)
     names, number = np.unique(np.array([""] * count if specimen is None else specimen, dtype=str), return_inverse=True)
     when = np.arange(count, dtype=float) if time is None else np.asarray(time, dtype=float)
-    run = number[order], _places(number, when)[order]
+    run = number[order], _places(number, when)[order], parts_of_run(number, when)[order]
     sensors = number if mounting is None else np.unique(np.array(mounting, dtype=str), return_inverse=True)[1].ravel()
     sensors = sensors if np.ptp(sensors) else number  # a sensor of the rig may be touched with each specimen, too
     groups = (sensors[order], mass_at[order])
     errors = channels.part(order).errors(phasors.omega[order], groups, possible=True)
-    errors += _unstated_errors(channels.crosstalk, _places(np.zeros(count, dtype=int), when)[order])
+    together = np.zeros(count, dtype=int)
+    errors += _unstated_errors(channels.crosstalk, _places(together, when)[order], parts_of_run(together, when)[order])
     stated = Shared.stated(rig, errors, masses, masses_std)
     possible = of_specimens(names.tolist(), run, mass_at[order], label[order], specimens or SpecimenUncertainty())
     stated = replace(stated, parameters=(*stated.parameters, *(value for value in possible if value.std > 0)))
@@ -174,24 +173,24 @@ def solve_joint(
 
 def of_specimens(
     names: Sequence[str],
-    run: tuple[np.ndarray, FloatArray],
+    run: tuple[np.ndarray, FloatArray, np.ndarray],
     mass_at: np.ndarray,
     label: np.ndarray,
     std: SpecimenUncertainty,
 ) -> list[SharedParameter]:
-    """The drifts of the specimens, and the blocks of those with several added masses; a std of 0 counts as absent.
+    """The drifts and steps of the specimens, and the blocks of those with several masses; a std of 0 counts as absent.
 
     Parameters
     ----------
     names : sequence of str
         The specimens.
-    run : (N,) int array, (N,) float array
-        Number of the specimen of each test, and its place in the run.
+    run : (N,) int array, (N,) float array, (N,) int array
+        Number of the specimen of each test, its place in the run, and the part of the run in which it is.
     mass_at, label : (N,) int arrays
         Number of the added mass of each test, -1 for none, and of its condition, -1 for a rigid block.
     std : SpecimenUncertainty
     """
-    specimen, place = run
+    specimen, place, part_of_run = run
     tyre, count = label >= 0, int(mass_at.max(initial=-1)) + 1
     listed = []
     for number in np.unique(specimen[tyre]).tolist():
@@ -200,6 +199,10 @@ def of_specimens(
         if np.ptp(place[own]):
             for kind, size in ((Kind.DRIFT, std.drift.real), (Kind.ANGLE_DRIFT, std.drift.imag)):
                 listed.append(SharedParameter(Source(kind, names[number]), component(kind).unit, number, 0.0, size))
+        for part in np.unique(part_of_run[own])[:-1].tolist():
+            for kind in STEPS:
+                step = number * PARTS_OF_RUN + part
+                listed.append(SharedParameter(Source(kind, names[number]), component(kind).unit, step, 0.0, 0.0))
         for mass in masses[1:].tolist():
             for kind, size in ((Kind.BLOCK, std.block.real), (Kind.ANGLE_BLOCK, std.block.imag)):
                 place_of = number * count + mass
@@ -297,17 +300,17 @@ def _distinct(added: FloatArray, std: FloatArray) -> tuple[FloatArray, np.ndarra
     return masses[real], number[index], spread[real]
 
 
-def _unstated_errors(crosstalk: FloatArray, place: FloatArray) -> list[ChannelError]:
+def _unstated_errors(crosstalk: FloatArray, place: FloatArray, part: np.ndarray) -> list[ChannelError]:
     """Errors of the channels that a campaign seldom states: gains that drift or step during the run, and cross-talk.
 
     Cross-talk has its shape from `reconcile.with_cross_talk`.
     """
     errors = []
-    steps = [cut for cut in np.unique(np.quantile(place, _STEPS)).tolist() if place.min() < cut]
+    steps = np.unique(part)[1:].tolist()
     for channel, symbol in enumerate(SYMBOLS.values()):
         errors.append(ChannelError(Source(Kind.GAIN_DRIFT, symbol), "1", channel, 0.0, place + 0j))
         step = Source(Kind.GAIN_STEP, symbol)
-        errors += [ChannelError(step, "1", channel, 0.0, (place >= cut) + 0j) for cut in steps]
+        errors += [ChannelError(step, "1", channel, 0.0, (part >= first) + 0j) for first in steps]
         for other in SYMBOLS.values():
             if other != symbol:
                 source = Source(Kind.CROSSTALK, f"{other} in {symbol}")
@@ -323,6 +326,16 @@ def _places(specimen: np.ndarray, time: FloatArray) -> FloatArray:
         return np.zeros(time.size)
     mean = np.bincount(specimen, time) / np.bincount(specimen)
     return np.asarray((time - mean[specimen]) / length)
+
+
+def parts_of_run(specimen: np.ndarray, time: FloatArray) -> np.ndarray:
+    """Number of the part of the run of each test's specimen (N,), of `PARTS_OF_RUN` with equally many tests."""
+    part = np.zeros(time.size, dtype=int)
+    for number in np.unique(specimen):
+        own = np.flatnonzero(specimen == number)
+        rank = np.searchsorted(np.sort(time[own]), time[own])  # tests of one time are together
+        part[own] = PARTS_OF_RUN * rank // own.size
+    return part
 
 
 #: Least relative uncertainty of a channel or of the rig in the comparison of routes.

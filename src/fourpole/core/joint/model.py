@@ -19,7 +19,7 @@ import numpy as np
 from fourpole.core.alone import deflection_amplitude
 from fourpole.core.arrays import BoolArray, ByRows, ByValue, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
-from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, Shared
+from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, PARTS_OF_RUN, STEPS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Role, Source
@@ -54,6 +54,8 @@ class Observed(ByRows):
         Number of the specimen of each test.
     place : (N,) float array [1]
         Place of each test in the run of its specimen, in lengths of the run; 0 on average.
+    part_of_run : (N,) int array
+        Number of the part of the run of its specimen, of `PARTS_OF_RUN` with equally many tests.
     deflection : (N,) float array [1]
         Logarithm of the amplitude of the deflection, V1 - V2 over omega, from the mean of all tests or from the curve
         of its condition; 0 where it is unknown.
@@ -74,6 +76,7 @@ class Observed(ByRows):
     turns: ComplexArray
     specimen: np.ndarray
     place: FloatArray
+    part_of_run: np.ndarray
     deflection: FloatArray
     family: np.ndarray
     reference: ComplexArray
@@ -86,9 +89,9 @@ class Observed(ByRows):
         mass_at: np.ndarray,
         rigid: BoolArray,
         errors: Sequence[ChannelError] = (),
-        run: tuple[np.ndarray, FloatArray] | None = None,
+        run: tuple[np.ndarray, FloatArray, np.ndarray] | None = None,
     ) -> Observed:
-        """The phasors of N tests, with the errors of their channels, and `run`: specimen and place of each test."""
+        """The phasors of N tests, with the errors of their channels; `run`: specimen, place and part of the run."""
         amplitudes = phasors.amplitudes
         present = np.isfinite(amplitudes) & (amplitudes != 0)
         amplitudes = np.where(present, amplitudes, 0.0)
@@ -96,13 +99,14 @@ class Observed(ByRows):
         turns = np.zeros((len(amplitudes), 3, len(errors)), dtype=complex)
         for index, error in enumerate(errors):
             turns[:, error.channel, index] = error.turn
-        specimen, place = run or (np.zeros(len(amplitudes), dtype=int), np.zeros(len(amplitudes)))
+        none = np.zeros(len(amplitudes), dtype=int)
+        specimen, place, part_of_run = run or (none, none.astype(float), none)
         with np.errstate(divide="ignore"):
             size = np.log(deflection_amplitude(amplitudes[:, 0], amplitudes[:, 1], amplitudes[:, 2], phasors.omega))
         known = present[:, 1] & present[:, 2] & np.isfinite(size) & ~rigid
         deflection = np.where(known, size - np.mean(size, where=known) if known.any() else 0.0, 0.0)
         no_belt = (specimen, np.ones(len(amplitudes), dtype=complex), np.zeros(len(amplitudes), dtype=bool))
-        more = (specimen, place, deflection, *no_belt)
+        more = (specimen, place, part_of_run, deflection, *no_belt)
         return cls(phasors.omega, phasors.frequency_std, amplitudes, whiten, mass_at, rigid, turns, *more)
 
     def added(self, masses: FloatArray) -> FloatArray:
@@ -118,12 +122,24 @@ class Observed(ByRows):
         return np.where(self.mass_at < 0, -1, self.specimen * shared.masses.size + self.mass_at)
 
     def drifted(self, shared: Shared, z: FloatArray) -> ComplexArray:
-        """K* of each test over that of its condition: by drift, block and amplitude (N,) [1]."""
+        """K* of each test over that of its condition: by drift, step, block and amplitude (N,) [1]."""
         block = self.block(shared)
         drift = shared.of_specimens_at(z, DRIFTS, int(self.specimen.max(initial=0)) + 1)
         blocks = shared.of_specimens_at(z, BLOCKS, int(block.max(initial=-1)) + 1)
-        by_amplitude = shared.by_amplitude_at(z) * self.deflection
-        return np.asarray(np.exp(drift[self.specimen] * self.place + np.append(blocks, 0.0)[block] + by_amplitude))
+        more = shared.by_amplitude_at(z) * self.deflection + self._stepped(shared, z)
+        return np.asarray(np.exp(drift[self.specimen] * self.place + np.append(blocks, 0.0)[block] + more))
+
+    def _stepped(self, shared: Shared, z: FloatArray) -> ComplexArray:
+        """Change of log K* of each test by the steps of its specimen before it (N,) [1] + j [rad]."""
+        count = (int(self.specimen.max(initial=0)) + 1) * PARTS_OF_RUN
+        steps = shared.of_specimens_at(z, STEPS, count).reshape(-1, PARTS_OF_RUN)
+        after = np.cumsum(steps, axis=1) - steps  # in part k are the steps after the parts before it
+        return np.asarray(after[self.specimen, self.part_of_run])
+
+    def is_after(self, step: int) -> BoolArray:
+        """Tests (N,) of the specimen of a step, by its index, that come after it."""
+        number, part = divmod(step, PARTS_OF_RUN)
+        return np.asarray((self.specimen == number) & (self.part_of_run > part))
 
     def by_drift(self, shared: Shared) -> FloatArray:
         """Derivatives of Re and Im of log `drifted` by the shared values (N, 2, p), per stated uncertainty."""
@@ -134,6 +150,8 @@ class Observed(ByRows):
                 change[:, index] = np.where(self.specimen == parameter.index, DRIFTS[kind] * self.place, 0.0)
             elif kind in BLOCKS:
                 change[:, index] = np.where(block == parameter.index, BLOCKS[kind], 0.0)
+            elif kind in STEPS:
+                change[:, index] = STEPS[kind] * self.is_after(parameter.index)
             elif kind is Kind.AMPLITUDE:
                 change[:, index] = self.deflection
         return parts(np.asarray(change * shared.std), axis=1)

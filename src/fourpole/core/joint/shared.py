@@ -16,6 +16,9 @@ from fourpole.core.sources import Kind, Role, Source
 #: Change of log K* per unit of each kind of drift, and of each block: of the modulus, and of the angle.
 DRIFTS = {Kind.DRIFT: 1.0, Kind.ANGLE_DRIFT: 1j}
 BLOCKS = {Kind.BLOCK: 1.0, Kind.ANGLE_BLOCK: 1j}
+STEPS = {Kind.STEP: 1.0, Kind.ANGLE_STEP: 1j}
+#: Parts of the run of a specimen, or of a rig, between which K* or a gain may step.
+PARTS_OF_RUN = 8
 
 #: Change of what each value of a belt acts on, per unit, and its place in `core.specimen.Ends.by`.
 BELTS = {Kind.BELT_MASS: (1.0, 1), Kind.BELT_SHARE: (1.0, 2), Kind.BELT_ANGLE: (1j, 2), Kind.BELT_EXPONENT: (1.0, 3)}
@@ -36,7 +39,8 @@ class SharedParameter:
     index : int
         Index of the value, by the role of the source: in `core.rig.PARAMETERS`, in the list of errors from
         `core.channelerrors.ChannelUncertainty.errors`, in the distinct masses, in the specimens, or in the blocks: the
-        number of the specimen times the count of distinct masses, and that of the mass.
+        number of the specimen times the count of distinct masses, and that of the mass. Of a step it is the number of
+        the specimen times `PARTS_OF_RUN`, and that of the part of its run before the step.
     stated, std : float
         Stated value and standard uncertainty, in the unit.
     """

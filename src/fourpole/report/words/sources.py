@@ -43,7 +43,7 @@ _BY_MASS = (
     "unnecessary, or "
 )
 #: Errors of channels that no mass calibrates.
-_NOBODY_STATES = (Kind.CROSSTALK, Kind.GAIN_DRIFT, Kind.GAIN_STEP)
+_NOBODY_STATES = (Kind.CROSSTALK, Kind.FIXTURE, Kind.GAIN_DRIFT, Kind.GAIN_STEP)
 #: Errors of channels that change with frequency; a key takes them off sooner than more tests with a mass.
 _OVER_FREQUENCY = (Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE)
 #: Kinds of source that a mass makes needless to calibrate.
@@ -51,9 +51,12 @@ _CALIBRATED = (Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.RESPONSE_GAIN, Kind.RESPO
 #: Name, unit shown and its SI value of errors that are 0 where there is none.
 _SIMPLE = {
     Kind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
+    Kind.FIXTURE: ("compliance between {} and the specimen, over the specimen's", "%", 0.01),
     Kind.GAIN_DRIFT: ("drift of {}'s gain over the run", "%", 0.01),
     Kind.DRIFT: ("drift of K* of {} over the run", "%", 0.01),
     Kind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
+    Kind.STEP: ("step of K* of {} during the run", "%", 0.01),
+    Kind.ANGLE_STEP: ("step of the loss angle of {} during the run", "°", pi / 180),
     Kind.BELT_MASS: ("mass of {} between its ends", "kg", 1.0),
     Kind.BELT_SHARE: ("logarithm of the share of the springs of {}", "", 1.0),
     Kind.BELT_ANGLE: ("difference of the loss angles of the springs of {}", "°", pi / 180),
