@@ -223,14 +223,14 @@ def curve_of(results: Study, state: State, quantity: Quantity) -> tuple[FloatArr
     elif quantity not in (q.MODULUS, q.LOSS_ANGLE, q.STORAGE, q.LOSS):
         return None
     else:
-        value, by = _part(quantity, k)
+        value, by = part_of(quantity, k)
         made = value, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", by, covariance, by), 0.0))
     if made is None or not np.any(np.isfinite(made[0])):
         return None
     return found.frequency, made[0] / quantity.scale, NORMAL_95 * made[1] / quantity.scale
 
 
-def _part(quantity: Quantity, k: ComplexArray) -> tuple[FloatArray, FloatArray]:
+def part_of(quantity: Quantity, k: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """A part of K* (N,) and its derivatives (N, 2) by Re and Im."""
     if quantity in (q.MODULUS, q.LOSS_ANGLE):
         values, slopes = polar(k)
@@ -279,6 +279,6 @@ def values_of(sheet: Sheet, quantity: Quantity) -> tuple[FloatArray, FloatArray]
     (real, u_real), (imag, u_imag) = ((sheet.values(one.head), sheet.values(one.u_head)) for one in (q.STORAGE, q.LOSS))
     cross = np.nan_to_num(sheet.values(q.CORR_K.head)) * u_real * u_imag
     with np.errstate(divide="ignore", invalid="ignore"):
-        value, by = _part(quantity, real + 1j * imag)
+        value, by = part_of(quantity, real + 1j * imag)
         variance = (by[:, 0] * u_real) ** 2 + (by[:, 1] * u_imag) ** 2 + 2 * by[:, 0] * by[:, 1] * cross
     return value / quantity.scale, np.sqrt(np.maximum(variance, 0.0)) / quantity.scale
