@@ -13,9 +13,8 @@ from fourpole.core.digits import with_std
 from fourpole.core.specimen import Form
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, look
 from fourpole.plot.sheet import few, means, read_sheet
-from fourpole.plot.states import State, by_tyre, part_of, stated_text, tested
+from fourpole.plot.states import State, body_of, by_tyre, part_of, stated_text, tested
 from fourpole.plot.stiffness import rigs_stated
-from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
 
 #: Line style of what is read as massless; preloads have those before it.
@@ -27,13 +26,7 @@ _POINTS, _MOST_TYRES, _MOST_COLUMNS = 500, 6, 2
 MASSLESS_KEY = (look(Role.LINE, dash=_DASH), "read as massless")
 
 
-def _body_of(results: Study, state: State) -> FoundBody | None:
-    """The mass that was found of a specimen at a condition."""
-    tyre = str(results.dynamic[q.TYRE.head][int(np.flatnonzero(state.rows)[0])])
-    return next((body for body in bodies_in(results) if body.is_at(tyre, state.place)), None)
-
-
-def _stiffness(results: Study, state: State, *, bare: bool = False) -> tuple[FloatArray, ComplexArray]:
+def _stiffness(results: Study, state: State) -> tuple[FloatArray, ComplexArray]:
     """K* of the springs [N/m] at each tested frequency [Hz], as the mean of the tests in use."""
     sheet = read_sheet(results, texts_only=True)
     real, imag = sheet.values(q.STORAGE.head), sheet.values(q.LOSS.head)
@@ -46,10 +39,10 @@ def _stiffness(results: Study, state: State, *, bare: bool = False) -> tuple[Flo
 def massless_reading(results: Study, state: State, quantity: q.Quantity, like: Series) -> list[Series]:
     r"""What a reading that knows no mass would say of K* of a specimen that has one: :math:`F_1/(x_1 - x_2)`.
 
-    On a rig of impedance :math:`Z_r` without an added mass, :math:`x_2/x_1 = -D_{21}/(D_{22} + j\omega Z_r)`; where the far
-    side is held, it is 0, and the reading is the stiffness at the driving point.
+    On a rig of impedance :math:`Z_r` without an added mass, :math:`x_2/x_1 = -D_{21}/(D_{22} + j\omega Z_r)`. Where the
+    far side is held, it is 0, and the reading is the stiffness at the driving point.
     """
-    body, sheet = _body_of(results, state), read_sheet(results, texts_only=True)
+    body, sheet = body_of(results, state), read_sheet(results, texts_only=True)
     rig = rigs_stated(results, sheet).get(sheet.rigs[int(np.flatnonzero(state.rows)[0])])
     frequency, stiffness = _stiffness(results, state)
     if body is None or rig is None or frequency.size < 2:
@@ -68,7 +61,7 @@ def modes(results: Study) -> FigureData | None:
     Each specimen is shown at the middle one of its conditions; K* of its springs is that at the middle frequency.
     """
     sheet = read_sheet(results, texts_only=True)
-    groups = by_tyre(state for state in tested(results, ~sheet.rejected) if _body_of(results, state) is not None)
+    groups = by_tyre(state for state in tested(results, ~sheet.rejected) if body_of(results, state) is not None)
     if not groups:
         return None
     notes: list[str] = []
@@ -90,7 +83,7 @@ def modes(results: Study) -> FigureData | None:
 
 
 def _modes_panel(results: Study, state: State, title: str) -> Panel:
-    body = _body_of(results, state)
+    body = body_of(results, state)
     assert body is not None
     tested_at, stiffness = _stiffness(results, state)
     middle = stiffness[stiffness.size // 2]

@@ -19,11 +19,13 @@ from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.query import response
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.fitting.stated import rig_in
+from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import Answer
 from fourpole.plot.fitted import DECADE, Drawn, conditions_of
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.quantities import Quantity, ShownUnits
+from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
 
 #: Number of points of a model's curve.
@@ -56,6 +58,12 @@ class State(ByValue):
     def on(self, column: str) -> float:
         """Value on an axis in SI; not-a-number where it is not stated."""
         return self.place.get(column, np.nan)
+
+
+def body_of(results: Study, state: State) -> FoundBody | None:
+    """The mass that was found of the specimen at this condition."""
+    tyre = str(results.dynamic[q.TYRE.head][int(np.flatnonzero(state.rows)[0])])
+    return next((body for body in bodies_in(results) if body.is_at(tyre, state.place)), None)
 
 
 def tested(results: Study, tests: BoolArray) -> list[State]:
@@ -219,7 +227,7 @@ def curve_of(results: Study, state: State, quantity: Quantity) -> tuple[FloatArr
     if quantity in (q.K2, q.C):
         made = _arm(results, state, found, quantity)
     elif quantity in (q.TR_MEASURED, q.TR_PREDICTED):
-        made = _transmissibility(results, found)
+        made = _transmissibility(results, state, found)
     elif quantity not in (q.MODULUS, q.LOSS_ANGLE, q.STORAGE, q.LOSS):
         return None
     else:
@@ -259,9 +267,14 @@ def _arm(results: Study, state: State, found: ModelCurve, quantity: Quantity) ->
     return (answer.k2, answer.c)[at], np.sqrt(answer.arm_covariance[:, at, at])
 
 
-def _transmissibility(results: Study, found: ModelCurve) -> tuple[FloatArray, FloatArray] | None:
+def _transmissibility(results: Study, state: State, found: ModelCurve) -> tuple[FloatArray, FloatArray] | None:
     rig = model_rig(results)
-    return None if rig is None or rig.blocked else _answer(found, 0.0, 0.0).transmissibility(rig, found.frequency)
+    if rig is None or rig.blocked:
+        return None
+    assert state.model is not None
+    inertia = state.model.entry.conditions[state.model.at].inertia
+    specimen = MASSLESS if inertia is None else inertia.specimen
+    return _answer(found, 0.0, 0.0).transmissibility(rig, found.frequency, specimen)
 
 
 def model_rig(results: Study) -> Rig | None:

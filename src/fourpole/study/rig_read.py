@@ -108,9 +108,8 @@ def _values(rows: pl.DataFrame) -> tuple[SharedValue, ...]:
 def _unseen(cells: dict[str, Any]) -> Unseen:
     texts = [str(cells.get(name) or "") for name in ("unit", "result", "words", "key")]
     size, shift = (number(cells.get(name)) or 0.0 for name in ("size", "shift"))
-    return Unseen(
-        Source.read(str(cells["component"])), texts[0], size, *(texts[1], shift), *texts[2:], cells.get("never") is True
-    )
+    never = cells.get("never") is True
+    return Unseen(Source.read(str(cells["component"])), texts[0], size, texts[1], shift, texts[2], texts[3], never)
 
 
 def _candidate(cells: dict[str, Any]) -> Candidate:

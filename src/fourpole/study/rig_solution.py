@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,15 +23,7 @@ from fourpole.core.joint.unseen import unseen
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
 from fourpole.fitting.rows import Key
-from fourpole.study.rig_estimate import (
-    Outlier,
-    RigEstimate,
-    RigFinding,
-    SharedValue,
-    Unseen,
-    hidden_in,
-    number,
-)
+from fourpole.study.rig_estimate import Outlier, RigEstimate, RigFinding, SharedValue, Unseen, hidden_in, number
 from fourpole.words import cause_words
 
 #: A value is not determined by the tests if its uncertainty after them is more than this share of the stated one.

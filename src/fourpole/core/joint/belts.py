@@ -263,7 +263,8 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
         number = int(observed.specimen[test])
         name, at = problem.names[number], int(observed.family[test])
         key = (Source(Kind.BELT_MASS, name), number)
-        specimen, own_std, further = Specimen(), std.get(key, 0.0), np.zeros(3)
+        specimen, own_std = Specimen(), std.get(key, 0.0)
+        further: FloatArray = np.zeros(3)
         if mass[test] > 2 * own_std:
             form = Form.ROD if observed.rod[test] else Form.BELT
             springs = complex(np.exp(share[test])), float(exponent[test]), complex(observed.reference[test])
@@ -285,8 +286,8 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
 def _stds(specimen: Specimen, stiffness: complex, covariance: FloatArray) -> FloatArray:
     """Standard uncertainties (3,) of both frequencies [Hz] and of the share, by numerical derivatives.
 
-    `covariance` (6, 6) is that of the mass, of Re and Im of the logarithm of the share, of the exponent, and of Re and Im
-    of log K*.
+    `covariance` (6, 6) is that of the mass, of Re and Im of the logarithm of the share, of the exponent, and of Re and
+    Im of log K*.
     """
 
     def values(change: FloatArray) -> FloatArray:
