@@ -46,10 +46,7 @@ def run_init(folder: Path, pattern: Sequence[str] | None, *, force: bool, as_jso
         out(f"{number:>3}. {doubt.text}")
         out(f"     -> {doubt.remedy}")
     if guess.moving:
-        out(
-            'question: what does each specimen weigh? State specimen_mass = "9 kg" in its table [tyres.NAME], or leave it out'
-        )
-        out(f"     -> {WEIGHT}")
+        out(f"question: what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states {WEIGHT}")
     out(f"written: campaign.toml and tests.csv in {folder}, {len(guess.rows)} tests")
     out(following)
 

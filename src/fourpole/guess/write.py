@@ -131,7 +131,7 @@ _QUESTIONS = """\
 """
 #: The question that stands in the table of each tyre and in what `init` prints.
 WEIGHT = (
-    "its weight (of a tyre without the rim); then its own mass, as that of a belt, is always looked for and taken out of K*"
+    "its weight, of a tyre without the rim; then its own mass, as of a belt, is always looked for, and is not in K*"
 )
 _WRITTEN = ("campaign.toml", "tests.csv")
 

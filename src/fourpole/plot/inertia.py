@@ -13,10 +13,12 @@ from fourpole.core.digits import with_std
 from fourpole.core.specimen import Form
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, look
 from fourpole.plot.sheet import few, means, read_sheet
-from fourpole.plot.states import State, body_of, by_tyre, part_of, stated_text, tested
+from fourpole.plot.states import State, body_of, by_tyre, model_curve, part_of, stated_text, tested
 from fourpole.plot.stiffness import rigs_stated
 from fourpole.study.study import Study
 
+#: What is read as massless is not drawn where it is further from K* than this [1].
+_FAR = 0.3
 #: Line style of what is read as massless; preloads have those before it.
 _DASH = 5
 #: The curves of the modes go from this share of the lowest to this multiple of the highest of their frequencies.
@@ -47,10 +49,14 @@ def massless_reading(results: Study, state: State, quantity: q.Quantity, like: S
     frequency, stiffness = _stiffness(results, state)
     if body is None or rig is None or frequency.size < 2:
         return []
+    specimen, curve = body.specimen(stiffness[stiffness.size // 2]), model_curve(results, state)
+    if curve is not None:
+        frequency, stiffness = curve.frequency, curve.stiffness
     omega = 2 * np.pi * frequency
-    d = body.specimen(stiffness[stiffness.size // 2]).dynamic_stiffness(stiffness, omega)
+    d = specimen.dynamic_stiffness(stiffness, omega)
     ratio = 0.0 if rig.blocked else -d[:, 1, 0] / (d[:, 1, 1] + 1j * omega * rig.impedance(omega))
     read = (d[:, 0, 0] + d[:, 0, 1] * ratio) / (1 - ratio)
+    read[np.abs(read / stiffness - 1) > _FAR] = np.nan
     values = part_of(quantity, read)[0] / results.shown.of(quantity).scale
     return [replace(like, role=Role.LINE, x=frequency, y=values, dash=_DASH, label="")]
 
