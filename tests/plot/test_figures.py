@@ -20,7 +20,7 @@ from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 pytestmark = pytest.mark.thorough
 
 SCHEMES = ("fig01", "fig02", "fig03", "fig04")
-MODELS = ("model-choice", "spectrum", "amplitude", "map")
+MODELS = ("model-choice", "spectrum", "amplitude", "map", "modes")
 #: Figures without axes, or of what these results do not have.
 OTHERS = ("rig", "signals")
 DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS, *OTHERS))
