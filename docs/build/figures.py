@@ -17,6 +17,9 @@ import passive_tyre as pt
 from tables import TABLES, written
 
 from fourpole import ChannelUncertainty, Recording, Rig, demodulate, identify_joint, maxwell_arm
+from fourpole.campaign.row import Test
+from fourpole.core.allpoles import Setups, all_poles, reciprocal
+from fourpole.core.specimenfit import fit_specimen
 from fourpole.core.tyre import zener_stiffness
 from fourpole.models.fractional import FractionalZener
 from fourpole.models.maxwell import GeneralisedMaxwell, Prony
@@ -25,6 +28,8 @@ from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
 from fourpole.plot.drawn import figure_of
 from fourpole.plot.figure import figure_bytes
 from fourpole.plot.style import Size, Style, drawing
+from fourpole.plot.twoports import two_port_figure
+from fourpole.study.twoports import TwoPort
 from fourpole.virtual.phasor_rig import Conditions, DrawnLaboratory, Laboratory, draw, simulate_phasors
 
 MADE = Path(__file__).resolve().parent.parent / "made"
@@ -214,14 +219,28 @@ def _by_fault(which: int, axis: AxisData, scale: float) -> FigureData:
     return FigureData(tuple(panels), columns=1, panel_height=2.7, shared=False)
 
 
+def twoport() -> list[TwoPort]:
+    """The four poles of a tyre with a belt of 7 kg, as docs/twoport.md measures them."""
+    f = np.arange(10.0, 101.0, 5.0)
+    mass, rigid = np.repeat([6.0, 20.0, 0.0, 12.0], f.size), np.repeat([True, True, False, False], f.size)
+    springs = np.tile(290e3 * (f / 10) ** 0.05 * (1 + 0.08j), 4)
+    tests = Conditions(np.tile(f, 4), stiffness=springs, added_mass=mass, calibration=rigid, belt_mass=7.0)
+    laboratory = Laboratory(noise=5e-4, std_gain=(0.05, 0.05, 0.05), std_phase=(0.05, 0.05, 0.05))
+    phasors = simulate_phasors(laboratory, tests, np.random.default_rng(1982)).phasors
+    measured = all_poles(phasors, Setups(rigid, mass, 1e-4 * mass, np.tile(np.arange(f.size), 4)))
+    equal, chance = reciprocal(measured)
+    return [TwoPort(Test("D1", 2), "car", measured, equal, chance, fit_specimen(measured))]
+
+
 #: Each figure: the name of its file, its title, and the function that makes it.
-FIGURES: dict[str, tuple[str, Callable[[], FigureData]]] = {
+FIGURES: dict[str, tuple[str, Callable[[], FigureData | list[TwoPort]]]] = {
     "mobility": ("Mobility of tyre and rig in series", mobility),
     "masses": ("Uncertainty of K* with one and with two masses", masses),
     "curvature": ("K2 and C are curved in K1", curvature),
     "ramp": ("Share of an arm in K1", ramp),
     "relaxation": ("Models of relaxation", relaxation),
     "prony": ("Relaxation times per decade", prony),
+    "twoport": ("Four poles of a tyre with a belt", twoport),
     "leakage": ("Records of any length", leakage),
     "faults-in-c": ("C by the paper's route, with one fault each", faults_in_c),
     "faults-in-k2": ("K2 by the paper's route, with one fault each", faults_in_k2),
@@ -231,9 +250,10 @@ FIGURES: dict[str, tuple[str, Callable[[], FigureData]]] = {
 def svg(name: str, form: str = "svg") -> bytes:
     """The file of a figure."""
     title, make = FIGURES[name]
-    style = Style(size=Size(width=6.0))
+    style, made = Style(size=Size(width=6.0)), make()
     with drawing(style, name):
-        return figure_bytes(figure_of(make(), style), name, title, form, style)
+        figure = two_port_figure(made, style) if isinstance(made, list) else figure_of(made, style)
+        return figure_bytes(figure, name, title, form, style)
 
 
 def main(names: list[str]) -> None:

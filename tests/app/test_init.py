@@ -7,6 +7,9 @@ import shutil
 
 import pytest
 
+from fourpole.campaign import read_campaign
+from fourpole.core.specimen import Body
+
 
 @pytest.fixture
 def bare(small_campaign, tmp_path):
@@ -42,6 +45,15 @@ def test_it_shows_what_it_took_and_numbers_its_doubts(run, bare):
     assert numbers == list(range(1, len(numbers) + 1))
     assert sum(line.startswith("     -> ") for line in lines) == len(numbers)
     assert f"{len(numbers)} doubts, also written beside what they concern:" in lines
+
+
+def test_it_asks_for_the_weight_and_the_answer_is_read(run, bare):
+    stdout = run("init", bare).stdout
+    assert "question: what does each specimen weigh? It may stay open." in stdout
+    path = bare / "campaign.toml"
+    text = path.read_text().replace('# specimen_mass = "9 kg"', 'specimen_mass = "9 kg"')
+    path.write_text(text if "specimen_mass" in text else f'{text}[tyres.radial]\nspecimen_mass = "9 kg"\n')
+    assert read_campaign(bare).stated.bodies["radial"] == Body.weighed(9.0)
 
 
 def test_it_refuses_to_write_over_what_is_there(run, bare):

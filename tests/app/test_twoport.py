@@ -45,6 +45,15 @@ def test_one_json_document_has_the_rows_and_the_files(run, belted, tmp_path):
     assert "Infinity" not in ran.stdout
 
 
+def specimens_csv(folder, form, mass=None, std=None):
+    heads = ["tyre", "rig", "pressure [Pa]", "preload [N]", "form", "belt mass [kg]", "u(belt mass) [kg]",
+             "share of springs [1]"]  # fmt: skip
+    (folder / "results").mkdir(exist_ok=True)
+    row = ("car", "", 2.2e5, 4000.0, form, mass, std, 0.2)
+    pl.DataFrame([row], schema=heads, orient="row").write_csv(folder / "results" / "specimens.csv")
+    (folder / "results" / "study.json").write_text("{}")
+
+
 def test_broken_reciprocity_is_said_with_its_causes(run, tmp_path):
     ran = run("twoport", BeltedRig(active=0.05).write(tmp_path / "car", FREQUENCIES))
     assert ran.exit_code == 0
@@ -55,12 +64,25 @@ def test_broken_reciprocity_is_said_with_its_causes(run, tmp_path):
     assert "belt" not in said
 
 
-def test_recordings_that_analyse_has_reduced_are_not_read_again(run, belted, tmp_path, monkeypatch):
+def test_recordings_that_analyse_has_reduced_are_not_read_again_and_its_belt_is_held_against_the_poles(
+    run, belted, tmp_path, monkeypatch
+):
     campaign = shutil.copytree(belted, tmp_path / "car")
     (campaign / "results").mkdir()
-    assert run("twoport", campaign).exit_code == 0
+    ran = run("twoport", campaign)
+    assert ran.exit_code == 0
+    assert "joint route" not in ran.stdout
     monkeypatch.setattr("fourpole.study.workers.run_job", None)
-    assert run("twoport", campaign).exit_code == 0
+    both = (
+        (7.01, 0.05, "7.01 ± 0.10", "they agree"),
+        (7.3, 0.05, "7.30 ± 0.10", "they differ by 6 u of their difference"),
+    )
+    for mass, std, by_tests, said in both:
+        specimens_csv(campaign, "belt", mass, std)
+        ran = run("twoport", campaign)
+        assert ran.exit_code == 0
+        line = f"{by_tests} kg by the joint route (results/specimens.csv): {said}"
+        assert line in " ".join(ran.stdout.split())
 
 
 def test_without_the_library_of_uff_the_rest_is_written(run, belted, tmp_path, monkeypatch):

@@ -26,6 +26,7 @@ def figures():
 
 NAMES = (
     "mobility", "masses", "curvature", "ramp", "relaxation", "prony", "leakage", "faults-in-c", "faults-in-k2",
+    "twoport",
 )  # fmt: skip
 
 

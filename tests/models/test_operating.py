@@ -5,14 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.belted_rig import BeltedRig
 
 from fourpole.core.rig import Rig
 from fourpole.core.routes import maxwell_arm
+from fourpole.core.specimen import Form, Specimen
 from fourpole.models.choice import fit_conditions
 from fourpole.models.data import StiffnessData
 from fourpole.models.families import model_named
 from fourpole.models.linearised import Scatter
-from fourpole.models.operating import OperatingMap, make_map
+from fourpole.models.operating import Answer, OperatingMap, make_map
 from fourpole.models.surface import Axes
 
 pytestmark = pytest.mark.thorough
@@ -283,3 +285,21 @@ def test_errors_of_the_parameters_are_those_of_an_answer_without_scatter(maps):
         rows = np.stack([slopes.real, slopes.imag], axis=1)
         wanted = calm.ask(np.repeat(point[None], OMEGA.size, axis=0), OMEGA / (2 * np.pi)).stiffness_covariance
         assert rows @ np.swapaxes(rows, 1, 2) == pytest.approx(wanted, rel=close, abs=close * np.abs(wanted).max())
+
+
+def test_tr_of_a_specimen_with_a_belt_is_that_of_a_rig_in_nodes():
+    """Its uncertainty, too: that of Re K* alone is the slope of TR."""
+    lab = BeltedRig(moving_mass=15.0, c_rig=15.0, gains=(1, 1, 1), delays=(0, 0, 0))
+    rig = Rig(moving_mass=15.0, preload_stiffness=lab.k_rig, preload_damping=lab.c_rig)
+    frequency = np.array([10.0, 17.0, 24.0, 60.0])
+    contact, rim = lab.springs(2 * np.pi * frequency)
+    belt, covariance = Specimen(Form.BELT, lab.belt, 0.2), np.zeros((4, 3, 3))
+    covariance[:, 0, 0] = 100.0**2
+
+    def tr(change):
+        answer = Answer.of(1 / (1 / contact + 1 / rim) + change, np.ones(4), covariance, 2 * np.pi * frequency)
+        return answer.transmissibility(rig, frequency, belt)
+
+    whole = [lab.test(2 * np.pi * f, 0.0, rigid=False) for f in frequency]
+    np.testing.assert_allclose(tr(0.0)[0], [abs(v2 / v1) for _, v1, v2 in whole], rtol=1e-9)
+    np.testing.assert_allclose(tr(0.0)[1], np.abs(tr(50.0)[0] - tr(-50.0)[0]), rtol=1e-4)

@@ -30,7 +30,7 @@ from fourpole.virtual import RADIAL_PLY
 WITH_DATA = tuple(key for key, spec in FIGURES.items() if spec.data is not None)
 OF_MODELS = ("model-choice", "spectrum", "amplitude", "map")
 #: Figures whose points are no tests, or of what these results do not have.
-UNLINKED = ("budget", "signals", "rig-found", "mass-gain", "model-choice", "spectrum", "amplitude")
+UNLINKED = ("budget", "signals", "rig-found", "mass-gain", "model-choice", "spectrum", "amplitude", "modes")
 AGAINST_FREQUENCY = ("first-stiffness", "first-tr", "stiffness", "storage-loss", "arm", "tr")
 HEADS = {
     "|K*| [kN/m]": lambda t: np.hypot(t["Re K* [N/m]"], t["Im K* [N/m]"]) / 1e3,
@@ -167,7 +167,7 @@ def test_no_panel_has_more_than_six_lines_of_one_colour_without_a_label(twelve, 
     results = twelve_fitted if modelled else twelve
     data = figure_data(results, key)
     if data is None:
-        assert key in ("signals", *OF_MODELS)
+        assert key in ("signals", "modes", *OF_MODELS)
         return
     for panel in data.panels:
         if panel.names:
@@ -284,7 +284,7 @@ def test_no_figure_by_question_has_a_unit_that_the_campaign_does_not_want(fitted
     wanted = in_units(fitted, pressure="psi", stiffness="lbf/in", deflection="um", force="lbf")
     data = figure_data(wanted, key)
     if data is None:
-        assert key in ("signals", "model-choice", "spectrum", "amplitude")
+        assert key in ("signals", "modes", "model-choice", "spectrum", "amplitude")
         return
     fields = [panel.field for panel in data.panels if panel.field is not None]
     shown = {axis.unit for panel in data.panels for axis in (panel.x, panel.y)} | {one.unit for one in fields}

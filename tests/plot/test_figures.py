@@ -22,7 +22,7 @@ pytestmark = pytest.mark.thorough
 SCHEMES = ("fig01", "fig02", "fig03", "fig04")
 MODELS = ("model-choice", "spectrum", "amplitude", "map")
 #: Figures without axes, or of what these results do not have.
-OTHERS = ("rig", "signals")
+OTHERS = ("rig", "signals", "modes")
 DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS, *OTHERS))
 TYRES = {"cross-ply": CROSS_PLY, "radial-ply": RADIAL_PLY}
 LOW_HIGH = {"fig06": 1000.0, "fig07": 2000.0, "fig08": 1000.0, "fig09": 2000.0, "fig10": 1000.0, "fig11": 2000.0,

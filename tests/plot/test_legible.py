@@ -18,8 +18,8 @@ from fourpole.virtual import RADIAL_PLY
 
 pytestmark = pytest.mark.thorough
 
-#: Figures of these results; "spectrum" and "amplitude" are of models that they do not have, "signals" of recordings.
-OTHERS = ("spectrum", "amplitude", "signals")
+#: Figures of what these results do not have: such models ("spectrum" and "amplitude"), recordings, masses of specimens.
+OTHERS = ("spectrum", "amplitude", "signals", "modes")
 #: Figures that differ from the one before in the preload alone.
 AGAIN = ("fig07", "fig09", "fig11", "fig13")
 KEYS = tuple(key for key in FIGURES if key not in (*OTHERS, *AGAIN))

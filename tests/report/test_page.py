@@ -17,6 +17,7 @@ import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.plot.conftest import results_of
 from tests.plot.modelled import study_with_models
 from tests.plot.rig_found import MISFIT, VALUES, budget_table, residual_table, rig_table, with_rig_found
 from tests.report.browser import launched, renewed, watched
@@ -672,6 +673,13 @@ def test_models_stand_out_in_light_and_dark(visit):
     named = ["#models code", "#models .f.found", "#models caption", "#models td small", "#models td i"]
     named += ["#models .misfit p", "#models summary", "#models .note", "#models h4"]
     assert faint_in_either_scheme(page, named) == []
+
+
+def test_ranges_of_page_one_need_no_bar_at_1100_pixels(visit):
+    page = visit(results_of(), viewport={"width": 1100, "height": 800})
+    table = page.get_by_role("region", name="Results", exact=True)
+    assert "–" in table.locator("tbody tr").first.inner_text()
+    assert table.evaluate("box => box.scrollWidth <= box.clientWidth")
 
 
 def test_the_table_of_the_rig_scrolls_by_itself_on_a_narrow_screen(visit):

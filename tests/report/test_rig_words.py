@@ -257,6 +257,18 @@ def test_what_the_tests_do_not_show_stands_with_its_size_its_effect_and_its_key(
     )
 
 
+def test_what_shows_at_no_possible_size_has_a_remedy_and_no_number(plain):
+    said = of(with_values(plain, VALUES, unseen=[component(never=True, shift=4425.0)]))
+    what = "cross-talk of V2 in V1, +9.8 % of its size"
+    text = (
+        f"These data would not show {what}, at this or any smaller size, but TR would contain it. Remedy: look for a "
+    )
+    assert said.unseen == (
+        f"{text}cable, a ground or an amplifier that the two channels share, or state std_crosstalk.",
+    )
+    assert said.estimate.unseen[0].brief == f"{what} at this or any smaller size (std_crosstalk states it)"
+
+
 def test_of_many_components_the_first_are_listed(plain):
     texts = of(with_values(plain, VALUES, unseen=[component(shift=50.0 - at, key="") for at in range(10)])).unseen
     assert len(texts) == 9

@@ -12,6 +12,7 @@ from fourpole.campaign import read_campaign
 from fourpole.core.condition import FREQUENCY
 from fourpole.errors import CampaignError
 from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
+from fourpole.guess.write import WEIGHT
 from fourpole.report.digits import spread
 from fourpole.study.identify import no_rig, possible_route
 
@@ -44,6 +45,8 @@ def run_init(folder: Path, pattern: Sequence[str] | None, *, force: bool, as_jso
     for number, doubt in enumerate(guess.doubts, 1):
         out(f"{number:>3}. {doubt.text}")
         out(f"     -> {doubt.remedy}")
+    if guess.moving:
+        out(f"question: what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states {WEIGHT}")
     out(f"written: campaign.toml and tests.csv in {folder}, {len(guess.rows)} tests")
     out(following)
 
@@ -82,6 +85,7 @@ def _document(guess: GuessedCampaign, following: str) -> dict[str, object]:
         },
         "rig": dict(guess.rig),
         "doubts": [asdict(doubt) for doubt in guess.doubts],
+        "questions": {"specimen_mass": WEIGHT} if guess.moving else {},
         "left out": [{"file": file, "why": why} for file, why in guess.left_out],
         "next": following,
     }

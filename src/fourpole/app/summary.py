@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from textwrap import wrap
 
 from fourpole import quantities as q
 from fourpole.findings.conformity import Decision
 from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
-from fourpole.report.digits import in_unit, with_interval
+from fourpole.report.digits import in_unit, in_units, with_interval
 from fourpole.report.front import verdict_line
+from fourpole.report.words.inertia import short_lines
 from fourpole.study.study import Study
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)
@@ -25,14 +27,16 @@ _LONGEST = 24
 
 
 def summary_lines(results: Study) -> list[str]:
-    """The lines of the table; none without a test in use."""
+    """The lines of the table, and a sentence for each specimen with a mass; none without a test in use."""
     every = summary(results, most=None)
     lines = _lines(bounded(every, MOST_CONDITIONS), results.shown)
     if len(lines) > _MOST_LINES:
         rows = bounded(every, 0)
         found = (_lines(rows, results.shown, most) for most in range(_MOST, 0, -1))
         lines = next(lines for lines in found if len(lines) <= _MOST_LINES)
-    return lines
+    with in_units(results.shown):
+        masses = [f"{line}; K* is that of its springs" for line in short_lines(results)]
+    return [*lines, *(part for line in masses for part in wrap(line, _WIDTH, subsequent_indent=" "))]
 
 
 def limit_lines(results: Study, held: Sequence[Decision]) -> list[str]:

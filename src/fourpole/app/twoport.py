@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from math import hypot, nan
 from pathlib import Path
 
 import numpy as np
 
+from fourpole import quantities as q
 from fourpole.app.console import out, print_json, print_table, progress, say, warn
 from fourpole.campaign import read_campaign
+from fourpole.core.condition import AXES
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.specimen import Form
 from fourpole.core.specimenfit import UNLIKELY
-from fourpole.errors import FileError
+from fourpole.errors import FileError, FourpoleError
 from fourpole.export.twoports import write_two_ports
+from fourpole.fitting.inertia import inertias_in
 from fourpole.io.folders import make_folder
+from fourpole.io.published import published
 from fourpole.io.staging import staged
 from fourpole.io.write import write_bytes, write_table
 from fourpole.report.digits import PLUS_MINUS, number, with_u
+from fourpole.study.inertia import FoundBody
 from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 
 #: Poles of the printed table, with their places.
@@ -32,15 +39,48 @@ def run_twoport(campaign: Path, folder: Path | None, workers: int | None, *, as_
         found, lacks = measure_two_ports(stated, cache=cache, workers=workers, progress=advance)
     for lack in lacks:
         warn(f"no four poles of {lack}")
+    known = _masses_of(campaign / "results")
+    held = [_against(two_port, known) for two_port in found]
     files = _written(found, stated.stated.title or stated.folder.name, make_folder(folder or campaign / "twoport"))
     if as_json:
-        print_json({"rows": two_port_table(found).to_dicts(), "lacks": lacks, "written": [str(path) for path in files]})
+        print_json(
+            {
+                "rows": two_port_table(found).to_dicts(),
+                "lacks": lacks,
+                "masses": held,
+                "written": [str(path) for path in files],
+            }
+        )
         return
-    for two_port in found:
+    for two_port, said in zip(found, held, strict=True):
         _show(two_port)
+        out(said) if said else None
     out(f"poles are in kN/m, Re and Im; {PLUS_MINUS}, of the worse part")
     for path in files:
         out(f"written: {path}")
+
+
+def _masses_of(results: Path) -> list[FoundBody]:
+    """The masses that an analysis found by the joint route; none without one."""
+    with suppress(FourpoleError):
+        return [FoundBody(row) for row in inertias_in(published(results)).rows]
+    return []
+
+
+def _against(two_port: TwoPort, known: Sequence[FoundBody]) -> str:
+    """The mass of the form against that by the joint route, as a sentence; empty where either is lacking."""
+    test, fit = two_port.test, two_port.form
+    place = {axis.column: nan if (value := test.value(axis.name)) is None else value for axis in AXES}
+    body = next((one for one in known if one.is_at(test.tyre, place)), None)
+    if fit is None or body is None:
+        return ""
+    mass, std = body.pair(q.BELT_MASS)
+    by_tests = f"{with_u(mass, std)} kg by the joint route (results/specimens.csv)"
+    if fit.specimen.form is Form.MASSLESS:
+        return f"{body.form.value} mass: none here, {by_tests}"
+    apart = abs(fit.specimen.mass - mass) / hypot(fit.mass_std, std)
+    verdict = "they agree" if apart <= COVERAGE_FACTOR else f"they differ by {apart:.2g} u of their difference"
+    return f"{body.form.value} mass: {with_u(fit.specimen.mass, fit.mass_std)} kg here, {by_tests}: {verdict}"
 
 
 def _written(found: Sequence[TwoPort], title: str, folder: Path) -> list[Path]:

@@ -33,6 +33,7 @@ class Topic(StrEnum):
     """The headings of findings, in the order of the report."""
 
     TRUST = "trust"
+    INERTIA = "inertia"
     STATIC = "static stiffness"
     NONLINEARITY = "nonlinearity"
     DYNAMIC = "dynamic stiffness"

@@ -10,6 +10,7 @@ import numpy as np
 from fourpole.findings.claims import claims
 from fourpole.findings.facts import Facts, pairs
 from fourpole.findings.finding import Finding
+from fourpole.findings.inertia import inertias
 from fourpole.findings.levels import Comparison, Level, compare, cycle_losses, level_of, linearity
 from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import Trend, trend_of
@@ -51,7 +52,8 @@ def findings(results: Study) -> list[Finding]:
     quantities = (K2, *by_k_star, C, LOSS_FACTOR, *(quantity for quantity in DERIVED if quantity.topic))
     moving = [finding for quantity in quantities for finding in _quantity(facts, quantity)]
     static = [*_quantity(facts, K1), *linearity(facts)]
-    return [*trust, *static, *moving, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]
+    mass = inertias(results)
+    return [*trust, *mass, *static, *moving, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]
 
 
 def by_size(findings: Sequence[Finding]) -> list[Finding]:

@@ -11,9 +11,8 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError, UnitError
-from fourpole.fitting.inertia import InertiaFile, mean_inertia
-from fourpole.fitting.modelfile import ConditionFile, ModelFile
-from fourpole.fitting.query import maps_of, place_of
+from fourpole.fitting.modelfile import ModelFile
+from fourpole.fitting.query import inertia_of, maps_of, place_of
 from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import Model
 from fourpole.models.operating import OperatingMap
@@ -149,7 +148,7 @@ def placed_at(
     fitted = file.condition_at(specimen, own)  # None for a map or a pressure between tests
     values = found.parameters(point[None])[0] if fitted is None else np.array(fitted.values)
     if belt is None:
-        inertia = _inertia(file, specimen, fitted)
+        inertia = inertia_of(file, specimen, fitted)
         belt = MASSLESS if inertia is None else inertia.specimen
     if belt.form is Form.ROD:
         remarks = (
@@ -158,15 +157,6 @@ def placed_at(
         )
         belt = MASSLESS
     return PlacedModel(specimen, label, own, found, point, values, (*remarks, *_at_reference(file, specimen)), belt)
-
-
-def _inertia(file: ModelFile, name: str, fitted: ConditionFile | None) -> InertiaFile | None:
-    """The inertia of a specimen: that of the condition, or else the mean of all conditions."""
-    mapped, entry = file.map_entry(name), file.model_entry(name)
-    if fitted is None and entry is not None:
-        return mean_inertia([one.inertia for one in entry.conditions])
-    one = fitted or mapped
-    return None if one is None else one.inertia
 
 
 def _at_reference(file: ModelFile, name: str) -> list[str]:

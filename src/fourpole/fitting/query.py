@@ -17,6 +17,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AMPLITUDE, AXES
 from fourpole.core.polar import polar
 from fourpole.core.rig import Rig
+from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
 from fourpole.fitting.byamplitude import (
     answer_at,
@@ -26,11 +27,13 @@ from fourpole.fitting.byamplitude import (
     levels_of_map,
     outside_levels,
 )
+from fourpole.fitting.inertia import InertiaFile, mean_inertia
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, model_of
 from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
 from fourpole.fitting.static import StaticFile
+from fourpole.models.belted import MASSLESS
 from fourpole.models.linearised import Scatter
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
@@ -110,7 +113,9 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     static = None if condition is None else condition.static  # if the static test was joined as a ramp
     if far.any():
         answer = _wider(answer, static, reduced, frequency)
-    columns = _columns(answer, query.rig or rig_in(file.rig), frequency)
+    inertia = inertia_of(file, tyre, condition)
+    specimen = MASSLESS if inertia is None else inertia.specimen
+    columns = _columns(answer, query.rig or rig_in(file.rig), frequency, specimen)
     apart, moved = (outside, ()) if shift is None else (max(outside, shift.outside), shift.remarks)
     place = found.axes.constant | dict(zip(found.axes.names, point.tolist(), strict=True))
     place |= {} if amplitude is None else {AMPLITUDE.column: amplitude}
@@ -134,9 +139,18 @@ def _wider(answer: Answer, static: StaticFile | None, reduced: FloatArray, frequ
     return Answer.of(answer.stiffness, answer.k1, covariance, 2 * np.pi * frequency)
 
 
-def _columns(answer: Answer, rig: Rig | None, frequency: FloatArray) -> dict[str, FloatArray]:
+def inertia_of(file: ModelFile, name: str, fitted: ConditionFile | None) -> InertiaFile | None:
+    """The inertia of a specimen: that of the condition, or else the mean of all conditions."""
+    mapped, entry = file.map_entry(name), file.model_entry(name)
+    if fitted is None and entry is not None:
+        return mean_inertia([one.inertia for one in entry.conditions])
+    one = fitted or mapped
+    return None if one is None else one.inertia
+
+
+def _columns(answer: Answer, rig: Rig | None, frequency: FloatArray, specimen: Specimen) -> dict[str, FloatArray]:
     """Values (Q,) of an answer by column, with TR on a rig, which is not-a-number without one."""
-    tr = answer.transmissibility(rig, frequency) if rig is not None else np.full((2, frequency.size), np.nan)
+    tr = np.full((2, frequency.size), np.nan) if rig is None else answer.transmissibility(rig, frequency, specimen)
     return {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
 
 

@@ -105,6 +105,11 @@ class GuessedCampaign:
     doubts: tuple[Doubt, ...]
     left_out: tuple[tuple[str, str], ...]
 
+    @property
+    def moving(self) -> bool:
+        """Whether a test is more than static."""
+        return bool({row.kind for row in self.rows} & set(MOVING_KINDS))
+
     def write(self, *, force: bool = False) -> list[Path]:
         """Write campaign.toml and tests.csv and return their paths; CampaignError if one exists, unless `force`."""
         with campaign_lock(self.folder):
@@ -123,8 +128,11 @@ _QUESTIONS = """\
 # simultaneous = true
 # Keys of a channel, in its { }: coupling = "dc", "ac" or "iepe" of its amplifier; std_delay = "10 us"
 # of motion_in: mounted = "specimen", or "drive" or "rig" if nobody touches the sensor when the specimen changes
-# Of a tyre or specimen below: specimen_mass = "9 kg", its weight; then its own mass is looked for in each test
 """
+#: The question that stands in the table of each tyre and in what `init` prints.
+WEIGHT = (
+    "its weight, of a tyre without the rim; then its own mass, as of a belt, is always looked for, and is not in K*"
+)
 _WRITTEN = ("campaign.toml", "tests.csv")
 
 
@@ -156,7 +164,7 @@ def campaign_toml(guess: GuessedCampaign) -> str:
     )
     files = "".join(_doubts(guess, about) for about in ("files", "names"))
     parts = [comment(head) + files + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess)]
-    parts += [_QUESTIONS if {row.kind for row in guess.rows} & set(MOVING_KINDS) else "", *_tyres(guess)]
+    parts += [_QUESTIONS if guess.moving else "", *_tyres(guess)]
     return "\n".join(part for part in parts if part)
 
 
@@ -225,7 +233,9 @@ def _tyres(guess: GuessedCampaign) -> list[str]:
     parts = [_doubts(guess, "tyre")] if any(doubt.about == "tyre" for doubt in guess.doubts) else []
     for name, construction in guess.constructions.items():
         key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
-        parts.append(f"[tyres.{key}]\n" + (f"construction = {quoted(construction)}\n" if construction else ""))
+        stated = f"construction = {quoted(construction)}\n" if construction else ""
+        weight = f'# specimen_mass = "9 kg"    # an example, not yours: {WEIGHT}\n' if guess.moving else ""
+        parts.append(f"[tyres.{key}]\n{stated}{weight}")
     return ["".join(parts[:2]), *parts[2:]] if parts and parts[0].startswith("#") else parts
 
 

@@ -18,7 +18,9 @@ from fourpole.core.confidence import CHANCE
 from fourpole.core.curvature import arm_covariance
 from fourpole.core.rig import Rig
 from fourpole.core.routes import maxwell_arm
+from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
+from fourpole.models.belted import MASSLESS
 from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.interface import Model
 from fourpole.models.laws import Laws
@@ -112,19 +114,22 @@ class Answer(ByValue):
         by = np.stack([-self.loss_factor, np.ones(self.k1.size)], axis=1) / self.stiffness.real[:, None]
         return np.sqrt(np.einsum("qi,qij,qj->q", by, self.stiffness_covariance, by))
 
-    def transmissibility(self, rig: Rig, frequency: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def transmissibility(
+        self, rig: Rig, frequency: ArrayLike, specimen: Specimen = MASSLESS
+    ) -> tuple[FloatArray, FloatArray]:
         """TR (Q,) [1] on a rig at the frequencies of the points (Q,) [Hz], and its standard uncertainty.
 
-        The uncertainty includes that of the rig.
+        K* is that of the springs of `specimen`. The uncertainty includes that of the rig.
         """
         omega = 2 * np.pi * np.asarray(frequency, dtype=float)
         if rig.blocked:
             return np.zeros(omega.shape), np.zeros(omega.shape)
-        above = 1j * omega * rig.impedance(omega)
-        whole = self.stiffness + above
-        ratio = self.stiffness / whole
+        ends = specimen.ends(self.stiffness, omega)
+        above = 1j * omega * rig.impedance(omega) - omega**2 * ends.wheel
+        whole = ends.spring + above
+        ratio = ends.spring / whole
         # Derivatives of log TR by K* and by the values of the rig.
-        by_stiffness = above / (self.stiffness * whole)
+        by_stiffness = (ends.by[:, 0, 0] * above + omega**2 * ends.by[:, 0, 2]) / (self.stiffness * whole)
         by_rig = -(1j * omega / whole)[:, None] * rig.impedance_gradient(omega)[:, :-1]
         both = np.stack([by_stiffness.real, -by_stiffness.imag], axis=1)
         variance = np.einsum("qi,qij,qj->q", both, self.stiffness_covariance, both)

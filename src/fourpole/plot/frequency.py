@@ -23,6 +23,7 @@ from fourpole.plot.fitted import (
     residuals_said,
     title_of,
 )
+from fourpole.plot.inertia import MASSLESS_KEY, massless_reading
 from fourpole.plot.marks import points_of
 from fourpole.plot.names import counted, lacking
 from fourpole.plot.sheet import Sheet, few, not_all, read_sheet, spread
@@ -41,6 +42,7 @@ from fourpole.plot.states import (
     values_on,
 )
 from fourpole.quantities import Quantity
+from fourpole.study.inertia import bodies_in
 from fourpole.study.study import Study
 
 #: Largest number of specimens in a figure, of panels in a row, and of curves in a panel with a colour scale.
@@ -48,6 +50,8 @@ _MOST_TYRES, _MOST_COLUMNS, _MOST_CURVES = 6, 3, 12
 #: Largest number of preloads in a panel with a colour scale.
 _MOST_DASHES = 3
 _STIFFNESS, _PARTS, _ARM = (q.MODULUS, q.LOSS_ANGLE), (q.STORAGE, q.LOSS), (q.K2, q.C)
+#: Quantities beside which stands what a reading that knows no mass would say.
+_MASSLESS = (*_STIFFNESS, *_PARTS)
 #: Axes that have another name than their column.
 _NAMED = {q.TR_MEASURED: q.TR}
 #: Height of a figure of the first page [in].
@@ -89,18 +93,23 @@ def by_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData |
     chosen, scale, dashes = chosen_curves(results, {tyre: groups[tyre] for tyre in shown}, notes)
     curves = list(chain(*chosen.values()))
     log = _logarithmic(curves, sheet)
+    massless = not {*quantities}.isdisjoint(_MASSLESS) and bool(bodies_in(results))
     columns = next((n for n in (_MOST_COLUMNS, 2) if len(shown) % n == 0), min(len(shown), _MOST_COLUMNS))
     panels: list[Panel] = []
     for start in range(0, len(shown), columns):
         row = shown[start : start + columns]
-        block = [condition_panel(results, one, chosen[tyre], known, log=log) for one in quantities for tyre in row]
+        block = [
+            condition_panel(results, one, chosen[tyre], known, log=log, massless=massless and one in _MASSLESS)
+            for one in quantities
+            for tyre in row
+        ]
         panels += headed(results, block, row)
     alike = common(results, [curve.state for curve in curves])
     said = [*alike, *_models_said(results, sheet, panels, shown), *notes]
     return FigureData(
         panels=tuple(panels), columns=columns, names=sheet.labels, scale=scale, dashes=dashes,
         notes=(*said, *_tests_said(sheet, known, quantities[0])), panel_height=2.1 if len(shown) <= columns else 1.6,
-        block=len(quantities),
+        block=len(quantities), key=(MASSLESS_KEY,) if massless else (),
     )  # fmt: skip
 
 
@@ -168,9 +177,12 @@ def _known(sheet: Sheet, quantities: Sequence[Quantity]) -> tuple[BoolArray, lis
 
 
 def condition_panel(
-    results: Study, quantity: Quantity, curves: Sequence[Shown], known: BoolArray, *, log: bool
+    results: Study, quantity: Quantity, curves: Sequence[Shown], known: BoolArray, *, log: bool, massless: bool = False
 ) -> Panel:
-    """The panel of one quantity: for each condition the model's curve, the tests and the rejected tests."""
+    """The panel of one quantity: for each condition the model's curve, the tests and the rejected tests.
+
+    With `massless`, what a reading that knows no mass would say stands beside K* of the springs.
+    """
     sheet = read_sheet(results, texts_only=True)
     frequency, (values, stds) = sheet.values(q.FREQUENCY.head), values_of(sheet, quantity)
     seen = results.shown.of(_NAMED.get(quantity, quantity))
@@ -191,6 +203,7 @@ def condition_panel(
         ):
             rows = mask & known & state.rows
             series += points_of(results, rows, (frequency, unit * values), like, stds=(None, unit * stds))
+        series += massless_reading(results, state, quantity, marks) if massless else []
     if quantity in RESIDUALS:
         return residual_panel(quantity, series, log=log)
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(seen), tuple(series))

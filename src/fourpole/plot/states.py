@@ -19,11 +19,13 @@ from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.query import response
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.fitting.stated import rig_in
+from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import Answer
 from fourpole.plot.fitted import DECADE, Drawn, conditions_of
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, read_sheet
 from fourpole.quantities import Quantity, ShownUnits
+from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
 
 #: Number of points of a model's curve.
@@ -56,6 +58,12 @@ class State(ByValue):
     def on(self, column: str) -> float:
         """Value on an axis in SI; not-a-number where it is not stated."""
         return self.place.get(column, np.nan)
+
+
+def body_of(results: Study, state: State) -> FoundBody | None:
+    """The mass that was found of the specimen at this condition."""
+    tyre = str(results.dynamic[q.TYRE.head][int(np.flatnonzero(state.rows)[0])])
+    return next((body for body in bodies_in(results) if body.is_at(tyre, state.place)), None)
 
 
 def tested(results: Study, tests: BoolArray) -> list[State]:
@@ -219,18 +227,18 @@ def curve_of(results: Study, state: State, quantity: Quantity) -> tuple[FloatArr
     if quantity in (q.K2, q.C):
         made = _arm(results, state, found, quantity)
     elif quantity in (q.TR_MEASURED, q.TR_PREDICTED):
-        made = _transmissibility(results, found)
+        made = _transmissibility(results, state, found)
     elif quantity not in (q.MODULUS, q.LOSS_ANGLE, q.STORAGE, q.LOSS):
         return None
     else:
-        value, by = _part(quantity, k)
+        value, by = part_of(quantity, k)
         made = value, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", by, covariance, by), 0.0))
     if made is None or not np.any(np.isfinite(made[0])):
         return None
     return found.frequency, made[0] / quantity.scale, NORMAL_95 * made[1] / quantity.scale
 
 
-def _part(quantity: Quantity, k: ComplexArray) -> tuple[FloatArray, FloatArray]:
+def part_of(quantity: Quantity, k: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """A part of K* (N,) and its derivatives (N, 2) by Re and Im."""
     if quantity in (q.MODULUS, q.LOSS_ANGLE):
         values, slopes = polar(k)
@@ -259,9 +267,14 @@ def _arm(results: Study, state: State, found: ModelCurve, quantity: Quantity) ->
     return (answer.k2, answer.c)[at], np.sqrt(answer.arm_covariance[:, at, at])
 
 
-def _transmissibility(results: Study, found: ModelCurve) -> tuple[FloatArray, FloatArray] | None:
+def _transmissibility(results: Study, state: State, found: ModelCurve) -> tuple[FloatArray, FloatArray] | None:
     rig = model_rig(results)
-    return None if rig is None or rig.blocked else _answer(found, 0.0, 0.0).transmissibility(rig, found.frequency)
+    if rig is None or rig.blocked:
+        return None
+    assert state.model is not None
+    inertia = state.model.entry.conditions[state.model.at].inertia
+    specimen = MASSLESS if inertia is None else inertia.specimen
+    return _answer(found, 0.0, 0.0).transmissibility(rig, found.frequency, specimen)
 
 
 def model_rig(results: Study) -> Rig | None:
@@ -279,6 +292,6 @@ def values_of(sheet: Sheet, quantity: Quantity) -> tuple[FloatArray, FloatArray]
     (real, u_real), (imag, u_imag) = ((sheet.values(one.head), sheet.values(one.u_head)) for one in (q.STORAGE, q.LOSS))
     cross = np.nan_to_num(sheet.values(q.CORR_K.head)) * u_real * u_imag
     with np.errstate(divide="ignore", invalid="ignore"):
-        value, by = _part(quantity, real + 1j * imag)
+        value, by = part_of(quantity, real + 1j * imag)
         variance = (by[:, 0] * u_real) ** 2 + (by[:, 1] * u_imag) ** 2 + 2 * by[:, 0] * by[:, 1] * cross
     return value / quantity.scale, np.sqrt(np.maximum(variance, 0.0)) / quantity.scale

@@ -19,6 +19,7 @@ from fourpole.findings.finding import Topic
 from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, summary
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.digits import in_unit, number, with_interval
+from fourpole.report.words.inertia import short_lines
 from fourpole.report.words.limits import Limit, limits
 from fourpole.report.words.phrases import counted, joined, percent, some
 from fourpole.report.words.rig import rigs_in_words
@@ -163,6 +164,7 @@ def front_page(results: Study, said: Sequence[Sentence]) -> SimpleNamespace:
         particulars=[(name, str(stated[key])) for key, name in _PARTICULARS if stated.get(key)],
         specimens=_specimens(results),
         verdict=verdict_line(results, held),
+        inertia=short_lines(results),
         heading=_heading(table),
         note=_note(table) + (f" {more} more specimens stand on the second page." if more > 0 else ""),
         table=table,

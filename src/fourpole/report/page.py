@@ -23,6 +23,7 @@ from fourpole.report.front import front_page
 from fourpole.report.html import inline, packaged, rendered, svg_address
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, channel_rows, result_rows, rig_rows, tested
+from fourpole.report.words.inertia import inertia_table
 from fourpole.report.words.limits import limits
 from fourpole.report.words.phrases import counted, joined
 from fourpole.report.words.rig import RigInWords, rigs_in_words
@@ -36,8 +37,8 @@ from fourpole.study.tables import verdict_counts
 PARTS = {
     name: packaged(f"parts/{name}.html")
     for name in (
-        "macros", "front", "tested", "findings", "rig", "rig-as-found", "limits", "results", "remarks", "models",
-        "figures", "cards", "run", "compared",
+        "macros", "front", "tested", "inertia", "findings", "rig", "rig-as-found", "limits", "results", "remarks",
+        "models", "figures", "cards", "run", "compared",
     )
 }  # fmt: skip
 #: The scripts of the page, in their order: tables, curves, and what is the page's own.
@@ -171,6 +172,7 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         "tyre_index": {tyre: at for at, tyre in enumerate(dict.fromkeys(card.tyre for card in cards))},
         "verdicts": VERDICTS,
         "topics": topics,
+        "inertia": inertia_table(results),
         "rigs": rig_rows(record),
         "channels": channel_rows(record),
         "sample_rate": section(record, "stated").get("sample_rate [Hz]"),
@@ -293,6 +295,7 @@ def folded(results: Study, *, topics: int, findings: int, remarks: int, figures:
     return {
         "tested": f"{counted(tests, 'test')} on {counted(len(specimens), 'specimen')}, with their conditions.",
         "findings": f"{counted(findings, 'sentence')} on {counted(topics, 'topic')}, the largest effects first.",
+        "inertia": "Belt masses, their frequencies and springs, with U.",
         "rig": f"As campaign.toml states them{notes}.",
         "rig-as-found": "The rig as stated does not fit these tests."
         if misfits

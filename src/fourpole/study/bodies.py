@@ -1,4 +1,4 @@
-"""The inertia of specimens as found: the rows of specimens.csv, and what is said of it."""
+"""The inertia of specimens as found: the rows of specimens.csv."""
 
 from __future__ import annotations
 
@@ -36,12 +36,16 @@ def _inertia(joint: Joint, found: Found) -> dict[str, Any]:
     """The cells of a specimen with a mass."""
     specimen, belt = found.specimen, found.specimen.form is Form.BELT
     free, held = specimen.frequencies(found.stiffness)[0].tolist()
+    free_std, held_std, share_std = found.stds.tolist()
     return {
         q.BELT_MASS.head: specimen.mass,
         q.BELT_MASS.u_head: found.mass_std,
         q.BELT_FREE.head: free,
+        q.BELT_FREE.u_head: free_std,
         q.BELT_HELD.head: held,
+        q.BELT_HELD.u_head: held_std,
         q.BELT_SHARE.head: float(np.abs(specimen.share_at(np.asarray(found.stiffness)))) if belt else None,
+        q.BELT_SHARE.u_head: share_std if belt else None,
         q.BELT_EXPONENT.head: specimen.exponent if belt else None,
         q.BELT_EVIDENCE.head: joint.misfit.belts,
     }

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -15,7 +15,6 @@ from fourpole import quantities as q
 from fourpole.core.arrays import short_repr
 from fourpole.core.joint.misfit import Candidate
 from fourpole.core.sources import Kind, Role, Source
-from fourpole.core.specimen import Form
 from fourpole.words import cause_words, explained
 
 #: A found value whose uncertainty is above this share of the stated uncertainty rests in part on the statement.
@@ -76,7 +75,6 @@ class NoteCode(StrEnum):
     NOISE = "noise"
     UNSTEADY = "unsteady drive"
     SCATTER = "scatter"
-    BELT = "belt"
     DRIFT = "drift"
     STEP = "step"
     BLOCK = "block"
@@ -159,30 +157,10 @@ class Outlier:
 
 
 @dataclass(frozen=True)
-class FoundBody:
-    """The mass of a specimen as found [kg] with its standard uncertainty, and its first frequency, rim held [Hz]."""
-
-    specimen: str
-    form: str
-    mass: float
-    mass_std: float
-    frequency: float
-
-    @property
-    def words(self) -> str:
-        """The mass in words."""
-        what = "a belt of" if self.form == Form.BELT.value else "a mass, spread along it, of"
-        return (
-            f"{self.specimen or 'the specimen'} has {what} {self.mass:.3g} kg (U = {2 * self.mass_std:.2g} kg, k = 2), "
-            f"which moves at {self.frequency:.3g} Hz with the rim held"
-        )
-
-
-@dataclass(frozen=True)
 class Unseen:
     """A component that moves a result before these tests would show it; see `fourpole.core.joint.unseen.Unseen`.
 
-    `words` name it with its size, `key` of campaign.toml states it.
+    `words` name it with its size, `key` of campaign.toml states it; `never`: it does not show at any possible size.
     """
 
     source: Source
@@ -192,16 +170,20 @@ class Unseen:
     shift: float
     words: str
     key: str = ""
+    never: bool = False
 
     @property
-    def key_words(self) -> str:
-        """The key of campaign.toml that states the component, for the end of a bracket."""
-        return f"; {self.key} states it" if self.key else ""
+    def brief(self) -> str:
+        """The component with its effect and its key, for a list."""
+        if self.never:
+            return f"{self.words} at this or any smaller size{f' ({self.key} states it)' if self.key else ''}"
+        key = f"; {self.key} states it" if self.key else ""
+        return f"{self.words} ({self.result} is then off by {self.shift:.0f} u{key})"
 
     @property
     def record(self) -> dict[str, Any]:
         """Its record in study.json."""
-        numbers = {name: getattr(self, name) for name in ("unit", "size", "result", "shift", "words", "key")}
+        numbers = {name: getattr(self, name) for name in ("unit", "size", "result", "shift", "words", "key", "never")}
         return {"component": self.source.text, **numbers}
 
 
@@ -245,8 +227,6 @@ class RigEstimate:
         The components that move a result by more than 2 u before they show, the largest shift first.
     order : RunOrder
         The order of the tests in the run, along which a specimen may drift.
-    bodies : tuple of FoundBody
-        The specimens with a mass of their own.
     outliers : tuple of Outlier
         In the order of residuals.csv.
     massed : bool
@@ -277,7 +257,6 @@ class RigEstimate:
     rests: str = ""
     unseen: tuple[Unseen, ...] = ()
     order: RunOrder = RunOrder.ROWS
-    bodies: tuple[FoundBody, ...] = ()
     outliers: tuple[Outlier, ...] = ()
     massed: bool = False
     unshared_masses: bool = False
@@ -318,7 +297,6 @@ class RigEstimate:
             NoteCode.NOISE: self.fits and self.inflation > _WORTH_SAYING,
             NoteCode.UNSTEADY: self.unsteady > 0,
             NoteCode.SCATTER: self.scatter > _SCATTERS,
-            NoteCode.BELT: bool(self.bodies),
             NoteCode.DRIFT: bool(self.drifts),
             NoteCode.STEP: bool(self._of_specimens(Kind.STEP)),
             NoteCode.BLOCK: bool(self._of_specimens(Kind.BLOCK)),
@@ -338,7 +316,6 @@ class RigEstimate:
             shown=f"; {self.explained}" if self.causes else "",
             strange=f"{len(self.outliers)} tests do" if many else "1 test does",
             counts="count" if many else "counts",
-            belts="; ".join(body.words for body in self.bodies),
             drifts="; ".join(
                 f"K* of {value.source.of} drifts by {100 * (value.found or 0.0):+.2g} % over the run"
                 for value in self.drifts
@@ -392,7 +369,6 @@ class RigEstimate:
         record = {name: getattr(self, name) for name in _RECORDED}
         record["notes"] = [self.note(code) for code in self.notes]
         record["note_codes"] = [str(code) for code in self.notes]
-        record["specimens"] = [asdict(body) for body in self.bodies]
         record["unseen"] = [component.record for component in self.unseen]
         record["candidates"] = [_candidate_record(candidate) for candidate in self.candidates]
         if self.mass_gain:
@@ -420,7 +396,6 @@ _NOTES = {
         "K* repeats to {rig.scatter:.2%} from test to test, besides the noise; each row has K* of its own test: look "
         "at temperature, conditioning and amplitude if this scatter is too large"
     ),
-    NoteCode.BELT: "{belts}; K* is that of its springs, without inertia",
     NoteCode.DRIFT: "{drifts}, {order}; each row has K* of its own place in the run",
     NoteCode.STEP: "{steps}, {order}; each row has K* of its own place in the run",
     NoteCode.BLOCK: "{blocks}; each row has K* of its own test",

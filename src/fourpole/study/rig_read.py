@@ -14,7 +14,6 @@ from fourpole.fitting.rows import keys_of
 from fourpole.study.record import section
 from fourpole.study.rig_estimate import (
     CELLS,
-    FoundBody,
     NoteCode,
     Outlier,
     RigEstimate,
@@ -75,7 +74,6 @@ def _recorded(record: dict[str, Any]) -> dict[str, Any]:
         "converged": record.get("converged") is not False,
         "candidates": tuple(_candidate(cells) for cells in candidates if section(cells).get("text")),
         "unseen": tuple(_unseen(cells) for cells in _list(record.get("unseen")) if section(cells).get("component")),
-        "bodies": tuple(_body(cells) for cells in _list(record.get("specimens")) if section(cells).get("form")),
         "order": next((order for order in RunOrder if order == record.get("order")), RunOrder.ROWS),
         "unshared_masses": NoteCode.UNSHARED_MASSES in _list(record.get("note_codes")),
         "mass_gain": mass_gain(*(section(record, "gain_of_masses", side) for side in ("without", "with"))),
@@ -107,15 +105,11 @@ def _values(rows: pl.DataFrame) -> tuple[SharedValue, ...]:
     )
 
 
-def _body(cells: dict[str, Any]) -> FoundBody:
-    mass, std, frequency = (number(cells.get(name)) or 0.0 for name in ("mass", "mass_std", "frequency"))
-    return FoundBody(str(cells.get("specimen") or ""), str(cells["form"]), mass, std, frequency)
-
-
 def _unseen(cells: dict[str, Any]) -> Unseen:
     texts = [str(cells.get(name) or "") for name in ("unit", "result", "words", "key")]
     size, shift = (number(cells.get(name)) or 0.0 for name in ("size", "shift"))
-    return Unseen(Source.read(str(cells["component"])), texts[0], size, texts[1], shift, texts[2], texts[3])
+    never = cells.get("never") is True
+    return Unseen(Source.read(str(cells["component"])), texts[0], size, texts[1], shift, texts[2], texts[3], never)
 
 
 def _candidate(cells: dict[str, Any]) -> Candidate:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,6 @@ from fourpole.core.checks import Check, Code, Verdict
 from fourpole.core.components import key_of
 from fourpole.core.identify import Identification
 from fourpole.core.joint import Joint
-from fourpole.core.joint.belts import found_specimens
 from fourpole.core.joint.misfit import Candidate, cause_of, pulls
 from fourpole.core.joint.outputs import Outputs
 from fourpole.core.joint.shared import SharedParameter
@@ -23,18 +22,8 @@ from fourpole.core.joint.unseen import Unseen as UnseenComponent
 from fourpole.core.joint.unseen import unseen
 from fourpole.core.phasor import Phasors
 from fourpole.core.sources import RATIOS, Kind, Role, Source
-from fourpole.core.specimen import Form
 from fourpole.fitting.rows import Key
-from fourpole.study.rig_estimate import (
-    FoundBody,
-    Outlier,
-    RigEstimate,
-    RigFinding,
-    SharedValue,
-    Unseen,
-    hidden_in,
-    number,
-)
+from fourpole.study.rig_estimate import Outlier, RigEstimate, RigFinding, SharedValue, Unseen, hidden_in, number
 from fourpole.words import cause_words
 
 #: A value is not determined by the tests if its uncertainty after them is more than this share of the stated one.
@@ -83,7 +72,6 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
         ),
         rests=_rests(joint, values, hidden),
         unseen=hidden,
-        bodies=tuple(_bodies(joint)),
         outliers=tuple(
             Outlier(test, factor, point)
             for (test, point), factor in zip(keys, joint.outlier.tolist(), strict=True)
@@ -92,17 +80,6 @@ def rig_estimate(rig: str, keys: Sequence[Key], joint: Joint, values: Outputs) -
         massed=massed,
         unshared_masses=len({mass for _, mass in pairs}) > 1 and len({label for label, _ in pairs}) == len(pairs),
     )
-
-
-def _bodies(joint: Joint) -> Iterator[FoundBody]:
-    """Each specimen with a mass, by the first of its conditions."""
-    seen = set()
-    for found in found_specimens(joint.problem, joint.solution):
-        name = joint.problem.names[int(joint.problem.observed.specimen[found.test])]
-        if found.specimen.form is not Form.MASSLESS and name not in seen:
-            seen.add(name)
-            frequency = float(found.specimen.frequencies(found.stiffness)[0, 0])
-            yield FoundBody(name, found.specimen.form.value, found.specimen.mass, found.mass_std, frequency)
 
 
 def _values(joint: Joint) -> list[SharedValue]:
@@ -209,8 +186,7 @@ def _rests(joint: Joint, values: Outputs, hidden: Sequence[Unseen]) -> str:
     parts = [f"{_in_words(source)} ({100 * share:.0f} % of its u²)" for source, share in shares if share > _LEAST_SHARE]
     said = [f"K' rests on {', '.join(parts)}"] if parts else []
     if hidden:
-        named = [f"{component.words} ({component.result} is then off by {component.shift:.0f} u{component.key_words})"
-                 for component in hidden[:_MOST_HIDDEN]]  # fmt: skip
+        named = [component.brief for component in hidden[:_MOST_HIDDEN]]
         more = f", and {len(hidden) - _MOST_HIDDEN} more" if len(hidden) > _MOST_HIDDEN else ""
         said.append(f"these tests would not show {'; '.join(named)}{more}")
     return "; ".join(said)
@@ -241,9 +217,8 @@ def unseen_components(joint: Joint, values: Outputs) -> tuple[Unseen, ...]:
     """What the tests cannot see, with the words and the key of each."""
     return tuple(
         Unseen(
-            **{name: getattr(row, name) for name in ("source", "unit", "size", "result", "shift")},
-            words=cause_words(cause_of([_as_parameter(joint, row)], np.array([row.size]), np.zeros(1)))
-            + (" or less" if row.never else ""),
+            **{name: getattr(row, name) for name in ("source", "unit", "size", "result", "shift", "never")},
+            words=cause_words(cause_of([_as_parameter(joint, row)], np.array([row.size]), np.zeros(1))),
             key=key_of(row.source),
         )
         for row in unseen(joint, values)

@@ -45,7 +45,9 @@ def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
             frequency = float(joint.problem.observed.omega[found.test]) / (2 * np.pi)
             _, rim = LABS[name].springs(frequency, int(joint.problem.observed.family[found.test]))
             free = np.sqrt(rim.real / true) / (2 * np.pi)
-            assert found.specimen.frequencies(found.stiffness)[0, 0] == pytest.approx(free, rel=0.05)
+            off = found.specimen.frequencies(found.stiffness)[0, 0] - free
+            assert abs(off) < 4 * found.stds[0]
+            assert abs(off) < 0.05 * free
 
 
 @pytest.mark.statistical

@@ -237,12 +237,15 @@ class Found:
     mass_std : float [kg]
     stiffness : complex [N/m]
         K* of this test.
+    stds : (3,) float array [Hz], [Hz], [1]
+        Standard uncertainties of both first frequencies, and of the modulus of the share, at this K*.
     """
 
     test: int
     specimen: Specimen
     mass_std: float
     stiffness: complex
+    stds: FloatArray
 
 
 def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
@@ -250,6 +253,7 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
     observed, conditions, shared = problem.observed, problem.conditions, problem.shared
     stds = (np.sqrt(np.diag(solution.covariance)) * shared.std).tolist()
     std = {row.key: one for row, one in zip(shared.parameters, stds, strict=True)}
+    place = {row.key: at for at, row in enumerate(shared.parameters)}
     mass, share, exponent = observed.belts(shared, solution.z)
     made = []
     for family in np.unique(conditions.family).tolist():
@@ -257,11 +261,46 @@ def found_specimens(problem: Problem, solution: Solution) -> list[Found]:
         middle = int(own[np.argsort(conditions.mean_frequency[own])[own.size // 2]])
         test, stiffness = int(conditions.starts[middle]), complex(solution.stiffness[middle])
         number = int(observed.specimen[test])
-        key = (Source(Kind.BELT_MASS, problem.names[number]), number)
+        name, at = problem.names[number], int(observed.family[test])
+        key = (Source(Kind.BELT_MASS, name), number)
         specimen, own_std = Specimen(), std.get(key, 0.0)
+        further: FloatArray = np.zeros(3)
         if mass[test] > 2 * own_std:
             form = Form.ROD if observed.rod[test] else Form.BELT
             springs = complex(np.exp(share[test])), float(exponent[test]), complex(observed.reference[test])
             specimen = Specimen(form, float(mass[test]), *springs)
-        made.append(Found(test, specimen, own_std, stiffness))
+            keys = [key, *((Source(kind, name), at) for kind in (Kind.BELT_SHARE, Kind.BELT_ANGLE))]
+            keys.append((Source(Kind.BELT_EXPONENT, name), number))
+            change = np.zeros((6, len(shared)))
+            for row, one in enumerate(keys):
+                if one in place:
+                    change[row, place[one]] = shared.std[place[one]]
+            change[4:] = -solution.slope[middle]
+            covariance = change @ solution.covariance @ change.T
+            covariance[4:, 4:] += solution.own[middle]
+            further = _stds(specimen, stiffness, covariance)
+        made.append(Found(test, specimen, own_std, stiffness, further))
     return made
+
+
+def _stds(specimen: Specimen, stiffness: complex, covariance: FloatArray) -> FloatArray:
+    """Standard uncertainties (3,) of both frequencies [Hz] and of the share, by numerical derivatives.
+
+    `covariance` (6, 6) is that of the mass, of Re and Im of the logarithm of the share, of the exponent, and of Re and
+    Im of log K*.
+    """
+
+    def values(change: FloatArray) -> FloatArray:
+        mass, real, imag, exponent, *of_k = change.tolist()
+        moved_to = replace(
+            specimen,
+            mass=specimen.mass + mass,
+            share=specimen.share * np.exp(real + 1j * imag),
+            exponent=specimen.exponent + exponent,
+        )
+        k = np.array([stiffness * np.exp(complex(*of_k))])
+        return np.append(moved_to.frequencies(k)[0], np.abs(moved_to.share_at(k)))
+
+    size = 1e-4 * np.array([specimen.mass, 1.0, 1.0, 1.0, 1.0, 1.0])
+    slopes = np.stack([(values(one) - values(-one)) / (2 * one.sum()) for one in np.diag(size)], axis=1)
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes)))

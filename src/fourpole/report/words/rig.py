@@ -12,6 +12,7 @@ from fourpole.quantities import ShownUnits
 from fourpole.report.digits import known
 from fourpole.report.words.phrases import counted, joined, number, percent
 from fourpole.report.words.shared_values import ShownValue
+from fourpole.report.words.sources import remedy_of
 from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding
 from fourpole.study.study import Study
 from fourpole.words import cause_words
@@ -207,10 +208,12 @@ def _gain(found: RigEstimate) -> str:
 def _unseen(found: RigEstimate) -> Iterable[str]:
     """The components that move a result before the tests would show them, the largest first, as sentences."""
     for component in found.unseen[:_MOST_UNSEEN]:
-        key = f"; {component.key} in campaign.toml states it" if component.key else ""
-        yield (
-            f"These data would not show {component.words}, by which {component.result} would be off by "
-            f"{component.shift:.0f} u{key}."
-        )
+        if component.never:
+            effect = f"at this or any smaller size, but {component.result} would contain it"
+            key = f". Remedy: {remedy_of(component.source)}{f', or state {component.key}' if component.key else ''}"
+        else:
+            effect = f"by which {component.result} would be off by {component.shift:.0f} u"
+            key = f"; {component.key} in campaign.toml states it" if component.key else ""
+        yield f"These data would not show {component.words}, {effect}{key}."
     if len(found.unseen) > _MOST_UNSEEN:
         yield f"{counted(len(found.unseen) - _MOST_UNSEEN, 'further component')} would move a result by more than 2 u."

@@ -8,6 +8,7 @@ from typing import Any
 
 from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.finding import Finding, Holds, Topic
+from fourpole.findings.inertia import Inertia
 from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Trend
@@ -16,6 +17,7 @@ from fourpole.quantities import ShownUnits
 from fourpole.report.digits import in_units
 from fourpole.report.words import resonances
 from fourpole.report.words.claims import claim, claims_summary, no_common_state
+from fourpole.report.words.inertia import inertia
 from fourpole.report.words.levels import comparison, cycle_loss, level, linearity, trend
 from fourpole.report.words.phrases import counted, some
 from fourpole.words import template
@@ -24,7 +26,9 @@ __all__ = ["Sentence", "headline", "sentences"]
 
 #: Tests that one sentence names; more are counted.
 _MOST_NAMED = 10
-_HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
+_HEADLINE = (
+    Topic.INERTIA, Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY,
+)  # fmt: skip
 _MOST_IN_HEADLINE = 8
 
 
@@ -57,6 +61,7 @@ def doubt(finding: Finding, found: Reason) -> str:
 _TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
     Tally: tally,
     Reason: doubt,
+    Inertia: inertia,
     Comparison: comparison,
     Level: level,
     Trend: trend,

@@ -99,9 +99,14 @@ def _filled(template: str, source: Source) -> str:
     )
 
 
+def remedy_of(source: Source) -> str:
+    """The remedy of a source before rig and tests are considered."""
+    return _filled(_WORDS[source.kind][1], source)
+
+
 def remedy(source: Source, about: About) -> str:
     """The cheapest remedy of a source."""
-    text = _filled(_WORDS[source.kind][1], source)
+    text = remedy_of(source)
     if source.kind is Kind.RIG_MISFIT or (source.kind is Kind.NOISE and not about.fits):
         best = f"resolve the misfit first; the best candidate is {about.candidate}"
         return best if about.candidate else _WORDS[Kind.RIG_MISFIT][1]
