@@ -12,7 +12,9 @@ READY_LOWEST := .venv-lowest/.ready
 READY_BENCH := .venv-bench/.ready
 # Recordings are worked on side by side; threads inside each small product only get in the way.
 export OPENBLAS_NUM_THREADS ?= 1
-# Python compiles what is imported when it is imported, which is a small part of all that is installed.
+# Python compiles what is imported when it is imported, which is a small part of all that is installed; it must keep that,
+# or each process that a test starts takes some seconds more. Images of containers often forbid it.
+unexport PYTHONDONTWRITEBYTECODE
 PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
