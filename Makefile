@@ -19,7 +19,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults lock clean
+.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -149,6 +149,10 @@ validate: $(READY)  ## thousands of virtual campaigns, faulty ones too; goes on 
 
 faults: $(READY) strace  ## errors, a full disk and kills at every call of two commands; 20 CPU minutes, goes on where it was
 	@$(BIN)/python -m tests.faults
+
+hostile: $(READY)  ## every command and every page on every folder that is made to harm; 20 CPU minutes
+	@$(BIN)/python -m tests.hostile
+	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest -q tests/served/test_hostile.py
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml
