@@ -12,12 +12,14 @@ READY_LOWEST := .venv-lowest/.ready
 READY_BENCH := .venv-bench/.ready
 # Recordings are worked on side by side; threads inside each small product only get in the way.
 export OPENBLAS_NUM_THREADS ?= 1
-# Python compiles what is imported when it is imported, which is a small part of all that is installed.
+# Python compiles what is imported when it is imported, which is a small part of all that is installed; it must keep that,
+# or each process that a test starts takes some seconds more. Images of containers often forbid it.
+unexport PYTHONDONTWRITEBYTECODE
 PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults lock clean
+.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -134,7 +136,7 @@ lowest-install:  ## install the lowest versions allowed
 	fi
 
 bench-install: $(READY_BENCH)  ## install the peers, and see that each script in bench/ finds them
-	@cd bench && for script in *.py; do ../.venv-bench/bin/python -c "import $${script%.py}" || exit 1; done
+	@cd bench && ../.venv-bench/bin/python -c "import glob, importlib; [importlib.import_module(name[:-3]) for name in glob.glob('*.py')]"
 
 # Each script writes what it found into bench/kept, and fails where a promise is not kept; the others run all the same.
 bench: $(READY_BENCH)  ## compare with the peers, write the table of docs/speed.md; fails where a promise is not kept
@@ -147,6 +149,10 @@ validate: $(READY)  ## thousands of virtual campaigns, faulty ones too; goes on 
 
 faults: $(READY) strace  ## errors, a full disk and kills at every call of two commands; 20 CPU minutes, goes on where it was
 	@$(BIN)/python -m tests.faults
+
+hostile: $(READY)  ## every command and every page on every folder that is made to harm; 20 CPU minutes
+	@$(BIN)/python -m tests.hostile
+	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest -q tests/served/test_hostile.py
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml

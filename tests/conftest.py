@@ -43,6 +43,14 @@ def one_recording_at_a_time() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(autouse=True, scope="session")
+def no_wait_for_the_disk() -> Iterator[None]:
+    """What is written need not outlast a power cut; the commands that strace traces wait, as those of users do."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.fsync", lambda descriptor: None)
+        yield
+
+
 @pytest.fixture(scope="session")
 def evaluate_claims() -> Callable[..., object]:
     """The function that judges the twelve claims of the paper, written for the tests alone."""

@@ -224,7 +224,8 @@ def publishing_experiment(folder: Path) -> Iterator[Experiment]:
     (results / "mine.txt").write_text("mine")
     with suppress(SystemExit):
         publish([str(results.parent)], FORMER)
-    with commands(["fourpole.app.console", "fourpole.io.published", "rich.console", "rich.markup", "typer"]) as loaded:
+    modules = ["fourpole.app.console", "fourpole.io.published", "rich.console", "rich.markup", "tests.faults", "typer"]
+    with commands(modules) as loaded:
         yield Experiment.of(loaded, results.parent, "tests.faults:publish", "campaign")
 
 

@@ -23,6 +23,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import polars as pl
@@ -160,15 +161,12 @@ def result(name: str, content: Callable[[], bytes]) -> Change:
     return change
 
 
-def zeros(count: int) -> Callable[[], bytes]:
-    """A table of Parquet whose columns have so many zeros in a few bytes."""
-
-    def content() -> bytes:
-        buffer = io.BytesIO()
-        pl.select(pl.zeros(count, dtype=pl.UInt8).alias("test")).write_parquet(buffer, compression="zstd")
-        return buffer.getvalue()
-
-    return content
+@cache
+def zeros(count: int) -> bytes:
+    """A table of Parquet whose columns have so many zeros in a few bytes; several cases have it, which is made once."""
+    buffer = io.BytesIO()
+    pl.select(pl.zeros(count, dtype=pl.UInt8).alias("test")).write_parquet(buffer, compression="zstd")
+    return buffer.getvalue()
 
 
 def archive(**members: bytes) -> bytes:
@@ -179,14 +177,21 @@ def archive(**members: bytes) -> bytes:
     return buffer.getvalue()
 
 
+@cache
 def bomb_of_numpy() -> bytes:
     head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (40000000,), }".ljust(117) + b"\n"
     return archive(t_npy=b"\x93NUMPY\x01\x00\x76\x00" + head + bytes(320_000_000))
 
 
+@cache
 def bomb_of_excel() -> bytes:
     sheet = b'<worksheet><sheetData><row r="1"><c t="inlineStr"><is><t>' + bytes(b"a" * 300_000_000)
     return archive(xl__workbook_xml=b"<workbook><sheets/></workbook>", xl__worksheets__sheet1_xml=sheet)
+
+
+@cache
+def bomb() -> bytes:
+    return gzip.compress(bytes(300_000_000), 1)
 
 
 def recording(name: str, content: Callable[[], bytes]) -> Change:
@@ -259,10 +264,10 @@ SINGLE: dict[str, tuple[Change, tuple[str, ...]]] = {
     "a list of other kinds": (listed("a.csv", results=[1], sizes={"a": {}}, settings=7), ("rig", "analyse", "verify")),
     "hashes of other kinds": (listed("a.csv", sha256={"../beside/secret.toml": 5}), ("verify", "analyse")),
     "hashes of files outside": (listed("a.csv", sha256={"../beside/secret.toml": "0" * 64}), ("verify", "lab")),
-    "many zeros for phasors": (result("phasors.parquet", zeros(400_000_000)), ("rig", "causality", "export")),
-    "many zeros for the covariance": (result("covariance.parquet", zeros(400_000_000)), ("fit", "compare")),
+    "many zeros for phasors": (result("phasors.parquet", partial(zeros, 400_000_000)), ("rig", "causality", "export")),
+    "many zeros for the covariance": (result("covariance.parquet", partial(zeros, 400_000_000)), ("fit", "compare")),
     "an integer of many digits": (result("model.json", lambda: b'{"a": ' + b"1" * 5000 + b"}"), ("query", "verify")),
-    "a compressed bomb": (recording("D1.csv.gz", lambda: gzip.compress(bytes(300_000_000), 1)), ("check", "info")),
+    "a compressed bomb": (recording("D1.csv.gz", bomb), ("check", "info")),
     "a bomb of NumPy": (recording("D1.npz", bomb_of_numpy), ("check", "info")),
     "a bomb of a workbook": (recording("D1.xlsx", bomb_of_excel), ("check", "info")),
     "names": (names, ("check", "analyse", "lab")),

@@ -2,6 +2,7 @@
 
 import ast
 from enum import Enum
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,17 @@ from fourpole.study.selection import select_tables
 from fourpole.virtual import FAULTS, simulate_campaign
 
 ROOT = Path(__file__).resolve().parents[1] / "src"
-MODULES = {
-    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
-        path.read_text(encoding="utf-8")
-    )
-    for path in sorted((ROOT / "fourpole").rglob("*.py"))
-}
+
+
+@cache
+def modules():
+    """Module -> its tree; read where a test asks, for all processes collect the tests and one runs them."""
+    return {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
+            path.read_text(encoding="utf-8")
+        )
+        for path in sorted((ROOT / "fourpole").rglob("*.py"))
+    }
 
 
 def imports_of(tree):
@@ -29,7 +35,7 @@ def imports_of(tree):
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 within = f"{node.module}.{alias.name}"
-                yield within if within in MODULES else node.module
+                yield within if within in modules() else node.module
         elif isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
 
@@ -48,7 +54,7 @@ def test_a_circle_is_seen():
 
 
 def test_imports_run_in_no_circle():
-    assert not circles({module: list(imports_of(tree)) for module, tree in MODULES.items()})
+    assert not circles({module: list(imports_of(tree)) for module, tree in modules().items()})
 
 
 #: Functions that make a check; their arguments by name are its values.
@@ -85,7 +91,7 @@ def test_a_check_with_words_is_seen(code):
 
 
 def test_checks_are_made_with_values_and_no_words():
-    found = {module: made for module, tree in MODULES.items() if (made := list(worded_values(tree)))}
+    found = {module: made for module, tree in modules().items() if (made := list(worded_values(tree)))}
     assert not found
 
 
@@ -163,4 +169,4 @@ def test_a_parsed_sentence_is_seen(code):
 
 
 def test_no_room_parses_a_sentence():
-    assert {(module, call) for module, tree in MODULES.items() for call in parsed_sentences(tree)} == SHOWN
+    assert {(module, call) for module, tree in modules().items() for call in parsed_sentences(tree)} == SHOWN

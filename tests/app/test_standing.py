@@ -74,6 +74,7 @@ def test_other_settings_are_analysed_again(analysed):
 
 
 def test_other_programs_are_analysed_again(analysed, monkeypatch):
+    monkeypatch.setattr(standing, "_programs", standing._programs.__wrapped__)  # anew, as in another process
     monkeypatch.setattr(standing, "version", lambda name: "0.0")
     assert STANDS not in run(analysed[0]).stderr
 

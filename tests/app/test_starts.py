@@ -17,7 +17,7 @@ from tests.served.server import Server, serving
 from fourpole.errors import FileError
 from fourpole.export.fmi.csource import COMPILERS
 from fourpole.report.pdf import browser
-from fourpole.virtual import simulate_campaign
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 pytestmark = pytest.mark.thorough
 
@@ -53,7 +53,7 @@ def noted(tmp_path, monkeypatch):
 
 def mixed(folder):
     """A small campaign, one recording of which a library reads."""
-    simulate_campaign(folder, pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 13.0, 16.0])
+    simulate_campaign(folder, tyres=[RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 13.0, 16.0])
     text = folder / "recordings" / "D2.csv"
     pl.read_csv(text).write_parquet(text.with_suffix(".parquet"))
     text.unlink()

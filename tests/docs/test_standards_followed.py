@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -30,15 +31,16 @@ def rows():
     return found
 
 
-def texts(path):
-    """Docstrings and all other texts of a module."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    return "\n".join(
-        one.value for one in ast.walk(tree) if isinstance(one, ast.Constant) and isinstance(one.value, str)
-    )
-
-
-NAMED = {path: set(NUMBER.findall(texts(path))) for path in sorted(PACKAGE.rglob("*.py"))}
+@cache
+def texts():
+    """Module -> its docstrings and all other texts."""
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))}
+    return {
+        path: "\n".join(
+            one.value for one in ast.walk(tree) if isinstance(one, ast.Constant) and isinstance(one.value, str)
+        )
+        for path, tree in trees.items()
+    }
 
 
 def test_the_table_is_read():
@@ -47,7 +49,8 @@ def test_the_table_is_read():
 
 def test_every_standard_in_the_code_has_a_row():
     known = set(rows())
-    missing = {path.relative_to(PACKAGE).as_posix(): names - known for path, names in NAMED.items() if names - known}
+    named = {path.relative_to(PACKAGE).as_posix(): set(NUMBER.findall(text)) for path, text in texts().items()}
+    missing = {file: names - known for file, names in named.items() if names - known}
     assert not missing, f"give these a row in {FOLLOWED.name}: {missing}"
 
 
@@ -61,7 +64,7 @@ def test_every_row_names_modules_that_name_the_standard(standard, files):
 
 
 def test_the_guide_is_named_by_its_number():
-    nameless = [path.name for path in NAMED if ALIAS.search(texts(path))]
+    nameless = [path.name for path, text in texts().items() if ALIAS.search(text)]
     assert not nameless, "name JCGM 100, 101 or 102 with its clause"
 
 

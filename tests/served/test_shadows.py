@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +15,7 @@ import pytest
 from tests.served.server import Server
 
 from fourpole.io.child import OWN_BYTES
+from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 pytestmark = [
     pytest.mark.thorough,
@@ -34,10 +34,12 @@ LONG = 120.0
 class Dropped:
     """A served folder whose campaign is full of modules and programs, as the folder itself is."""
 
-    def __init__(self, analysed: Path, folder: Path) -> None:
+    def __init__(self, folder: Path) -> None:
         self.root, self.note = folder / "root", folder / "ran"
         self.campaign = self.root / "one"
-        shutil.copytree(analysed, self.campaign, ignore=shutil.ignore_patterns("results"))
+        simulate_campaign(
+            self.campaign, tyres=[RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=[10.0, 13.0, 16.0]
+        )
         code = f"import sys\nopen({str(self.note)!r}, 'a').write(__file__ + repr(sys.argv))\nraise SystemExit(9)\n"
         for place in (self.root, self.campaign, self.campaign / "recordings"):
             for name in MODULES:
@@ -70,8 +72,8 @@ class Dropped:
 
 
 @pytest.fixture
-def dropped(tmp_path: Path, analysed: Path) -> Dropped:
-    return Dropped(analysed, tmp_path)
+def dropped(tmp_path: Path) -> Dropped:
+    return Dropped(tmp_path)
 
 
 @pytest.mark.parametrize("inside", [True, False])

@@ -11,6 +11,7 @@ import json
 import os
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -204,8 +205,12 @@ def _holds(campaign: Path, name: str, noted: list[Any] | None, sha256: str, veri
     return sha256_of(_place(campaign, name), max_bytes=_MOST_BYTES, within=campaign) == sha256
 
 
+@cache
 def _programs() -> dict[str, str]:
-    """Versions of the programs, and a mark of Fourpole's own files, which a developer changes without a version."""
+    """Versions of the programs, and a mark of Fourpole's own files, which a developer changes without a version.
+
+    They are those of this process, which has loaded them; so they are looked up once.
+    """
     found = {}
     for name in _PROGRAMS:
         with suppress(PackageNotFoundError):
