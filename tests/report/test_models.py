@@ -118,21 +118,26 @@ def test_verdicts_are_summed_up(fitted):
     assert verdicts(good) == "A massless, relaxing specimen can have this K*, within its uncertainty."
     assert verdicts(good, good) == "A massless, relaxing specimen can have K* as measured in all 2 conditions."
     assert verdicts(bad) == (
-        "No massless, relaxing specimen can have this K*: it would take an error of K* of up to 3.1 % at each "
-        "frequency. "
+        "No specimen, relaxing or with a mass or resonances, can have this K*: it would take an "
+        "error of K* of up to 3.1 % at each frequency. "
         "K* cannot be at 10, 12 Hz."
     )
     assert verdicts(good, bad, (False, 0.2, [14.0])) == (
-        "1 of 3 conditions is possible for a massless, relaxing specimen; in the others it would take an error of K* "
-        "of "
-        "up to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, 1000 N: K* at 14.0 Hz "
-        "cannot be."
+        "1 of 3 conditions is possible for a specimen, relaxing or with a mass or resonances; in the others it would take "
+        "an error of K* of up to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, "
+        "1000 N: K* at 14.0 Hz cannot be."
     )
     every = (False, 0.05, [10.0, 14.0, 17.0, 19.0, 24.0])
     assert verdicts(every, every) == (
-        "None of 2 conditions is possible for a massless, relaxing specimen; it would take an error of K* of up to "
-        "5.0 % "
-        "at each frequency. There K* cannot be at any of the frequencies."
+        "None of 2 conditions is possible for a specimen, relaxing or with a mass or resonances; it would "
+        "take an error of K* of up to 5.0 % at each frequency. There K* cannot be at any of the frequencies."
+    )
+    entry = judged(edited(fitted, discrepancy=0.0), [good]).models.models[0]
+    (one,) = entry.conditions[:1]
+    massed = one.verdict.model_copy(update={"holds": "mass", "mass": 1.02})
+    assert (
+        "with a mass of 1.02 kg at its driven end, which is taken off K* before the fit,"
+        in sentences(entry.model_copy(update={"conditions": [one.model_copy(update={"verdict": massed})]}))[-1]
     )
     lone = judged(fitted, [(False, 0.1, [])]).models.models[0]
     assert "No single frequency is at fault" in sentences(lone)[-1]

@@ -120,10 +120,10 @@ def fit(
 
 @registered("models.run_causality")
 def causality(results: Study, *, data: DataOptions, as_json: JsonFlag = False) -> None:
-    """Test whether a linear, massless, relaxing specimen can have K*, and name the frequencies where it cannot.
+    """The smallest passive, linear specimen that can have K*: relaxing, with a mass, with resonances, or none of these.
 
-    The best non-negative relaxation spectrum is compared with the data by their covariance, so the test also holds on
-    a narrow band. A specimen with inertia, as a belt or a hydromount has, fails it without a fault of the tests.
+    Sums of passive terms are compared with the data by their covariance, so the test also holds on a narrow band.
+    Errors of one number, such as a delay of V1, are named beside it; and frequencies that no such specimen can have.
     """
 
 

@@ -28,10 +28,11 @@ from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.folders import results_in
 from fourpole.io.published import publishing
-from fourpole.models.causality import Possible, check_possible
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
+from fourpole.models.ladder import Rung, Verdict, verdict_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number
+from fourpole.report.words.models import kind_that_holds, lie_in_words
 from fourpole.study.record import units_beside
 from fourpole.words import first_of
 
@@ -153,7 +154,7 @@ def fitted(results: Study, folder: Path) -> Study:
 
 
 def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
-    """Test of each condition whether a massless, relaxing specimen can have its K*, and print the verdicts."""
+    """The smallest kind of passive linear specimen that can have K* of each condition: print the verdicts."""
     path = results_in(results)
     measured = _read(path, data)
     if measured.known:
@@ -161,7 +162,7 @@ def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
     else:
         warn(f"the table states no uncertainty of K*: taken as {100 * _ASSUMED:g} %; state --std")
         measured = _read(path, data, _ASSUMED)
-    found = [(one, check_possible(one.data)) for one in measured.conditions]
+    found = [(one, verdict_of(one.data)) for one in measured.conditions]
     if as_json:
         rows = [{"tyre": one.tyre, "state": one.state, **_verdict(one, verdict)} for one, verdict in found]
         print_json({"source": measured.source, "conditions": rows})
@@ -175,22 +176,22 @@ def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
     if bad:
         say(
             "either the tests are at fault (a gain, a resonance, a tyre that had not settled), or their uncertainty is "
-            "too small, or the tyre is not linear, or it has inertia, as a belt or a hydromount has: that is no fault "
-            "of the tests; fourpole rig says what the rig explains"
+            "too small, or the tyre is not linear, or it has more inertia than these rungs; fourpole rig says what the "
+            "rig explains"
         )
         if hint := channel_hint(*zip(*found, strict=True)):
             say(hint)
 
 
-def _show_verdict(where: str, one: Measured, verdict: Possible) -> None:
-    text = (
-        f"{where}: {'possible' if verdict.possible else 'NOT possible'} for a massless, relaxing specimen (chi-square "
-    )
-    out(f"{text}{number(verdict.chi2)} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})")
-    if not verdict.possible:
+def _show_verdict(where: str, one: Measured, verdict: Verdict) -> None:
+    chi2 = f"(chi-square {number(verdict.chi2)} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})"
+    out(f"{where}: {kind_that_holds(verdict)} {chi2}")
+    if verdict.holds is Rung.NONE:
         out(f"  {_contradicting(verdict, one.own.count)}")
         error = 100 * lacking_error(one, verdict)
         out(f"  K* would be possible with an uncertainty of {error:.2g} % at each frequency")
+    for lie in verdict.lies:
+        out(f"  {lie_in_words(lie)}")
 
 
 def run_map(results: Path, model: str, data: Selection, file: Path | None, *, as_json: bool) -> None:
@@ -339,23 +340,28 @@ def _kept(what: str) -> Iterator[None]:
         warn(f"no {what} ({type(error).__name__}: {error}); the model file is written")
 
 
-def _verdict(one: Measured, verdict: Possible) -> dict[str, Any]:
+def _verdict(one: Measured, verdict: Verdict) -> dict[str, Any]:
     return {
         "possible": verdict.possible,
         "chi2": verdict.chi2,
         "dof": verdict.dof,
         "chance": verdict.chance,
+        "holds": verdict.holds.value,
+        "mass [kg]": verdict.mass,
+        "u(mass) [kg]": verdict.mass_std,
+        "resonances [Hz]": verdict.resonances.tolist(),
+        "or an error of": [{"of": lie.name, "size": lie.size, "unit": lie.unit} for lie in verdict.lies],
         "possible with an error of [1]": lacking_error(one, verdict),
-        "impossible [Hz]": verdict.impossible.tolist(),
-        "possible without K1": verdict.without_k1,
+        "impossible [Hz]": [] if verdict.possible else verdict.relaxing.impossible.tolist(),
+        "possible without K1": verdict.relaxing.without_k1,
     }
 
 
-def _contradicting(verdict: Possible, count: int) -> str:
+def _contradicting(verdict: Verdict, count: int) -> str:
     """The data that contradict the others."""
-    if verdict.without_k1:
+    if verdict.relaxing.without_k1:
         return "K* by itself is possible: it is K1 of the static test that contradicts it"
-    values = verdict.impossible.tolist()
+    values = verdict.relaxing.impossible.tolist()
     if len(values) == count:
         named = f"all {count} frequencies"
     elif values:

@@ -17,7 +17,8 @@ from fourpole.core.joint.solve import solve
 from fourpole.core.sources import Kind, Source
 from fourpole.fitting.measured import Measured
 from fourpole.fitting.near import common_likelihood
-from fourpole.models.causality import Possible, check_possible
+from fourpole.models.causality import check_possible
+from fourpole.models.ladder import Verdict
 
 #: Errors that are tried: the logarithm of a gain, or the phase [rad] by a delay at the highest frequency; and their
 #: standard uncertainty then, which leaves the error to the tests.
@@ -27,7 +28,7 @@ _WIDE = 0.05
 _ONE_VALUE = 0.05
 
 
-def channel_hint(measured: Sequence[Measured], verdicts: Sequence[Possible]) -> str:
+def channel_hint(measured: Sequence[Measured], verdicts: Sequence[Verdict]) -> str:
     """An error of V1's gain or delay with which all conditions are possible, as a sentence; empty if there is none.
 
     It is looked for if some condition is impossible and all conditions are from one rig with one mass.

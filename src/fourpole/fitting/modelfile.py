@@ -36,7 +36,8 @@ _LONGEST = 100_000
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static", "inertia")
+LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static", "inertia",
+         "holds", "mass", "resonances")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -59,9 +60,12 @@ class ParameterFile(Strict):
 
 
 class VerdictFile(Strict):
-    """Whether any massless, relaxing tyre can have K* as it was measured."""
+    """The smallest kind of passive linear specimen that can have K* as it was measured."""
 
     possible: bool
+    holds: str | None = Field(None, max_length=20, description="mass, resonant or none; left out for a relaxing one.")
+    mass: float | None = Field(None, description="Mass at the driven end that was taken off K* before the fit [kg].")
+    resonances: list[float] = Field([], max_length=10, description="Frequencies of its resonances [Hz].")
     chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
     misfit: float = Field(description="Relative error of K* at each frequency that would make it possible [1].")
     impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies at which K* is not possible [Hz].")
@@ -254,7 +258,8 @@ class ModelFile(Strict):
             ):
                 if not part[key]:
                     del part[key]
-        for part in (document, *models, *(one for entry in models for one in entry["conditions"])):
+        conditions = [one for entry in models for one in entry["conditions"]]
+        for part in (document, *models, *conditions, *(one["verdict"] for one in conditions if one["verdict"])):
             for key in LATER:
                 if key in part and part[key] in ([], None):
                     del part[key]

@@ -38,13 +38,14 @@ from fourpole.fitting.pressures import OverPressures, PressureFile, pressure_sen
 from fourpole.fitting.shifting import TemperatureFile
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence
-from fourpole.models.causality import Possible, check_possible, near_passive
+from fourpole.models.causality import near_passive
 from fourpole.models.choice import AUTO, STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import by_amplitude, for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
+from fourpole.models.ladder import Rung, Verdict, verdict_of, without_mass
 from fourpole.models.operating import OperatingMap
 from fourpole.models.profile import intervals
 from fourpole.models.shape import Shape
@@ -75,7 +76,7 @@ class TyreFit(ByValue):
         The best model, fitted to `data`.
     intervals : tuple of (P, 2) float arrays
         95 % profile-likelihood intervals of each condition.
-    verdicts : tuple of Possible
+    verdicts : tuple of Verdict
         Whether a passive linear tyre can have K* as measured, one per condition; empty if the uncertainty is not known.
     discrepancy : float [1]
         Model discrepancy: the relative error of K* that makes chi-square equal its degrees of freedom.
@@ -91,7 +92,7 @@ class TyreFit(ByValue):
     choice: Choice
     chosen: Trial
     intervals: tuple[FloatArray, ...]
-    verdicts: tuple[Possible, ...]
+    verdicts: tuple[Verdict, ...]
     discrepancy: float
     pressures: tuple[OverPressures, ...] = ()
     stopped: bool = False
@@ -223,7 +224,8 @@ def _fit_tyre(
     if by_amplitude(model):
         measured, told = told_apart(tyre, measured, model)
     stated = [one.data if told else near_passive(one.data) for one in measured]
-    verdicts = tuple(check_possible(one) for one in stated) if every.known and not told else ()
+    verdicts = tuple(verdict_of(one) for one in stated) if every.known and not told else ()
+    stated = [without_mass(*pair) for pair in zip(stated, verdicts, strict=True)] if verdicts else stated
     held = [known_values(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
@@ -434,22 +436,25 @@ def _candidate_entry(one: Trial) -> CandidateFile:
     )
 
 
-def lacking_error(measured: Measured, verdict: Possible) -> float:
-    """The relative error of K* at each frequency that would make it possible for a passive tyre; 0 if it is."""
+def lacking_error(measured: Measured, verdict: Verdict) -> float:
+    """The relative error of K* at each frequency that would make it possible for a relaxing tyre; 0 if it is."""
     return 0.0 if verdict.possible else model_discrepancy([measured.data])
 
 
 def _condition_entry(
-    measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Possible | None
+    measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Verdict | None
 ) -> ConditionFile:
     points = [point for name, point in measured.keys if name]
     judged = None
     if verdict is not None:
         judged = VerdictFile(
             possible=verdict.possible,
+            holds=None if verdict.holds is Rung.RELAXING else verdict.holds.value,
+            mass=verdict.mass if verdict.holds is Rung.MASS else None,
+            resonances=verdict.resonances.tolist(),
             chance=verdict.chance,
             misfit=lacking_error(measured, verdict),
-            impossible=verdict.impossible.tolist(),
+            impossible=[] if verdict.possible else verdict.relaxing.impossible.tolist(),
         )
     return ConditionFile(
         state=NamedValue.of(measured.state),

@@ -153,12 +153,7 @@ def _near_best(data: StiffnessData, enough: float) -> tuple[StiffnessData, Passi
 
 def _best(data: StiffnessData, enough: float) -> PassiveTyre:
     """The best passive tyre on a grid of times that is refined, and searched, until the probability is `enough`."""
-    omega = data.omega
-    low = data.lowest
-    decades = np.log10(omega.max() / low) + 2 * _BEYOND
-    count = int(np.ceil(decades * _PER_DECADE)) + 1
-    times: FloatArray = 1.0 / np.geomspace(low / 10**_BEYOND, omega.max() * 10**_BEYOND, count)[::-1]
-    whiten, before = data.whitener(), np.inf
+    whiten, before, times = data.whitener(), np.inf, grid_of(data)
     for _ in range(_ROUNDS):
         best = _with_times(data, whiten, times)
         if best.chance > enough or before - best.chi2 < _STUCK * (best.chi2 - best.dof):
@@ -167,9 +162,15 @@ def _best(data: StiffnessData, enough: float) -> PassiveTyre:
     return best if best.chance > enough else _with_best_times(data, whiten, best)
 
 
+def grid_of(data: StiffnessData) -> FloatArray:
+    """Relaxation times (T,) [s] evenly over the band of the data and beyond it, by their logarithms."""
+    low, high = data.lowest / 10**_BEYOND, float(data.omega.max()) * 10**_BEYOND
+    return 1.0 / np.geomspace(low, high, int(np.ceil(np.log10(high / low) * _PER_DECADE)) + 1)[::-1]
+
+
 def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> PassiveTyre:
     """The best passive tyre with given relaxation times."""
-    terms = _terms(data.omega, times, data.has_k1 and not data.ramp)
+    terms = terms_of(data.omega, times, known=data.has_k1 and not data.ramp)
     rows, target = data.whitened(whiten, terms), data.whitened(whiten, data.stiffness[:, None])[:, 0]
     if data.has_k1:  # one more row: K_inf, and the share of each arm if the static test was a ramp
         k1 = np.zeros(terms.shape[1])
@@ -203,7 +204,7 @@ def _with_best_times(data: StiffnessData, whiten: FloatArray, best: PassiveTyre)
             break
         arms = relaxation(data.omega, np.exp(place))
         slopes = data.whitened(whiten, tried.spectrum * arms * (1 - arms))
-        flat = data.whitened(whiten, _terms(data.omega, np.exp(place), False))
+        flat = data.whitened(whiten, terms_of(data.omega, np.exp(place), known=False))
         residuals = tried.whitened[: 2 * data.count]
         step = np.linalg.lstsq(np.concatenate([slopes, flat], axis=1), residuals, rcond=1e-12)[0]
         place = place + np.clip(step[: place.size], -_FARTHEST_MOVE, _FARTHEST_MOVE)
@@ -228,7 +229,7 @@ def _impossible(data: StiffnessData, far: FloatArray) -> tuple[np.ndarray, bool]
     return np.flatnonzero(far > _FAR), False
 
 
-def _terms(omega: FloatArray, times: FloatArray, known: bool) -> ComplexArray:
+def terms_of(omega: FloatArray, times: FloatArray, *, known: bool) -> ComplexArray:
     """K* of the terms per unit of their coefficients (N, k): K_inf, arms, a damper.
 
     If K1 is `known` at zero frequency, a second constant is an arm that relaxes too slowly for the band: it is part of

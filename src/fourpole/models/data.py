@@ -122,7 +122,7 @@ class StiffnessData(ByValue):
         relative = None
         if shared is not None:
             columns = np.asarray(shared, dtype=float)
-            whole = _with_shared(whole, columns, k.shape)
+            whole = with_shared(whole, columns, k.shape)
             relative = complex_columns(columns) / k[..., None]
         known = [np.broadcast_to(np.asarray(x, dtype=float), k.shape[:-1]) for x in (k1, k1_std)]
         return cls(w, k, whole, known[0], known[1], relative)
@@ -380,7 +380,7 @@ def real_columns(values: ComplexArray) -> FloatArray:
     return np.asarray(both.reshape(*values.shape[:-2], 2 * values.shape[-2], values.shape[-1]))
 
 
-def _with_shared(whole: FloatArray, shared: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+def with_shared(whole: FloatArray, shared: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """The covariance over all frequencies (..., 2N, 2N), with that of the shared errors added."""
     size = 2 * shape[-1]
     if shared.ndim < 2 or shared.shape[-2] != size:

@@ -14,8 +14,9 @@ from fourpole.core.condition import FREQUENCY, axis_of
 from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Holds
 from fourpole.findings.trends import Trend, trend_of
-from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
+from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, VerdictFile, map_of
 from fourpole.models.families import by_amplitude
+from fourpole.models.ladder import Lie, Rung, Verdict
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, spread
 from fourpole.report.words.levels import span
@@ -25,6 +26,8 @@ from fourpole.report.words.phrases import percent, ranged
 _NAMED = 6
 #: Shown unit, its SI value and the option of `fourpole query`, by the column of an axis.
 _AXES = {one.head: (one.suffix, one.scale, f"--{one.key}") for one in (q.PRESSURE, q.PRELOAD, q.TEMPERATURE)}
+#: The specimens of all rungs.
+_ANY = "relaxing or with a mass or resonances"
 _SPELLED = {"°C": "degC"}
 
 
@@ -75,14 +78,52 @@ def verdicts(entry: ModelEntry) -> list[str]:
                 "The uncertainty of K* is unknown, so a massless, relaxing specimen is neither excluded nor confirmed."
             ]
         case 1, 0:
-            return ["A massless, relaxing specimen can have this K*, within its uncertainty."]
+            return [f"{_kinds(judged)} can have this K*, within its uncertainty."]
         case count, 0:
-            return [f"A massless, relaxing specimen can have K* as measured in all {count} conditions."]
+            return [f"{_kinds(judged)} can have K* as measured in all {count} conditions."]
         case 1, _:
-            return [f"No massless, relaxing specimen can have this K*: {off}. {_where(bad[0])}."]
+            return [f"No specimen, {_ANY}, can have this K*: {off}. {_where(bad[0])}."]
     good = len(judged) - len(bad)
     opening = f"{good or 'None'} of {len(judged)} conditions {'is' if good < 2 else 'are'} possible"
-    return [f"{opening} for a massless, relaxing specimen; {'in the others ' if good else ''}{off}.", _listed(bad)]
+    return [f"{opening} for a specimen, {_ANY}; {'in the others ' if good else ''}{off}.", _listed(bad)]
+
+
+def kind_that_holds(verdict: Verdict) -> str:
+    """The kind of specimen that can have K*, in words."""
+    match verdict.holds:
+        case Rung.RELAXING:
+            return "possible for a massless, relaxing specimen"
+        case Rung.MASS:
+            mass = f"{verdict.mass:.3g} ± {2 * verdict.mass_std:.2g} kg"
+            return f"possible with a mass of {mass} at the specimen: is a plate not stated?"
+        case Rung.RESONANT:
+            places = " and ".join(f"{one:.3g}" for one in np.sort(verdict.resonances))
+            return f"possible for a specimen with a resonance at {places} Hz, as a belt or a hydromount has"
+    return "NOT possible for a passive specimen, relaxing, with a mass at its end or with resonances"
+
+
+def lie_in_words(lie: Lie) -> str:
+    """An error of the laboratory that would explain K* too."""
+    words = {
+        "delay": f"V1 {abs(1e3 * lie.size):.2g} ms {'late' if lie.size > 0 else 'early'} against F1, or more",
+        "compliance": f"{1 / abs(lie.size) / 1e6 if lie.size else np.inf:.3g} kN/mm, or less, in series",
+        "cross-talk": f"{abs(1e6 * lie.size):.2g} mm/s per kN, or more, of F1 in V1",
+    }
+    return f"or a massless, relaxing specimen with {words[lie.name]}"
+
+
+def _kinds(judged: Sequence[tuple[ConditionFile, VerdictFile]]) -> str:
+    """The kinds of specimen that can have K* of some conditions, as the subject of a sentence."""
+    holds = {verdict.holds for _, verdict in judged}
+    if holds == {None}:
+        return "A massless, relaxing specimen"
+    masses = [verdict.mass for _, verdict in judged if verdict.mass is not None]
+    if holds <= {None, Rung.MASS}:
+        low, high = min(masses), max(masses)
+        mass = f"{low:.3g}" if high - low < 0.01 * high else f"{low:.3g} to {high:.3g}"
+        return f"A relaxing specimen with a mass of {mass} kg at its driven end, which is taken off K* before the fit,"
+    places = [one for _, verdict in judged for one in verdict.resonances]
+    return f"A specimen with a resonance near {np.median(places):.3g} Hz, which no model here has,"
 
 
 def _listed(bad: Sequence[ConditionFile]) -> str:
