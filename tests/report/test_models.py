@@ -123,8 +123,8 @@ def test_verdicts_are_summed_up(fitted):
         "K* cannot be at 10, 12 Hz."
     )
     assert verdicts(good, bad, (False, 0.2, [14.0])) == (
-        "1 of 3 conditions is possible for a specimen, relaxing or with a mass or resonances; in the others it would take "
-        "an error of K* of up to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, "
+        "1 of 3 conditions is possible for a specimen, relaxing or with a mass or resonances; in the others it would "
+        "take an error of K* of up to 20 % at each frequency. At 1 bar, 2000 N: K* cannot be at 10, 12 Hz; at 1.7 bar, "
         "1000 N: K* at 14.0 Hz cannot be."
     )
     every = (False, 0.05, [10.0, 14.0, 17.0, 19.0, 24.0])
