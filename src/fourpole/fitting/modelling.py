@@ -17,6 +17,7 @@ from fourpole.core.notebook import notebook_html
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart
+from fourpole.fitting.byresiduals import by_residuals, misfit_of
 from fourpole.fitting.inertia import mean_inertia
 from fourpole.fitting.mapping import map_axes, map_of_model, map_text, mean_uncertainty
 from fourpole.fitting.measured import Measured, MeasuredSet
@@ -230,6 +231,8 @@ def _fit_tyre(
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
     choice = choose(data, None if model == "auto" else (model,), held)
+    if not every.known and not told:
+        choice, data, discrepancy = by_residuals(choice, stated, held, model)
     best, more, stopped = choice.best, 0.0, choice.stopped
     if best.chance < CHANCE:
         try:
@@ -256,7 +259,7 @@ def _widened(
     best: Trial, data: Sequence[StiffnessData], held: Sequence[Mapping[str, float]]
 ) -> tuple[Trial, list[StiffnessData], float]:
     """The candidate with the discrepancy [1] of its model, and the data to whose uncertainty this is added."""
-    more = model_discrepancy(data, lambda rows: _misfit(best.fit.model, rows, held))
+    more = model_discrepancy(data, lambda rows: misfit_of(best.fit.model, rows, held))
     wider = [with_error(one, more) for one in data]
     return replace(best, fits=fit_conditions(best.fit.model, wider, held)), wider, more
 
@@ -269,13 +272,13 @@ def _discrepancy(
         needed = model_discrepancy(stated, always=not known)
         if needed and known and model == "auto":  # a model that is not a relaxation may fit without it
             odd = (one for name in AUTO if not sizes_of(name) and not (one := model_named(name)).relaxing)
-            fits = (_misfit(one, stated, held) for one in odd)
+            fits = (misfit_of(one, stated, held) for one in odd)
             needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
         return needed
     if known:
         return 0.0  # `_fit_tyre` computes it if the model does not fit
     placed = model_named(model).placed(stated)
-    return model_discrepancy(stated, lambda rows: _misfit(placed, rows, held), always=True)
+    return model_discrepancy(stated, lambda rows: misfit_of(placed, rows, held), always=True)
 
 
 def _sharing(
@@ -297,12 +300,6 @@ def _sharing(
     start = np.stack([one.values for one in best.fits])
     found = fit_together(model, data, start, designs, shared=shared_effects(measured))
     return replace(best, fits=tuple(found.fits()))
-
-
-def _misfit(model: Model, data: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> tuple[float, int]:
-    """Chi-square and degrees of freedom of a model, summed over the conditions."""
-    fits = fit_conditions(model, data, given)
-    return sum(float(one.chi2) for one in fits), sum(one.dof for one in fits)
 
 
 def map_tyres(
