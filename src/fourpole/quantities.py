@@ -218,9 +218,7 @@ RIG = _text("rig", "name of the rig; empty where the campaign has one")
 TYRE = _text("tyre", "name of the tyre or specimen")
 CONSTRUCTION = _text("construction", "construction of the tyre")
 ROUTE = _text("route", "how K* was found")
-K_OF = _text(
-    "K* of", "springs: without inertia; driving point, blocked transfer: with that of the specimen, if it has any"
-)
+K_OF = _text("K* of", "springs: without inertia; driving point, blocked transfer: with that of the specimen")
 VERDICT = _text("verdict", "ok, warning or rejected")
 REMARKS = _text("remarks", "reasons for the verdict or the finding, and what to do")
 CONDITION = Quantity("condition", "condition", "condition", meaning="number shared by tests of one K*", kind="count")
@@ -417,13 +415,7 @@ SPECIMEN = Quantity("specimen", "specimen", "specimen", meaning="number of the s
 RUN_PLACE = Quantity(
     "run_place", "place", "place in the run", "1", "time from the mean of the specimen, in lengths of the run"
 )
-PART_OF_RUN = Quantity(
-    "part_of_run",
-    "part",
-    "part of the run",
-    meaning="number of the eighth of the specimen's tests, from 0",
-    kind="count",
-)
+PART_OF_RUN = Quantity("part_of_run", "part", "part of the run", meaning="eighth of the run, from 0", kind="count")
 OFF_CURVE = Quantity(
     "off_curve", "off curve", "deflection off the curve", "1",
     "logarithm of the deflection over that of neighbouring frequencies; 0 if repeats hardly differ in it",

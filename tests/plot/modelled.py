@@ -11,8 +11,9 @@ import polars as pl
 from tests.plot.conftest import results_of
 
 from fourpole.fitting.measured import measured_of
-from fourpole.fitting.modelfile import ModelFile, VerdictFile
+from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
+from fourpole.fitting.modelparts import VerdictFile
 from fourpole.models.families import model_named
 from fourpole.study.study import Study
 

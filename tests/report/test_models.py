@@ -13,7 +13,7 @@ from tests.report.test_page import Reader, on_page
 
 from fourpole import units
 from fourpole.findings.facts import Facts
-from fourpole.fitting.modelfile import VerdictFile
+from fourpole.fitting.modelparts import VerdictFile
 from fourpole.fitting.query import Query, ask
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section

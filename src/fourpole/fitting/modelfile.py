@@ -16,7 +16,16 @@ from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
 from fourpole.fitting.inertia import InertiaFile
-from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
+from fourpole.fitting.modelparts import (
+    LARGEST,
+    LONGEST,
+    Named,
+    NamedValue,
+    Strict,
+    VerdictFile,
+    check_covariance,
+    split_column,
+)  # fmt: skip
 from fourpole.fitting.pressures import PressureFile, check_pressures
 from fourpole.fitting.shifting import TemperatureFile, check_law
 from fourpole.fitting.stated import RigFile
@@ -32,7 +41,6 @@ from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import LeaveOneOut
 from fourpole.units import shown
 
-_LONGEST = 100_000
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
@@ -59,18 +67,6 @@ class ParameterFile(Strict):
     high: float | None = Field(description="Greatest value; null: none.")
 
 
-class VerdictFile(Strict):
-    """The smallest kind of passive linear specimen that can have K* as it was measured."""
-
-    possible: bool
-    holds: str | None = Field(None, max_length=20, description="mass, resonant or none; left out for a relaxing one.")
-    mass: float | None = Field(None, description="Mass at the driven end that was taken off K* before the fit [kg].")
-    resonances: list[float] = Field([], max_length=10, description="Frequencies of its resonances [Hz].")
-    chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
-    misfit: float = Field(description="Relative error of K* at each frequency that would make it possible [1].")
-    impossible: list[float] = Field(max_length=_LONGEST, description="Frequencies at which K* is not possible [Hz].")
-
-
 class CandidateFile(Strict):
     """A model that was tried, on all conditions of the tyre."""
 
@@ -92,9 +88,9 @@ class ConditionFile(Strict):
     """One tested condition, with the parameters fitted to it."""
 
     state: list[NamedValue] = Field(max_length=20)
-    tests: list[str] = Field(max_length=_LONGEST)
+    tests: list[str] = Field(max_length=LONGEST)
     points: list[int] = Field(
-        default_factory=list, max_length=_LONGEST, description="Point of each of `tests`; without it, 1."
+        default_factory=list, max_length=LONGEST, description="Point of each of `tests`; without it, 1."
     )
     band: Band = Field(description="Lowest and highest frequency fitted [Hz].")
     amplitude: Amplitudes = None
@@ -136,7 +132,7 @@ class ModelEntry(_Entry):
     shape: Shape | None = Field(default=None, description="Height, area and load of the specimen, where stated.")
     choice: str = Field(description="The choice of the model in words.")
     candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
-    conditions: list[ConditionFile] = Field(max_length=_LONGEST)
+    conditions: list[ConditionFile] = Field(max_length=LONGEST)
     temperature: TemperatureFile | None = Field(
         default=None, description="Law of the shift factors if the model is of a master curve."
     )
@@ -148,7 +144,7 @@ class ModelEntry(_Entry):
 class AxisFile(Named):
     """An axis of a map, with the value of each tested condition."""
 
-    values: list[float] = Field(max_length=_LONGEST)
+    values: list[float] = Field(max_length=LONGEST)
     logarithmic: StrictBool = Field(default=False, description="Whether the axis is scaled by its logarithm.")
 
 

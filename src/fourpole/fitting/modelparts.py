@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from fourpole.errors import ModelError
 
@@ -13,6 +13,8 @@ from fourpole.errors import ModelError
 _ROUND_OFF = 1e-6
 #: Largest modulus of a parameter in SI units, or of a coefficient: a relaxation time may be very long.
 LARGEST = 1e120
+#: Longest list of one condition.
+LONGEST = 100_000
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {
     "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
@@ -30,6 +32,18 @@ class Strict(BaseModel):
         populate_by_name=True,
         alias_generator=lambda name: _KEYS.get(name, name),
     )
+
+
+class VerdictFile(Strict):
+    """The smallest kind of passive linear specimen that can have K* as it was measured."""
+
+    possible: bool
+    holds: str | None = Field(None, max_length=20, description="mass, resonant or none; left out for a relaxing one.")
+    mass: float | None = Field(None, description="Mass at the driven end that was taken off K* before the fit [kg].")
+    resonances: list[float] = Field([], max_length=10, description="Frequencies of its resonances [Hz].")
+    chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
+    misfit: float = Field(description="Relative error of K* at each frequency that would make it possible [1].")
+    impossible: list[float] = Field(max_length=LONGEST, description="Frequencies at which K* is not possible [Hz].")
 
 
 class Named(Strict):

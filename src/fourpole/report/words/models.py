@@ -14,7 +14,8 @@ from fourpole.core.condition import FREQUENCY, axis_of
 from fourpole.findings.facts import Facts
 from fourpole.findings.finding import Holds
 from fourpole.findings.trends import Trend, trend_of
-from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, VerdictFile, map_of
+from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
+from fourpole.fitting.modelparts import VerdictFile
 from fourpole.models.families import by_amplitude
 from fourpole.models.ladder import Lie, Rung, Verdict
 from fourpole.quantities import ShownUnits
@@ -169,7 +170,7 @@ def place(one: ConditionFile, units: ShownUnits | None = None) -> str:
 
     Examples
     --------
-    >>> from fourpole.fitting.modelparts import NamedValue
+    >>> from fourpole.fitting.modelparts import NamedValue, VerdictFile
     >>> state = [NamedValue(name="pressure", unit="Pa", value=1.7e5), NamedValue(name="camber", unit="deg", value=2.0)]
     >>> place(
     ...     ConditionFile(
