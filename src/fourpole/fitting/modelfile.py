@@ -16,7 +16,7 @@ from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
 from fourpole.fitting.inertia import InertiaFile
-from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Strict, check_covariance, split_column
+from fourpole.fitting.modelparts import LARGEST, Named, NamedValue, Provenance, Strict, check_covariance, split_column
 from fourpole.fitting.pressures import PressureFile, check_pressures
 from fourpole.fitting.shifting import TemperatureFile, check_law
 from fourpole.fitting.stated import RigFile
@@ -183,16 +183,6 @@ class MapEntry(_Entry):
     static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at zero frequency.")
     choice: str
     inertia: InertiaFile | None = Field(default=None, description="Mean of the conditions.")
-
-
-class Provenance(Strict):
-    """Program, table and settings from which the document was made."""
-
-    fourpole: str
-    source: str
-    sha256: str
-    settings: dict[str, Any] = Field(default_factory=dict)
-    notes: list[str] = Field(default_factory=list)
 
 
 class ToleranceFile(Strict):

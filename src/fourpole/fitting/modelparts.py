@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from fourpole.errors import ModelError
 
@@ -13,6 +14,8 @@ from fourpole.errors import ModelError
 _ROUND_OFF = 1e-6
 #: Largest modulus of a parameter in SI units, or of a coefficient: a relaxation time may be very long.
 LARGEST = 1e120
+#: Key of the settings that has those of tyres of an earlier run.
+EARLIER = "earlier"
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {
     "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
@@ -30,6 +33,27 @@ class Strict(BaseModel):
         populate_by_name=True,
         alias_generator=lambda name: _KEYS.get(name, name),
     )
+
+
+class Provenance(Strict):
+    """Program, table and settings from which the document was made."""
+
+    fourpole: str
+    source: str
+    sha256: str
+    settings: dict[str, Any] = Field(default_factory=dict)
+    notes: list[str] = Field(default_factory=list)
+
+    @property
+    def earlier(self) -> dict[str, Any]:
+        """The settings of tyres that an earlier run of the command fitted, by tyre."""
+        found = self.settings.get(EARLIER)
+        return found if isinstance(found, dict) else {}
+
+    def settings_of(self, tyre: str) -> dict[str, Any]:
+        """The settings with which a tyre was fitted."""
+        found = self.earlier.get(tyre, self.settings)
+        return found if isinstance(found, dict) else {}
 
 
 class Named(Strict):
