@@ -2,15 +2,23 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
 import pytest
 from tests.unlisted import unlisted
 
-from fourpole.app.models import _fixed
+from fourpole.app.models import SHOWING, _fixed
 from fourpole.models.families import model_named
-from fourpole.virtual import RADIAL_PLY, simulate_campaign
+from fourpole.plot import FIGURES
+from fourpole.study.results import read_results
+from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
+
+
+def told(ran):
+    return " ".join(ran.stderr.split())
+
 
 FREQUENCIES = np.geomspace(1.0, 100.0, 24)
 
@@ -124,7 +132,7 @@ def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output
     assert (results / "model.json").is_file()
-    assert (results / "figures" / "storage-loss.svg").is_file()
+    assert not (results / "figures").exists()  # figures are drawn with the report
     mapped = run("map", results)
     assert mapped.exit_code == 0, mapped.output
     assert "leave-one-out error" in " ".join(mapped.stdout.split())
@@ -163,6 +171,110 @@ def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tm
     assert ran.exit_code == 0, ran.output
     assert ran.stdout.splitlines()[-1] == f"report: {folder / 'report.html'}, renewed with this"
     assert "zener" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def two(run, tmp_path_factory):
+    """Two tyres, analysed, tables only."""
+    folder = tmp_path_factory.mktemp("two")
+    simulate_campaign(
+        folder, tyres=[RADIAL_PLY, CROSS_PLY], pressures=[1.5e5, 2.2e5], preloads=[1000.0],
+        frequencies=[10.0, 16.0, 24.0],
+    )  # fmt: skip
+    assert run("analyse", folder, "--tables-only").exit_code == 0
+    return folder / "results"
+
+
+def models_in(folder, name="model.json"):
+    document = json.loads((folder / name).read_text())
+    return {one["tyre"]: one for one in document["models"] + document["maps"]}, document["provenance"]
+
+
+def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
+    folder = shutil.copytree(two, tmp_path / "results")
+    assert run("fit", folder, "--model", "zener").exit_code == 0
+    before, _ = models_in(folder)
+    ran = run("fit", folder, "--model", "spring", "--tyre", "radial-ply")
+    assert ran.exit_code == 0, ran.output
+    assert "model.json keeps 'cross-ply' of an earlier fit" in told(ran)
+    after, made = models_in(folder)
+    assert after["cross-ply"] == before["cross-ply"]
+    assert after["radial-ply"]["model"] == "spring"
+    assert list(after) == list(before)
+    assert made["settings"] == {"model": "spring", "tyre": "radial-ply", "earlier": {"cross-ply": {"model": "zener"}}}
+    assert "earlier   'cross-ply': model zener" in run("verify", folder / "model.json").stdout
+    assert run("report", folder).exit_code == 0
+    run("fit", folder, "--model", "kelvin", "--tyre", "cross-ply")
+    _, made = models_in(folder)
+    assert made["settings"]["earlier"] == {"radial-ply": {"model": "spring", "tyre": "radial-ply"}}
+    ran = run("fit", folder, "--model", "zener")
+    assert "earlier fit" not in ran.stderr
+    found, made = models_in(folder)
+    assert {one["model"] for one in found.values()} == {"zener"}
+    assert made["settings"] == {"model": "zener"}
+
+
+def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
+    folder = shutil.copytree(two, tmp_path / "results")
+    for model, tyre in (("zener", "radial-ply"), ("kelvin", "cross-ply")):
+        assert run("map", folder, "--model", model, "--tyre", tyre).exit_code == 0
+    found, _ = models_in(folder, "map.json")
+    assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "zener", "cross-ply": "kelvin"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"sha256": "', '"sha256": "0', "provenance.sha256 was changed"),
+        ("fourpole-model", "other-model", "is no model file"),
+        ("{", "", "not valid JSON"),
+    ],
+)
+def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_path, old, new, said):
+    folder = shutil.copytree(two, tmp_path / "results")
+    run("fit", folder, "--model", "zener")
+    unlisted(folder)
+    text = (folder / "model.json").read_text()
+    (folder / "model.json").write_text(text.replace(old, new, 1))
+    ran = run("fit", folder, "--model", "spring", "--tyre", "radial-ply")
+    assert ran.exit_code == 0, ran.output
+    assert "the former model.json is replaced: " in told(ran)
+    assert said in told(ran)
+    assert list(models_in(folder)[0]) == ["radial-ply"]
+
+
+def test_a_model_file_of_other_results_is_replaced(run, two, results, tmp_path):
+    folder = shutil.copytree(two, tmp_path / "results")
+    run("fit", results, "--model", "zener", "--out", folder / "model.json")
+    ran = run("fit", folder, "--model", "spring", "--tyre", "cross-ply")
+    assert "the former model.json is replaced: it is of other results" in told(ran)
+    assert list(models_in(folder)[0]) == ["cross-ply"]
+
+
+def test_a_fit_draws_nothing_that_no_report_shows(run, two, tmp_path, monkeypatch):
+    """Figures of former models go; others, and those that the user draws of them, stay."""
+    folder = shutil.copytree(two, tmp_path / "results")
+    for key in ("stiffness", "static"):
+        assert run("plot", folder, key).exit_code == 0
+    monkeypatch.setattr("fourpole.plot.catalogue._drawing", None)
+    ran = run("fit", folder, "--model", "zener")
+    assert ran.exit_code == 0, ran.output
+    assert [one.name for one in (folder / "figures").iterdir()] == ["static.svg"]
+    assert ran.stdout.splitlines()[-1] == f"written: {folder / 'model.json'}"
+
+
+def test_the_figures_that_show_models_are_known(run, two, tmp_path):
+    """Each figure whose data change with the models of the folder, or with its maps."""
+    folder = shutil.copytree(two, tmp_path / "results")
+    run("fit", folder, "--model", "prony")
+    run("map", folder, "--model", "zener")
+    study = read_results(folder)
+    for kind, without in (("model", {"models": None}), ("map", {"maps": None})):
+        bare = replace(study, **without)
+        for key, spec in FIGURES.items():
+            if spec.data is not None and repr(spec.data(study)) != repr(spec.data(bare)):
+                assert key in SHOWING[kind], key
+        assert set(SHOWING[kind]) <= set(FIGURES)
 
 
 def test_one_condition_makes_a_map_over_frequency_alone(run, tmp_path):
@@ -216,8 +328,12 @@ def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
         (("fit", "k.csv", "--tyre", "x"), "no test of a tyre 'x'"),
         (("fit", "k.csv", "--fix", "K1=heavy"), "--fix K1:"),
         (("fit", "k.csv", "--fix", "K1=5 s"), "--fix K1:"),
+        (("fit", "k.csv", "--fix", "K1=180"), "--fix: 'K1=180' has no unit: write --fix \"K1=180 kN/m\""),
+        (("fit", "k.csv", "--model", "zener", "--fix", "C=700"), 'write --fix "C=700 N s/m"'),
+        (("fit", "k.csv", "--model", "maxwell:1", "--fix", "tau_1=5e-3"), 'write --fix "tau_1=5e-3 s"'),
+        (("fit", "k.csv", "--model", "shell", "--fix", "k=5 MN/m^3"), "'5 MN/m^3' is not a number in N/m^3"),
         (("fit", "k.csv", "--fix", "K9=5"), "'K9=5' is not a parameter and its value"),
-        (("fit", "k.csv", "--model", "spring", "--fix", "K=5"), "leave at least one free"),
+        (("fit", "k.csv", "--model", "spring", "--fix", "K=5 N/m"), "leave at least one free"),
         (("fit", "k.csv", "--std", "200 %"), "between 0 and 100 %"),
         (("fit", "k.csv", "--std-k1", "2 %"), "--std-k1 is of --k1"),
         (("fit", "k.csv", "--over", "camber [deg]"), "no column 'camber [deg]'"),
@@ -267,6 +383,10 @@ def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_
         ("shell", "{symbol}=3 {unit}", "every", 3.0),
         ("zener", "C=0.7 kN s/m", "C", 700.0),
         ("zener", "K1=180 kN/m", "K1", 180e3),
+        ("zener", "K1=180kN/m", "K1", 180e3),
+        ("zener", "K1=180000N/m", "K1", 180e3),
+        ("fractional", "alpha=0.4", "alpha", 0.4),
+        ("fractional", "alpha=40 %", "alpha", 0.4),
         ("maxwell:1", "tau_1=5 ms", "tau_1", 5e-3),
     ],
 )

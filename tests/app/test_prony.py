@@ -37,9 +37,35 @@ def test_a_table_becomes_a_material(run, table, tmp_path):
     assert read_abaqus((tmp_path / "prony.inp").read_text())["SPECIMEN"]["elastic"][1] == 0.49
     ran = run("export", tmp_path / "a.json", "--to", "abaqus")
     assert "no elastic moduli for 1 of 1 materials" in " ".join(ran.stderr.split())
+    ran = run("export", tmp_path / "a.json", "--to", "abaqus", "--poisson", "0.49")
+    assert ran.exit_code == 2
+    assert "the model file states no shape" in ran.stderr
     ran = run("export", tmp_path / "a.json", "--to", "ansys", "--height", "10 mm")
     assert ran.exit_code == 2
     assert "--mode compression or --mode shear" in ran.stderr
+
+
+def test_the_shape_of_a_table_of_moduli_is_not_stated_again(run, table, tmp_path):
+    """K* by --mode, --height and --area of fit; the export gives the modulus of the table back."""
+    frame, per = pl.read_csv(table), 0.01 / 5e-4
+    moduli = frame.select(
+        "frequency [Hz]",
+        (pl.col("Re K* [N/m]") * per).alias("G' [Pa]"),
+        (pl.col("Im K* [N/m]") * per).alias("G'' [Pa]"),
+    )
+    moduli.write_csv(tmp_path / "moduli.csv")
+    shape = ("--mode", "shear", "--height", "10 mm", "--area", "5 cm^2")
+    ran = run("fit", tmp_path / "moduli.csv", *shape, "--model", "prony", "--std", "1 %", "--out", tmp_path / "b.json")
+    assert ran.exit_code == 0, ran.output
+    entry = json.loads((tmp_path / "b.json").read_text())["models"][0]
+    assert (entry["shape"]["mode"], entry["shape"]["height"]) == ("shear", 0.01)
+    assert run("export", tmp_path / "b.json", "--to", "prony").exit_code == 0
+    arms = pl.read_csv(tmp_path / "prony.csv")
+    assert arms["G [Pa]"].to_list() == pytest.approx((arms["K [N/m]"] * per).to_list())
+    ran = run("export", tmp_path / "b.json", "--to", "abaqus", "--poisson", "0.49")
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    young, poisson = read_abaqus((tmp_path / "prony.inp").read_text())["SPECIMEN"]["elastic"]
+    assert (young, poisson) == (pytest.approx(2.98 * arms["G [Pa]"].sum()), 0.49)
 
 
 def test_nominal_ends_of_a_band_are_inside(run, table, tmp_path):

@@ -187,8 +187,6 @@ def test_a_measured_road_and_a_load_deflection_curve(run, files, tmp_path):
         ("model", ("--at", "pressure"), "--at: 'pressure' is no operating point"),
         ("model", ("--at", "camber=two"), "an axis is pressure, preload, temperature with a unit"),
         ("model", ("--vehicle", "tank"), "no vehicle 'tank'"),
-        ("fractional", ("--road", "cleat 10 mm, 50 mm"), "no state space of finite order"),
-        ("fractional", ("--road", "cleat 10 mm, 50 mm"), "fourpole fit --model prony"),
     ],
 )
 def test_what_is_refused_says_why(run, files, tmp_path, model, more, words):
@@ -197,6 +195,20 @@ def test_what_is_refused_says_why(run, files, tmp_path, model, more, words):
     assert words in told(ran.stderr)
     assert "Traceback" not in ran.stderr
     assert not (tmp_path / "no").exists()
+
+
+def test_a_fractional_model_rides_in_time_as_its_arms(run, files):
+    """A Zener tyre was fitted: as the fractional model it rides as itself, within what the fit of 5 % leaves."""
+    ran = run("ride", files / "fractional.json", files / "model.json", "--road", "cleat 10 mm, 50 mm",
+              "--at", "pressure=2 bar", "--json")  # fmt: skip
+    assert ran.exit_code == 0, ran.output
+    found = json.loads(ran.stdout)
+    notes = [one for one in found["notes"] if "ridden as Maxwell arms" in one]
+    assert len(notes) == 1
+    assert "the fractional model" in notes[0]
+    assert "from 0.1 to 200 Hz" in notes[0]
+    one, other = (ride["dynamic wheel load [N]"] for ride in found["rides"])
+    assert one == pytest.approx(other, rel=0.05)
 
 
 def test_a_vehicle_of_negative_mass_is_refused(run, files, tmp_path):

@@ -86,9 +86,24 @@ def test_a_level_road_is_refused():
         compare_in_time(BODY, tyres(), np.full((1, 100), 0.3), 1e-3, (10.0, 10.0))
 
 
-def test_a_model_without_a_state_space_is_refused_with_the_remedy():
-    tyre = Tyre(FractionalZener(), np.array([150e3, 400e3, 1e-3, 0.4]), name="B")
-    with pytest.raises(ModelError, match=r"^B: the fractional model has no state space.*--model prony$"):
+def test_a_fractional_model_in_time_is_as_on_the_spectrum():
+    """Values and uncertainties: the arms are the model, and so are the derivatives by its parameters."""
+    values = np.array([150e3, 400e3, 1e-3, 0.4])
+    errors = {"fit": np.diag([2e3, 8e3, 5e-5, 0.01])}
+    tyres = [Tyre(FractionalZener(), values, errors, name="B"), Tyre(Zener(), ZENER, name="Z")]
+    road, step = ClassRoad.of("C"), 5e-4
+    once = road.realisation(40.0, step, SPEED, seed=2)
+    found = compare_in_time(BODY, tyres, np.concatenate([once] * 4)[None], step, (10.0, 10.0))
+    wanted = compare_on_class(BODY, tyres, road, SPEED, (10.0, 10.0))
+    assert found.values[:, :5] == pytest.approx(wanted.values, rel=0.02)  # the first 40 s begin at rest
+    assert found.std[0, :5] == pytest.approx(wanted.std[0], rel=0.05)
+    assert 0 < found.approximated[0] < 1e-6
+    assert found.approximated[1] == 0
+
+
+def test_a_model_that_no_arms_can_be_is_refused_with_the_remedy():
+    tyre = Tyre(FractionalZener(), np.array([1e3, 1e12, 1e-9, 1.0]), name="B")
+    with pytest.raises(ModelError, match=r"^B: 60 arms have an error .*--model prony$"):
         compare_in_time(BODY, [tyre], np.arange(100.0)[None], 1e-3, (10.0,))
 
 

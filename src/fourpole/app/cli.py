@@ -324,6 +324,7 @@ def export(
         kind,
         file,
         shape=specimen.shape,
+        poisson=None if specimen.mode else specimen.poisson,
         points=tuple(operating_point(text) for text in asked.at or ()),
         specimen=asked.tyre,
         frequency=asked.frequency,

@@ -115,6 +115,7 @@ def fit(
     The fit is weighted with the whole covariance, with the errors of sensors that tests share, and includes K1 of the
     static test. Models are compared by BIC; AICc, the cross-validation error and parameters on a bound are shown too.
     If the data cannot separate two models, the text under the table says so.
+    With --tyre, model.json of a folder keeps the models of other tyres.
     """
 
 

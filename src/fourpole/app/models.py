@@ -23,11 +23,12 @@ from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, tabl
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file
 from fourpole.fitting.query import Query, ask
+from fourpole.fitting.renewed import renewed
 from fourpole.fitting.shifting import laws_beside
 from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.folders import results_in
-from fourpole.io.published import publishing
+from fourpole.io.published import published_beside, publishing
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
 from fourpole.models.ladder import Rung, Verdict, verdict_of
 from fourpole.quantities import ShownUnits
@@ -42,8 +43,12 @@ if TYPE_CHECKING:
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
 _MOST_NAMED = 12
-#: Figures of a model file.
-_FIGURES = ("storage-loss", "model-choice", "spectrum", "amplitude")
+#: Figures of a folder that show the models or the maps of it; others do not change with these.
+SHOWING = {
+    "model": ("first-stiffness", "first-tr", "stiffness", "storage-loss", "arm", "tr", "pressure-frequency",
+              "model-choice", "spectrum", "amplitude"),
+    "map": ("map",),
+}  # fmt: skip
 #: Figures that not every model has, written beside the first one.
 _FURTHER = ("spectrum", "amplitude")
 
@@ -103,7 +108,7 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
-    """Fit or choose a model for each tyre; write the model file and its figures."""
+    """Fit or choose a model for each tyre; write the model file."""
     path = results_in(results)
     measured = _with_static(_read(path, options, model=model), path, options)
     _notes(measured)
@@ -113,7 +118,7 @@ def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) ->
     laws, note = laws_beside(path, measured.sha256)
     if note:
         warn(note)
-    made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path))
+    made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path, measured, options))
     files = _written(path, measured, made, options.file, options.figure)
     _show_written(made, files, units_beside(path), as_json=as_json)
     _renew_report(path, options.file, as_json=as_json)
@@ -195,13 +200,13 @@ def _show_verdict(where: str, one: Measured, verdict: Verdict) -> None:
 
 
 def run_map(results: Path, model: str, data: Selection, file: Path | None, *, as_json: bool) -> None:
-    """Make the operating map of each tyre, and write the map and its figures."""
+    """Make the operating map of each tyre, and write the map."""
     path, chosen = results_in(results), DataOptions(**asdict(data))
     measured = _read(path, chosen, model=model)
     _notes(measured)
     with progress("mapping") as advance:
         maps = map_tyres(measured, model, data.over or (), progress=advance)
-    made = model_file(measured, maps=maps, settings=_settings(model, chosen), **_stated(path))
+    made = model_file(measured, maps=maps, settings=_settings(model, chosen), **_stated(path, measured, chosen))
     files = _written(path, measured, made, file if file is not None or path.is_dir() else Path("map.json"), None)
     if not as_json:
         for one in maps:
@@ -252,7 +257,7 @@ def axis_values(texts: Sequence[str]) -> dict[str, float]:
 
 
 def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
-    """Fixed parameters by symbol, in SI; a number without a unit is in the parameter's own SI unit."""
+    """Fixed parameters by symbol, in SI; only one without dimension may be a bare number."""
     names = automatic() if model == "auto" else (model,)
     largest = [f"{name}:{sizes[-1]}" if (sizes := sizes_of(name)) else name for name in names]
     known = {one.symbol: one.unit for name in largest for one in model_named(name).parameters}
@@ -265,11 +270,19 @@ def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
             raise UnitError(
                 f"--fix: {units.shown(text)} is not a parameter and its value, as in 'K1=180 kN/m'; there are {there}"
             )
-        digits, _, unit = value.partition(" ")
+        unit = known[symbol]
+        digits = value.removesuffix(" 1" if unit == "1" else unit)
         try:
-            found[symbol] = float(digits if unit == known[symbol] else value)
+            number = float(digits)
         except ValueError:
-            found[symbol] = option(value, kinds.get(known[symbol], "ratio"), f"--fix {symbol}")
+            if unit not in kinds:
+                raise UnitError(f"--fix {symbol}: {units.shown(value)} is not a number in {unit}") from None
+            found[symbol] = option(value, kinds[unit], f"--fix {symbol}")
+            continue
+        if unit != "1" and digits == value:
+            usual = "kN/m" if unit == "N/m" else unit
+            raise UnitError(f'--fix: {units.shown(text)} has no unit: write --fix "{symbol}={value} {usual}"')
+        found[symbol] = number
     return found
 
 
@@ -278,53 +291,70 @@ def _notes(measured: MeasuredSet) -> None:
         say(f"note: {note}")
 
 
-def _stated(path: Path) -> dict[str, Any]:
-    """The rig of the tests, for TR, and the shapes of the specimens; empty if the results are a single table."""
+def _stated(path: Path, measured: MeasuredSet, data: DataOptions) -> dict[str, Any]:
+    """The rig of the tests, for TR, and the shapes of the specimens; of a single table the shape that options state."""
     from fourpole.study.results import read_results
 
     folder = path if path.is_dir() else path.parent
     try:
         results = read_results(folder)
     except CampaignError:
-        return {}
+        shape = data.table().shape
+        return {} if shape is None else {"shapes": dict.fromkeys(measured.tyres, shape)}
     return {"rig": rig_file(results.record, results.rig), "shapes": shapes_in(results.record)}
 
 
 def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | None, figure: Path | None) -> list[Path]:
-    """Write a model file and draw it into the folder of results, together, and the first figure into `figure`.
+    """Write a model file and, where it is asked for, its figures; returns the files written.
 
-    The model file goes to `file`, or else into the folder of results if there is one. Returns the files written.
+    The model file goes to `file`, or else into the folder of results if there is one, with the entries that the folder
+    has of other tyres. The figures of the folder that show models are deleted: those of the report are drawn with it.
     """
-    from fourpole.plot import draw, save_figures, write_figure
-    from fourpole.plot.catalogue import figure_files
+    written = [] if file is None else [file]
+    if file is not None:
+        made.write(file)
+    elif path.is_dir():
+        place = path / f"{made.kind}.json"
+        made = _with_others(place, made)
+        drawn = [f"figures/{key}.{form}" for key in SHOWING[made.kind] for form in ("svg", "png")]
+        with publishing(path, drawn, basis=measured.sha256) as new:
+            made.write(new / place.name)
+        written = [place]
+    if figure is not None:
+        written += _drawn(path, measured, made, figure)
+    return written
+
+
+def _with_others(place: Path, made: ModelFile) -> ModelFile:
+    """A document with the entries of other tyres that its file has; one that cannot be used is named and replaced."""
+    if not published_beside(place).has(place.name):
+        return made
+    try:
+        whole = renewed(read_model_file(place), made)
+    except FourpoleError as error:
+        warn(f"the former {place.name} is replaced: {error}")
+        return made
+    if kept := [tyre for tyre in whole.tyres if tyre not in made.tyres]:
+        say(f"note: {place.name} keeps {first_of([units.shown(one) for one in kept], _MOST_NAMED)} of an earlier fit")
+    return whole
+
+
+def _drawn(path: Path, measured: MeasuredSet, made: ModelFile, file: Path) -> list[Path]:
+    """Draw the first figure of a model file into `file`, and those that not every model has beside it."""
+    from fourpole.plot import draw, write_figure
     from fourpole.study.results import read_results
     from fourpole.study.study import Study
 
-    field: dict[str, Any] = {"maps" if made.kind == "map" else "models": made}
-    name, keys = ("map.json", ("map",)) if made.kind == "map" else ("model.json", _FIGURES)
-    drawn = [] if file is None else [file]
-    if file is not None:
-        made.write(file)
-    if path.is_dir():
-        results = replace(read_results(path), **field)
-        with publishing(path, [f"figures/{one}" for one in figure_files(keys)], basis=measured.sha256) as new:
-            if file is None:
-                made.write(new / name)
-                drawn = [path / name]
-            with _kept("figures"):
-                figures = save_figures(results, new / "figures", keys=keys).values()
-                drawn += [path / "figures" / one.name for one in figures]
-    else:
-        results = Study(pl.DataFrame(), table_of(measured), pl.DataFrame(), **field)
-    if figure is not None:
-        one = draw(results, keys[0])
-        if one is None:
+    results = read_results(path) if path.is_dir() else Study(pl.DataFrame(), table_of(measured), pl.DataFrame())
+    results, written = replace(results, models=made), list[Path]()
+    for key in ("storage-loss", *_FURTHER):
+        one = draw(results, key)
+        if one is not None:
+            name = file if key == "storage-loss" else file.with_stem(f"{file.stem}-{key}")
+            written.append(write_figure(one, key, name))
+        elif not written:
             raise ModelError("the model file holds nothing to draw")
-        drawn.append(write_figure(one, keys[0], figure))
-        for key in _FURTHER:
-            if key in keys and (more := draw(results, key)) is not None:
-                drawn.append(write_figure(more, key, figure.with_stem(f"{figure.stem}-{key}")))
-    return drawn
+    return written
 
 
 @contextmanager

@@ -396,12 +396,12 @@ class BareRig:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ShapeOptions:
-    """The shape of a specimen, for moduli in place of stiffnesses, as text."""
+    """The shape of a specimen, for moduli in place of stiffnesses, as text; by default that of the model file."""
 
-    mode: str | None = _given("For moduli, if campaign.toml states no shape: compression or shear.", "--mode")
+    mode: str | None = _given("For moduli, if the model file states no shape: compression or shear.", "--mode")
     height: str | None = _given('Height of the specimen, as "10 mm".')
     area: str | None = _given('Loaded area of the specimen, as "5 cm^2".')
-    poisson: float | None = _given("Poisson's ratio, as 0.499.")
+    poisson: float | None = _given("Poisson's ratio, as 0.499; without --mode, of the shape in the model file.")
     bonded: str | None = _given("disc: a disc bonded to rigid plates, in compression.")
     bulk: str | None = _given("elastic or relaxing bulk modulus.")
 
@@ -411,7 +411,7 @@ class ShapeOptions:
         from fourpole.models.shape import shape_of
 
         stated = {name: value for name, value in asdict(self).items() if value is not None}
-        if stated and self.mode is None:
+        if self.mode is None and stated.keys() - {"poisson"}:
             raise UnitError("--mode compression or --mode shear says what the height and the area are of: state it")
         return shape_of(stated)
 

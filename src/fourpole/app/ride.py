@@ -29,7 +29,7 @@ from fourpole.io.tables.pair import read_curve, read_profile
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
 from fourpole.report.digits import PLUS_MINUS, number, with_u
-from fourpole.ride.compare import RideComparison, compare_in_time, compare_on_class
+from fourpole.ride.compare import REALISED, RideComparison, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
 from fourpole.ride.time import axles
@@ -248,6 +248,13 @@ def _notes(asked: _Asked, found: RideComparison) -> Iterator[str]:
     if belts:
         masses = ", ".join(f"{mass:.4g} kg" for mass in belts)
         yield f"the belt of the tyre, {masses}, is taken out of the unsprung mass of the vehicle"
+    if max(found.approximated, default=0.0) > 0:
+        at = int(np.argmax(found.approximated))
+        low, high = REALISED
+        yield (
+            f"{asked.labels[at]}: the {asked.tyres[at].tyre.model.name} model is ridden as Maxwell arms, whose K* "
+            f"differs by up to {found.approximated[at]:.1g} of |K*| from {low:g} to {high:g} Hz"
+        )
     if (outside := most_outside(found, [tyre.band for tyre in asked.tyres])) is not None:
         worst, share = outside
         low, high = asked.tyres[worst].band

@@ -8,7 +8,9 @@ from typing import Any
 from fourpole.app.console import UNREADABLE, out, print_json, say, warn
 from fourpole.errors import FourpoleError
 from fourpole.fitting.modelfile import MapEntry, ModelEntry, ModelFile
+from fourpole.fitting.modelparts import EARLIER
 from fourpole.fitting.verified import TableState, Verified, seal_later, verify
+from fourpole.units import shown
 from fourpole.words import first_of
 
 _MOST_NAMED = 6
@@ -100,8 +102,16 @@ def _show(path: Path, found: Verified) -> None:
         out(f"table     {origin.source}: {_TABLES[found.table]}")
     if origin.sha256:
         out(f"SHA-256   {origin.sha256} of that table")
-    settings = first_of([f"{name} {value}" for name, value in origin.settings.items()], _MOST_NAMED)
-    if settings:
-        out(f"settings  {settings}")
+    own = {name: value for name, value in origin.settings.items() if name != EARLIER}
+    if own:
+        out(f"settings  {_in_words(own)}")
+    for tyre, settings in list(origin.earlier.items())[:_MOST_NAMED]:
+        out(f"earlier   {shown(tyre)}: {_in_words(settings)}")
     for note in origin.notes:
         out(f"note      {note}")
+
+
+def _in_words(settings: Any) -> str:
+    """The first options and their values."""
+    named = settings.items() if isinstance(settings, dict) else ()
+    return first_of([f"{name} {value}" for name, value in named], _MOST_NAMED)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fourpole.errors import CampaignError
+from fourpole.errors import CampaignError, ModelError
 from fourpole.io.folders import model_in, results_in
 
 if TYPE_CHECKING:
     from fourpole.core.specimen import Specimen
+    from fourpole.fitting.modelfile import ModelFile
     from fourpole.models.shape import Shape
 
 
@@ -68,6 +69,7 @@ class ExportKind:
 #: What may be stated for an export, and how messages name it.
 OPTIONS = {
     "shape": "the shape of a specimen: leave out its height, area and mode",
+    "poisson": "Poisson's ratio: leave out --poisson",
     "points": "an operating point: leave out --at",
     "specimen": "a specimen of its own: leave out --tyre",
     "frequency": "a frequency: leave out --frequency",
@@ -78,7 +80,7 @@ OPTIONS = {
 
 def _material(file: str, module: str, about: str) -> ExportKind:
     """A kind that takes the Prony series of a model file."""
-    return ExportKind(file, module, about, Takes.MODEL, options=("shape",))
+    return ExportKind(file, module, about, Takes.MODEL, options=("shape", "poisson"))
 
 
 def _vehicle(file: str, module: str, about: str, *options: str) -> ExportKind:
@@ -138,6 +140,7 @@ def export_results(
     file: str | Path | None = None,
     *,
     shape: Shape | None = None,
+    poisson: float | None = None,
     points: Sequence[Mapping[str, float]] = (),
     specimen: str | None = None,
     frequency: float | None = None,
@@ -158,6 +161,8 @@ def export_results(
         `folder`, or beside a model file.
     shape : Shape, optional
         Shape of the specimen, for moduli in place of stiffnesses; by default the one that the model file states.
+    poisson : float, optional [1]
+        Poisson's ratio in place of that of the shape in the model file.
     points : sequence of mappings of str to float, optional
         Operating points, by column: {"pressure [Pa]": 1.85e5}. By default the tested conditions of a file of fits.
     specimen : str, optional
@@ -205,6 +210,7 @@ def export_results(
     chosen, place = KINDS[kind], Path(folder)
     stated: dict[str, Any] = {
         "shape": shape,
+        "poisson": poisson,
         "points": points,
         "specimen": specimen,
         "frequency": frequency,
@@ -219,7 +225,19 @@ def export_results(
     if given is not chosen.takes and not (chosen.takes is Takes.EITHER and given in (Takes.MODEL, Takes.MAP)):
         raise CampaignError(f"{kind} takes {chosen.takes.value}; {place.name} is {given.value}: give it the former")
     path = (place if place.is_dir() else place.parent) / chosen.file if file is None else Path(file)
-    return Exported(path, chosen.write(_read(place, given), path, **more))
+    source, ratio = _read(place, given), more.pop("poisson", None)
+    return Exported(path, chosen.write(source if ratio is None else _with_poisson(source, ratio), path, **more))
+
+
+def _with_poisson(file: ModelFile, poisson: float) -> ModelFile:
+    """A model file with this Poisson's ratio in each shape."""
+    if all(one.shape is None for one in file.models):
+        raise ModelError("--poisson: the model file states no shape: state --mode, --height and --area, too")
+    models = [
+        one if one.shape is None else one.model_copy(update={"shape": replace(one.shape, poisson=poisson)})
+        for one in file.models
+    ]
+    return file.model_copy(update={"models": models})
 
 
 def _source(place: Path, takes: Takes) -> Path:

@@ -21,6 +21,7 @@ from fourpole.fitting.modelparts import (
     LONGEST,
     Named,
     NamedValue,
+    Provenance,
     Strict,
     VerdictFile,
     check_covariance,
@@ -179,16 +180,6 @@ class MapEntry(_Entry):
     static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at zero frequency.")
     choice: str
     inertia: InertiaFile | None = Field(default=None, description="Mean of the conditions.")
-
-
-class Provenance(Strict):
-    """Program, table and settings from which the document was made."""
-
-    fourpole: str
-    source: str
-    sha256: str
-    settings: dict[str, Any] = Field(default_factory=dict)
-    notes: list[str] = Field(default_factory=list)
 
 
 class ToleranceFile(Strict):

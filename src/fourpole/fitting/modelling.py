@@ -26,13 +26,12 @@ from fourpole.fitting.modelfile import (
     ConditionFile,
     ModelEntry,
     ModelFile,
-    Provenance,
     ToleranceFile,
     entry_of,
     finite_or_none,
     model_parts,
 )
-from fourpole.fitting.modelparts import NamedValue, VerdictFile
+from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.fitting.pressures import OverPressures, PressureFile, pressure_sentence, share_over_pressures
 from fourpole.fitting.shifting import TemperatureFile

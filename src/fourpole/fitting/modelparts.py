@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -15,6 +16,8 @@ _ROUND_OFF = 1e-6
 LARGEST = 1e120
 #: Longest list of one condition.
 LONGEST = 100_000
+#: Key of the settings that has those of tyres of an earlier run.
+EARLIER = "earlier"
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {
     "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
@@ -44,6 +47,27 @@ class VerdictFile(Strict):
     chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
     misfit: float = Field(description="Relative error of K* at each frequency that would make it possible [1].")
     impossible: list[float] = Field(max_length=LONGEST, description="Frequencies at which K* is not possible [Hz].")
+
+
+class Provenance(Strict):
+    """Program, table and settings from which the document was made."""
+
+    fourpole: str
+    source: str
+    sha256: str
+    settings: dict[str, Any] = Field(default_factory=dict)
+    notes: list[str] = Field(default_factory=list)
+
+    @property
+    def earlier(self) -> dict[str, Any]:
+        """The settings of tyres that an earlier run of the command fitted, by tyre."""
+        found = self.settings.get(EARLIER)
+        return found if isinstance(found, dict) else {}
+
+    def settings_of(self, tyre: str) -> dict[str, Any]:
+        """The settings with which a tyre was fitted."""
+        found = self.earlier.get(tyre, self.settings)
+        return found if isinstance(found, dict) else {}
 
 
 class Named(Strict):

@@ -22,18 +22,22 @@ _OPEN = 4
 
 def models_section(results: Study) -> list[SimpleNamespace]:
     """The model and the map of each tyre, as the page shows them."""
-    shared = results.models is not None and "share" in results.models.provenance.settings
     models = {one.tyre: one for one in (results.models.models if results.models else [])}
     maps = {one.tyre: one for one in (results.maps.maps if results.maps else [])}
     facts = Facts.of(results)
     return [
         SimpleNamespace(
             tyre=tyre,
-            model=_model(models[tyre], facts, shared=shared) if tyre in models else None,
+            model=_model(models[tyre], facts, shared=_shares(results, tyre)) if tyre in models else None,
             map=_map(maps[tyre], several=len(maps) > 1) if tyre in maps else None,
         )
         for tyre in dict.fromkeys([*models, *maps])
     ]
+
+
+def _shares(results: Study, tyre: str) -> bool:
+    """Whether conditions of a tyre share parameters by option."""
+    return results.models is not None and "share" in results.models.provenance.settings_of(tyre)
 
 
 def _model(entry: ModelEntry, facts: Facts, *, shared: bool) -> SimpleNamespace:

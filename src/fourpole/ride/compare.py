@@ -6,6 +6,7 @@ Errors of the model of a tyre are carried to each measure, and cancel in differe
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -16,6 +17,7 @@ from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
 from fourpole.models.belted import MASSLESS
 from fourpole.models.interface import Model, StateSpace
+from fourpole.models.realised import realised
 from fourpole.models.springs import KelvinVoigt
 from fourpole.ride.contact import ContactRide, LoadDeflection, ride_with_contact
 from fourpole.ride.response import POINTS, Condensed, Ride, frequencies_of, names, ride
@@ -27,6 +29,8 @@ from fourpole.ride.vehicle import Body
 _CHANGE = 1e-3
 #: Factors of the usual number of frequencies, tried until the rides are resolved, and the largest `Ride.unresolved`.
 _FINER, _RESOLVED = (1, 8, 32), 1e-2
+#: Frequencies of a ride in time [Hz], in which a model without a state space is approximated.
+REALISED = (0.1, 200.0)
 #: Measures that a ride in time has besides those of a spectrum.
 IN_TIME = ("crest", "vdv", "mtvv")
 
@@ -189,6 +193,9 @@ class RideComparison(ByValue):
         Of a road over time: the rides.
     contact : tuple of ContactRide
         The same, if lift-off was asked for.
+    approximated : tuple of float [1]
+        Of a road over time: the largest relative error of K* of each tyre from 0.1 to 200 Hz; 0 of a model that has a
+        state space.
     """
 
     names: tuple[str, ...]
@@ -201,6 +208,7 @@ class RideComparison(ByValue):
     spectra: tuple[tuple[Ride, FloatArray], ...] = ()
     series: tuple[TimeRide, ...] = ()
     contact: tuple[ContactRide, ...] = ()
+    approximated: tuple[float, ...] = ()
 
 
 def compare_on_class(
@@ -269,7 +277,7 @@ def compare_in_time(
     ----------
     body : Body
     tyres : sequence of R Tyre
-        Models with a state space.
+        A model without a state space is ridden as the Maxwell arms that `realised` makes of it, from 0.1 to 200 Hz.
     heights : (W, N) float array [m]
         Road under each wheel.
     step : float [s]
@@ -285,8 +293,8 @@ def compare_in_time(
     Raises
     ------
     ModelError
-        If a model has no state space, the step is too long, the static load is not on the curve, or there are both a
-        curve and a tyre with a belt.
+        If a model can have no state space, the step is too long, the static load is not on the curve, or there are both
+        a curve and a tyre with a belt.
     """
     if not np.ptp(heights):
         raise ModelError("the road is level: nothing moves, and there is nothing to compare")
@@ -301,17 +309,21 @@ def compare_in_time(
             kept.append(found)
         return found.ride
 
-    series, of = [], []
+    series, of, errors = [], [], []
     for at, tyre in enumerate(tyres):
         if progress is not None:
             progress(at, len(tyres))
-        series.append(ridden(_space(tyre), tyre.belt, contact))
+        space, error = _space(tyre, tyre.values)
+        errors.append(error)
+        series.append(ridden(space, tyre.belt, contact))
         measured = partial(lambda belt, space: _measures(ridden(space, belt)), tyre.belt)
         of.append(_by_differences(tyre, measured, _measures(series[-1])))
     values = [_measures(one) for one in series]
     measures = (*names(body.wheels), *IN_TIME)
-    found = _compared(measures, values, of, tyres, matched, lambda one: _measures(ridden(_space(one), one.belt)))
-    return replace(found, series=tuple(series), contact=tuple(contact))
+    found = _compared(
+        measures, values, of, tyres, matched, lambda one: _measures(ridden(_space(one, one.values)[0], one.belt))
+    )
+    return replace(found, series=tuple(series), contact=tuple(contact), approximated=tuple(errors))
 
 
 def _measures(of: TimeRide) -> FloatArray:
@@ -320,10 +332,16 @@ def _measures(of: TimeRide) -> FloatArray:
     return np.append(of.values, [comfort.crest, comfort.vdv, comfort.mtvv])
 
 
-def _space(tyre: Tyre) -> StateSpace:
-    """The state space of a tyre; ModelError with the remedy if its model has none."""
+def _space(tyre: Tyre, values: FloatArray) -> tuple[StateSpace, float]:
+    """The state space of a tyre with parameters (P,), and the largest relative error of its K* [1].
+
+    ModelError with the remedy if its model can have none.
+    """
+    with suppress(ModelError):  # a power of the frequency
+        return tyre.model.state_space(values), 0.0
     try:
-        return tyre.model.state_space(tyre.values)
+        found = realised(tyre.model, values, REALISED)
+        return found.space, found.error
     except ModelError as error:
         raise ModelError(f"{tyre.name}: {error}; fit one that can, as with fourpole fit --model prony") from None
 
@@ -341,11 +359,11 @@ def _by_differences(
         change = np.zeros(tyre.values.size)
         change[at] = _CHANGE * (abs(tyre.values[at]) or tyre.model.parameters[at].default)
         ends = [np.clip(tyre.values + side * change, *tyre.model.bounds) for side in (1.0, -1.0)]
-        above, below = (measured(tyre.model.state_space(one)) for one in ends)
+        above, below = (measured(_space(tyre, one)[0]) for one in ends)
         slopes[at] = (above - below) / (ends[0] - ends[1])[at]
     found: dict[str, FloatArray] = {source: one.T @ slopes for source, one in tyre.errors.items()}
     if tyre.discrepancy[0]:
-        space = _space(tyre)
+        space, _ = _space(tyre, tyre.values)
         stiffer = measured(StateSpace(space.a, space.b, (1 + _CHANGE) * space.c, (1 + _CHANGE) * space.d))
         found[tyre.source_of_discrepancy] = tyre.discrepancy[0] * (stiffer - here)[None] / _CHANGE
     return found

@@ -103,7 +103,7 @@ def _figures(site: Site, shown: Shown) -> list[LinkedFigure]:
     for key in _FIGURES:
         if key in figures:
             made.append(LinkedFigure(figures[key], shown))
-        elif not figures and (one := figure_of(site, shown, results, key)) is not None:
+        elif (one := figure_of(site, shown, results, key)) is not None:
             made.append(one)
     return made
 
