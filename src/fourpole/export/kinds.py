@@ -219,7 +219,8 @@ def export_results(
     if given is not chosen.takes and not (chosen.takes is Takes.EITHER and given in (Takes.MODEL, Takes.MAP)):
         raise CampaignError(f"{kind} takes {chosen.takes.value}; {place.name} is {given.value}: give it the former")
     path = (place if place.is_dir() else place.parent) / chosen.file if file is None else Path(file)
-    return Exported(path, chosen.write(_read(place, given), path, **more))
+    source = _read(place, given)
+    return Exported(path, (*_misfits(source, specimen), *chosen.write(source, path, **more)))
 
 
 def _source(place: Path, takes: Takes) -> Path:
@@ -242,6 +243,18 @@ def _given(path: Path) -> Takes:
     from fourpole.fitting.modelfile import read_model_file
 
     return Takes.MAP if read_model_file(path).kind == "map" else Takes.MODEL
+
+
+def _misfits(source: Any, specimen: str | None) -> list[str]:
+    """The accuracy of models of a source that are off by more than a limit."""
+    from fourpole.fitting.accuracy import WARNED, accuracy_of
+    from fourpole.fitting.modelfile import ModelFile
+
+    if not isinstance(source, ModelFile):
+        return []
+    found = [accuracy_of(one) for one in source.models if one.conditions and specimen in (None, one.tyre)]
+    found += [accuracy_of(one) for one in source.maps if specimen in (None, one.tyre)]
+    return [one.text for one in found if one.discrepancy >= WARNED]
 
 
 def _read(path: Path, takes: Takes) -> Any:
