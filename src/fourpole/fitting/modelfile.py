@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, StrictBool, ValidationError
 
-from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.document import MOST_BYTES, changes, check_seal, document_of, listed
@@ -501,24 +500,4 @@ def map_of(entry: MapEntry) -> OperatingMap:
         band=entry.band,
         leave_one_out=LeaveOneOut(*(float("nan") if one is None else one for one in entry.leave_one_out)),
         static=static,
-    )
-
-
-def map_of_condition(
-    entry: ModelEntry, one: ConditionFile, values: FloatArray | None = None, state: Mapping[str, float] | None = None
-) -> OperatingMap:
-    """The parameters of a condition, or others at another state, as a map of one point with its band and covariance."""
-    model = model_of(entry)
-    linked = model.link(np.array(one.values) if values is None else values)
-    _, slopes = model.unlink(linked)
-    scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
-    return OperatingMap(
-        model=model,
-        axes=Axes((), np.zeros((1, 0)), dict(one.coordinates if state is None else state)),
-        terms=((),),
-        coefficients=linked[:, None],
-        covariance=np.array(one.covariance) * np.outer(scale, scale),
-        scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
-        band=one.band,
-        leave_one_out=LeaveOneOut(),
     )
