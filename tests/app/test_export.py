@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
+import numpy as np
+import polars as pl
 import pytest
 from tests.unlisted import unlisted
 
@@ -75,3 +78,18 @@ def test_a_model_is_exported_for_a_vehicle_simulation(run, results, tmp_path):
         assert (ran.exit_code, ran.stdout) == (0, f"{kind}: {folder / KINDS[kind].file}\n")
     ran = run("export", folder, "--to", "modelica", "--at", "pressure 1.7")
     assert ran.stderr.startswith("error: --at: 'pressure 1.7' is no operating point")
+
+
+def test_a_model_that_is_off_is_named_by_export_and_query(run, tmp_path):
+    frequency = np.linspace(10.0, 24.0, 8)
+    columns = {"frequency [Hz]": frequency, "Re K* [N/m]": np.full(8, 2e5), "Im K* [N/m]": np.full(8, 6e4)}
+    pl.DataFrame(columns).write_csv(tmp_path / "mount.csv")
+    model = tmp_path / "model.json"
+    assert run("fit", tmp_path / "mount.csv", "--model", "spring", "--std", "1 %", "--out", model).exit_code == 0
+    off = r"the model is off by (\d+) % of \|K\*\| \(model discrepancy\)"
+    ran = run("export", model, "--to", "statespace")
+    (share,) = re.findall(rf"warning: K\* of the specimen, 10 to 24 Hz: {off}", " ".join(ran.stderr.split()))
+    assert ran.exit_code == 0
+    assert 15 < float(share) < 30
+    ran = run("query", model, "--frequency", "15 Hz")
+    assert re.findall(off, " ".join(ran.stderr.split())) == [share]

@@ -226,7 +226,8 @@ def export_results(
         raise CampaignError(f"{kind} takes {chosen.takes.value}; {place.name} is {given.value}: give it the former")
     path = (place if place.is_dir() else place.parent) / chosen.file if file is None else Path(file)
     source, ratio = _read(place, given), more.pop("poisson", None)
-    return Exported(path, chosen.write(source if ratio is None else _with_poisson(source, ratio), path, **more))
+    source = source if ratio is None else _with_poisson(source, ratio)
+    return Exported(path, (*_misfits(source, specimen), *chosen.write(source, path, **more)))
 
 
 def _with_poisson(file: ModelFile, poisson: float) -> ModelFile:
@@ -260,6 +261,18 @@ def _given(path: Path) -> Takes:
     from fourpole.fitting.modelfile import read_model_file
 
     return Takes.MAP if read_model_file(path).kind == "map" else Takes.MODEL
+
+
+def _misfits(source: Any, specimen: str | None) -> list[str]:
+    """The accuracy of models of a source that are off by more than a limit."""
+    from fourpole.fitting.accuracy import WARNED, accuracy_of
+    from fourpole.fitting.modelfile import ModelFile
+
+    if not isinstance(source, ModelFile):
+        return []
+    found = [accuracy_of(one) for one in source.models if one.conditions and specimen in (None, one.tyre)]
+    found += [accuracy_of(one) for one in source.maps if specimen in (None, one.tyre)]
+    return [one.text for one in found if one.discrepancy >= WARNED]
 
 
 def _read(path: Path, takes: Takes) -> Any:

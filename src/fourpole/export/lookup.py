@@ -17,7 +17,8 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AMPLITUDE
-from fourpole.export.source import MODEL_FILE
+from fourpole.export.source import MODEL_FILE, accuracy_columns
+from fourpole.fitting.accuracy import Accuracy, accuracy_of
 from fourpole.fitting.byamplitude import answer_at, depends_on_amplitude, levels_of_map
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import conditions_of, placed_at, specimens
@@ -62,6 +63,7 @@ class _Sheet:
     specimen: str
     map: OperatingMap
     levels: list[float]
+    accuracy: Accuracy
     remarks: tuple[str, ...] = ()
 
     @property
@@ -128,7 +130,8 @@ class _Sheet:
             table = pl.DataFrame({q.FREQUENCY.head: frequency, **columns, ERROR: np.full(frequency.size, error)})
             fixed = [pl.lit(value).alias(column) for column, value in {q.TYRE.head: self.specimen, **state}.items()]
             tables.append(table.select(*fixed, pl.all()))
-        return pl.concat(tables)
+        said = (pl.lit(value).alias(head) for head, value in accuracy_columns(self.accuracy).items())
+        return pl.concat(tables).with_columns(said)
 
     def _answer(self, point: FloatArray, frequency: FloatArray, amplitude: float | None) -> Answer:
         points = np.repeat(point[None], frequency.size, axis=0)
@@ -139,11 +142,15 @@ class _Sheet:
 
 def _sheets(file: ModelFile, specimen: str) -> Iterator[_Sheet]:
     """A sheet for the map of a specimen, or for each condition of its fits."""
-    mapped = any(one.tyre == specimen and one.axes for one in file.maps)
+    mapped = next((one for one in file.maps if one.tyre == specimen and one.axes), None)
     for state in [{}] if mapped else conditions_of(file, specimen, MODEL_FILE):
         found = maps_of(file, specimen, state, ShownUnits())
         levels = levels_of_map(file, specimen, found) if depends_on_amplitude(file, specimen) else []
-        yield _Sheet(specimen, found, levels, () if mapped else placed_at(file, MODEL_FILE, specimen, state).remarks)
+        if mapped is not None:
+            yield _Sheet(specimen, found, levels, accuracy_of(mapped))
+        else:
+            placed = placed_at(file, MODEL_FILE, specimen, state)
+            yield _Sheet(specimen, found, levels, placed.accuracy, placed.remarks)
 
 
 def _side(ends: tuple[float, float, bool], count: int) -> FloatArray:

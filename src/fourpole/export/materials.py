@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,13 +13,15 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.export.source import ascii_line
+from fourpole.fitting.accuracy import accuracy_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, model_of
 from fourpole.models.interface import Arms
 from fourpole.models.shape import Shape
 
 #: Arms whose stiffness is a smaller fraction than this of that of all springs are left out.
 _IDLE = 1e-16
-_LONGEST_NAME = 60
+#: Longest name of a material, and longest line of a sentence, which with its mark is within 80 columns.
+_LONGEST_NAME, _LONGEST_LINE = 60, 76
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,7 @@ class Material(ByValue):
     name : str
         Name of letters, digits and underscores that no other material of the file has.
     about : tuple of str
-        Specimen, condition, band and stiffness in lines of ASCII.
+        Specimen, condition, band, accuracy and stiffness in lines of ASCII.
     arms : Arms
         Arms with a stiffness above zero, in falling order of the relaxation time.
     shape : Shape or None
@@ -143,7 +146,11 @@ def _material(
         f"stiffness: K_0 = {number(arms.instantaneous)} N/m (instantaneous), K_inf = {number(arms.rest)} N/m (at rest)",
         *([] if shape is None else [_about_shape(shape)]),
     ]
-    return Material(name, tuple(map(ascii_line, about)), arms, shape, state.get(q.TEMPERATURE.head))
+    said = [
+        line for text in accuracy_of(entry, one).sentences for line in textwrap.wrap(ascii_line(text), _LONGEST_LINE)
+    ]
+    lines = (ascii_line(about[0]), *said, *map(ascii_line, about[1:]))
+    return Material(name, lines, arms, shape, state.get(q.TEMPERATURE.head))
 
 
 def _about_shape(shape: Shape) -> str:

@@ -67,7 +67,7 @@ def _block(system: System) -> Iterator[str]:
     """
     one = system.realised
     yield f"block {system.name}"
-    yield f"  {_string(system.about)}"
+    yield f"  {_string(f'{system.about}. {system.placed.accuracy.text}')}"
     if system.belted:
         yield '  RealInput x1(unit="m") "Displacement of the contact towards the wheel";'
         yield '  RealInput v1(unit="m/s") "Its rate, der(x1)";'
@@ -81,6 +81,7 @@ def _block(system: System) -> Iterator[str]:
         yield '  RealInput x(unit="m") "Deflection, positive in compression";'
         yield '  RealInput v(unit="m/s") "Rate of the deflection, der(x)";'
         yield '  RealOutput F(unit="N") "Force, positive in compression";'
+    yield f'  parameter Real discrepancy(unit="1")={system.placed.accuracy.discrepancy!r} "Relative error of K*";'
     yield f'  parameter Real K0(unit="N/m")={one.rest!r} "Stiffness at zero frequency";'
     yield f'  parameter Real C(unit="N.s/m")={one.damper!r} "Damper";'
     yield from _parameter("k", "N/m", one.springs, "Stiffness of each branch")

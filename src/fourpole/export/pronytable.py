@@ -10,6 +10,8 @@ import polars as pl
 
 from fourpole.errors import ModelError
 from fourpole.export.materials import materials_of
+from fourpole.export.source import accuracy_columns
+from fourpole.fitting.accuracy import accuracy_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, model_of
 from fourpole.io.write import write_table
 from fourpole.models.interface import Arms
@@ -33,8 +35,10 @@ def _rows(entry: ModelEntry, one: ConditionFile, shape: Shape | None) -> list[di
         return []
     symbols, shape = model.symbols, shape or entry.shape
     state = {each.column: each.value for each in one.state}
+    accuracy = accuracy_columns(accuracy_of(entry, one))
     return [
         {"specimen": entry.tyre, **state, "arm": at, **_uncertain(one, symbols, at), **_numbers(arms, at, shape)}
+        | accuracy
         for at in range(arms.springs.size + 1)
     ]
 

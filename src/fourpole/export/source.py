@@ -18,6 +18,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
+from fourpole.fitting.accuracy import Accuracy
 from fourpole.io.folders import results_in
 from fourpole.plot.names import counted, distinct
 from fourpole.plot.sheet import Sheet, read_sheet, texts
@@ -256,6 +257,11 @@ def ascii_line(text: str) -> str:
     plain = unicodedata.normalize("NFKD", " ".join(text.split()))
     plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
     return "".join(sign if sign.isprintable() else "?" for sign in plain.encode("ascii", "replace").decode())
+
+
+def accuracy_columns(accuracy: Accuracy) -> dict[str, float | str]:
+    """Cells of a table of a model that say how near it is to K* as measured, by column."""
+    return {"discrepancy [1]": accuracy.discrepancy, "accuracy": accuracy.text}
 
 
 def need(module: str, extra: str) -> Any:

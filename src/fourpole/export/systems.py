@@ -213,6 +213,8 @@ def _fields(system: System, *, ends: bool, **state: Any) -> dict[str, Any]:
         "model": system.placed.model.name,
         "band_Hz": list(system.placed.band),
         "error": system.realised.error,
+        "discrepancy": system.placed.accuracy.discrepancy,
+        "accuracy": system.placed.accuracy.text,
         **state,
         **matrices,
     }

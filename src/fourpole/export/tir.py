@@ -26,6 +26,7 @@ from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
 from fourpole.export.source import MODEL_FILE, ascii_line
 from fourpole.export.systems import belt_note, belt_words
+from fourpole.fitting.accuracy import Accuracy
 from fourpole.fitting.byamplitude import depends_on_amplitude
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel, placed_models, specimens
@@ -232,6 +233,7 @@ class _File:
             f"vertical block of {self.nominal.specimen or 'a specimen'}; model {self.nominal.model.name} of "
             f"{made.source}, by fourpole {made.fourpole}"
         )
+        yield from _comment(Accuracy.joined([one.accuracy for one in self.every]).text)
         yield from _comment(_FORMULA)
         yield from _comment(_UNKNOWN)
         for note in self.notes():

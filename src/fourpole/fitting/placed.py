@@ -11,6 +11,7 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError, UnitError
+from fourpole.fitting.accuracy import Accuracy, accuracy_of
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.query import inertia_of, maps_of, place_of
 from fourpole.models.belted import MASSLESS
@@ -39,6 +40,8 @@ class PlacedModel(ByValue):
         The operating point on the axes of the map.
     values : (P,) float array
         Values of the model's parameters; those of a fit are as its file has them.
+    accuracy : Accuracy
+        That of the map, or of the fit.
     remarks : tuple of str
         What holds for the point alone: its distance from the tests, the temperature of a master curve.
     belt : Specimen
@@ -51,6 +54,7 @@ class PlacedModel(ByValue):
     map: OperatingMap
     point: FloatArray
     values: FloatArray
+    accuracy: Accuracy
     remarks: tuple[str, ...] = ()
     belt: Specimen = MASSLESS
 
@@ -156,7 +160,10 @@ def placed_at(
             f"{label}: its own mass of {belt.mass:.4g} kg is not in the model: add half of it at each end",
         )
         belt = MASSLESS
-    return PlacedModel(specimen, label, own, found, point, values, (*remarks, *_at_reference(file, specimen)), belt)
+    entry = file.map_entry(specimen) or file.model_entry(specimen)
+    assert entry is not None
+    remarks = (*remarks, *_at_reference(file, specimen))
+    return PlacedModel(specimen, label, own, found, point, values, accuracy_of(entry, fitted), remarks, belt)
 
 
 def _at_reference(file: ModelFile, name: str) -> list[str]:

@@ -19,6 +19,7 @@ from fourpole.core.polar import polar
 from fourpole.core.rig import Rig
 from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
+from fourpole.fitting.accuracy import POOR, accuracy_of
 from fourpole.fitting.byamplitude import (
     answer_at,
     around,
@@ -29,16 +30,15 @@ from fourpole.fitting.byamplitude import (
 )
 from fourpole.fitting.inertia import InertiaFile, mean_inertia
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, model_of
+from fourpole.fitting.onepoint import map_of_condition
 from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
 from fourpole.fitting.static import StaticFile
 from fourpole.models.belted import MASSLESS
-from fourpole.models.linearised import Scatter
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
-from fourpole.models.together import LeaveOneOut
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
 
@@ -110,6 +110,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     else:
         answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
     condition = file.condition_at(tyre, found.axes.constant)
+    remarks = (*remarks, *_misfit(file, tyre, condition))
     static = None if condition is None else condition.static  # if the static test was joined as a ramp
     if far.any():
         answer = _wider(answer, static, reduced, frequency)
@@ -269,7 +270,7 @@ def _condition(file: ModelFile, tyre: str, state: Mapping[str, float], units: Sh
             f"{what} the same as the stated one: the file has fits at {there}. State one of these{more} or make a map "
             "of the results with fourpole map"
         )
-    return _one_point(entry, good[0], np.array(good[0].values), good[0].coordinates)
+    return map_of_condition(entry, good[0])
 
 
 def _is_at(file: ModelFile, one: ConditionFile, state: Mapping[str, float]) -> bool:
@@ -288,7 +289,7 @@ def _between(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -> 
     one, pressure = entry.conditions[found.conditions[0]], state[q.PRESSURE.head]
     values = np.array(one.values)
     values[model.symbols.index(model.pressure)] = pressure
-    return _one_point(entry, one, values, {**one.coordinates, q.PRESSURE.head: pressure})
+    return map_of_condition(entry, one, values, {**one.coordinates, q.PRESSURE.head: pressure})
 
 
 def _untested(file: ModelFile, tyre: str, found: OperatingMap, units: ShownUnits) -> tuple[str, ...]:
@@ -305,22 +306,11 @@ def _untested(file: ModelFile, tyre: str, found: OperatingMap, units: ShownUnits
     return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
 
 
-def _one_point(entry: ModelEntry, one: ConditionFile, values: FloatArray, own: dict[str, float]) -> OperatingMap:
-    """A set of parameters as a map of one point, with the band and the covariance of a condition."""
-    model = model_of(entry)
-    linked = model.link(values)
-    _, slopes = model.unlink(linked)
-    scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
-    return OperatingMap(
-        model=model,
-        axes=Axes((), np.zeros((1, 0)), own),
-        terms=((),),
-        coefficients=linked[:, None],
-        covariance=np.array(one.covariance) * np.outer(scale, scale),
-        scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
-        band=one.band,
-        leave_one_out=LeaveOneOut(),
-    )
+def _misfit(file: ModelFile, tyre: str, condition: ConditionFile | None) -> tuple[str, ...]:
+    """A remark if the model is off by more than a limit."""
+    entry = file.map_entry(tyre) or file.model_entry(tyre)
+    accuracy = None if entry is None else accuracy_of(entry, condition)
+    return () if accuracy is None or accuracy.discrepancy < POOR else (accuracy.misfit,)
 
 
 def place_of(

@@ -18,6 +18,7 @@ from fourpole.export.fmi.description import Model, build_description, model_desc
 from fourpole.export.fmi.variables import Point, is_belted
 from fourpole.export.source import identifiers
 from fourpole.export.systems import Points, System, belt_words, systems_of
+from fourpole.fitting.accuracy import Accuracy
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel
 from fourpole.io.write import write_bytes
@@ -56,13 +57,15 @@ write_fmi3 = partial(write, version=3)
 def _point(one: System) -> Point:
     """The operating point of a system."""
     label = _plain(one.placed.label)
+    discrepancy = one.placed.accuracy.discrepancy
     if not one.belted:
-        return Point(label, one.realised)
+        return Point(label, one.realised, discrepancy=discrepancy)
     return Point(
         f"{label}, {belt_words(one.belt)}",
         one.realised,
         belt_modes(one.realised, one.belt, one.placed.band),
         weight(one.belt),
+        discrepancy,
     )
 
 
@@ -73,8 +76,11 @@ def _described(placed: Sequence[PlacedModel], source: str) -> tuple[str, str]:
     about = (
         f"Vertical force of {', '.join(names) or 'a specimen'}; model "
         f"{', '.join(dict.fromkeys(one.model.name for one in placed))} of {_plain(source)}; measured "
-        f"{max(low for low, _ in bands):.6g} to {min(high for _, high in bands):.6g} Hz"
+        f"{max(low for low, _ in bands):.6g} to {min(high for _, high in bands):.6g} Hz. "
     )
+    for specimen in dict.fromkeys(one.specimen for one in placed):
+        about += _plain(Accuracy.joined([one.accuracy for one in placed if one.specimen == specimen]).text) + " "
+    about = about.rstrip()
     return names[0] if len(names) == 1 else "specimen", about
 
 

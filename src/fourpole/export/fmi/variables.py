@@ -23,6 +23,7 @@ UNITS = {
     "N": (1, 1, -2, 0),
     "N/m": (1, 0, -2, 0),
     "N.s/m": (1, 0, -1, 0),
+    "1": (0, 0, 0, 0),
 }
 #: Size of a deflection for the tolerance of an integrator [m].
 NOMINAL = 1e-3
@@ -36,12 +37,14 @@ class Point:
     """An operating point of an FMU: its words, and the model there as a linear system.
 
     With a belt, `belt` is the force Q on it over the mean motion of both ends, in which the contact has `weight` [1].
+    `discrepancy` [1] is the relative error of K* of the model.
     """
 
     label: str
     system: Realised
     belt: Realised | None = None
     weight: float = 0.0
+    discrepancy: float = 0.0
 
     @property
     def force_on_belt(self) -> Realised:
@@ -124,9 +127,10 @@ def variables_of(points: Sequence[Point]) -> list[Variable]:
         ),
     ]  # fmt: skip
     if not belted:
-        return found
+        return [*found, *_discrepancies(points)]
     for at, point in enumerate(points, start=1):
         found += _parameters(f"belts[{at}]", f"the belt of {point.label}", point.force_on_belt)
+    found += _discrepancies(points)
     contact = "Force into the contact: preload plus what the motions add; positive in compression"
     found += [Variable("contact_force", contact, "N", "output", "continuous", "calculated")]
     first = len(found)
@@ -156,6 +160,14 @@ def _input(name: str, about: str, unit: str) -> Variable:
 
 def _listed(points: Sequence[Point]) -> str:
     return "; ".join(f"{at} = {one.label}" for at, one in enumerate(points, start=1))
+
+
+def _discrepancies(points: Sequence[Point]) -> Iterator[Variable]:
+    """The relative error of each point; they come last, because no number of a point may come between others."""
+    for at, point in enumerate(points, start=1):
+        about = f"Relative error of K* of {point.label}; for information, it changes no result"
+        name = f"points[{at}].discrepancy"
+        yield Variable(name, about, "1", "parameter", "fixed", "exact", point.discrepancy, 0.0)
 
 
 def _parameters(name: str, label: str, system: Realised) -> Iterator[Variable]:

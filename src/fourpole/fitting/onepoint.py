@@ -1,0 +1,34 @@
+"""The fit at one condition as a map of one point, so that fits and maps answer alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, model_of
+from fourpole.models.linearised import Scatter
+from fourpole.models.operating import OperatingMap
+from fourpole.models.surface import Axes
+from fourpole.models.together import LeaveOneOut
+
+
+def map_of_condition(
+    entry: ModelEntry, one: ConditionFile, values: FloatArray | None = None, state: Mapping[str, float] | None = None
+) -> OperatingMap:
+    """The parameters of a condition, or others at another state, as a map of one point with its band and covariance."""
+    model = model_of(entry)
+    linked = model.link(np.array(one.values) if values is None else values)
+    _, slopes = model.unlink(linked)
+    scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
+    return OperatingMap(
+        model=model,
+        axes=Axes((), np.zeros((1, 0)), dict(one.coordinates if state is None else state)),
+        terms=((),),
+        coefficients=linked[:, None],
+        covariance=np.array(one.covariance) * np.outer(scale, scale),
+        scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
+        band=one.band,
+        leave_one_out=LeaveOneOut(),
+    )
