@@ -14,7 +14,7 @@ from fourpole.virtual import RUBBER_MOUNT
 def test_it_says_in_a_few_lines_what_it_did_and_found(demonstration):
     folder, ran = demonstration
     assert ran.returncode == 0
-    progress = re.compile(r"[a-z]+: \d+ of \d+, about \d+ \w+ left")  # a slow machine has a line now and then
+    progress = re.compile(r"[a-z ]+: \d+ of \d+, about \d+ \w+ left")  # a slow machine has a line now and then
     assert [line for line in ran.stderr.splitlines() if not progress.fullmatch(line)] == []
     lines = ran.stdout.splitlines()
     assert 20 <= len(lines) <= 35

@@ -37,12 +37,14 @@ _MOST, _FEWEST, _EACH = 3, 4, 6
 #: A resonance lies within these shares of the ends of the band.
 _BELOW, _ABOVE = 0.7, 1.4
 #: First frequencies and damping ratios of a resonance that are tried.
-_HERTZ, _RATIOS = 40, (0.01, 0.03, 0.1, 0.3, 0.7)
+_HERTZ, _RATIOS = 24, (0.01, 0.03, 0.1, 0.4)
 #: The same of a belt: number of frequencies, and the ratios m11/m12.
-_BELT_HERTZ, _SHARES = 30, (0.05, 0.2, 1.0, 5.0)
+_BELT_HERTZ, _SHARES = 16, (0.05, 0.2, 1.0, 5.0)
 #: Least and largest damping ratio of a resonance.
 _LEAST_RATIO, _LARGEST_RATIO = 1e-3, 2.0
-_STEPS = 400
+_STEPS = 150
+#: Where a resonance leaves a chi-square of this many degrees of freedom, another one does not help.
+_HOPELESS = 100.0
 #: Halvings of the interval in which the smallest error is looked for.
 _HALVINGS = 7
 #: Logarithms of q of the extreme biquadratics of a resonance, over its damping ratio.
@@ -192,6 +194,8 @@ def verdict_of(data: StiffnessData) -> Verdict:
                 best = tried
         if best.places.size and best.chance > SEARCH_CHANCE and best.bic < least:
             return _verdict(Rung.RESONANT, relaxing, best, lies)
+        if best.chi2 > _HOPELESS * best.dof:
+            break
     return _verdict(Rung.RELAXING if relaxing.possible else Rung.NONE, relaxing, lowest, lies)
 
 
