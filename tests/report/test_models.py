@@ -224,7 +224,8 @@ def test_the_question_to_a_map_is_answered_inside(fitted, at):
     assert query.tyre == part.tyre
     (row,) = ask(fitted.maps, query)
     assert row["outside [half spans]"] == 0
-    assert row["remarks"] == ""
+    assert row["remarks"].endswith("(scatter of the tests about the map)")  # and nothing of a place outside
+    assert ";" not in row["remarks"]
     assert row["Re K* [N/m]"] > 0
 
 

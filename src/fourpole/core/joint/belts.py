@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.components import component
 from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
 from fourpole.core.joint.conditions import JointConditions
@@ -225,8 +225,8 @@ def _far_roots(problem: Problem, solution: Solution) -> ComplexArray:
     return np.exp(np.add.reduceat(far, conditions.starts - conditions.first) / conditions.sizes)
 
 
-@dataclass(frozen=True)
-class Found:
+@dataclass(frozen=True, eq=False)
+class Found(ByValue):
     """The inertia of a specimen at one condition without its frequency, as found.
 
     Attributes

@@ -210,7 +210,9 @@ def _unseen(found: RigEstimate) -> Iterable[str]:
     for component in found.unseen[:_MOST_UNSEEN]:
         if component.never:
             effect = f"at this or any smaller size, but {component.result} would contain it"
-            key = f". Remedy: {remedy_of(component.source)}{f', or state {component.key}' if component.key else ''}"
+            remedy = remedy_of(component.source)
+            key = f", or state {component.key}" if component.key and component.key not in remedy else ""
+            key = f". Remedy: {remedy}{key}"
         else:
             effect = f"by which {component.result} would be off by {component.shift:.0f} u"
             key = f"; {component.key} in campaign.toml states it" if component.key else ""
