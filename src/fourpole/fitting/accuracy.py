@@ -38,7 +38,8 @@ class Accuracy:
     discrepancy : float [1]
         Model discrepancy; of a map the scatter of the tests about it. 0 if the model fits within u(K*).
     u : float [1]
-        Largest standard uncertainty of Re K* and Im K* of the model in the band over |K*|, with the discrepancy.
+        Largest standard uncertainty of Re K* and Im K* of the model in the band over the modulus of K*; it has the
+        discrepancy in it.
     verdict : Rung or None
         The kind of specimen that can have K* as measured; None if the verdict is unknown, as of maps.
     known : bool
@@ -130,7 +131,7 @@ def _rung(verdict: VerdictFile) -> Rung:
 
 
 def _relative_u(found: OperatingMap, amplitude: Sequence[float] | None) -> float:
-    """The largest u(K*) over |K*| at the tested conditions, at the ends and in the middle of the band."""
+    """The largest u(K*) over its modulus at the tested conditions, at the ends and in the middle of the band."""
     if amplitude:
         found = replace(found, model=found.model.at_amplitude(amplitude[len(amplitude) // 2]))
     low, high = found.band
