@@ -226,15 +226,13 @@ _MOVED = 0.5
 _BENT = 3.0
 
 
-def force_bend(harmonics: Harmonics, frequency: float, rig: Rig | None, added_mass: float) -> float:
-    """Relative error of F1's fundamental where its own channel is not linear; 0 where no harmonics show that."""
-    own, _, unmoved = excess(harmonics, 2 * np.pi * frequency, rig, added_mass)
+def force_bend(found: tuple[float, float, bool]) -> float:
+    """Relative error of F1's fundamental by what `excess` found; 0 where no harmonics are those of its own channel."""
+    own, _, unmoved = found
     return _BENT * own if unmoved and np.isfinite(own) else 0.0
 
 
-def linearity_checks(
-    harmonics: Harmonics, frequency: float, rig: Rig | None, added_mass: float, of_force: float = 0.0
-) -> list[Check]:
+def linearity_checks(harmonics: Harmonics, frequency: float, rig: Rig | None, added_mass: float) -> list[Check]:
     r"""Checks of the linearity of the specimen and of the rig; none where the channels do not show it.
 
     A linear specimen answers harmonic n of its deflection d with :math:`K^*(n\omega)\,d_n`, and a linear rig answers
@@ -250,15 +248,21 @@ def linearity_checks(
         The rig as stated.
     added_mass : float [kg]
         Mass fixed to the moving mass in addition.
-    of_force : float [1]
-        Linearity of F1 as stated, over its range, which is twice the amplitude.
 
     Returns
     -------
     list of Check
         Linearity of the specimen or of the channel of F1, and linearity of the rig.
     """
-    specimen, of_rig, unmoved = excess(harmonics, 2 * np.pi * frequency, rig, added_mass)
+    return judged_excess(excess(harmonics, 2 * np.pi * frequency, rig, added_mass))
+
+
+def judged_excess(found: tuple[float, float, bool], of_force: float = 0.0) -> list[Check]:
+    """The checks of `linearity_checks` by what `excess` found.
+
+    `of_force` is the linearity of F1 as stated [1], over its range, which is twice the amplitude.
+    """
+    specimen, of_rig, unmoved = found
     rows = []
     if np.isfinite(specimen):
         code = Code.FORCE_LINEARITY if unmoved and specimen > _SPECIMEN else Code.LINEARITY

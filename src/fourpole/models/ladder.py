@@ -28,7 +28,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.models.causality import Possible, check_possible, grid_of, terms_of
 from fourpole.models.data import StiffnessData, real_columns, with_shared
-from fourpole.models.nonnegative import WhitenedCondition, least_squares, profile_ends, rise_of, whitened_conditions
+from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
 
 #: A rung is better than the one below if its BIC is lower by this; a resonance, than every single error by more.
 _BETTER, _FAR_BETTER = 6.0, 10.0
@@ -235,25 +235,20 @@ class _Ladder:
         (self.condition,) = whitened_conditions(data)
         self.count = _count(data)
         self.terms = terms_of(data.omega, self.times, known=data.has_k1 and not data.ramp)
-        self.static = self._static(data)
+        self.static = np.zeros(self.terms.shape[1] - 1)  # share of each term but the first in K1
+        self.static[-self.times.size - 1 : -1] = data.static_share(self.times)
+        self.rows, self.target = self.condition.rows(self.terms, self.static), self.condition.target
         self.mass = -np.asarray(data.omega**2 / data.omega.max() ** 2, dtype=complex)[:, None]
 
-    def _static(self, data: StiffnessData) -> FloatArray:
-        """Share of each term but the first in K1 [1]."""
-        share = np.zeros(self.terms.shape[1] - 1)
-        share[-self.times.size - 1 : -1] = data.static_share(self.times)
-        return share
-
-    def _solved(self, condition: WhitenedCondition, more: ComplexArray) -> tuple[FloatArray, float]:
-        """Weights of the terms and of `more` (N, k), and chi-square."""
-        static = np.append(self.static, np.zeros(more.shape[1]))
-        rows = condition.rows(np.concatenate([self.terms, more], axis=1), static)
-        return least_squares(rows, condition.target)
+    def _with(self, more: ComplexArray) -> FloatArray:
+        """Rows of the relaxing terms and of `more` (N, k), which have no share in K1."""
+        rows = self.data.whitened(self.condition.whiten, more)
+        return np.concatenate([self.rows, np.vstack([rows, np.zeros((1, more.shape[1]))])], axis=1)
 
     def with_pairs(self, places: FloatArray) -> _Best:
         """The best specimen with a mass, and with resonances at `places` (n, 2): frequency [rad/s], damping ratio."""
         pairs = [pair_of(self.data.omega, *place) for place in places]
-        weights, chi2 = self._solved(self.condition, np.concatenate([self.mass, *pairs], axis=1))
+        weights, chi2 = least_squares(self._with(np.concatenate([self.mass, *pairs], axis=1)), self.target)
         scale = float(self.data.omega.max()) ** -2
         free = int(np.count_nonzero(weights)) + 2 * len(places)
         return _Best(chi2, free, self.count, float(weights[self.terms.shape[1]]) * scale, places)
@@ -261,10 +256,10 @@ class _Ladder:
     def mass_std(self, found: _Best) -> float:
         """Standard uncertainty of a mass without resonances [kg]: half the interval in which chi-square rises by 1."""
         top = float(self.data.omega.max()) ** 2
-        rows = self.condition.rows(np.concatenate([self.terms, self.mass], axis=1), np.append(self.static, 0.0))
+        column = self._with(self.mass)[:, -1]
 
         def height(value: float) -> float:
-            return rise_of(rows[:, :-1], self.condition.target - rows[:, -1] * value, found.chi2)
+            return rise_of(self.rows, self.target - column * value, found.chi2)
 
         low, high = profile_ends(height, found.mass * top, 0.1 * found.mass * top, 1.0)
         return (high - low) / 2 / top
@@ -349,8 +344,8 @@ class _Ladder:
 
     def _without(self, stiffness: ComplexArray) -> tuple[float, int]:
         """Chi-square of the best relaxing specimen of another K*, and the number of its values."""
-        condition = replace(self.condition, data=replace(self.condition.data, stiffness=stiffness))
-        weights, chi2 = self._solved(condition, np.zeros((stiffness.size, 0), dtype=complex))
+        target = replace(self.condition, data=replace(self.data, stiffness=stiffness)).target
+        weights, chi2 = least_squares(self.rows, target)
         return chi2, int(np.count_nonzero(weights))
 
 

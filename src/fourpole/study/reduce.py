@@ -31,7 +31,7 @@ from fourpole.core.demodulation.tracks import Track, tracks_of
 from fourpole.core.demodulation.wander import follow_wander, refine_reference
 from fourpole.core.phasor import CHANNELS, SYMBOLS, Phasors
 from fourpole.core.recording import DRIVE, Recording
-from fourpole.core.recordingchecks import force_bend, linearity_checks
+from fourpole.core.recordingchecks import excess, force_bend, judged_excess
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
 from fourpole.core.spectra.checks import check_closure, check_line, check_shared_noise
@@ -157,9 +157,12 @@ def points_of(job: Reduction, done: Demodulated) -> Points:
     corrections: tuple[tuple[Correction, ...], ...] = ((),)
     shown: tuple[tuple[str, ...], Preview] | None = None
     if isinstance(result, Demodulation):
-        phasors, corrections = _with_bend(job, result).part(np.newaxis), (result.corrections,)
+        found = excess(result.harmonics, float(result.phasors.omega), job.rig, job.test.added_mass)
+        phasors, corrections = _with_bend(result.phasors, found).part(np.newaxis), (result.corrections,)
         shown = (result.channels, result.preview)
-        checks = ((*done.checks, *_checks_of_sine(job, result, done.mean_force)),)
+        cell = job.channels.force_in
+        bent = judged_excess(found, (cell and cell.linearity) or 0.0)
+        checks = ((*done.checks, *bent, *_checks_of_sine(job, result, done.mean_force)),)
     elif result is not None:
         phasors, corrections, columns = result.phasors, result.corrections, _columns_of(result)
         shown = (CHANNELS[: len(result.preview.signals)], result.preview) if result.preview is not None else None
@@ -177,10 +180,9 @@ def points_of(job: Reduction, done: Demodulated) -> Points:
     )
 
 
-def _with_bend(job: Reduction, result: Demodulation) -> Phasors:
+def _with_bend(phasors: Phasors, found: tuple[float, float, bool]) -> Phasors:
     """The amplitudes, with the error of F1 that the harmonics of a cell that is not linear show."""
-    phasors = result.phasors
-    bend = force_bend(result.harmonics, float(phasors.frequency), job.rig, job.test.added_mass)
+    bend = force_bend(found)
     if not bend:
         return phasors
     error = ChannelError(Source(Kind.GAIN, "F1"), "1", 0, bend, np.ones(1, dtype=complex))
@@ -341,8 +343,6 @@ def _checks_of_sine(job: Reduction, result: Demodulation, mean_force: float) -> 
     names = tuple(SYMBOLS[role] for role in CHANNELS)
     test, rig, frequency = job.test, job.rig, float(result.phasors.frequency)
     added = test.added_mass
-    cell = job.channels.force_in
-    yield from linearity_checks(result.harmonics, frequency, rig, added, (cell and cell.linearity) or 0.0)
     yield checks.check_frequency(frequency, test.value("frequency"))
     yield checks.check_gaps(result)
     yield from checks.check_spoilt(result, names)
