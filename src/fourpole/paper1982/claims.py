@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fourpole.findings.evidence import Above, Effect, between, mean_effect
+from fourpole.findings.evidence import Effect, between, mean_effect
 from fourpole.findings.facts import Curve, Estimate, Facts, Values, common
 from fourpole.findings.finding import Finding, FindingConditions, Holds, Key, Topic
 from fourpole.findings.levels import differences
@@ -105,6 +105,19 @@ class Ply:
             for key, curve in self.curves.items()
             for f, tr, std in zip(curve.frequency, curve.tr, curve.std, strict=True)
         }
+
+
+@dataclass(frozen=True)
+class Above:
+    """Relative difference of one tyre less the other, by condition."""
+
+    axes: tuple[str, ...]
+    effects: Mapping[Key, Effect]
+
+    @property
+    def against(self) -> list[Key]:
+        """Conditions at which the first tyre is not above the second."""
+        return [key for key, effect in self.effects.items() if effect.value <= 0.0]
 
 
 @dataclass(frozen=True)
