@@ -18,7 +18,7 @@ def public(name: str) -> Any:
 
 
 def load(place: str) -> Any:
-    """What a registry names by its place, as "fourpole.paper1982.claims.claims"."""
+    """What a registry names by its place, as "fourpole.models.springs.Spring"."""
     module, _, name = place.rpartition(".")
     return getattr(import_module(module), name)
 

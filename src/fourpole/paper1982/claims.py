@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import Enum
 from functools import cached_property
 from itertools import product
 from typing import ClassVar
@@ -47,19 +47,10 @@ _BANDS: tuple[Callable[[float], bool], ...] = (
 _TIMES = 3.0
 
 
-class Need(StrEnum):
-    """The measurements that a campaign lacks where a claim cannot be examined."""
-
-    BOTH = "values of both tyres at a condition in common"
-    CURVES = "load-deflection curves of both tyres at a pressure in common"
-    THREE_PRESSURES = "three pressures or more"
-    THREE_FREQUENCIES = "three frequencies or more"
-    OPTIMUM = "three pressures or more on both sides of the optimum"
-    LOADS = "two loads and two pressures or more"
-    CORNERS = "the lowest and highest load at the lowest and highest pressure"
-    BANDS = "frequencies in all three bands"
-    SIDES = "TR of both tyres on both sides of the crossing"
-    PEAKS = "TR of both tyres at three frequencies or more"
+#: The measurements that a campaign may lack, by the names of their sentences in words.toml.
+Need = Enum(
+    "Need", "BOTH CURVES THREE_PRESSURES THREE_FREQUENCIES OPTIMUM LOADS CORNERS BANDS SIDES PEAKS", module=__name__
+)
 
 
 @dataclass(frozen=True)

@@ -3,35 +3,87 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fourpole.core.rig import Rig
 from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
 from fourpole.core.tyre import zener_stiffness
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, Tone, look
-from fourpole.plot.marks import (
-    MOST_NAMED,
-    line_of,
-    load_key,
-    points_of,
-    pressure_key,
-    rejected_of,
-    tyre_look,
-    zero_line,
+from fourpole.plot.marks import line_of, points_of, zero_line
+from fourpole.plot.sheet import (
+    Groups,
+    Sheet,
+    few,
+    leading,
+    means,
+    phasors,
+    present,
+    read_sheet,
+    rigs_stated,
+    spread,
+    tests_said,
+    texts,
 )
-from fourpole.plot.sheet import Sheet, few, leading, means, phasors, present, read_sheet, rigs_stated, tests_said, texts
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 
 _MOST_LOADS, _MOST_TYRES, _MOST_COLUMNS = 2, 12, 4
 #: Rank of the marker and of the line style of each route.
 _ROUTE_RANKS = {"mobility": (0, 0), "relative": (2, 1), "transmissibility": (1, 2)}
+#: Number of pressures in the key of a figure.
+MOST_NAMED = 8
+
+
+def rejected_of(results: Study, rows: BoolArray, values: tuple[FloatArray, FloatArray]) -> list[Series]:
+    """The rejected tests of a mask."""
+    return points_of(results, rows, values, look(Role.REJECTED))
+
+
+def curve_of(
+    results: Study,
+    rows: BoolArray,
+    values: tuple[FloatArray, FloatArray],
+    std: FloatArray,
+    keys: IntArray,
+    like: Series,
+) -> list[Series]:
+    """The tests of a mask with bars, and the line through the means of those of equal key."""
+    x, y = values
+    line = line_of(x[rows], y[rows], keys[rows], like, std[rows])
+    return [*line, *points_of(results, rows, values, like, stds=(None, std))]
+
+
+def tyre_look(tyre: int, pressure: int, load: int) -> Series:
+    """Colour, marker and line style of a specimen at a pressure and a preload, by their numbers."""
+    return look(tyre=tyre, marker=pressure, dash=load)
+
+
+def pressure_key(sheet: Sheet, which: Sequence[int]) -> list[tuple[Series, str]]:
+    """The markers of pressures; of many pressures, some."""
+    shown = [which[at] for at in spread(len(which), MOST_NAMED)] if _is_stated(sheet.pressures) else []
+    return [(look(marker=rank), _named("pressure", sheet.pressures.labels[rank])) for rank in shown]
+
+
+def load_key(sheet: Sheet, which: Sequence[int]) -> list[tuple[Series, str]]:
+    """The line styles of preloads."""
+    shown = which if _is_stated(sheet.loads) else []
+    return [(look(Role.LINE, dash=rank), _named("preload", sheet.loads.labels[rank])) for rank in shown]
+
+
+def _is_stated(groups: Groups) -> bool:
+    """False if the only group is that of the tests that state no value."""
+    return len(groups) > 1 or groups.stated() > 0
+
+
+def _named(name: str, label: str) -> str:
+    """A label with its number, or "not stated" with the name of the axis before it."""
+    return label if label[0].isdigit() else f"{name} {label}"
 
 
 @dataclass(frozen=True, eq=False)
