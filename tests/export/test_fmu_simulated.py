@@ -29,7 +29,7 @@ from fourpole.export.fmi.variables import variables_of
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
 from fourpole.models.step import simulate
-from fourpole.models.tyre_shell import RADIAL_PLY
+from fourpole.paper1982.shell import RADIAL_PLY
 from fourpole.ride.linear import LinearSystem, driven
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy needs a later numpy than the lowest version allowed")

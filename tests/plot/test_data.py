@@ -392,7 +392,7 @@ def test_data_needs_no_matplotlib():
         "import sys, polars\n"
         "from fourpole.study.study import Study\n"
         "from fourpole.plot import states, frequency, loops, fields, chain, budget, part, rig, choice\n"
-        "from fourpole.plot import spectrum, amplitude, operating, carpet, properties, motion, stiffness\n"
+        "from fourpole.plot import spectrum, amplitude, operating\nfrom fourpole.paper1982 import figures, companions\n"
         "assert not [name for name in sys.modules if name.startswith('matplotlib')]\n"
     )
     ran = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)

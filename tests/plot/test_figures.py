@@ -8,12 +8,12 @@ from tests.plot.conftest import FREQUENCIES, PRESSURES, blank, changed, empty_re
 from tests.plot.modelled import study_with_models
 
 from fourpole.core.tyre import mobility
+from fourpole.paper1982.companions import route_stiffness
+from fourpole.paper1982.figures import crossings
 from fourpole.plot import FIGURES, PAPER, Style, draw, figure_data, figures_of
 from fourpole.plot.data import Place, Role, Tone
 from fourpole.plot.layout import COLOUR_SCALE
-from fourpole.plot.motion import crossings
 from fourpole.plot.sheet import read_sheet
-from fourpole.plot.stiffness import route_stiffness
 from fourpole.study.study import Study
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 

@@ -228,13 +228,16 @@ def test_candidates_stand_where_their_criteria_are(tried):
 
 
 def test_the_chosen_the_alike_and_the_non_causal_are_marked(tried):
-    entry = tried.models.models[0]
+    (entry,) = tried.models.models[:1]
+    candidates = [one.model_copy(update={"causal": one.model != "kelvin"}) for one in entry.candidates]
+    entry = entry.model_copy(update={"candidates": candidates})
+    tried = replace(tried, models=tried.models.model_copy(update={"models": [entry, *tried.models.models[1:]]}))
     panel = figure_data(tried, "model-choice").panels[0]
     (best,) = [one for one in series(panel, Role.POINTS) if not one.hollow]
     assert entry.candidates[int(best.y[0])].model == entry.model
     assert best.tyre == 0
     triangles = [one for one in series(panel, Role.POINTS) if one.marker == 2]
-    assert [entry.candidates[int(one.y[0])].model for one in triangles] == ["structural"]
+    assert [entry.candidates[int(one.y[0])].model for one in triangles] == ["kelvin"]
     (alike,) = series(panel, Role.LINE)
     assert set(alike.x) == {6.0}
     figure = draw(tried, "model-choice")
