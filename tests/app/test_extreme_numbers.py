@@ -64,6 +64,7 @@ def test_a_number_of_the_statement_beyond_use_is_named(run, folder, command, old
     assert ran.exit_code == 2
 
 
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize("command", ["check", "analyse"])
 @pytest.mark.parametrize(
     ("column", "value", "said"),
@@ -91,6 +92,7 @@ def test_a_sample_beyond_use_is_a_finding_of_its_test(run, folder, value):
     assert path.stem in message(run("analyse", folder, "--tables-only"))
 
 
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize(
     ("name", "column", "commands"),
     [
@@ -173,6 +175,7 @@ def test_sensors_that_are_hardly_known_give_tables_without_a_model(run, folder, 
     assert "results:" in ran.output
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_a_report_of_new_results_says_nothing_of_former_models(run, small_campaign, tmp_path):
     folder = shutil.copytree(small_campaign, tmp_path / "campaign")
     assert run("analyse", folder).exit_code == 0
