@@ -66,22 +66,29 @@ def server():
     made.stop()
 
 
-@pytest.fixture
-def bucket(server, monkeypatch):
-    """A client of the server, with an empty bucket; credentials and address are in the environment."""
+@pytest.fixture(scope="module")
+def client(server):
+    """A client of the server; credentials and address are in the environment, also in that of one worker for all."""
     boto3 = pytest.importorskip("boto3")
     stated = {"ENDPOINT_URL": server, "ACCESS_KEY_ID": "a", "SECRET_ACCESS_KEY": "b", "DEFAULT_REGION": "us-east-1"}
-    for name, value in stated.items():
-        monkeypatch.setenv(f"AWS_{name}", value)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in stated.items():
+            patch.setenv(f"AWS_{name}", value)
+        children.child().close(for_good=False)
+        made = boto3.client("s3")
+        made.create_bucket(Bucket="rig")
+        yield made
+        made.close()
+        children.child().close(for_good=False)
+
+
+@pytest.fixture
+def bucket(client, monkeypatch):
+    """The client, with an empty bucket, which the environment allows to read."""
     monkeypatch.setenv(REMOTE, "s3://")
-    children.child().close(for_good=False)
-    client = boto3.client("s3")
-    client.create_bucket(Bucket="rig")
     yield client
     for one in client.list_objects_v2(Bucket="rig").get("Contents", []):
         client.delete_object(Bucket="rig", Key=one["Key"])
-    client.close()
-    children.child().close(for_good=False)
 
 
 def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
