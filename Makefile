@@ -19,7 +19,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile lock clean
+.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile every lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -153,6 +153,9 @@ faults: $(READY) strace  ## errors, a full disk and kills at every call of two c
 hostile: $(READY)  ## every command and every page on every folder that is made to harm; 20 CPU minutes
 	@$(BIN)/python -m tests.hostile
 	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest -q tests/served/test_hostile.py
+
+every: $(READY)  ## all cases of the tests of which `make test` takes a part, which is another after each change of the sources
+	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest $(TWO_AT_A_TIME) -m sampled tests
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml

@@ -28,6 +28,7 @@ from pathlib import Path
 
 import polars as pl
 from tests.forked import Commands, Run, called, commands
+from tests.selection import share, turn
 
 import fourpole
 from fourpole.io.published import LIST, published, publishing
@@ -303,9 +304,11 @@ Case = tuple[str, Change, str]
 def cases(*, every: bool) -> Iterator[Case]:
     """Name, change and command of each case; every third place and kind with one command that reads it, or `every`."""
     places = [(place, kind) for place in (*STATEMENT, *RESULTS) for kind in STRANGE]
-    for number, (place, kind) in enumerate(places if every else places[::3]):
+    for number, (place, kind) in enumerate(places):
+        if not (every or share(number, 3)):
+            continue
         those = OF_STATEMENT if place in STATEMENT else OF_RESULTS
-        for command in those if every else (those[number % len(those)],):
+        for command in those if every else (those[(number // 3 + turn()) % len(those)],):
             yield f"{kind} for {place}", instead(place, STRANGE[kind]), command
     for name, (change, those) in SINGLE.items():
         for command in tuple(COMMANDS) if every else those:

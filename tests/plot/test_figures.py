@@ -364,6 +364,7 @@ def test_limits_are_the_readers(study):
 
 @pytest.mark.parametrize("key", ["fig06", "fig08", "fig14", "stiffness", "tr-measured-predicted", "routes"])
 @pytest.mark.parametrize("case", ["two", "many"])
+@pytest.mark.sampled(3)
 def test_key_and_notes_stay_off_the_panels(study, key, case):
     if case == "many":
         named = [CROSS_PLY.__class__(**{**vars(RADIAL_PLY), "name": f"a tyre of the long name {n}"}) for n in range(9)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 import re
 import shutil
 import sys
@@ -11,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.selection import share
 from tests.served.hostile import FAULTS, LIST, ODD
 from tests.served.server import Server, serving
 
@@ -23,9 +23,8 @@ PAGES = (
     "", "/explore", "/tests", "/tests/D1", "/statement", "/model", "/plan", "/plan/expected", "/run", "/watch",
     "/columns", "/tests/D1/signals", "/tests/D1/residual", "/files/report.html", "/figure.svg", "/export/mat",
 )  # fmt: skip
-#: Those that take long: each is asked of every third campaign, of all with FOURPOLE_EVERY=1 (make hostile).
+#: Those that take long: each is asked of every third campaign.
 LONG = ("", "/explore", "/plan/expected", "/figure.svg", "/export/mat")
-THIRD = 1 if os.environ.get("FOURPOLE_EVERY") == "1" else 3
 #: Largest memory of the server after all of them [kB]; without any it takes about 200 MB.
 MOST_MEMORY = 600_000
 
@@ -71,7 +70,7 @@ def test_no_page_of_them_is_a_fault_of_the_program(server: Server) -> None:
         f"{name}{part}": server.ask(found[0] + part)
         for number, (name, found) in enumerate(sorted(addresses.items()))
         for part in PAGES
-        if found and name != "good" and (part not in LONG or (number + LONG.index(part)) % THIRD == 0)
+        if found and name != "good" and (part not in LONG or share(number + LONG.index(part), 3))
     }
     assert all(sum(page.endswith(part) for page in answers) > 10 for part in PAGES)
     assert {page: content for page, (status, content, _) in answers.items() if status >= 500} == {}

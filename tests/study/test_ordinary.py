@@ -19,11 +19,11 @@ def setup(bench, monkeypatch):
     """What the joint route is given of three tests, one of them a calibration: a function, which ends before it."""
     whole = identify.setup_of
 
-    class Given(Exception):
+    class GivenError(Exception):
         pass
 
     def given(*arguments):
-        raise Given(whole(*arguments)[0])
+        raise GivenError(whole(*arguments)[0])
 
     monkeypatch.setattr(identify, "setup_of", given)
 
@@ -39,7 +39,7 @@ def setup(bench, monkeypatch):
         folder = bench.write()
         text = (folder / "campaign.toml").read_text()
         (folder / "campaign.toml").write_text(text.replace('[unstated]\nordinary = "zero"\n', zero))
-        with pytest.raises(Given) as found:
+        with pytest.raises(GivenError) as found:
             analyse(folder)
         return found.value.args[0]
 
