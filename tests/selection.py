@@ -38,7 +38,7 @@ def share(number: int, parts: int) -> bool:
 
 
 def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.Item]:
-    """Cases that a run leaves out: those of other turns; with `first`, all but the first of a test outside LIBRARIES."""
+    """Cases that a run leaves out: those of other turns; with `first`, all but the first, except in LIBRARIES."""
     seen: Counter[str] = Counter()
     for item in items:
         name = item.nodeid.partition("[")[0]
