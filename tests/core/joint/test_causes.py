@@ -84,6 +84,7 @@ def test_a_cause_of_impossible_size_is_never_named(make, undeclared, masses):
 
 
 @pytest.mark.parametrize(("value", "std"), [("gain F1", 0.005), ("phase F1", 0.003), ("moving_mass", 0.15)])
+@pytest.mark.sampled(3)
 def test_a_statement_loses_its_hold_without_a_step(make, value, std):
     """The median u(K') while the truth goes from 2 to 6 standard uncertainties away, all else being equal."""
     u = []

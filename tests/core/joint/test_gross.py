@@ -48,6 +48,7 @@ def test_exchanged_velocities_are_named(make):
 
 
 @pytest.mark.parametrize("seed", range(20))
+@pytest.mark.sampled(4)
 def test_an_honest_campaign_has_no_gross_error(make, seed):
     made = make(USUAL, masses=((0.0,), (0.0, 10.0))[seed % 2], frequencies=4, families=2, seed=seed)
     problem = made.problem()

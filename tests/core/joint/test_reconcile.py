@@ -42,6 +42,7 @@ def errors(made, joint):
         ({"leaf_friction": 5.0}, "leaf friction"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, undeclared, name, masses):
     made = make(replace(GOOD, undeclared=undeclared), masses=masses, frequencies=8, families=4, within=1.0)
     joint = made.identify()
@@ -55,6 +56,7 @@ def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, und
 
 @pytest.mark.parametrize("masses", [(0.0,), (0.0, 10.0)])
 @pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.sampled(2)
 def test_what_is_declared_is_handled(make, name, masses):
     made = make(replace(GOOD, **{name: DECLARED[name]}), masses=masses, frequencies=8, families=4, within=2.0)
     joint = made.identify()

@@ -56,6 +56,7 @@ def test_k_of_each_test_is_its_own(make):
 
 
 @pytest.mark.parametrize("drift", [0.01, 0.05, -0.05, 0.02 + 0.02j])
+@pytest.mark.sampled(2)
 def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
     made = make(USUAL, masses=THREE, spread=3e-3, families=1, frequencies=8, drift=drift, scatter=5e-4, within=2.0)
     joint = made.identify(specimen=["radial"] * made.family.size)
@@ -91,6 +92,7 @@ def test_honest_campaigns_have_neither_scatter_nor_drift(make):
 
 
 @pytest.mark.parametrize("channel", [0, 1, 2])
+@pytest.mark.sampled(3)
 def test_one_test_in_fifteen_whose_gain_is_far_off_is_found(make, channel):
     made = make(USUAL, masses=THREE, spread=3e-3, families=1, frequencies=5, within=2.0)
     amplitudes = made.phasors.amplitudes.copy()
