@@ -119,14 +119,17 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 	@$(BIN)/ruff check --fix-only
 	@$(BIN)/ruff format
 
-# Examples are left out here, for they show numbers as today's numpy prints them; so are warnings, for
-# those of an old library are nobody's to mend. The commands', the report's and the pages' own tests hold their exact
-# output, which is for the terminal, browser and drawing libraries of the lock alone. Tests that take long or repeat an estimate many times ask
-# of our formulas, not of a library: once is enough.
+# What it holds: each function of a library that the package calls is there in the lowest version and does the same. So
+# each test runs with its first case alone (--first), except where the cases differ in the library that they call
+# (tests/selection.py). Left out are examples, for they show numbers as today's numpy prints them; warnings, for those of
+# an old library are nobody's to mend; the commands', the report's and the pages' own tests, which hold exact output of
+# the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many times,
+# which ask of our formulas, not of a library; and core/joint, pure algebra on numpy, which every analysis of the other
+# tests runs.
 lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
-		-W default $(TWO_AT_A_TIME) -m "not statistical and not thorough" tests \
-		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools
+		-W default $(TWO_AT_A_TIME) --first -m "not statistical and not thorough" tests \
+		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools --ignore=tests/core/joint
 
 lowest-install:  ## install the lowest versions allowed
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \

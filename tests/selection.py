@@ -17,8 +17,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-#: Folders of tests whose cases differ in the library that they call.
-LIBRARIES = tuple(f"tests/{place}/" for place in ("export", "io/formats", "io/writers"))
+#: Beginnings of names of tests whose cases differ in the library that they call.
+LIBRARIES = tuple(f"tests/{place}" for place in ("export/test_kinds", "io/formats", "io/writers"))
 #: Whether all cases are asked for.
 EVERY = os.environ.get("FOURPOLE_EVERY") == "1"
 
