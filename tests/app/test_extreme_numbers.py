@@ -75,6 +75,7 @@ def test_a_number_of_the_statement_beyond_use_is_named(run, folder, command, old
         ("note", "n" * 140_000, "131072"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_a_cell_of_tests_csv_beyond_use_is_named(run, folder, command, column, value, said):
     with_cell(folder / "tests.csv", column, value)
     ran = run(command, folder)
@@ -103,6 +104,7 @@ def test_a_sample_beyond_use_is_a_finding_of_its_test(run, folder, value):
     ],
 )
 @pytest.mark.parametrize("value", ["1e300", "inf", "1e5 N/m"])
+@pytest.mark.sampled(2)
 def test_a_cell_of_a_result_beyond_use_is_named_with_its_row(run, folder, analysed, name, column, commands, value):
     with_cell(folder / "results" / name, column, value)
     for command in commands:

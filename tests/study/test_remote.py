@@ -46,6 +46,7 @@ def test_a_file_url_inside_the_folder_is_the_file(noisy):
         ("simplecache::s3://bucket/D2.csv", "there is no such file"),
     ],
 )
+@pytest.mark.sampled(3)
 def test_a_url_that_leads_elsewhere_is_one_rejected_row(noisy, url, says):
     (noisy.path.parent / "outside.csv").write_bytes(noisy.recording("D2").read_bytes())
     noisy.edit("tests.csv", ROW, url.format(folder=noisy.path))
