@@ -77,6 +77,7 @@ def dropped(tmp_path: Path) -> Dropped:
 
 
 @pytest.mark.parametrize("inside", [True, False])
+@pytest.mark.sampled(2)
 def test_no_job_of_the_app_runs_what_is_dropped(dropped: Dropped, tmp_path: Path, inside: bool) -> None:
     """The server stands in the folder that it serves, or in another one."""
     where, named = (dropped.root, ".") if inside else (tmp_path, str(dropped.root))
