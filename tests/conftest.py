@@ -37,7 +37,7 @@ def pytest_report_header() -> str:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     left = set(left_out(items, first=config.getoption("--first", default=False)))
-    if left:
+    if left and not any("::" in argument for argument in config.args):  # what is named runs
         config.hook.pytest_deselected(items=list(left))
         items[:] = [item for item in items if item not in left]
 
