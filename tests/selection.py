@@ -18,7 +18,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Beginnings of names of tests whose cases differ in the library that they call.
-LIBRARIES = tuple(f"tests/{place}" for place in ("export/test_kinds", "io/formats", "io/writers"))
+LIBRARIES = tuple(f"tests/{place}" for place in ("export/test_kinds", "io/formats", "io/writers", "study/test_formats"))
 #: Whether all cases are asked for.
 EVERY = os.environ.get("FOURPOLE_EVERY") == "1"
 
