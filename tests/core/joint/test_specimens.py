@@ -18,6 +18,7 @@ THREE = (0.0, 0.0, 0.0)
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("scatter", [3e-4, 3e-3, 1e-2])
+@pytest.mark.sampled(3)
 def test_a_tyre_that_repeats_badly_is_no_error_of_the_rig(make, scatter):
     """One mass, three repeats at speeds 0.3 % apart: their slope over frequency looks like any error of a channel.
 
