@@ -119,6 +119,7 @@ def test_scatter_of_the_tyre_is_found_and_counted(make):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("masses", [(0.0, 0.0, 0.0), (0.0, 0.0, 10.0)])
+@pytest.mark.sampled(2)
 def test_uncertainty_with_scatter_is_right(make, masses):
     """Errors of each test's own K*, over seeds, in their uncertainty: chi-square per number near 1."""
     squares, told = [], 0
