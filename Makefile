@@ -158,7 +158,7 @@ hostile: $(READY)  ## every command and every page on every folder that is made 
 	@$(BIN)/python -m tests.hostile
 	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest -q tests/served/test_hostile.py
 
-every: $(READY)  ## all cases of the tests of which `make test` takes a part, which is another after each change of the sources
+every: $(READY)  ## all of the tests of which `make test` takes a part, which is another after each change of the sources
 	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest $(TWO_AT_A_TIME) -m sampled tests
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \

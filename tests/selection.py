@@ -1,14 +1,16 @@
-"""Which of many alike cases a run takes: a part that changes with the sources, and all of them on request.
+"""Which of many alike or long tests a run takes: a part that changes with the sources, and all of them on request.
 
-A test with `@pytest.mark.sampled(n)` has many cases that differ in their data only: a run takes every n-th of them. The
-turn says which; it follows from the sources, so that one state of them always gives the same cases and the next state
-others. FOURPOLE_TURN=3 repeats a turn, FOURPOLE_EVERY=1 takes all cases, as `make every` does.
+Of a test with `@pytest.mark.sampled(n)`, whose cases differ in their data only, a run takes every n-th case; one that
+has no cases and takes long is run every n-th time. The turn says which; it follows from the sources, so that one state
+of them always gives the same tests and the next state others. FOURPOLE_TURN=3 repeats a turn, FOURPOLE_EVERY=1 takes
+all, as `make every` does. Tests that are named by :: always run.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -46,5 +48,6 @@ def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.It
         seen[name] += 1
         mark = item.get_closest_marker("sampled")
         further = first and number and not name.startswith(LIBRARIES)
-        if further or (mark and not first and not share(number, *mark.args)):
+        place = number + zlib.crc32(name.encode())  # so that tests without cases do not all have one turn
+        if further or (mark and not first and not share(place, *mark.args)):
             yield item

@@ -54,6 +54,7 @@ def faulty(validate):
     return importlib.import_module("faulty")
 
 
+@pytest.mark.sampled(2)
 def test_faults_run_and_their_table_is_written(validate, faulty, monkeypatch):
     """With three frequencies, for time: one campaign without a fault, and two with one."""
     faults = [None, FAULTS["F1 in kgf, stated in N"], FAULTS["V1 late, 0.5 ms"]]

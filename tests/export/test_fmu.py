@@ -155,6 +155,7 @@ pairs = pytest.mark.parametrize(
 
 @pytest.mark.thorough
 @pairs
+@pytest.mark.sampled(2)
 def test_the_source_compiles_without_a_warning(tmp_path, version, models, belt):
     files = compiled_files(version, belted=belt is not None)
     command = [compiler(), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-O2", "-c", *files]
@@ -185,6 +186,7 @@ def driven(tmp_path, version, models, *flags, belt=None):
 
 @pytest.mark.thorough
 @pairs
+@pytest.mark.sampled(2)
 def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models, belt):
     flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     program = driven(tmp_path, version, SETS[models], *flags, belt=belt)
@@ -195,6 +197,7 @@ def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models, bel
 @pytest.mark.thorough
 @both
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
+@pytest.mark.sampled(2)
 def test_valgrind_finds_nothing(tmp_path, version):
     command = ["valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9", driven(tmp_path, version, MODELS)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

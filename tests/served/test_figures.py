@@ -298,7 +298,7 @@ def test_a_choice_shows_its_figure_at_once(window: Page) -> None:
     ["/c/one/explore?quantity=k2&over=pressure", "/c/one/model", "/c/two/model", "/c/one/plan?wanted=0.01+%25",
      "/compare?a=one&first=cross-ply&second=radial-ply", "/c/bare/plan"],
 )  # fmt: skip
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_no_page_keeps_anyone_out(window: Page, address: str) -> None:
     with visiting(window) as page:
         page.set_viewport_size({"width": 820, "height": 1180})

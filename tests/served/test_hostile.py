@@ -63,6 +63,7 @@ def test_each_is_a_row_with_its_fault(server: Server) -> None:
     assert max(map(len, rows.values())) < 2000
 
 
+@pytest.mark.sampled(2)
 def test_no_page_of_them_is_a_fault_of_the_program(server: Server) -> None:
     addresses = {name: re.findall('href="(/c/[^"]+)"', row) for name, row in rows_of(server).items()}
     assert [name for name, found in addresses.items() if not found] == ["linked"]

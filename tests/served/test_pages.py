@@ -281,7 +281,7 @@ def test_a_point_of_a_figure_leads_to_its_recording(window: Page) -> None:
 
 
 @pytest.mark.parametrize("part", ["", "/tests", "/tests/D1", "/statement", "/run", None])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_no_page_keeps_anyone_out(window: Page, part: str | None) -> None:
     with visiting(window) as page:
         address = "/" if part is None else f"{campaign(page)}{part}"

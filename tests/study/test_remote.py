@@ -173,6 +173,7 @@ def test_the_argument_allows_it_for_the_call_alone(uploaded):
     assert noisy.analyse(route="mobility").counts["rejected"] == 2
 
 
+@pytest.mark.sampled(2)
 def test_the_users_configuration_reaches_worker_processes(uploaded, tmp_path, monkeypatch):
     noisy, before = uploaded
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "user"))
@@ -189,6 +190,7 @@ def without_permission():
     os.environ.pop(REMOTE, None)
 
 
+@pytest.mark.sampled(2)
 def test_a_job_takes_the_permission_of_its_sender_along(uploaded):
     """As to a worker of a cluster, which was started by somebody else."""
     noisy, before = uploaded

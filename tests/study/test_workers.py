@@ -162,6 +162,7 @@ def test_a_plain_script_needs_no_main(noisy, tmp_path):
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+@pytest.mark.sampled(2)
 def test_a_run_that_is_stopped_in_mid_batch_is_gone_on_with(hurting, number, code):
     """The reader of D2 hangs. Ctrl-C reaches the whole group of processes, as in a terminal; a kill the parent alone.
 

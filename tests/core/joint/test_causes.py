@@ -107,6 +107,7 @@ def test_only_repeats_of_other_deflection_show_a_dependence_on_the_amplitude(mak
     assert np.any(joint.problem.observed.deflection) == differ
 
 
+@pytest.mark.sampled(2)
 def test_one_test_of_another_deflection_shows_no_dependence_on_the_amplitude(make):
     made = make(USUAL, masses=(0.0, 0.0, 0.0), spread=0.003, **TESTS)
     wrong = made.phasors.amplitudes.copy()

@@ -174,6 +174,7 @@ def test_noise_three_times_as_large_as_stated_is_a_misfit(make):
     assert joint.misfit.rig_error > 0
 
 
+@pytest.mark.sampled(2)
 def test_all_the_statements_wrong_at_once_still_ends(make):
     undeclared = {"tyre_mass": 2.0, "frame_stiffness": 5e4, "leaf_friction": 5.0, "gain F1": 0.1, "phase V2": 0.1}
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=5, families=2)
