@@ -20,6 +20,8 @@ from fourpole.study import read_results
 from fourpole.study.study import Study
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 FREQUENCIES = [11.0, 14.0, 18.0, 23.0]
 SOFT = replace(RADIAL_PLY.changed(0.97), name="soft")
 

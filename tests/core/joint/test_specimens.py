@@ -132,6 +132,7 @@ def _recordings(seed, *, count=8, lines=16, scatter=0.01):
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(2)
 def test_the_scatter_of_recordings_with_many_lines_is_that_of_few_values():
     """The lines of a recording do not average a scatter that they share: the gain keeps its uncertainty."""
     rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.01, "preload_stiffness": 10.0})
