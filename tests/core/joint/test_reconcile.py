@@ -42,7 +42,7 @@ def errors(made, joint):
         ({"leaf_friction": 5.0}, "leaf friction"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, undeclared, name, masses):
     made = make(replace(GOOD, undeclared=undeclared), masses=masses, frequencies=8, families=4, within=1.0)
     joint = made.identify()
