@@ -222,12 +222,14 @@ def test_every_pattern_has_its_worst_text(known):
 @pytest.mark.parametrize("key", WORST)
 def test_a_pattern_is_linear(known, key):
     before, repeated, after = WORST[key]
-    longest, each = LONGEST.get(key, 1_000_000), LIMIT
-    for length in (16_000, 1_000_000):  # the shorter text shows a quadratic pattern within a second
+    longest, each = LONGEST.get(key, 250_000), LIMIT
+    for length in (16_000, 250_000):  # the shorter text shows a quadratic pattern within a second
         size = min(length, longest)
         text = before + repeated * ((size - len(before + after)) // len(repeated)) + after
-        taken = min(sum(seconds(one, text, length // size) for one in known[key]) for _ in range(2))
-        assert taken <= max(each * length * len(known[key]), 0.05)
-        each = max(
-            LIMIT, 3 * taken / length / len(known[key])
-        )  # of a slow machine, which is as slow with the longer text
+        most = max(each * length * len(known[key]), 0.05)
+        taken = sum(seconds(one, text, length // size) for one in known[key])
+        if taken > most:  # perhaps by chance
+            taken = sum(seconds(one, text, length // size) for one in known[key])
+        assert taken <= most
+        # a machine that is slow with the shorter text is as slow with the longer one
+        each = max(LIMIT, 3 * taken / length / len(known[key]))

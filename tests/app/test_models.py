@@ -15,6 +15,8 @@ from fourpole.plot import FIGURES
 from fourpole.study.results import read_results
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 
 def told(ran):
     return " ".join(ran.stderr.split())
@@ -164,8 +166,7 @@ def test_results_to_model_map_and_query(run, results):
     assert again.stderr == "" or "left out" not in again.stderr
 
 
-def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path, monkeypatch):
-    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
+def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path):
     folder = shutil.copytree(results, tmp_path / "results")
     (folder / "report.html").write_text("older")
     ran = run("fit", folder, "--model", "zener")
@@ -359,8 +360,7 @@ def test_bad_input_is_told_in_one_message(run, tmp_path, monkeypatch, arguments,
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path, monkeypatch):
-    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})  # none is needed
+def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path):
     folder = tmp_path / "results"
     shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))
     run("fit", folder, "--model", "zener")

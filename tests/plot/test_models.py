@@ -363,17 +363,16 @@ def test_key_and_notes_stay_off_the_panels(fitted, tried, key):
 
 
 @pytest.mark.parametrize("key", KEYS)
-def test_names_are_text_and_bytes_the_same(fitted, tried, key):
+def test_names_are_text(fitted, tried, key):
     nasty = {"cross-ply": "<script>$x$", "radial-ply": "\x1b]0;a" + "b" * 200}
     results = tried if key == "model-choice" else fitted
     results = replace(renamed(results, nasty), models=named(results.models, nasty),
                       maps=named(results.maps, nasty) if results.maps else None)  # fmt: skip
-    first, second = (render(draw(results, key), key) for _ in range(2))
-    assert first == second
-    assert b"<script" not in first
-    assert b"\x1b" not in first
-    assert b"&lt;script&gt;$x$" in first
-    assert len(first) < 250_000
+    drawn = render(draw(results, key), key)
+    assert b"<script" not in drawn
+    assert b"\x1b" not in drawn
+    assert b"&lt;script&gt;$x$" in drawn
+    assert len(drawn) < 250_000
 
 
 def test_limits_are_the_readers(fitted):
