@@ -34,9 +34,9 @@ from fourpole.fitting.modelfile import (
 from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.fitting.pressures import OverPressures, PressureFile, pressure_sentence, share_over_pressures
-from fourpole.fitting.shifting import TemperatureFile
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence
+from fourpole.fitting.temperature import TemperatureFile
 from fourpole.models.causality import near_passive
 from fourpole.models.choice import AUTO, STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData

@@ -12,7 +12,7 @@ from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
-from fourpole.models.data import SCALINGS, StiffnessData, stacked
+from fourpole.models.data import MASTER_DECADES, SCALINGS, StiffnessData, stacked
 from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
@@ -157,7 +157,7 @@ def choose(
     names : sequence of str, optional
         Names of models; see `families.model_named`. The default is those of `families.automatic` for the band of the
         data. For the bare name of a family, such as maxwell, larger sizes are
-        tried as long as they help.
+        tried as long as they help; not by default over a master curve, where one Prony series serves.
     given : sequence of mapping of str to float, optional
         For each condition, values of known parameters by symbol. A model uses those of its own parameters.
 
@@ -184,7 +184,8 @@ def choose(
     known = given if given is not None else [{}] * len(conditions)
     if names is None:
         omega = np.concatenate([one.omega for one in conditions])
-        names = automatic(float(np.log10(omega.max()) - np.log10(omega.min())))
+        decades = float(np.log10(omega.max()) - np.log10(omega.min()))
+        names = tuple(one for one in automatic(decades) if decades < MASTER_DECADES or not sizes_of(one))
     candidates, failed = _fitted(names, conditions, known)
     candidates.sort(key=lambda one: one.bic)
     if not any(reason == STOPPED for _, reason in failed):

@@ -112,9 +112,7 @@ def fit_spectra(
     for at, (rows, target) in enumerate(((every.real, measured.real), (every.imag, measured.imag))):
         weighted, right = rows / std[:, at, None], target / std[:, at]
         size = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
-        # The triangle of the QR decomposition has the same normal equations and far fewer rows.
-        orthogonal, triangle = np.linalg.qr(weighted / size)
-        found, _ = scipy.optimize.nnls(triangle, orthogonal.T @ right, maxiter=50 * size.size)
+        found, _ = scipy.optimize.nnls(weighted / size, right, maxiter=50 * size.size)
         springs.append(found / size)
         residual.append(right - weighted @ springs[-1])
         active.append((weighted / size)[:, found > 0])

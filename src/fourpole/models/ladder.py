@@ -27,7 +27,7 @@ from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.models.causality import Possible, check_possible, grid_of, terms_of
-from fourpole.models.data import StiffnessData, real_columns, with_shared
+from fourpole.models.data import MASTER_DECADES, StiffnessData, real_columns, with_shared
 from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
 
 #: A rung is better than the one below if its BIC is lower by this; a resonance, than every single error by more.
@@ -175,8 +175,9 @@ def verdict_of(data: StiffnessData) -> Verdict:
     """
     relaxing = check_possible(data, SEARCH_CHANCE)
     lowest = _Best(relaxing.chi2, _free(data, relaxing), _count(data), 0.0, np.zeros((0, 2)))
-    if lowest.chance > SEARCH_CHANCE:
-        return _verdict(Rung.RELAXING, relaxing, lowest, ())
+    if lowest.chance > SEARCH_CHANCE or data.omega.max() > 10.0**MASTER_DECADES * data.omega.min():
+        rung = Rung.RELAXING if relaxing.possible else Rung.NONE  # inertia does not shift with temperature
+        return _verdict(rung, relaxing, lowest, ())
     ladder = _Ladder(data.at(relaxing.best))
     massed = ladder.with_pairs(np.zeros((0, 2)))
     lies = tuple(sorted(ladder.lies(), key=lambda lie: lie.bic))

@@ -121,6 +121,68 @@ class ShiftLaw(ByValue):
         return ShiftLaw("WLF", temperature, np.array([c1 * c2 / moved, moved]), turn @ self.covariance @ turn.T)
 
 
+def interpolated(
+    temperatures: FloatArray, values: FloatArray, covariance: FloatArray, at: float
+) -> tuple[float, float]:
+    """A shift factor's logarithm between isotherms, and its standard uncertainty.
+
+    Monotone cubic interpolation over the reciprocal of the absolute temperature, where an Arrhenius law is straight.
+
+    Parameters
+    ----------
+    temperatures, values : (n,) float arrays [degC], [1]
+        Temperatures, rising, and logarithms of the factors.
+    covariance : (n, n) float array [1]
+    at : float [degC]
+        A temperature from the lowest to the highest one.
+
+    Returns
+    -------
+    (float, float) [1]
+        The uncertainty includes that of the interpolation: midway a quarter of its error where the nearer isotherm is
+        left out, and none at an isotherm.
+
+    References
+    ----------
+    F. N. Fritsch, R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17, 1980.
+
+    Examples
+    --------
+    >>> interpolated(np.array([0.0, 20.0]), np.array([2.0, 0.0]), np.zeros((2, 2)), 20.0)
+    (0.0, 0.0)
+    """
+    x, here = -1.0 / (temperatures + ZERO_CELSIUS), -1.0 / (at + ZERO_CELSIUS)
+    curve = scipy.interpolate.PchipInterpolator
+    root = root_of(covariance)
+    every = np.column_stack([values, values[:, None] + root, values[:, None] - root])
+    found = curve(x, every)(here)
+    count = values.size
+    spread = (found[1 : 1 + count] - found[1 + count :]) / 2
+    left_out = np.zeros(count)
+    for one in range(1, count - 1):
+        others = np.arange(count) != one
+        left_out[one] = abs(float(curve(x[others], values[others])(x[one])) - values[one])
+    low = int(np.clip(np.searchsorted(x, here) - 1, 0, count - 2))
+    share = (here - x[low]) / (x[low + 1] - x[low])
+    between = share * (1 - share) * float(np.max(left_out[low : low + 2]))
+    return float(found[0]), float(np.sqrt(spread @ spread + between**2))
+
+
+def root_of(covariance: FloatArray) -> FloatArray:
+    """L (n, n) with L L^T equal to a covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def worst_miss(
+    law: ShiftLaw, temperatures: FloatArray, log_a: FloatArray, std: FloatArray
+) -> tuple[float, float, float]:
+    """Where a law misses its own shift factors most, in their u: temperature [degC], miss and u of ln a_T."""
+    miss = np.abs(law.log_a(temperatures) - log_a)
+    at = int(np.argmax(np.divide(miss, std, out=np.zeros_like(miss), where=std > 0)))
+    return float(temperatures[at]), float(miss[at]), float(std[at])
+
+
 @dataclass(frozen=True)
 class LawChoice:
     """The laws that were fitted, the best first.
