@@ -102,13 +102,13 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         levels = levels_of_map(file, tyre, found)
         remarks = (*remarks, *outside_levels(levels, amplitude, beyond=query.beyond))
     frequency = np.asarray(query.frequency, dtype=float)
-    reduced = frequency if shift is None else frequency * shift.factor
+    reduced = frequency if shift is None else frequency * shift.shift.factor
     far = _beyond_band(found, reduced, beyond=query.beyond)
     points = np.repeat(point[None], frequency.size, axis=0)
     if amplitude is not None:
         answer = answer_at(found, points, frequency, amplitude, levels)
     else:
-        answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
+        answer = found.ask(points, frequency) if shift is None else shift.shift.answer(found, points, frequency)
     condition = file.condition_at(tyre, found.axes.constant)
     remarks = (*remarks, *_misfit(file, tyre, condition))
     static = None if condition is None else condition.static  # if the static test was joined as a ramp
@@ -177,10 +177,7 @@ def polar_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True)
 class _Shift:
-    """The shift of a model to the temperature of a query.
-
-    `outside` is the distance from the range of temperatures in half spans.
-    """
+    """The shift of a model to the temperature of a query, `outside` so many half spans beyond the isotherms."""
 
     reference: float
     temperature: float
@@ -188,30 +185,13 @@ class _Shift:
     remarks: tuple[str, ...]
     shift: Shift
 
-    @property
-    def factor(self) -> float:
-        """The horizontal shift factor."""
-        return float(np.exp(self.shift.log_a))
-
-    def answer(self, found: OperatingMap, points: FloatArray, frequency: FloatArray) -> Answer:
-        """K* at the temperature; its uncertainty includes that of the shift factors."""
-        step, b = 1e-4, float(np.exp(self.shift.log_b))
-        reduced = frequency * self.factor
-        here = found.ask(points, reduced)
-        above, below = (found.ask(points, reduced * np.exp(side)).stiffness for side in (step, -step))
-        slope = (above - below) / (2 * step) * self.shift.log_a_std / b
-        stiffness, k1 = here.stiffness / b, here.k1 / b
-        columns = np.zeros((frequency.size, 3, 2))
-        columns[:, 0, 0], columns[:, 1, 0] = slope.real, slope.imag
-        columns[:, :, 1] = np.stack([stiffness.real, stiffness.imag, k1], axis=1) * self.shift.log_b_std
-        covariance = here.covariance / b**2 + columns @ np.swapaxes(columns, 1, 2)
-        return Answer.of(stiffness, k1, covariance, 2 * np.pi * frequency)
-
 
 def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     """The shift to the stated temperature; None without shift factors in the model, or without a temperature."""
     entry, temperature = file.model_entry(tyre), query.state.get(_TEMPERATURE)
     law = None if entry is None else entry.temperature
+    if law is not None and law.shifts is not None and temperature is None:
+        temperature = law.reference
     if law is None or temperature is None:
         return None
     low, high = law.range
@@ -230,7 +210,7 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     ends = law.reference - values[1] if law.law == "WLF" else _ABSOLUTE_ZERO
     if temperature <= ends:
         raise ModelError(f"the {law.law} law ends at {ends:.4g} °C: it has no value at {temperature:.5g} °C")
-    shift = law.at(temperature)
+    shift = law.at(temperature, np.asarray(query.frequency, dtype=float))
     return _Shift(law.reference, temperature, outside, (*remarks, *shift.remarks), shift)
 
 

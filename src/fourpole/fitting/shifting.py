@@ -26,7 +26,7 @@ from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.data import complex_columns
 from fourpole.models.overlap import Overlap, overlaps
-from fourpole.models.shift_law import CONSTANTS, LawChoice, fit_laws, root_of
+from fourpole.models.shift_law import CONSTANTS, LawChoice, fit_laws
 from fourpole.models.superposition import Superposition, superpose
 
 #: Largest difference of two temperatures of one isotherm [K].
@@ -204,6 +204,7 @@ def _shifts_file(found: Superposition) -> ShiftsFile:
     decade = np.log(10.0)
     return ShiftsFile(
         temperatures=found.temperatures.tolist(),
+        band=[(float(one.frequency.min()), float(one.frequency.max())) for one in found.isotherms],
         log10_a=(found.log_a / decade).tolist(),
         covariance_a=(found.covariance / decade**2).tolist(),
         log10_b=(found.log_b / decade).tolist() if found.vertical else [],
@@ -247,7 +248,8 @@ def overlap_table(every: Sequence[TyreShift]) -> pl.DataFrame:
 def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFrame]:
     """The master curve as a table that `fit` reads, and its covariance.
 
-    Reduced K* over reduced frequency, at the reference temperature. The shift factors are errors that points share.
+    Reduced K* over reduced frequency, at the reference temperature. The uncertainty of the shift factors is not part of
+    it: at the temperature of an isotherm K* was measured without them, whatever its place on the curve.
     """
     rows: list[dict[str, Any]] = []
     covariance: list[dict[str, Any]] = []
@@ -271,22 +273,16 @@ def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFram
 
 
 def _errors(found: Superposition, at: int, measured: Measured) -> tuple[FloatArray, FloatArray]:
-    """Own covariance (N, 2, 2) of reduced K* of an isotherm, and its change (N, 2, p) by errors that points share.
-
-    These are the errors of the shifts, and those of the recordings, such as gains.
-    """
-    omega, stiffness = found.reduced(at)
+    """Own covariance (N, 2, 2) of reduced K* of an isotherm, and its change (N, 2, p) by errors of the recordings."""
+    _, stiffness = found.reduced(at)
     own = (found.errors[at] * np.exp(found.log_b[at]))[:, :, None] ** 2 * np.eye(2)
-    columns = [found.slope(omega)[:, None] * root_of(found.covariance)[at][None, :]]
-    if found.vertical:
-        columns.append(stiffness[:, None] * root_of(found.vertical_covariance)[at][None, :])
-    if measured.shared.size:
-        relative = complex_columns(measured.shared) / measured.own.stiffness[:, None]
-        _, same = _frequencies(measured)
-        mean = [np.bincount(same, part) / np.bincount(same) for part in (*relative.real.T, *relative.imag.T)]
-        count = relative.shape[1]
-        columns.append(stiffness[:, None] * (np.stack(mean[:count], axis=1) + 1j * np.stack(mean[count:], axis=1)))
-    whole = np.concatenate(columns, axis=1)
+    if not measured.shared.size:
+        return own, np.zeros((stiffness.size, 2, 0))
+    relative = complex_columns(measured.shared) / measured.own.stiffness[:, None]
+    _, same = _frequencies(measured)
+    mean = [np.bincount(same, part) / np.bincount(same) for part in (*relative.real.T, *relative.imag.T)]
+    count = relative.shape[1]
+    whole = stiffness[:, None] * (np.stack(mean[:count], axis=1) + 1j * np.stack(mean[count:], axis=1))
     return own, np.stack([whole.real, whole.imag], axis=1)
 
 

@@ -8,16 +8,23 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.fitting.modelparts import LARGEST, NamedValue, Strict, check_covariance
-from fourpole.models.shift_law import CONSTANTS, ShiftLaw, interpolated, worst_miss
+from fourpole.models.operating import Answer, OperatingMap
+from fourpole.models.shift_law import CONSTANTS, ShiftLaw, interpolated, root_of, worst_miss
 
 _DECADE = np.log(10.0)
 #: Most isotherms of a master curve.
 _MOST = 1000
 #: A temperature [degC].
 Celsius = Annotated[float, Field(ge=-273.15, le=1e4)]
+#: Frequencies from low to high [Hz].
+Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+#: A frequency is at least this, so that it has a logarithm [Hz].
+_LEAST = 1e-300
+#: Distance [decades] that round-off leaves between equal places of a master curve.
+_SAME_PLACE = 1e-6
 #: A temperature this little [K] beyond the isotherms is one of theirs, rounded.
 _ROUNDED = 0.1
 
@@ -27,6 +34,46 @@ class VerticalFile(Strict):
 
     slope: float = Field(ge=-1, le=1, description="Slope of ln(bT) over temperature [1/K].")
     std: float = Field(ge=0, le=1, description="[1/K]")
+
+
+@dataclass(frozen=True, eq=False)
+class Shift(ByValue):
+    """The shift of a master curve to a temperature, for some frequencies.
+
+    Attributes
+    ----------
+    log_a, log_b : float [1]
+        Natural logarithms of the horizontal and vertical shift factors.
+    std_a, std_b : (N,) float arrays [1]
+        Their standard uncertainties at each frequency.
+    remarks : tuple of str
+        That a law gives the factors, where it does beyond the isotherms.
+    """
+
+    log_a: float
+    log_b: float
+    std_a: FloatArray
+    std_b: FloatArray
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def factor(self) -> float:
+        """The horizontal shift factor."""
+        return float(np.exp(self.log_a))
+
+    def answer(self, found: OperatingMap, points: FloatArray, frequency: FloatArray) -> Answer:
+        """K* at the temperature and the frequencies [Hz]; its uncertainty includes that of the shift factors."""
+        step, b = 1e-4, float(np.exp(self.log_b))
+        reduced = frequency * self.factor
+        here = found.ask(points, reduced)
+        above, below = (found.ask(points, reduced * np.exp(side)).stiffness for side in (step, -step))
+        slope = (above - below) / (2 * step) * self.std_a / b
+        stiffness, k1 = here.stiffness / b, here.k1 / b
+        columns = np.zeros((frequency.size, 3, 2))
+        columns[:, 0, 0], columns[:, 1, 0] = slope.real, slope.imag
+        columns[:, :, 1] = np.stack([stiffness.real, stiffness.imag, k1], axis=1) * self.std_b[:, None]
+        covariance = here.covariance / b**2 + columns @ np.swapaxes(columns, 1, 2)
+        return Answer.of(stiffness, k1, covariance, 2 * np.pi * frequency)
 
 
 class ShiftsFile(Strict):
@@ -40,36 +87,29 @@ class ShiftsFile(Strict):
         default_factory=list, max_length=_MOST, description="Covariance of log10_b; [] if bT is 1."
     )
 
-    def log_a(self, temperature: float) -> tuple[float, float]:
-        """ln(aT) at a temperature among them, and its standard uncertainty."""
-        return self._at(temperature, self.log10_a, self.covariance_a)
+    band: list[Band] = Field(max_length=_MOST, description="Lowest and highest tested frequency of each isotherm [Hz].")
 
-    def log_b(self, temperature: float) -> tuple[float, float]:
-        """ln(bT) at a temperature among them, and its standard uncertainty."""
-        return self._at(temperature, self.log10_b, self.covariance_b) if self.log10_b else (0.0, 0.0)
+    def at(self, temperature: float, frequency: FloatArray) -> Shift:
+        """The shift to a temperature among the isotherms, for frequencies (N,) [Hz].
 
-    def _at(self, temperature: float, values: list[float], covariance: list[list[float]]) -> tuple[float, float]:
-        found = interpolated(np.array(self.temperatures), np.array(values), np.array(covariance), temperature)
-        return found[0] * _DECADE, found[1] * _DECADE
-
-
-@dataclass(frozen=True)
-class Shift:
-    """The shift from the reference to a temperature.
-
-    Attributes
-    ----------
-    log_a, log_a_std, log_b, log_b_std : float [1]
-        Natural logarithms of the horizontal and vertical shift factors, with their standard uncertainties.
-    remarks : tuple of str
-        Where a law gives the factors, beyond the isotherms: that it does.
-    """
-
-    log_a: float
-    log_a_std: float
-    log_b: float
-    log_b_std: float
-    remarks: tuple[str, ...] = ()
+        K* there is that of the nearest isotherm which was tested at this place of the master curve, so that what is
+        uncertain is the shift from that isotherm only.
+        """
+        every, decade = np.array(self.temperatures), np.log(10.0)
+        kinds = [(np.array(self.log10_a), np.array(self.covariance_a))]
+        kinds += [(np.array(self.log10_b), np.array(self.covariance_b))] if self.log10_b else []
+        parts = [interpolated(every, values, covariance, temperature) for values, covariance in kinds]
+        place = np.log10(np.maximum(frequency, _LEAST))[:, None] + parts[0][0]
+        ends = np.log10(self.band) + kinds[0][0][:, None]
+        off = np.maximum(np.maximum(ends[:, 0] - place, place - ends[:, 1]), 0.0)
+        tested = off <= off.min(axis=1, keepdims=True) + _SAME_PLACE
+        nearest = np.argmin(np.where(tested, np.abs(every - temperature), np.inf), axis=1)
+        found = [(0.0, np.zeros(frequency.size))] * 2
+        for at, ((value, changes, error), (_, covariance)) in enumerate(zip(parts, kinds, strict=True)):
+            apart = np.linalg.norm(changes - root_of(covariance)[nearest], axis=1)
+            found[at] = decade * value, decade * np.hypot(apart, error)
+        (log_a, std_a), (log_b, std_b) = found
+        return Shift(log_a, log_b, std_a, std_b)
 
 
 class TemperatureFile(Strict):
@@ -95,20 +135,25 @@ class TemperatureFile(Strict):
         covariance = np.array(self.covariance, dtype=float).reshape(values.size, values.size)
         return ShiftLaw(self.law, self.reference, values, covariance)
 
-    def at(self, temperature: float) -> Shift:
-        """The shift at a temperature: interpolated among the isotherms, continued from the next one by the law."""
+    def at(self, temperature: float, frequency: FloatArray) -> Shift:
+        """The shift to a temperature, for frequencies (N,) [Hz].
+
+        Factors are interpolated among the isotherms, and continued from the next one by the law.
+        """
         law, slope = self.shift_law, (0.0, 0.0) if self.vertical is None else (self.vertical.slope, self.vertical.std)
-        if self.shifts is None:
-            apart = temperature - self.reference
-            return Shift(*_by_law(law, temperature), slope[0] * apart, slope[1] * abs(apart))
-        end = float(np.clip(temperature, *self.range))
-        (log_a, std), (log_b, std_b) = self.shifts.log_a(end), self.shifts.log_b(end)
-        if end == temperature:
-            return Shift(log_a, std, log_b, std_b)
-        (more, std_more), apart = _by_law(law.at_reference(end), temperature), temperature - end
-        stds = np.hypot(std, std_more), np.hypot(std_b, slope[1] * apart)
-        remarks = () if abs(apart) < _ROUNDED else (self._beyond(law),)
-        return Shift(log_a + more, float(stds[0]), log_b + slope[0] * apart, float(stds[1]), remarks)
+        there = self.reference if self.shifts is None else float(np.clip(temperature, *self.range))
+        none = np.zeros(frequency.size)
+        found = Shift(0.0, 0.0, none, none) if self.shifts is None else self.shifts.at(there, frequency)
+        if there == temperature:
+            return found
+        onward, apart = law.at_reference(there), temperature - there
+        return Shift(
+            found.log_a + float(onward.log_a(temperature)[0]),
+            found.log_b + slope[0] * apart,
+            np.hypot(found.std_a, onward.log_a_std(temperature)),
+            np.hypot(found.std_b, slope[1] * apart),
+            () if self.shifts is None or abs(apart) < _ROUNDED else (self._beyond(law),),
+        )
 
     def _beyond(self, law: ShiftLaw) -> str:
         assert self.shifts is not None
@@ -121,11 +166,6 @@ class TemperatureFile(Strict):
 
 def _decades(log: float) -> str:
     return f"{log / _DECADE:.2g} decades"
-
-
-def _by_law(law: ShiftLaw, temperature: float) -> tuple[float, float]:
-    """ln(aT) and its standard uncertainty."""
-    return float(law.log_a(temperature)[0]), float(law.log_a_std(temperature)[0])
 
 
 def miss_in_words(law: ShiftLaw, temperatures: FloatArray, log_a: FloatArray, std: FloatArray) -> str:
@@ -154,6 +194,8 @@ def _check_shifts(where: str, shifts: ShiftsFile, ends: tuple[float, float]) -> 
     temperatures = shifts.temperatures
     if (temperatures[0], temperatures[-1]) != ends or np.any(np.diff(temperatures) <= 0):
         raise ModelError(f"{where}: the temperatures do not rise from end to end of the range: it was changed")
+    if len(shifts.band) != len(temperatures) or any(low > high for low, high in shifts.band):
+        raise ModelError(f"{where}: the bands are not those of {len(temperatures)} isotherms: it was changed")
     for values, covariance in ((shifts.log10_a, shifts.covariance_a), (shifts.log10_b, shifts.covariance_b)):
         if values is shifts.log10_b and not values and not covariance:
             continue

@@ -123,8 +123,8 @@ class ShiftLaw(ByValue):
 
 def interpolated(
     temperatures: FloatArray, values: FloatArray, covariance: FloatArray, at: float
-) -> tuple[float, float]:
-    """A shift factor's logarithm between isotherms, and its standard uncertainty.
+) -> tuple[float, FloatArray, float]:
+    """A shift factor's logarithm between isotherms, its changes with those of the isotherms, and its own error.
 
     Monotone cubic interpolation over the reciprocal of the absolute temperature, where an Arrhenius law is straight.
 
@@ -138,9 +138,12 @@ def interpolated(
 
     Returns
     -------
-    (float, float) [1]
-        The uncertainty includes that of the interpolation: midway a quarter of its error where the nearer isotherm is
-        left out, and none at an isotherm.
+    value : float [1]
+    changes : (n,) float array [1]
+        Its changes with n independent errors of the isotherms, those of the columns of `root_of(covariance)`.
+    error : float [1]
+        Standard uncertainty of the interpolation: midway a quarter of what it misses an isotherm by that is left out,
+        at an isotherm 0.
 
     References
     ----------
@@ -148,8 +151,9 @@ def interpolated(
 
     Examples
     --------
-    >>> interpolated(np.array([0.0, 20.0]), np.array([2.0, 0.0]), np.zeros((2, 2)), 20.0)
-    (0.0, 0.0)
+    >>> value, changes, error = interpolated(np.array([0.0, 20.0]), np.array([2.0, 0.0]), np.eye(2), 10.0)
+    >>> round(value, 3), round(float(np.linalg.norm(changes)), 3), error
+    (0.965, 0.708, 0.0)
     """
     x, here = -1.0 / (temperatures + ZERO_CELSIUS), -1.0 / (at + ZERO_CELSIUS)
     curve = scipy.interpolate.PchipInterpolator
@@ -165,7 +169,7 @@ def interpolated(
     low = int(np.clip(np.searchsorted(x, here) - 1, 0, count - 2))
     share = (here - x[low]) / (x[low + 1] - x[low])
     between = share * (1 - share) * float(np.max(left_out[low : low + 2]))
-    return float(found[0]), float(np.sqrt(spread @ spread + between**2))
+    return float(found[0]), spread, between
 
 
 def root_of(covariance: FloatArray) -> FloatArray:

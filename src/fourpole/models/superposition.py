@@ -334,12 +334,7 @@ def _with_doubt(found: Superposition) -> Superposition:
 
 
 def _joint(
-    isotherms: tuple[Isotherm, ...],
-    reference: int,
-    start: FloatArray,
-    begin: Sequence[FloatArray],
-    *,
-    vertical: bool,
+    isotherms: tuple[Isotherm, ...], reference: int, start: FloatArray, begin: Sequence[FloatArray], *, vertical: bool
 ) -> Superposition:
     """All shifts together; where no uncertainty is stated, in turn with the errors, which `begin` as stated there."""
     free = np.array([i for i in range(len(isotherms)) if i != reference])
