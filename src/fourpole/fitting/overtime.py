@@ -22,7 +22,7 @@ from fourpole.io.tables.kstar import TableOptions
 from fourpole.io.tables.overtime import TimeTable, read_over_time
 from fourpole.models.families import model_named
 from fourpole.models.maxwell import Prony
-from fourpole.models.overtime import PER_DECADE, TimeFit, fit_creep, fit_relaxation
+from fourpole.models.overtime import TimeFit, density, fit_creep, fit_relaxation
 from fourpole.models.shape import Shape
 from fourpole.version import VERSION
 
@@ -69,7 +69,7 @@ def fit_over_time(
     family, _, _ = model.partition(":")
     if family not in ("auto", "prony"):
         raise ModelError(f"--model {model}: relaxation and creep over time are fitted by prony or prony:N only")
-    made = model_named(model) if ":" in model else Prony(PER_DECADE)
+    made = model_named(model) if ":" in model else Prony(density(table.time[np.isfinite(table.time)]))
     assert isinstance(made, Prony)
     entries = _entries(table, path.name, made, std, tyre, None if options is None else options.shape)
     return ModelFile(

@@ -20,11 +20,12 @@ from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE, COVERAGE, NORMAL_95
 from fourpole.errors import ModelError
+from fourpole.models.data import MASTER_DECADES
 from fourpole.models.interface import Arms
 from fourpole.models.nonnegative import least_squares, profiles_of
 
-#: Times per decade of the grid.
-PER_DECADE = 12
+#: Times per decade of the grid: a single relaxation is met within 0.1 %. Those of a master curve, which has many.
+_FINE, _COARSE = 12, 4
 #: Decades of the grid below and above the times of the data. Of a faster arm only e^(-t/tau) is left at the first time,
 #: so that noise there would become a large stiffness.
 _BELOW, _ABOVE = 0.25, 0.5
@@ -64,7 +65,7 @@ class TimeFit(ByValue):
 
 
 def fit_relaxation(
-    time: FloatArray, stiffness: FloatArray, std: FloatArray | None = None, *, per_decade: int = PER_DECADE
+    time: FloatArray, stiffness: FloatArray, std: FloatArray | None = None, *, per_decade: int | None = None
 ) -> TimeFit:
     """Fit K(t) of a relaxation test.
 
@@ -76,8 +77,8 @@ def fit_relaxation(
         Force over deflection, > 0; or a modulus [Pa].
     std : (N,) float array, optional [N/m]
         Standard uncertainties. Without them the residuals give one relative uncertainty, with Student's t.
-    per_decade : int
-        Relaxation times per decade of the grid.
+    per_decade : int, optional
+        Relaxation times per decade of the grid; by default those of `density`.
 
     Returns
     -------
@@ -113,7 +114,7 @@ def fit_relaxation(
 
 
 def fit_creep(
-    time: FloatArray, compliance: FloatArray, std: FloatArray | None = None, *, per_decade: int = PER_DECADE
+    time: FloatArray, compliance: FloatArray, std: FloatArray | None = None, *, per_decade: int | None = None
 ) -> TimeFit:
     """Fit J(t) of a creep test (N,) [m/N], and convert it to the stiffness exactly; see `fit_relaxation`.
 
@@ -208,11 +209,17 @@ def stiffness_of(
     return Arms(float(rests / whole), springs, 1 / rates), slopes[:, back]
 
 
-def _grid(time: FloatArray, per_decade: int) -> FloatArray:
-    """Times (k,) [s] over the data, rising."""
+def density(time: FloatArray) -> int:
+    """Usual number of relaxation times per decade for data at times (N,) [s]; ModelError for fewer than two above 0."""
     positive = time[time > 0]
     if np.unique(positive).size < 2:
         raise ModelError("too few times: relaxation or creep needs two times above zero, and more")
+    return _FINE if positive.max() < 10.0**MASTER_DECADES * positive.min() else _COARSE
+
+
+def _grid(time: FloatArray, per_decade: int | None) -> FloatArray:
+    """Times (k,) [s] over the data, rising."""
+    per_decade, positive = per_decade or density(time), time[time > 0]
     low, high = np.log10(positive.min()) - _BELOW, np.log10(positive.max()) + _ABOVE
     return np.logspace(low, high, int(np.ceil((high - low) * per_decade)) + 1)
 
