@@ -10,7 +10,6 @@ import numpy as np
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
 from fourpole.fitting.modelparts import VerdictFile
 from fourpole.fitting.onepoint import map_of_condition
-from fourpole.fitting.temperature import TemperatureFile
 from fourpole.models.families import by_amplitude
 from fourpole.models.ladder import Rung
 from fourpole.models.operating import OperatingMap
@@ -112,7 +111,7 @@ def accuracy_of(entry: ModelEntry | MapEntry, condition: ConditionFile | None = 
                 of=_of(entry, one),
                 band=one.band,
                 discrepancy=entry.discrepancy,
-                u=_relative_u(map_of_condition(entry, one), one.amplitude, entry.temperature),
+                u=_relative_u(map_of_condition(entry, one), one.amplitude),
                 verdict=None if one.verdict is None else _rung(one.verdict),
                 known=one.verdict is not None or by_amplitude(entry.model),
             )
@@ -131,18 +130,13 @@ def _rung(verdict: VerdictFile) -> Rung:
     return next((one for one in Rung if one == verdict.holds), kind)
 
 
-def _relative_u(
-    found: OperatingMap, amplitude: Sequence[float] | None, temperature: TemperatureFile | None = None
-) -> float:
+def _relative_u(found: OperatingMap, amplitude: Sequence[float] | None) -> float:
     """The largest u(K*) over its modulus at the tested conditions, at the ends and in the middle of the band."""
     if amplitude:
         found = replace(found, model=found.model.at_amplitude(amplitude[len(amplitude) // 2]))
     low, high = found.band
     frequency, points = np.array([low, np.sqrt(low * high), high]), found.axes.points
-    places = np.repeat(points, 3, axis=0), np.tile(frequency, len(points))
-    answer = found.ask(*places)
-    if temperature is not None:  # at the reference, where the shift of the isotherms is uncertain
-        answer = temperature.at(temperature.reference, places[1]).answer(found, *places)
+    answer = found.ask(np.repeat(points, 3, axis=0), np.tile(frequency, len(points)))
     variances = np.diagonal(answer.stiffness_covariance, axis1=1, axis2=2).max(axis=1)
     return float(np.max(np.sqrt(variances) / np.abs(answer.stiffness)))
 

@@ -340,7 +340,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     model = model_of(entry, name)
     size = len(model.parameters)
     if entry.temperature is not None:
-        check_temperature(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
+        check_temperature(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature, size)
     check_pressures(f"{name}: tyre {shown(entry.tyre)}", entry.pressures, [one.coordinates for one in entry.conditions])
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"

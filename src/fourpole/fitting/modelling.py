@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR
+from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR, NORMAL_95
 from fourpole.core.digits import with_std
 from fourpole.core.notebook import notebook_html
 from fourpole.errors import ModelError
@@ -406,6 +406,8 @@ def model_file(
 
 
 def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | None) -> ModelEntry:
+    if law is not None and len(found.measured) == 1:
+        law, found = _with_shift_errors(found, law)
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.data, found.chosen.fits, found.intervals, verdicts, strict=True)
     return ModelEntry(
@@ -419,6 +421,17 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
         temperature=law,
         pressures=[PressureFile.of(one) for one in found.pressures],
     )
+
+
+def _with_shift_errors(found: TyreFit, law: TemperatureFile) -> tuple[TemperatureFile, TyreFit]:
+    """The fit of a master curve with the uncertainty of the shift factors as part of that of its parameters."""
+    fit = found.chosen.fit
+    law, more = law.fitted(found.measured[0].tests, found.data[0], fit)
+    half = NORMAL_95 * np.sqrt(np.diag(more))[:, None]
+    off = found.intervals[0] - fit.values[:, None]
+    ends = np.maximum(fit.values[:, None] + np.sign(off) * np.hypot(off, half), fit.model.bounds[0][:, None])
+    chosen = replace(found.chosen, fits=(replace(fit, covariance=fit.covariance + more),))
+    return law, replace(found, chosen=chosen, intervals=(ends,))
 
 
 def _candidate_entry(one: Trial) -> CandidateFile:

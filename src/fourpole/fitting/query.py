@@ -210,7 +210,7 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     ends = law.reference - values[1] if law.law == "WLF" else _ABSOLUTE_ZERO
     if temperature <= ends:
         raise ModelError(f"the {law.law} law ends at {ends:.4g} °C: it has no value at {temperature:.5g} °C")
-    shift = law.at(temperature, np.asarray(query.frequency, dtype=float))
+    shift = law.at(temperature)
     return _Shift(law.reference, temperature, outside, (*remarks, *shift.remarks), shift)
 
 

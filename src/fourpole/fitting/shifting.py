@@ -196,15 +196,20 @@ def law_file(one: TyreShift) -> TemperatureFile:
         range=(float(ends.min()), float(ends.max())),
         vertical=None if one.vertical is None else VerticalFile(slope=one.vertical[0], std=one.vertical[1]),
         decided=one.choice.decided,
-        shifts=_shifts_file(one.found),
+        shifts=_shifts_file(one),
     )
 
 
-def _shifts_file(found: Superposition) -> ShiftsFile:
-    decade = np.log(10.0)
+def _name(one: TyreShift, temperature: float) -> str:
+    """Name of an isotherm in the table of the master curve."""
+    return f"{one.tyre} at {temperature:.5g} degC".strip()
+
+
+def _shifts_file(one: TyreShift) -> ShiftsFile:
+    found, decade = one.found, np.log(10.0)
     return ShiftsFile(
         temperatures=found.temperatures.tolist(),
-        band=[(float(one.frequency.min()), float(one.frequency.max())) for one in found.isotherms],
+        tests=[_name(one, t) for t in found.temperatures.tolist()],
         log10_a=(found.log_a / decade).tolist(),
         covariance_a=(found.covariance / decade**2).tolist(),
         log10_b=(found.log_b / decade).tolist() if found.vertical else [],
@@ -249,7 +254,7 @@ def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFram
     """The master curve as a table that `fit` reads, and its covariance.
 
     Reduced K* over reduced frequency, at the reference temperature. The uncertainty of the shift factors is not part of
-    it: at the temperature of an isotherm K* was measured without them, whatever its place on the curve.
+    it: the fit adds it to that of the parameters.
     """
     rows: list[dict[str, Any]] = []
     covariance: list[dict[str, Any]] = []
@@ -257,7 +262,7 @@ def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFram
         for at, t in enumerate(one.found.temperatures.tolist()):
             own, shared = _errors(one.found, at, one.measured[at])
             omega, stiffness = one.found.reduced(at)
-            name = f"{one.tyre} at {t:.5g} degC".strip()
+            name = _name(one, t)
             for point in range(omega.size):
                 key = {q.TEST.head: name, q.POINT.head: point + 1}
                 std = np.sqrt(np.diag(own[point] + shared[point] @ shared[point].T))

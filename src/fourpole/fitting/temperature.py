@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,6 +12,8 @@ from pydantic import Field
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
 from fourpole.fitting.modelparts import LARGEST, NamedValue, Strict, check_covariance
+from fourpole.models.data import StiffnessData
+from fourpole.models.fit import Fit
 from fourpole.models.operating import Answer, OperatingMap
 from fourpole.models.shift_law import CONSTANTS, ShiftLaw, interpolated, root_of, worst_miss
 
@@ -19,12 +22,8 @@ _DECADE = np.log(10.0)
 _MOST = 1000
 #: A temperature [degC].
 Celsius = Annotated[float, Field(ge=-273.15, le=1e4)]
-#: Frequencies from low to high [Hz].
-Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
-#: A frequency is at least this, so that it has a logarithm [Hz].
-_LEAST = 1e-300
-#: Distance [decades] that round-off leaves between equal places of a master curve.
-_SAME_PLACE = 1e-6
+#: A matrix, row by row.
+Rows = list[list[float]]
 #: A temperature this little [K] beyond the isotherms is one of theirs, rounded.
 _ROUNDED = 0.1
 
@@ -38,23 +37,38 @@ class VerticalFile(Strict):
 
 @dataclass(frozen=True, eq=False)
 class Shift(ByValue):
-    """The shift of a master curve to a temperature, for some frequencies.
+    """The shift of a master curve to a temperature.
 
     Attributes
     ----------
     log_a, log_b : float [1]
         Natural logarithms of the horizontal and vertical shift factors.
-    std_a, std_b : (N,) float arrays [1]
-        Their standard uncertainties at each frequency.
+    errors_a, errors_b : (m,) float arrays [1]
+        Their changes with m independent errors of one standard uncertainty.
+    parameters : (P, m) float array
+        Changes of the parameters of the model with these errors; their covariance has them already.
     remarks : tuple of str
         That a law gives the factors, where it does beyond the isotherms.
     """
 
     log_a: float
     log_b: float
-    std_a: FloatArray
-    std_b: FloatArray
+    errors_a: FloatArray
+    errors_b: FloatArray
+    parameters: FloatArray
     remarks: tuple[str, ...] = ()
+
+    def with_factor(self, which: str, log: float, errors: FloatArray, parameters: FloatArray | None = None) -> Shift:
+        """The shift and a further factor, horizontal ("a") or vertical ("b"), with its errors."""
+        before, more = self.errors_a.size, errors.size
+        every = {name: np.pad(getattr(self, f"errors_{name}"), (0, more)) for name in "ab"}
+        every[which][before:] = errors
+        rows = len(self.parameters) if parameters is None else len(parameters)
+        known = self.parameters if len(self.parameters) == rows else np.zeros((rows, before))
+        new = np.zeros((rows, more)) if parameters is None else parameters
+        logs = {"a": self.log_a, "b": self.log_b}
+        logs[which] += log
+        return Shift(logs["a"], logs["b"], every["a"], every["b"], np.concatenate([known, new], axis=1), self.remarks)
 
     @property
     def factor(self) -> float:
@@ -67,49 +81,55 @@ class Shift(ByValue):
         reduced = frequency * self.factor
         here = found.ask(points, reduced)
         above, below = (found.ask(points, reduced * np.exp(side)).stiffness for side in (step, -step))
-        slope = (above - below) / (2 * step) * self.std_a / b
-        stiffness, k1 = here.stiffness / b, here.k1 / b
-        columns = np.zeros((frequency.size, 3, 2))
-        columns[:, 0, 0], columns[:, 1, 0] = slope.real, slope.imag
-        columns[:, :, 1] = np.stack([stiffness.real, stiffness.imag, k1], axis=1) * self.std_b[:, None]
-        covariance = here.covariance / b**2 + columns @ np.swapaxes(columns, 1, 2)
-        return Answer.of(stiffness, k1, covariance, 2 * np.pi * frequency)
+        slope = (above - below) / (2 * step)
+        rows = np.stack([slope.real, slope.imag, np.zeros(frequency.size)], axis=1)
+        level = np.stack([here.stiffness.real, here.stiffness.imag, here.k1], axis=1)
+        moved = rows[..., None] * self.errors_a - level[..., None] * self.errors_b
+        covariance = here.covariance + moved @ np.swapaxes(moved, 1, 2)
+        if self.parameters.size:  # at an isotherm the curve has the errors of its shift, too, and both cancel
+            values = found.model.unlink(found.coefficients[:, 0])[0]
+            by = found.model.derivative(values, 2 * np.pi * reduced)
+            rest = np.broadcast_to(found.model.static_derivative(values), by.shape)
+            both = np.stack([by.real, by.imag, rest], axis=1) @ self.parameters @ np.swapaxes(moved, 1, 2)
+            covariance = covariance + both + np.swapaxes(both, 1, 2)
+        return Answer.of(here.stiffness / b, here.k1 / b, covariance / b**2, 2 * np.pi * frequency)
+
+
+NO_SHIFT = Shift(0.0, 0.0, np.zeros(0), np.zeros(0), np.zeros((0, 0)))
 
 
 class ShiftsFile(Strict):
     """The shift factors that were found, rising in temperature."""
 
     temperatures: list[Celsius] = Field(min_length=2, max_length=_MOST, description="Mean of each isotherm [degC].")
+    tests: list[str] = Field(max_length=_MOST, description="Name of each isotherm in the table of the master curve.")
     log10_a: list[float] = Field(max_length=_MOST, description="log10(aT) [1].")
-    covariance_a: list[list[float]] = Field(max_length=_MOST, description="Covariance of log10_a; 0 at the reference.")
+    covariance_a: Rows = Field(max_length=_MOST, description="Covariance of log10_a; 0 at the reference.")
     log10_b: list[float] = Field(default_factory=list, max_length=_MOST, description="log10(bT) [1]; []: bT is 1.")
-    covariance_b: list[list[float]] = Field(
-        default_factory=list, max_length=_MOST, description="Covariance of log10_b; [] if bT is 1."
+    covariance_b: Rows = Field(default_factory=list, max_length=_MOST, description="Covariance of log10_b.")
+    sensitivity_a: Rows = Field(
+        default_factory=list, max_length=_MOST, description="Derivatives of the parameters by log10_a."
     )
+    sensitivity_b: Rows = Field(default_factory=list, max_length=_MOST, description="The same by log10_b.")
 
-    band: list[Band] = Field(max_length=_MOST, description="Lowest and highest tested frequency of each isotherm [Hz].")
+    @property
+    def kinds(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """ln(aT), and ln(bT) if there is one: values (n,), their errors (n, n), derivatives (P, n) of parameters."""
+        every = [(self.log10_a, self.covariance_a, self.sensitivity_a)]
+        every += [(self.log10_b, self.covariance_b, self.sensitivity_b)] if self.log10_b else []
+        return [
+            (_DECADE * np.array(values), _DECADE * root_of(np.array(rows)), np.array(slopes) / _DECADE)
+            for values, rows, slopes in every
+        ]
 
-    def at(self, temperature: float, frequency: FloatArray) -> Shift:
-        """The shift to a temperature among the isotherms, for frequencies (N,) [Hz].
-
-        K* there is that of the nearest isotherm which was tested at this place of the master curve, so that what is
-        uncertain is the shift from that isotherm only.
-        """
-        every, decade = np.array(self.temperatures), np.log(10.0)
-        kinds = [(np.array(self.log10_a), np.array(self.covariance_a))]
-        kinds += [(np.array(self.log10_b), np.array(self.covariance_b))] if self.log10_b else []
-        parts = [interpolated(every, values, covariance, temperature) for values, covariance in kinds]
-        place = np.log10(np.maximum(frequency, _LEAST))[:, None] + parts[0][0]
-        ends = np.log10(self.band) + kinds[0][0][:, None]
-        off = np.maximum(np.maximum(ends[:, 0] - place, place - ends[:, 1]), 0.0)
-        tested = off <= off.min(axis=1, keepdims=True) + _SAME_PLACE
-        nearest = np.argmin(np.where(tested, np.abs(every - temperature), np.inf), axis=1)
-        found = [(0.0, np.zeros(frequency.size))] * 2
-        for at, ((value, changes, error), (_, covariance)) in enumerate(zip(parts, kinds, strict=True)):
-            apart = np.linalg.norm(changes - root_of(covariance)[nearest], axis=1)
-            found[at] = decade * value, decade * np.hypot(apart, error)
-        (log_a, std_a), (log_b, std_b) = found
-        return Shift(log_a, log_b, std_a, std_b)
+    def at(self, temperature: float) -> Shift:
+        """The shift to a temperature among the isotherms."""
+        shift = NO_SHIFT
+        for at, (values, root, slopes) in enumerate(self.kinds):
+            value, changes, error = interpolated(np.array(self.temperatures), values, root, temperature)
+            parameters = np.pad(slopes @ root, ((0, 0), (0, 1))) if slopes.size else None
+            shift = shift.with_factor(("a", "b")[at], value, np.append(changes, error), parameters)
+        return shift
 
 
 class TemperatureFile(Strict):
@@ -135,25 +155,39 @@ class TemperatureFile(Strict):
         covariance = np.array(self.covariance, dtype=float).reshape(values.size, values.size)
         return ShiftLaw(self.law, self.reference, values, covariance)
 
-    def at(self, temperature: float, frequency: FloatArray) -> Shift:
-        """The shift to a temperature, for frequencies (N,) [Hz].
-
-        Factors are interpolated among the isotherms, and continued from the next one by the law.
-        """
+    def at(self, temperature: float) -> Shift:
+        """The shift to a temperature: interpolated among the isotherms, continued from the next one by the law."""
         law, slope = self.shift_law, (0.0, 0.0) if self.vertical is None else (self.vertical.slope, self.vertical.std)
         there = self.reference if self.shifts is None else float(np.clip(temperature, *self.range))
-        none = np.zeros(frequency.size)
-        found = Shift(0.0, 0.0, none, none) if self.shifts is None else self.shifts.at(there, frequency)
+        found = NO_SHIFT if self.shifts is None else self.shifts.at(there)
         if there == temperature:
             return found
         onward, apart = law.at_reference(there), temperature - there
-        return Shift(
-            found.log_a + float(onward.log_a(temperature)[0]),
-            found.log_b + slope[0] * apart,
-            np.hypot(found.std_a, onward.log_a_std(temperature)),
-            np.hypot(found.std_b, slope[1] * apart),
-            () if self.shifts is None or abs(apart) < _ROUNDED else (self._beyond(law),),
-        )
+        found = found.with_factor("a", float(onward.log_a(temperature)[0]), onward.log_a_std(temperature))
+        found = found.with_factor("b", slope[0] * apart, np.array([slope[1] * apart]))
+        far = self.shifts is not None and abs(apart) >= _ROUNDED
+        return replace(found, remarks=(self._beyond(law),)) if far else found
+
+    def fitted(self, tests: Sequence[str], data: StiffnessData, fit: Fit) -> tuple[TemperatureFile, FloatArray]:
+        """The file with what the fit of the master curve takes from each shift, and the covariance of this (P, P).
+
+        The fit takes reduced K* as if the shifts were exact: an error of one moves its isotherm along the curve, and
+        the parameters by the weighted least squares of the fit.
+        """
+        if self.shifts is None or not set(tests) <= set(self.shifts.tests):
+            return self, np.zeros_like(fit.covariance)
+        mine = np.array(tests)[:, None] == np.array(self.shifts.tests)
+        model, step = fit.model, 1e-4
+        above, below = (model.stiffness(fit.values, data.omega * np.exp(side)) for side in (step, -step))
+        slope, whiten = (above - below) / (2 * step), data.whitener()
+        gain = fit.covariance @ data.whitened(whiten, model.derivative(fit.values, data.omega)).T
+        moved = (-slope, data.stiffness)[: len(self.shifts.kinds)]
+        by = [gain @ data.whitened(whiten, one[:, None] * mine) for one in moved]
+        roots = [slopes @ root for slopes, (_, root, _) in zip(by, self.shifts.kinds, strict=True)]
+        names = ("sensitivity_a", "sensitivity_b")
+        found = {name: (_DECADE * one).tolist() for name, one in zip(names, by, strict=False)}
+        shifts = self.shifts.model_copy(update=found)
+        return self.model_copy(update={"shifts": shifts}), np.sum([one @ one.T for one in roots], axis=0)
 
     def _beyond(self, law: ShiftLaw) -> str:
         assert self.shifts is not None
@@ -174,8 +208,8 @@ def miss_in_words(law: ShiftLaw, temperatures: FloatArray, log_a: FloatArray, st
     return f"by {_decades(miss)} at {where:.4g} degC, where their u is {u / _DECADE:.2g}"
 
 
-def check_temperature(where: str, file: TemperatureFile) -> None:
-    """ModelError unless the shift factors and their law are consistent."""
+def check_temperature(where: str, file: TemperatureFile, size: int) -> None:
+    """ModelError unless the shift factors and their law are consistent, for a model of `size` parameters."""
     if [(one.name, one.unit) for one in file.constants] != list(CONSTANTS[file.law]):
         named = ", ".join(f"{name} [{unit}]" for name, unit in CONSTANTS[file.law])
         raise ModelError(f"{where}: a law {file.law} has the constants {named}: it was changed")
@@ -187,15 +221,18 @@ def check_temperature(where: str, file: TemperatureFile) -> None:
     if file.law == "WLF" and file.constants[1].value + file.range[0] - file.reference <= 0:
         raise ModelError(f"{where}: the WLF law ends within its range, for C2 is too small: it was changed")
     if file.shifts is not None:
-        _check_shifts(f"{where}, shifts", file.shifts, file.range)
+        _check_shifts(f"{where}, shifts", file.shifts, file.range, size)
 
 
-def _check_shifts(where: str, shifts: ShiftsFile, ends: tuple[float, float]) -> None:
+def _check_shifts(where: str, shifts: ShiftsFile, ends: tuple[float, float], size: int) -> None:
     temperatures = shifts.temperatures
     if (temperatures[0], temperatures[-1]) != ends or np.any(np.diff(temperatures) <= 0):
         raise ModelError(f"{where}: the temperatures do not rise from end to end of the range: it was changed")
-    if len(shifts.band) != len(temperatures) or any(low > high for low, high in shifts.band):
-        raise ModelError(f"{where}: the bands are not those of {len(temperatures)} isotherms: it was changed")
+    if len(shifts.tests) != len(temperatures):
+        raise ModelError(f"{where}: {len(shifts.tests)} names for {len(temperatures)} temperatures: it was changed")
+    for slopes in (shifts.sensitivity_a, shifts.sensitivity_b):
+        if slopes and (len(slopes) != size or {len(row) for row in slopes} != {len(temperatures)}):
+            raise ModelError(f"{where}: the derivatives are not {size} by {len(temperatures)}: it was changed")
     for values, covariance in ((shifts.log10_a, shifts.covariance_a), (shifts.log10_b, shifts.covariance_b)):
         if values is shifts.log10_b and not values and not covariance:
             continue

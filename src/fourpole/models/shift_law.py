@@ -122,7 +122,7 @@ class ShiftLaw(ByValue):
 
 
 def interpolated(
-    temperatures: FloatArray, values: FloatArray, covariance: FloatArray, at: float
+    temperatures: FloatArray, values: FloatArray, errors: FloatArray, at: float
 ) -> tuple[float, FloatArray, float]:
     """A shift factor's logarithm between isotherms, its changes with those of the isotherms, and its own error.
 
@@ -132,15 +132,16 @@ def interpolated(
     ----------
     temperatures, values : (n,) float arrays [degC], [1]
         Temperatures, rising, and logarithms of the factors.
-    covariance : (n, n) float array [1]
+    errors : (n, m) float array [1]
+        Changes of the values with m independent errors of one standard uncertainty.
     at : float [degC]
         A temperature from the lowest to the highest one.
 
     Returns
     -------
     value : float [1]
-    changes : (n,) float array [1]
-        Its changes with n independent errors of the isotherms, those of the columns of `root_of(covariance)`.
+    changes : (m,) float array [1]
+        Its changes with these errors.
     error : float [1]
         Standard uncertainty of the interpolation: midway a quarter of what it misses an isotherm by that is left out,
         at an isotherm 0.
@@ -157,11 +158,9 @@ def interpolated(
     """
     x, here = -1.0 / (temperatures + ZERO_CELSIUS), -1.0 / (at + ZERO_CELSIUS)
     curve = scipy.interpolate.PchipInterpolator
-    root = root_of(covariance)
-    every = np.column_stack([values, values[:, None] + root, values[:, None] - root])
-    found = curve(x, every)(here)
-    count = values.size
-    spread = (found[1 : 1 + count] - found[1 + count :]) / 2
+    found = curve(x, np.column_stack([values, values[:, None] + errors, values[:, None] - errors]))(here)
+    count, many = errors.shape
+    spread = (found[1 : 1 + many] - found[1 + many :]) / 2
     left_out = np.zeros(count)
     for one in range(1, count - 1):
         others = np.arange(count) != one
