@@ -17,7 +17,7 @@ from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.fitting.query import Query, ask
-from fourpole.fitting.shifting import laws_beside, read_isotherms
+from fourpole.fitting.shifting import laws_beside, read_isotherms, shift_tyres
 from fourpole.io.door import sha256_of
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -42,14 +42,14 @@ def written(path, temperatures, shift, *, seed=4, points=13):
     return path
 
 
-def modelled(table, folder, reference, model="auto"):
+def modelled(table, folder, reference, *, vertical=False):
     """The model file of isotherms: fourpole shift, then fourpole fit."""
-    run_shift([table], ShiftOptions(reference=reference, folder=folder), as_json=True)
+    run_shift([table], ShiftOptions(reference=reference, vertical=vertical, folder=folder), as_json=True)
     master = folder / "master.csv"
     measured = read_measured(master)
     laws, note = laws_beside(master, sha256_of(master, max_bytes=10**7, label="master.csv"))
     assert not note
-    model_file(measured, fit_tyres(measured, model), laws=laws).write(folder / "model.json")
+    model_file(measured, fit_tyres(measured), laws=laws).write(folder / "model.json")
     return read_model_file(folder / "model.json")
 
 
@@ -161,7 +161,8 @@ def passive(omega, k):
 
 def reproduces(table, folder):
     """Whether queries at isotherms are as near the measured values as the best passive K* of the master curve."""
-    model = modelled(table, folder, None)
+    vertical = any(one.found.needs_vertical for one in shift_tyres(read_isotherms([table])))
+    model = modelled(table, folder, None, vertical=vertical)
     master = pl.read_csv(folder / "master.csv")
     k = master["Re K* [N/m]"].to_numpy() + 1j * master["Im K* [N/m]"].to_numpy()
     omega = 2 * np.pi * master[HERTZ].to_numpy()

@@ -31,6 +31,8 @@ _FINE, _COARSE = 12, 4
 _BELOW, _ABOVE = 0.25, 0.5
 #: Share of the least compliance that is instantaneous at least: a specimen has an instantaneous stiffness.
 _SUDDEN = 1e-3
+#: A part of the compliance that is a smaller share of the largest one is round-off.
+_ROUND_OFF = 1e-9
 #: Degrees of freedom that show an unknown uncertainty.
 _LEAST_DOF = 3
 #: Halvings by which a root between two poles is found.
@@ -131,7 +133,8 @@ def fit_creep(
     sudden = _SUDDEN * float(compliance.min())
     found = _fitted(rows, compliance - sudden, compliance, std)
     weights = found.weights + np.append(sudden, np.zeros(times.size + 1))
-    used = np.flatnonzero(found.weights[1:-1] > 0)
+    weights = np.where(weights > _ROUND_OFF * weights.max(), weights, 0.0)
+    used = np.flatnonzero(weights[1:-1])
     scale = np.append(np.ones(1 + used.size), 1 / time.max())
     kept = np.concatenate([[0], 1 + used, [times.size + 1]])
     arms, slopes = stiffness_of(weights[0], weights[1 + used], times[used], float(weights[-1] / time.max()))
