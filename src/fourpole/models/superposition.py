@@ -405,7 +405,9 @@ class _Search:
 
     def normal(self, shifts: FloatArray, fit: SpectraFit, *, loose: bool = False) -> tuple[FloatArray, FloatArray]:
         """Normal matrix (p, p) of the free shifts, and the right side (p,) of the step, which `loose` does not have."""
-        columns = shift_rows(self.isotherms, shifts, fit, self.errors, self.free, self.vertical, loose=loose)
+        columns = shift_rows(
+            self.isotherms, shifts, fit, self.errors, self.free, self.vertical, loose=_DENSITY if loose else 0
+        )
         distances = -np.diff(np.eye(len(self.isotherms)), axis=0) / self._half[:, None]
         expected = np.zeros((len(distances), columns.shape[1]))
         expected[:, : self.free.size] = distances[:, self.free]
