@@ -114,12 +114,21 @@ def test_shift_warns_once_where_the_law_misses_its_own_factors(tmp_path, capsys)
 
 
 def test_a_query_without_a_temperature_is_at_the_reference(branched):
-    """Far from the reference on the curve K* is of other isotherms, and their shift is uncertain."""
     far = np.array([1e-3, 10.0])
-    (low, near), (low_std, near_std), _ = answered(branched, far, 20.0)
+    found, std, _ = answered(branched, far, 20.0)
     rows = ask(branched, Query(far.tolist()))
-    assert [row["Re K* [N/m]"] for row in rows] == pytest.approx([low.real, near.real])
-    assert low_std[0] / low.real > near_std[0] / near.real
+    assert [row["Re K* [N/m]"] for row in rows] == pytest.approx(found.real)
+    assert [row["u(Re K*) [N/m]"] for row in rows] == pytest.approx(std[:, 0])
+
+
+def test_at_an_isotherm_the_error_of_its_shift_cancels(branched):
+    """The curve there was moved by the same error; a file that does not know so counts the error twice."""
+    entry = branched.models[0]
+    shifts = entry.temperature.shifts.model_copy(update={"sensitivity_a": []})
+    blind = entry.model_copy(update={"temperature": entry.temperature.model_copy(update={"shifts": shifts})})
+    _, std, _ = answered(branched, np.array([1.0, 10.0]), 50.0)
+    _, larger, _ = answered(branched.model_copy(update={"models": [blind]}), np.array([1.0, 10.0]), 50.0)
+    assert np.all(std < 0.8 * larger)
 
 
 def test_a_file_without_the_factors_found_answers_by_its_law(branched):
