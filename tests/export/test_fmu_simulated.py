@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from tests.export.fmus import (
     BAND,
+    DRAW,
     FORCE,
     INPUTS,
     MODELS,
@@ -361,6 +362,7 @@ def test_a_wrong_call_ends_in_an_error_with_a_message_and_changes_nothing(folder
 
 STARTING = {
     "point 0": (lambda one: one.choose(0), "number of an operating point that this model does not have"),
+    "draw that is not there": (lambda one: one._choose([DRAW], [1]), "number of a draw that this model does not have"),
     "point beyond": (lambda one: one.choose(len(MODELS) + 1), "number of an operating point that this model"),
     "time of zero": (lambda one: one.put([place("points[1].branches[1].relaxation_time")], [0.0]), "so small a value"),
     "negative damping": (lambda one: one.put([place("points[2].damping")], [-1.0]), "points[2].damping cannot have so"),

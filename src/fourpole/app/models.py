@@ -31,6 +31,7 @@ from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.folders import results_in
 from fourpole.io.published import published_beside, publishing
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
+from fourpole.models.inertial import Of
 from fourpole.models.ladder import Rung, Verdict, verdict_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number
@@ -63,9 +64,16 @@ def _read(path: Path, data: DataOptions, assumed: float | None = None, model: st
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
     moved = by_amplitude(model)
     found = read_measured(
-        path, over=data.over or (), std=std, k1=_static(data), by_amplitude=moved, options=data.table()
+        path, over=data.over or (), std=std, k1=_static(data), by_amplitude=moved, options=data.table(), of=_of(data.of)
     )
     return found.only(data.tyre, None if data.band is None else _band(data.band))
+
+
+def _of(text: str | None) -> Of | None:
+    """What K* is of, by the option ``--of``."""
+    if text is not None and text not in [one.value for one in Of]:
+        raise UnitError(f"--of: {units.shown(text)} is none of {', '.join(one.value for one in Of)}")
+    return None if text is None else Of(text)
 
 
 def _settings(model: str, options: DataOptions) -> dict[str, Any]:
@@ -189,7 +197,7 @@ def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
     else:
         warn(f"the table states no uncertainty of K*: taken as {100 * _ASSUMED:g} %; state --std")
         measured = _read(path, data, _ASSUMED)
-    found = [(one, verdict_of(one.data)) for one in measured.conditions]
+    found = [(one, verdict_of(one.data, one.of)) for one in measured.conditions]
     if as_json:
         rows = [{"tyre": one.tyre, "state": one.state, **_verdict(one, verdict)} for one, verdict in found]
         print_json({"source": measured.source, "conditions": rows})
@@ -402,6 +410,8 @@ def _verdict(one: Measured, verdict: Verdict) -> dict[str, Any]:
         "mass [kg]": verdict.mass,
         "u(mass) [kg]": verdict.mass_std,
         "resonances [Hz]": verdict.resonances.tolist(),
+        "belt mass [kg]": None if verdict.belt is None or verdict.of is Of.BLOCKED_TRANSFER else verdict.belt.mass,
+        "u(belt mass) [kg]": None if verdict.belt is None else verdict.belt.mass_std,
         "or an error of": [{"of": lie.name, "size": lie.size, "unit": lie.unit} for lie in verdict.lies],
         "possible with an error of [1]": lacking_error(one, verdict),
         "impossible [Hz]": [] if verdict.possible else verdict.relaxing.impossible.tolist(),

@@ -28,6 +28,7 @@ from fourpole.fitting.modelparts import (
     split_column,
 )  # fmt: skip
 from fourpole.fitting.pressures import PressureFile, check_pressures
+from fourpole.fitting.ranges import RangeFile
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile
 from fourpole.fitting.temperature import TemperatureFile, check_temperature
@@ -46,7 +47,7 @@ from fourpole.units import shown
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
 LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static", "inertia",
-         "holds", "mass", "resonances", "shifts")  # fmt: skip
+         "ranges", "holds", "mass", "resonances", "shifts")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -108,6 +109,7 @@ class ConditionFile(Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
     static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
     inertia: InertiaFile | None = Field(default=None, description="Mass of the specimen between its ends.")
+    ranges: list[RangeFile] = Field([], max_length=200, description="Range of K* below and above the band, rising.")
 
     @property
     def coordinates(self) -> dict[str, float]:
@@ -246,6 +248,9 @@ class ModelFile(Strict):
                 if not part[key]:
                     del part[key]
         conditions = [one for entry in models for one in entry["conditions"]]
+        for static in (one["static"] for one in conditions if one["static"]):
+            if not static["passive"]:
+                del static["passive"]
         parts = [*(one["verdict"] for one in conditions), *(one["temperature"] for one in models)]
         for part in (document, *models, *conditions, *filter(None, parts)):
             for key in LATER:

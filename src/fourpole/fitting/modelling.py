@@ -11,14 +11,14 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR, NORMAL_95
+from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR
 from fourpole.core.digits import with_std
 from fourpole.core.notebook import notebook_html
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart
 from fourpole.fitting.byresiduals import by_residuals, misfit_of
-from fourpole.fitting.inertia import mean_inertia
+from fourpole.fitting.inertia import USUAL_SHARE, InertiaFile, mean_inertia
 from fourpole.fitting.mapping import map_axes, map_of_model, map_text, mean_uncertainty
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
@@ -34,8 +34,9 @@ from fourpole.fitting.modelfile import (
 from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.fitting.pressures import OverPressures, PressureFile, pressure_sentence, share_over_pressures
+from fourpole.fitting.ranges import REACH, ranges_of
 from fourpole.fitting.stated import RigFile
-from fourpole.fitting.static import StaticFile, factor_sentence
+from fourpole.fitting.static import StaticFile, factor_sentence, slowest
 from fourpole.fitting.temperature import TemperatureFile
 from fourpole.models.causality import near_passive
 from fourpole.models.choice import AUTO, STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
@@ -43,8 +44,9 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import by_amplitude, for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
+from fourpole.models.inertial import Of
 from fourpole.models.interface import Model
-from fourpole.models.ladder import Rung, Verdict, verdict_of, without_mass
+from fourpole.models.ladder import Rung, Verdict, verdict_of, without_inertia
 from fourpole.models.operating import OperatingMap
 from fourpole.models.profile import intervals
 from fourpole.models.shape import Shape
@@ -57,6 +59,8 @@ Progress = Callable[[int, int], None]
 _Step = Callable[[], None]
 #: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
 _ALIKE = 1.1
+#: The family of models with resonances.
+_RESONANT = "resonant"
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +227,14 @@ def _fit_tyre(
     if by_amplitude(model):
         measured, told = told_apart(tyre, measured, model)
     stated = [one.data if told else near_passive(one.data) for one in measured]
-    verdicts = tuple(verdict_of(one) for one in stated) if every.known and not told else ()
-    stated = [without_mass(*pair) for pair in zip(stated, verdicts, strict=True)] if verdicts else stated
+    verdicts: tuple[Verdict, ...] = ()
+    if every.known and not told:
+        verdicts = tuple(verdict_of(data, one.of) for data, one in zip(stated, measured, strict=True))
+        if not model.startswith(_RESONANT):  # which has a belt as resonances of its own
+            stated = [without_inertia(*pair) for pair in zip(stated, verdicts, strict=True)]
+            measured = tuple(with_belt(*pair) for pair in zip(measured, verdicts, strict=True))
+    most = max((one.resonances.size for one in verdicts if one.belt is None), default=0)
+    model = f"{_RESONANT}:{most}" if model == "auto" and most else model
     held = [known_values(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
@@ -246,6 +256,16 @@ def _fit_tyre(
     said += factor_sentence(best.fits, [one.loop for one in measured], data)
     choice = replace(choice, text=". ".join(filter(None, [choice.text, *said, *_not_compared(choice), *why, told])))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures, stopped)
+
+
+def with_belt(measured: Measured, verdict: Verdict) -> Measured:
+    """The condition with the belt that its verdict found, if any."""
+    if verdict.belt is None:
+        return measured
+    share = USUAL_SHARE if verdict.of is Of.BLOCKED_TRANSFER else verdict.belt.share
+    # A blocked transfer shows m12 alone: the mass is that of a belt with the usual share.
+    mass = verdict.belt.mass * (share + 2 + 1 / share) / (verdict.belt.share + 2 + 1 / verdict.belt.share)
+    return replace(measured, inertia=InertiaFile(form="belt", mass=mass, share=share))
 
 
 def _not_compared(choice: Choice) -> list[str]:
@@ -407,9 +427,11 @@ def model_file(
 
 def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | None) -> ModelEntry:
     if law is not None and len(found.measured) == 1:
-        law, found = _with_shift_errors(found, law)
+        law, fit, ends = law.fitted(found.measured[0].tests, found.data[0], found.chosen.fit, found.intervals[0])
+        found = replace(found, chosen=replace(found.chosen, fits=(fit,)), intervals=(ends,))
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.data, found.chosen.fits, found.intervals, verdicts, strict=True)
+    ranged = found.model.relaxing and (len(found.choice.candidates) > 1 or found.model.linear)
     return ModelEntry(
         tyre=found.tyre,
         **model_parts(found.model),
@@ -417,21 +439,10 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
         shape=shape,
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
-        conditions=[_condition_entry(*row) for row in rows],
+        conditions=[_condition_entry(*row, ranged=ranged) for row in rows],
         temperature=law,
         pressures=[PressureFile.of(one) for one in found.pressures],
     )
-
-
-def _with_shift_errors(found: TyreFit, law: TemperatureFile) -> tuple[TemperatureFile, TyreFit]:
-    """The fit of a master curve with the uncertainty of the shift factors as part of that of its parameters."""
-    fit = found.chosen.fit
-    law, more = law.fitted(found.measured[0].tests, found.data[0], fit)
-    half = NORMAL_95 * np.sqrt(np.diag(more))[:, None]
-    off = found.intervals[0] - fit.values[:, None]
-    ends = np.maximum(fit.values[:, None] + np.sign(off) * np.hypot(off, half), fit.model.bounds[0][:, None])
-    chosen = replace(found.chosen, fits=(replace(fit, covariance=fit.covariance + more),))
-    return law, replace(found, chosen=chosen, intervals=(ends,))
 
 
 def _candidate_entry(one: Trial) -> CandidateFile:
@@ -450,15 +461,18 @@ def lacking_error(measured: Measured, verdict: Verdict) -> float:
 
 
 def _condition_entry(
-    measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Verdict | None
+    measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Verdict | None, *, ranged: bool
 ) -> ConditionFile:
+    """The record of a condition; `ranged` where the data chose the order of the model."""
+    band = (float(measured.frequency.min()), float(measured.frequency.max()))
+    reach = (band[0] / REACH, band[1] * REACH) if ranged else (np.inf, np.inf)
     points = [point for name, point in measured.keys if name]
     judged = None
     if verdict is not None:
         judged = VerdictFile(
             possible=verdict.possible,
             holds=None if verdict.holds is Rung.RELAXING else verdict.holds.value,
-            mass=verdict.mass if verdict.holds is Rung.MASS else None,
+            mass=verdict.mass or None,
             resonances=verdict.resonances.tolist(),
             chance=verdict.chance,
             misfit=lacking_error(measured, verdict),
@@ -468,7 +482,7 @@ def _condition_entry(
         state=NamedValue.of(measured.state),
         tests=[name for name in measured.tests if name],
         points=points if any(point > 1 for point in points) else [],
-        band=(float(measured.frequency.min()), float(measured.frequency.max())),
+        band=band,
         amplitude=tested([measured], found.model),
         values=found.values.tolist(),
         covariance=found.covariance.tolist(),
@@ -479,6 +493,7 @@ def _condition_entry(
         converged=bool(found.converged),
         agreed=float(found.agreed),
         verdict=judged,
-        static=StaticFile.of(measured.loop, found, data, ranged=True),
+        static=StaticFile.of(measured.loop, found, data),
+        ranges=ranges_of(data, min(slowest(measured.loop), reach[0]), reach[1]),
         inertia=measured.inertia,
     )

@@ -177,4 +177,5 @@ def _condition(
         converged=True,
         agreed=1.0,
         verdict=verdict,
+        ranges=[],
     )

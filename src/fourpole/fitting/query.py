@@ -32,9 +32,9 @@ from fourpole.fitting.inertia import InertiaFile, mean_inertia
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, model_of
 from fourpole.fitting.onepoint import map_of_condition
 from fourpole.fitting.pressures import between
+from fourpole.fitting.ranges import IN_RANGE, wider
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
-from fourpole.fitting.static import StaticFile
 from fourpole.fitting.temperature import Shift
 from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import Answer, OperatingMap
@@ -111,9 +111,8 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         answer = found.ask(points, frequency) if shift is None else shift.shift.answer(found, points, frequency)
     condition = file.condition_at(tyre, found.axes.constant)
     remarks = (*remarks, *_misfit(file, tyre, condition))
-    static = None if condition is None else condition.static  # if the static test was joined as a ramp
-    if far.any():
-        answer = _wider(answer, static, reduced, frequency)
+    if far.any() and condition is not None:
+        answer = _wider(answer, condition, reduced, frequency)
     inertia = inertia_of(file, tyre, condition)
     specimen = MASSLESS if inertia is None else inertia.specimen
     columns = _columns(answer, query.rig or rig_in(file.rig), frequency, specimen)
@@ -126,17 +125,16 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         row |= {q.FREQUENCY.head: float(frequency[at])}
         row |= {} if shift is None else {_TEMPERATURE: shift.temperature, _REDUCED: float(reduced[at])}
         row |= {head: float(one[at]) for head, one in columns.items()}
-        beyond = _remarks_beyond(found, static, float(far[at]), float(reduced[at]))
+        beyond = _remarks_beyond(found, condition, float(far[at]), float(reduced[at]))
         row |= {q.OUTSIDE.head: apart, "remarks": "; ".join([*remarks, *moved, *beyond])}
         rows.append(_finite(row))
     return rows
 
 
-def _wider(answer: Answer, static: StaticFile | None, reduced: FloatArray, frequency: FloatArray) -> Answer:
-    """An answer whose intervals reach the ends of the range of K* below the band, if there is a static test."""
-    if static is None:
-        return answer
-    covariance = static.wider(reduced, answer.stiffness, answer.covariance)
+def _wider(answer: Answer, condition: ConditionFile, reduced: FloatArray, frequency: FloatArray) -> Answer:
+    """An answer whose intervals reach the ends of the range of K* beyond the band, if the file has it."""
+    ranges = [*(condition.static.passive if condition.static is not None else []), *condition.ranges]
+    covariance = wider(ranges, condition.band, reduced, answer.stiffness, answer.covariance)
     return Answer.of(answer.stiffness, answer.k1, covariance, 2 * np.pi * frequency)
 
 
@@ -155,10 +153,14 @@ def _columns(answer: Answer, rig: Rig | None, frequency: FloatArray, specimen: S
     return {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
 
 
-def _remarks_beyond(found: OperatingMap, static: StaticFile | None, far: float, frequency: float) -> list[str]:
+def _remarks_beyond(found: OperatingMap, fitted: ConditionFile | None, far: float, frequency: float) -> list[str]:
     """Remarks on a frequency that is so many octaves outside the band."""
-    said = [f"{far:.3g} octaves outside the measured band"] if far else []
-    return [*said, static.remark(frequency)] if said and static and frequency < found.band[0] else said
+    if not far:
+        return []
+    said = [f"{far:.3g} octaves outside the measured band"]
+    if fitted is not None and fitted.static is not None and frequency < found.band[0]:
+        return [*said, fitted.static.remark(frequency)]
+    return [*said, IN_RANGE] if fitted is not None and fitted.ranges else said
 
 
 def polar_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:

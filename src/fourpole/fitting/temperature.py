@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.fitting.modelparts import LARGEST, NamedValue, Strict, check_covariance
 from fourpole.models.data import StiffnessData
@@ -168,14 +169,16 @@ class TemperatureFile(Strict):
         far = self.shifts is not None and abs(apart) >= _ROUNDED
         return replace(found, remarks=(self._beyond(law),)) if far else found
 
-    def fitted(self, tests: Sequence[str], data: StiffnessData, fit: Fit) -> tuple[TemperatureFile, FloatArray]:
-        """The file with what the fit of the master curve takes from each shift, and the covariance of this (P, P).
+    def fitted(
+        self, tests: Sequence[str], data: StiffnessData, fit: Fit, ends: FloatArray
+    ) -> tuple[TemperatureFile, Fit, FloatArray]:
+        """The file with what the fit of the master curve takes from each shift; the fit and its intervals with this.
 
         The fit takes reduced K* as if the shifts were exact: an error of one moves its isotherm along the curve, and
         the parameters by the weighted least squares of the fit.
         """
         if self.shifts is None or not set(tests) <= set(self.shifts.tests):
-            return self, np.zeros_like(fit.covariance)
+            return self, fit, ends
         mine = np.array(tests)[:, None] == np.array(self.shifts.tests)
         model, step = fit.model, 1e-4
         above, below = (model.stiffness(fit.values, data.omega * np.exp(side)) for side in (step, -step))
@@ -187,7 +190,10 @@ class TemperatureFile(Strict):
         names = ("sensitivity_a", "sensitivity_b")
         found = {name: (_DECADE * one).tolist() for name, one in zip(names, by, strict=False)}
         shifts = self.shifts.model_copy(update=found)
-        return self.model_copy(update={"shifts": shifts}), np.sum([one @ one.T for one in roots], axis=0)
+        more = np.sum([one @ one.T for one in roots], axis=0)
+        values, half = fit.values[:, None], NORMAL_95 * np.sqrt(np.diag(more))[:, None]
+        ends = np.maximum(values + np.sign(ends - values) * np.hypot(ends - values, half), model.bounds[0][:, None])
+        return self.model_copy(update={"shifts": shifts}), replace(fit, covariance=fit.covariance + more), ends
 
     def _beyond(self, law: ShiftLaw) -> str:
         assert self.shifts is not None

@@ -12,6 +12,7 @@ Each family is a class of this package, imported when it is first used: ``from f
 `Prony`              the same with fixed relaxation times, so many per decade of the band
 `FractionalZener`    two springs and one power of the frequency
 `FractionalZener5`   the same with a second power, for a skew loss peak
+`Resonant`           spring and arms with resonances, for specimens with inertia
 `Shell`              inflated cylindrical shell on radial springs, with inertia
 `Kraus`              filled rubber, whose K* depends on the amplitude of the deflection; not causal
 ==================== ==================================================================================

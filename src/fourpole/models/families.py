@@ -26,6 +26,7 @@ FAMILIES = {
     "prony[:N]": "maxwell.Prony",
     "fractional": "fractional.FractionalZener",
     "fractional5": "fractional.FractionalZener5",
+    "resonant[:N]": "resonant.Resonant",
     "shell": "tyre_shell.Shell",
     "kraus": "kraus.Kraus",
 }
