@@ -167,7 +167,7 @@ def interpolated(
         left_out[one] = abs(float(curve(x[others], values[others])(x[one])) - values[one])
     low = int(np.clip(np.searchsorted(x, here) - 1, 0, count - 2))
     share = (here - x[low]) / (x[low + 1] - x[low])
-    between = share * (1 - share) * float(np.max(left_out[low : low + 2]))
+    between = float(share * (1 - share) * np.max(left_out[low : low + 2]))
     return float(found[0]), spread, between
 
 

@@ -9,6 +9,9 @@ import polars as pl
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError
+from fourpole.io.formats import uff
+from fourpole.io.recordings import format_of
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import AnyPath
 from fourpole.io.tables.cells import Cells, tables_in
 from fourpole.io.tables.columns import Statement, Taken, bad_cells, check_units, chosen, said_of, statements, taken
@@ -63,14 +66,14 @@ def read_over_time(path: AnyPath, options: TableOptions | None = None) -> TimeTa
     Raises
     ------
     FileError, TableError
-        If the file cannot be read, a column has no unit, two columns differ, or a modulus has no shape.
+        If there is no such file, a column has no unit, two columns differ, or a modulus has no shape.
 
     Examples
     --------
     >>> import tempfile, pathlib
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder, "relaxation.csv")
-    ...     _ = file.write_text("time [s],K(t) [N/mm]\\n1,200\\n10,180\\n")
+    ...     _ = file.write_text("time [s],K(t) [N/mm]\n1,200\n10,180\n")
     ...     print(read_over_time(file).values)
     [200000. 180000.]
     """
@@ -78,12 +81,20 @@ def read_over_time(path: AnyPath, options: TableOptions | None = None) -> TimeTa
     stated = statements(options.columns)
     if any(one.role not in _ROLES for one in stated):
         return None
-    for cells in tables_in(Path(path), group=options.group):
+    try:
+        tables = [] if _is_uff(path) else tables_in(Path(path), group=options.group)
+    except TableError:  # whoever reads it as a table of K* says what is wrong
+        return None
+    for cells in tables:
         found = taken(cells, stated, _ROLES)
         roles = {one.role for one in found}
         if "frequency" not in roles and "time" in roles and roles & set(_QUANTITIES):
             return _understood(cells, found, stated, options)
     return None
+
+
+def _is_uff(path: AnyPath) -> bool:
+    return format_of(Path(path), max_bytes=MAX_FILE_BYTES, label=None) is uff.FORMAT
 
 
 def _understood(cells: Cells, found: list[Taken], stated: list[Statement], options: TableOptions) -> TimeTable:
