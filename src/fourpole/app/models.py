@@ -22,6 +22,7 @@ from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file
+from fourpole.fitting.overtime import fit_over_time
 from fourpole.fitting.query import Query, ask
 from fourpole.fitting.renewed import renewed
 from fourpole.fitting.shifting import laws_beside
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
 _MOST_NAMED = 12
+#: Options of `fit` that a table over time does not take.
+_NOT_OVER_TIME = ("over", "band", "k1", "fix", "share", "static", "figure")
 #: Figures of a folder that show the models or the maps of it; others do not change with these.
 SHOWING = {
     "model": ("first-stiffness", "first-tr", "stiffness", "storage-loss", "arm", "tr", "pressure-frequency",
@@ -118,6 +121,8 @@ def _band(text: str) -> tuple[float, float]:
 def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
     """Fit or choose a model for each tyre; write the model file."""
     path = results_in(results)
+    if path.is_file() and _fit_over_time(path, model, options, as_json=as_json):
+        return
     measured = _with_static(_read(path, options, model=model), path, options)
     _notes(measured)
     with progress("fitting") as advance:
@@ -132,6 +137,23 @@ def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) ->
     _renew_report(path, options.file, as_json=as_json)
     if any(one.stopped for one in fits):
         raise KeyboardInterrupt  # the exit code says so; what was found is written
+
+
+def _fit_over_time(path: Path, model: str, options: FitOptions, *, as_json: bool) -> bool:
+    """Fit a table of relaxation or creep and write the model file; False for another table."""
+    std = None if options.std is None else option(options.std, "ratio", "--std", "positive")
+    settings = _settings(model, options)
+    made = fit_over_time(path, model, options.table(), std=std, tyre=options.tyre, settings=settings)
+    if made is None:
+        return False
+    if given := [name for name in _NOT_OVER_TIME if getattr(options, name)]:
+        raise UnitError(f"{path.name} is over time: leave out {', '.join(f'--{name}' for name in given)}")
+    for note in made.provenance.notes:
+        say(f"note: {note}")
+    if options.file is not None:
+        made.write(options.file)
+    _show_written(made, [] if options.file is None else [options.file], ShownUnits(), as_json=as_json)
+    return True
 
 
 def _show_written(made: ModelFile, files: Sequence[Path], wanted: ShownUnits, *, as_json: bool) -> None:

@@ -28,9 +28,9 @@ from fourpole.fitting.modelparts import (
     split_column,
 )  # fmt: skip
 from fourpole.fitting.ranges import RangeFile
-from fourpole.fitting.shifting import TemperatureFile, check_law
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile
+from fourpole.fitting.temperature import TemperatureFile, check_temperature
 from fourpole.io.published import read_listed, write_result
 from fourpole.io.seal import KEY, sealed
 from fourpole.models.families import model_named
@@ -46,7 +46,7 @@ from fourpole.units import shown
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
 LATER = ("axes", "points", "shape", "temperature", "amplitude", "logarithmic", "static", "inertia",
-         "ranges", "holds", "mass", "resonances")  # fmt: skip
+         "ranges", "holds", "mass", "resonances", "shifts")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -136,7 +136,7 @@ class ModelEntry(_Entry):
     candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
     conditions: list[ConditionFile] = Field(max_length=LONGEST)
     temperature: TemperatureFile | None = Field(
-        default=None, description="Law of the shift factors if the model is of a master curve."
+        default=None, description="Shift factors and their law if the model is of a master curve."
     )
     pressures: list[Any] = Field(
         default_factory=list, max_length=1000, exclude=True,
@@ -251,7 +251,8 @@ class ModelFile(Strict):
         for static in (one["static"] for one in conditions if one["static"]):
             if not static["passive"]:
                 del static["passive"]
-        for part in (document, *models, *conditions, *(one["verdict"] for one in conditions if one["verdict"])):
+        parts = [*(one["verdict"] for one in conditions), *(one["temperature"] for one in models)]
+        for part in (document, *models, *conditions, *filter(None, parts)):
             for key in LATER:
                 if key in part and part[key] in ([], None):
                     del part[key]
@@ -344,7 +345,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     model = model_of(entry, name)
     size = len(model.parameters)
     if entry.temperature is not None:
-        check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
+        check_temperature(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature, size)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):

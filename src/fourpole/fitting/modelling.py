@@ -33,9 +33,9 @@ from fourpole.fitting.modelfile import (
 from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.fitting.ranges import REACH, ranges_of
-from fourpole.fitting.shifting import TemperatureFile
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence, slowest
+from fourpole.fitting.temperature import TemperatureFile
 from fourpole.models.causality import near_passive
 from fourpole.models.choice import STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
@@ -417,6 +417,9 @@ def model_file(
 
 
 def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | None) -> ModelEntry:
+    if law is not None and len(found.measured) == 1:
+        law, fit, ends = law.fitted(found.measured[0].tests, found.data[0], found.chosen.fit, found.intervals[0])
+        found = replace(found, chosen=replace(found.chosen, fits=(fit,)), intervals=(ends,))
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.data, found.chosen.fits, found.intervals, verdicts, strict=True)
     ranged = found.model.relaxing and (len(found.choice.candidates) > 1 or found.model.linear)

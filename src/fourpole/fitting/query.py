@@ -34,9 +34,9 @@ from fourpole.fitting.onepoint import map_of_condition
 from fourpole.fitting.ranges import IN_RANGE, wider
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
+from fourpole.fitting.temperature import Shift
 from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import Answer, OperatingMap
-from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
@@ -90,7 +90,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     """
     tyre = _tyre_of(file, query.tyre)
     shift = _shift_of(file, tyre, query)
-    state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.law.reference}
+    state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.reference}
     amplitude = state.pop(AMPLITUDE.column, None) if depends_on_amplitude(file, tyre) else None
     state = in_own_unit(file, tyre, state)
     found = maps_of(file, tyre, state, query.units)
@@ -100,13 +100,13 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         levels = levels_of_map(file, tyre, found)
         remarks = (*remarks, *outside_levels(levels, amplitude, beyond=query.beyond))
     frequency = np.asarray(query.frequency, dtype=float)
-    reduced = frequency if shift is None else frequency * shift.factor
+    reduced = frequency if shift is None else frequency * shift.shift.factor
     far = _beyond_band(found, reduced, beyond=query.beyond)
     points = np.repeat(point[None], frequency.size, axis=0)
     if amplitude is not None:
         answer = answer_at(found, points, frequency, amplitude, levels)
     else:
-        answer = found.ask(points, frequency) if shift is None else shift.answer(found, points, frequency)
+        answer = found.ask(points, frequency) if shift is None else shift.shift.answer(found, points, frequency)
     condition = file.condition_at(tyre, found.axes.constant)
     remarks = (*remarks, *_misfit(file, tyre, condition))
     if far.any() and condition is not None:
@@ -177,43 +177,21 @@ def polar_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True)
 class _Shift:
-    """The shift of a model to the temperature of a query.
+    """The shift of a model to the temperature of a query, `outside` so many half spans beyond the isotherms."""
 
-    `outside` is the distance from the range of temperatures in half spans; `level` and `level_std` are the logarithm of
-    bT and its standard uncertainty.
-    """
-
-    law: ShiftLaw
+    reference: float
     temperature: float
     outside: float
     remarks: tuple[str, ...]
-    level: float
-    level_std: float
-
-    @property
-    def factor(self) -> float:
-        """The horizontal shift factor."""
-        return float(np.exp(self.law.log_a(self.temperature)[0]))
-
-    def answer(self, found: OperatingMap, points: FloatArray, frequency: FloatArray) -> Answer:
-        """K* at the temperature; its uncertainty includes that of the law."""
-        step, b = 1e-4, float(np.exp(self.level))
-        reduced = frequency * self.factor
-        here = found.ask(points, reduced)
-        above, below = (found.ask(points, reduced * np.exp(side)).stiffness for side in (step, -step))
-        slope = (above - below) / (2 * step) * float(self.law.log_a_std(self.temperature)[0]) / b
-        stiffness, k1 = here.stiffness / b, here.k1 / b
-        columns = np.zeros((frequency.size, 3, 2))
-        columns[:, 0, 0], columns[:, 1, 0] = slope.real, slope.imag
-        columns[:, :, 1] = np.stack([stiffness.real, stiffness.imag, k1], axis=1) * self.level_std
-        covariance = here.covariance / b**2 + columns @ np.swapaxes(columns, 1, 2)
-        return Answer.of(stiffness, k1, covariance, 2 * np.pi * frequency)
+    shift: Shift
 
 
 def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
-    """The shift to the stated temperature; None if the model has no law, or the query states no temperature."""
+    """The shift to the stated temperature; None without shift factors in the model, or without a temperature."""
     entry, temperature = file.model_entry(tyre), query.state.get(_TEMPERATURE)
     law = None if entry is None else entry.temperature
+    if law is not None and law.shifts is not None and temperature is None:
+        temperature = law.reference
     if law is None or temperature is None:
         return None
     low, high = law.range
@@ -232,9 +210,8 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     ends = law.reference - values[1] if law.law == "WLF" else _ABSOLUTE_ZERO
     if temperature <= ends:
         raise ModelError(f"the {law.law} law ends at {ends:.4g} °C: it has no value at {temperature:.5g} °C")
-    apart = temperature - law.reference
-    level = (0.0, 0.0) if law.vertical is None else (law.vertical.slope * apart, law.vertical.std * abs(apart))
-    return _Shift(law.shift_law, temperature, outside, tuple(remarks), *level)
+    shift = law.at(temperature)
+    return _Shift(law.reference, temperature, outside, (*remarks, *shift.remarks), shift)
 
 
 def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float], units: ShownUnits) -> OperatingMap:

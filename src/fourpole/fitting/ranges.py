@@ -15,7 +15,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.modelparts import Strict
 from fourpole.models.causality import passive_range
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import MASTER_DECADES, StiffnessData
 
 #: Frequencies per decade, and their largest number below and above the band.
 _PER_DECADE, _MOST = 4, 50
@@ -41,12 +41,17 @@ def ranges_of(data: StiffnessData, low: float = np.inf, high: float = np.inf) ->
     band = float(data.omega.min()) / (2 * np.pi), float(data.omega.max()) / (2 * np.pi)
     below = [] if low >= band[0] else _steps(low, band[0])
     above = [] if not band[1] < high < np.inf else _steps(band[1], high)
-    frequency = np.array([*below, *above])
-    if not frequency.size:
-        return []
-    ends = np.minimum(passive_range(data, 2 * np.pi * frequency), np.abs(data.stiffness).max() * _CUT)
-    rows = zip(frequency.tolist(), ends.tolist(), strict=True)
-    return [RangeFile(frequency=one, storage=tuple(storage), loss=tuple(loss)) for one, (storage, loss) in rows]
+    parts = [(data, [*below, *above])]
+    if band[1] > 10.0**MASTER_DECADES * band[0]:  # so far from an end, data say nothing of what is beyond it
+        far = 10.0**MASTER_DECADES
+        near = data.omega < far * data.omega.min(), data.omega > data.omega.max() / far
+        parts = [(data.part(np.flatnonzero(rows)), side) for rows, side in zip(near, (below, above), strict=True)]
+    found = []
+    for some, side in parts:
+        ends = passive_range(some, 2 * np.pi * np.array(side)) if side else np.zeros((0, 2, 2))
+        rows = zip(side, np.minimum(ends, np.abs(data.stiffness).max() * _CUT).tolist(), strict=True)
+        found += [RangeFile(frequency=one, storage=tuple(storage), loss=tuple(loss)) for one, (storage, loss) in rows]
+    return found
 
 
 def _steps(low: float, high: float) -> list[float]:

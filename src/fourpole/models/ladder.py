@@ -28,7 +28,7 @@ from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.models.causality import Possible, check_possible, grid_of, terms_of
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import MASTER_DECADES, StiffnessData
 from fourpole.models.inertial import Belt, Of, carried, inertia_of, springs_of, turned
 from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
 
@@ -191,8 +191,9 @@ def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT) -> Verdict:
     """
     relaxing = check_possible(data, SEARCH_CHANCE)
     lowest = _Best(relaxing.chi2, _free(data, relaxing), _count(data), 0.0, np.zeros((0, 2)))
-    if lowest.chance > SEARCH_CHANCE:
-        return _verdict(Rung.RELAXING, relaxing, lowest, ())
+    if lowest.chance > SEARCH_CHANCE or data.omega.max() > 10.0**MASTER_DECADES * data.omega.min():
+        rung = Rung.RELAXING if relaxing.possible else Rung.NONE  # inertia does not shift with temperature
+        return _verdict(rung, relaxing, lowest, ())
     ladder = Ladder(data.at(relaxing.best))
     lies = tuple(sorted(ladder.lies(), key=lambda lie: lie.bic))
     least = min((lie.bic for lie in lies), default=np.inf) - _FAR_BETTER
