@@ -38,6 +38,19 @@ def test_the_same_seed_gives_the_same_files(run, tmp_path):
     assert a == b != c
 
 
+def test_the_tyres_have_belts_and_a_weight_unless_they_are_to_be_massless(run, tmp_path):
+    run("simulate", tmp_path / "c")
+    truth = pl.read_csv(tmp_path / "c" / "truth.csv", infer_schema_length=None)
+    assert truth["belt mass [kg]"].drop_nulls().to_list() == [2.5, 2.5, 3.0, 3.0]
+    assert (tmp_path / "c" / "campaign.toml").read_text().count("specimen_mass") == 2
+    run("simulate", tmp_path / "m", "--massless")
+    assert "belt mass [kg]" not in (tmp_path / "m" / "truth.csv").read_text()
+    assert "specimen_mass" not in (tmp_path / "m" / "campaign.toml").read_text()
+    both = run("simulate", tmp_path / "b", "--car", "--massless")
+    assert (both.exit_code, both.stdout) == (2, "")
+    assert "contradict each other" in both.stderr
+
+
 def test_a_cars_tyre_on_request(run, tmp_path):
     assert run("simulate", tmp_path / "c", "--car").stderr.startswith("5 tests recorded")
     truth = pl.read_csv(tmp_path / "c" / "truth.csv", infer_schema_length=None)

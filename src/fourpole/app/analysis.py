@@ -145,10 +145,11 @@ def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> 
 
 
 def _demo_settings() -> dict[str, Any]:
-    """Settings of the demonstration: usual uncertainties, a weighed mass at one condition, and a mount."""
-    from fourpole.virtual import RADIAL_PLY, RUBBER_MOUNT
+    """Settings of the demonstration: belts, usual uncertainties, a weighed mass at one condition, and a mount."""
+    from fourpole.virtual import BELTED, RADIAL_PLY, RUBBER_MOUNT
 
     return {
+        "tyres": BELTED,
         "sensors": (5e-3, radians(0.2)),
         "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
         "added_masses": (0.0, 10.0),
