@@ -140,7 +140,8 @@ def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> 
         for line in (*found[1:], *outcome.lines):  # the first finding repeats the number of tests
             out(line)
         out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
-        out("The rubber mount relaxes; no massless, relaxing specimen can be like the two tyres: the report says why.")
+        out("Other than the paper's they have belts: truth.csv has their masses, and K* of the springs without them.")
+        out("The rubber mount relaxes; no relaxing springs can be like those of the two tyres: the report says why.")
     return outcome.code
 
 
