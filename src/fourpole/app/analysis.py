@@ -139,8 +139,7 @@ def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> 
         out(f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}.")
         for line in (*found[1:], *outcome.lines):  # the first finding repeats the number of tests
             out(line)
-        out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
-        out("Other than the paper's they have belts: truth.csv has their masses, and K* of the springs without them.")
+        out("The virtual tyres have belts, and the paper's conclusions hold by design; they are not its data.")
         out("The rubber mount relaxes; no relaxing springs can be like those of the two tyres: the report says why.")
     return outcome.code
 

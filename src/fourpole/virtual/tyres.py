@@ -331,10 +331,7 @@ RADIAL_PLY = VirtualTyre(
 
 #: Both as tyres of their size are, for a small car: with tread and plies, or a belt, of half their weight. They are
 #: sharper at resonance, 1 to 2 Hz lower, than the massless ones.
-BELTED = (
-    replace(CROSS_PLY, inertia=Belt(2.5), weight=5.0),
-    replace(RADIAL_PLY, inertia=Belt(3.0), weight=5.5),
-)
+BELTED = (replace(CROSS_PLY, inertia=Belt(2.5), weight=5.0), replace(RADIAL_PLY, inertia=Belt(3.0), weight=5.5))
 
 #: A damped rubber mount of two relaxation times, one below and one above the band of the cam. It is passive: with
 #: rising frequency its K2 rises and its C falls.

@@ -6,7 +6,7 @@ twice, without and with a mass in each specimen, each time with all that they as
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,8 +28,8 @@ _UNSTATED = 0.5
 _EXPONENT = 0.6
 #: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
 _STARTS = (0.1, 0.3, 0.6)
-#: Masses that are looked at in each specimen, over the moving mass: each 1.3 times the one before.
-_LOOKED_AT = np.geomspace(0.02, 0.8, 15)
+#: Noise of each amplitude, relative, with which the search begins, one after the other: the stated values count then.
+_NOISES = (0.03, 3e-3, 3e-4)
 #: A first mass that leaves no more than this of a test needs no other one. A test has four numbers.
 _GOOD = 8.0
 #: Steps in which a small mass shows.
@@ -91,8 +91,8 @@ def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexAr
     known, made, good = any(body.frequency for body in bodies.values()), [], False
     for rod in (False,) if known else (False, True):  # rods are searched once if belts leave nothing
         wide = with_belts(problem, bodies, stiffness, rod=rod)
-        for z in _starts(wide):
-            found, solution = solve_either(wide, own_stiffness(wide, z), z)
+        for share in _STARTS:
+            found, solution = _searched(wide, _first(wide, share * problem.shared.rig.moving_mass))
             if solution.converged:
                 made.append((found, solution))
                 good |= solution.objective < _GOOD * problem.observed.omega.size
@@ -110,28 +110,19 @@ def explains_more(problem: Problem, solution: Solution, bodies: Mapping[str, Bod
     return after.evidence > solution.evidence
 
 
-def _starts(problem: Problem) -> Iterator[FloatArray]:
-    """Shared values (p,) from which to search: each specimen with the mass that leaves least of its tests, then others.
-
-    The search from a common mass fails where the masses of several specimens differ, and noise is low.
-    """
-    masses = _LOOKED_AT * problem.shared.rig.moving_mass
-    left = np.stack([_left(problem, _first(problem, mass)) for mass in masses.tolist()])
-    yield _first(problem, masses[np.argmin(left, axis=0)])
-    for share in _STARTS:
-        yield _first(problem, share * problem.shared.rig.moving_mass)
+def _searched(problem: Problem, z: FloatArray) -> tuple[Problem, Solution]:
+    """The solution from shared values z, first with more noise than there is: else the springs go astray at once."""
+    observed, stiffness = problem.observed, own_stiffness(problem, z)
+    size = observed.whiten * np.abs(np.repeat(observed.amplitudes, 2, axis=1))[:, None, :]
+    for noise in _NOISES:
+        before = solve(problem.widened(noise * size), stiffness, z)
+        stiffness, z = before.stiffness, before.z
+    return solve_either(problem, stiffness, z)
 
 
-def _left(problem: Problem, z: FloatArray) -> FloatArray:
-    """What shared values leave of the tests of each specimen: its sum of squares (s,), with the K* that they give."""
-    parts = [np.sum(linear.residual**2, axis=1) for _, _, linear in problem.linearised(z, own_stiffness(problem, z))]
-    return np.bincount(problem.observed.specimen, np.concatenate(parts), len(problem.names))
-
-
-def _first(problem: Problem, mass: float | FloatArray) -> FloatArray:
-    """Shared values (p,) with this belt [kg] in each specimen, or with its own one of (s,); the others as stated."""
-    masses = np.broadcast_to(mass, len(problem.names))
-    return np.array([(masses[row.index] - row.stated) / row.std if row.source.kind is Kind.BELT_MASS else 0.0
+def _first(problem: Problem, mass: float) -> FloatArray:
+    """Shared values (p,) in which each belt has this mass [kg], and the others are as stated."""
+    return np.array([(mass - row.stated) / row.std if row.source.kind is Kind.BELT_MASS else 0.0
                      for row in problem.shared.parameters])  # fmt: skip
 
 
