@@ -12,10 +12,11 @@ from fourpole.core.rig import Rig
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 from fourpole.virtual.phasor_rig import RIG_VALUES, Conditions, Laboratory, PhasorCampaign, simulate_phasors
 
-__all__ = ["MASSES", "RANGES", "Case", "case"]
+__all__ = ["MASSES", "RANGES", "TYRES", "Case", "case"]
 
 SEED = 1982
 
+TYRES = (CROSS_PLY.name, RADIAL_PLY.name)
 MASSES = {"one mass": (0.0,), "two masses": (0.0, 10.0), "three masses": (0.0, 5.0, 10.0)}
 
 #: What is drawn, and from where; the words of the document.

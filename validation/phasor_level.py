@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from bound import bounds
-from laboratories import MASSES, Case, case
+from laboratories import MASSES, TYRES, Case, case
 
 from fourpole.core.arrays import FloatArray as Array
 from fourpole.core.joint import Joint, solve_joint
@@ -34,7 +34,7 @@ def run(number: int) -> dict[str, Any]:
         added_mass_std=this.laboratory.std_added * added,
         channels=this.channels,
         specimen=this.specimen.tolist(),
-        bodies={name: Body.weighed(weight) for name, weight in this.weights.items()},
+        bodies={name: Body.weighed(this.weights[name]) if this.weights else Body() for name in TYRES},
     )
     triples = _rows(this, joint) | _shared(this, joint)
     result: dict[str, Any] = {

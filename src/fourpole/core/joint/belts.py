@@ -20,7 +20,7 @@ from fourpole.core.joint.model import Observed, whitened
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve, solve_either, sweep
 from fourpole.core.sources import Kind, Source
-from fourpole.core.specimen import Body, Form, Specimen
+from fourpole.core.specimen import BLOCK, Body, Form, Specimen
 
 #: Standard uncertainty of a mass of which nothing is stated, over the moving mass.
 _UNSTATED = 0.5
@@ -87,9 +87,13 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
 
 
 def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> tuple[Problem, Solution] | None:
-    """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
-    known, made, good = any(body.frequency for body in bodies.values()), [], False
-    for rod in (False,) if known else (False, True):  # rods are searched once if belts leave nothing
+    """The most probable belts or rods of all specimens, from several first masses; None if no search converges.
+
+    A rod explains the tests of a light belt too, with fewer unknowns and another moving mass: no tyre is one.
+    """
+    may_be_rods = all(body.share == BLOCK and not body.frequency for body in bodies.values())
+    made, good = [], False
+    for rod in (False, True) if may_be_rods else (False,):  # rods are searched once if belts leave nothing
         wide = with_belts(problem, bodies, stiffness, rod=rod)
         for share in _STARTS:
             found, solution = _searched(wide, _first(wide, share * problem.shared.rig.moving_mass))
