@@ -17,6 +17,7 @@ from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.misfit import residuals
 from fourpole.core.joint.model import Observed, whitened
+from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve, solve_either, sweep
 from fourpole.core.sources import Kind, Source
@@ -121,7 +122,8 @@ def _searched(problem: Problem, z: FloatArray) -> tuple[Problem, Solution]:
     for noise in _NOISES:
         before = solve(problem.widened(noise * size), stiffness, z)
         stiffness, z = before.stiffness, before.z
-    return solve_either(problem, stiffness, z)
+    scatter = robust_scatter(problem, deviations(problem, z, stiffness))
+    return solve_either(replace(problem, scatter=scatter), stiffness, z)
 
 
 def _first(problem: Problem, mass: float) -> FloatArray:
