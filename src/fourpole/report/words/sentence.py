@@ -25,9 +25,7 @@ __all__ = ["Sentence", "headline", "sentences"]
 
 #: Tests that one sentence names; more are counted.
 _MOST_NAMED = 10
-_HEADLINE = (
-    Topic.INERTIA, Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY,
-)  # fmt: skip
+_HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
 _MOST_IN_HEADLINE = 8
 
 
