@@ -261,15 +261,15 @@ def _with_inertia(found: MeasuredSet, frame: pl.DataFrame, results: Published) -
     inertias, kinds = inertias_in(results), dict[str, str]()
     if q.K_OF.head in frame.columns:
         kinds = dict(zip(frame[q.TEST.head], frame[q.K_OF.head].fill_null(Of.SPRINGS.value), strict=True))
-    conditions = []
-    for one in found.conditions:
+
+    def known(one: Measured) -> Measured:
         of = {kinds.get(test, Of.SPRINGS.value) for test in one.tests}
         if of == {Of.BLOCKED_TRANSFER.value}:
-            one = replace(one, of=Of.BLOCKED_TRANSFER)  # noqa: PLW2901
-        elif of == {Of.SPRINGS.value} and (inertia := inertias.at(one.tyre, one.state)) is not None:
-            one = replace(one, of=Of.SPRINGS, inertia=inertia)  # noqa: PLW2901
-        conditions.append(one)
-    return replace(found, conditions=tuple(conditions))
+            return replace(one, of=Of.BLOCKED_TRANSFER)
+        inertia = inertias.at(one.tyre, one.state) if of == {Of.SPRINGS.value} else None
+        return one if inertia is None else replace(one, of=Of.SPRINGS, inertia=inertia)
+
+    return replace(found, conditions=tuple(map(known, found.conditions)))
 
 
 def _repeats(omega: Sequence[FloatArray], name: str) -> list[str]:
@@ -296,12 +296,9 @@ def table_of(measured: MeasuredSet) -> pl.DataFrame:
             row |= {RE: float(own.stiffness[at].real), IM: float(own.stiffness[at].imag)}
             if measured.known:
                 row |= {STD[0]: u_re, STD[1]: u_im, STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
-            rows.append({**row, _K1[0]: _known_or_none(own.k1), _K1[1]: _known_or_none(own.k1_std)})
+            static = [float(part) if np.isfinite(part) else None for part in (own.k1, own.k1_std)]
+            rows.append(row | dict(zip(_K1, static, strict=True)))
     return pl.DataFrame(rows, infer_schema_length=None)
-
-
-def _known_or_none(value: FloatArray) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def measured_of(

@@ -40,7 +40,7 @@ from fourpole.models.causality import near_passive
 from fourpole.models.choice import STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
-from fourpole.models.families import by_amplitude, check_several, for_maps, model_named, sizes_of
+from fourpole.models.families import by_amplitude, check_several, for_maps, has_inertia, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.inertial import Of
 from fourpole.models.interface import Model
@@ -227,7 +227,7 @@ def _fit_tyre(
     verdicts: tuple[Verdict, ...] = ()
     if every.known and not told:
         verdicts = tuple(verdict_of(data, one.of) for data, one in zip(stated, measured, strict=True))
-        if not model.startswith(_RESONANT):  # which has a belt as resonances of its own
+        if not has_inertia(model):
             stated = [without_inertia(*pair) for pair in zip(stated, verdicts, strict=True)]
             measured = tuple(with_belt(*pair) for pair in zip(measured, verdicts, strict=True))
     most = max((one.resonances.size for one in verdicts if one.belt is None), default=0)

@@ -98,6 +98,12 @@ def by_amplitude(name: str) -> bool:
     return name in _PLACES and _class(name).by_amplitude
 
 
+def has_inertia(name: str) -> bool:
+    """Whether a model has the inertia of a specimen in K*; False for a name that is none."""
+    family = name.partition(":")[0]
+    return family in _PLACES and _class(family).has_inertia
+
+
 def contains(larger: str, smaller: str) -> bool:
     """Whether the second model is a special case of the first.
 

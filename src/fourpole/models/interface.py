@@ -146,6 +146,8 @@ class Model(ABC):
         `static_stiffness`. Only the fit of such a model uses K1 of a static test.
     relaxing : bool
         Whether K* is a sum of non-negative relaxation terms, like that of every passive linear tyre without inertia.
+    has_inertia : bool
+        Whether K* has that of a mass, so that none is taken off the data before a fit.
     special_cases, special_case_of : tuple of str
         Families that are special cases of this family, and families that have this family as a special case. Names
         are without size.
@@ -170,6 +172,7 @@ class Model(ABC):
     causal: bool = True
     rests: bool = True
     relaxing: bool = True
+    has_inertia: bool = False
     special_cases: tuple[str, ...] = ()
     special_case_of: tuple[str, ...] = ()
     candidate: bool = True

@@ -66,6 +66,7 @@ class Resonant(Model):
     """
 
     relaxing = False
+    has_inertia = True
     candidate = False
     sizes = range(1, _MOST + 1)
     special_cases = ("spring",)

@@ -133,7 +133,8 @@ class Shell(Model):
     name = "shell"
     parameters = _PARAMETERS
     usually_fixed = ("R", "B", "S", "D", "p", "l", "beta")
-    relaxing = False  # it has inertia
+    relaxing = False
+    has_inertia = True
 
     def __init__(
         self,
