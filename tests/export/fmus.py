@@ -19,7 +19,7 @@ from fourpole.export.fmi.variables import Point, states_in
 from fourpole.models.belted import belt_modes, weight
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
-from fourpole.models.tyre_shell import RADIAL_PLY, Shell
+from fourpole.paper1982.shell import RADIAL_PLY, Shell
 
 #: A model with inertia, and thus with pairs of states; of few modes, so that its files are small.
 SHELL = Shell(around=8, across=1, moving=(3, 1))

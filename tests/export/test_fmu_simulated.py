@@ -29,7 +29,7 @@ from fourpole.export.fmi.variables import variables_of
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
 from fourpole.models.step import simulate
-from fourpole.models.tyre_shell import RADIAL_PLY
+from fourpole.paper1982.shell import RADIAL_PLY
 from fourpole.ride.linear import LinearSystem, driven
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy needs a later numpy than the lowest version allowed")
@@ -98,6 +98,7 @@ def test_the_description_lists_the_variables_by_their_places(folders, version):
 @both
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("step", [1e-4, 1e-3, 1.3e-2])
+@pytest.mark.sampled(2)
 def test_the_force_is_that_of_our_own_time_stepping(folders, version, point, step):
     x, v = motion(step, 300)
     wanted = simulate(points()[point - 1].system.space, x, v, step)
@@ -194,6 +195,7 @@ def test_the_recorded_force_of_a_sine_has_the_dynamic_stiffness_of_the_model(fol
 @both
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("frequency", [1.7, 30.0])
+@pytest.mark.sampled(2)
 def test_the_dynamic_stiffness_by_sines_is_that_of_the_model(folders, version, point, frequency):
     name = list(MODELS)[point - 1]
     model, cycle = model_named(name), 100

@@ -27,7 +27,6 @@ from fourpole.fitting.modelparts import (
     check_covariance,
     split_column,
 )  # fmt: skip
-from fourpole.fitting.pressures import PressureFile, check_pressures
 from fourpole.fitting.ranges import RangeFile
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile
@@ -46,7 +45,7 @@ from fourpole.units import shown
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static", "inertia",
+LATER = ("axes", "points", "shape", "temperature", "amplitude", "logarithmic", "static", "inertia",
          "ranges", "holds", "mass", "resonances", "shifts")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
@@ -139,9 +138,10 @@ class ModelEntry(_Entry):
     temperature: TemperatureFile | None = Field(
         default=None, description="Shift factors and their law if the model is of a master curve."
     )
-    pressures: list[PressureFile] = Field(
-        default_factory=list, max_length=1000, description="Sets of parameters that hold for several pressures."
-    )
+    pressures: list[Any] = Field(
+        default_factory=list, max_length=1000, exclude=True,
+        description="Of earlier versions: what a shell's fits to several pressures shared.",
+    )  # fmt: skip
 
 
 class AxisFile(Named):
@@ -346,7 +346,6 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     size = len(model.parameters)
     if entry.temperature is not None:
         check_temperature(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature, size)
-    check_pressures(f"{name}: tyre {shown(entry.tyre)}", entry.pressures, [one.coordinates for one in entry.conditions])
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):

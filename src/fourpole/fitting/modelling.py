@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR
 from fourpole.core.digits import with_std
@@ -33,16 +32,15 @@ from fourpole.fitting.modelfile import (
 )
 from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
-from fourpole.fitting.pressures import OverPressures, PressureFile, pressure_sentence, share_over_pressures
 from fourpole.fitting.ranges import REACH, ranges_of
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence, slowest
 from fourpole.fitting.temperature import TemperatureFile
 from fourpole.models.causality import near_passive
-from fourpole.models.choice import AUTO, STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
+from fourpole.models.choice import STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
-from fourpole.models.families import by_amplitude, for_maps, model_named, sizes_of
+from fourpole.models.families import by_amplitude, check_several, for_maps, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.inertial import Of
 from fourpole.models.interface import Model
@@ -83,8 +81,6 @@ class TyreFit(ByValue):
         Whether a passive linear tyre can have K* as measured, one per condition; empty if the uncertainty is not known.
     discrepancy : float [1]
         Model discrepancy: the relative error of K* that makes chi-square equal its degrees of freedom.
-    pressures : tuple of OverPressures
-        Fits with one set of parameters for several pressures, of a model that has the pressure as a parameter.
     stopped : bool
         Whether the user stopped the fits of this tyre, or of those after it.
     """
@@ -97,7 +93,6 @@ class TyreFit(ByValue):
     intervals: tuple[FloatArray, ...]
     verdicts: tuple[Verdict, ...]
     discrepancy: float
-    pressures: tuple[OverPressures, ...] = ()
     stopped: bool = False
 
     @property
@@ -195,7 +190,7 @@ def fit_tyres(
     Raises
     ------
     ModelError
-        If a tyre cannot be fitted.
+        If a tyre cannot be fitted, or has several conditions for a model that is for one only.
     """
     if model != "auto" and not sizes_of(model):
         model_named(model)
@@ -224,6 +219,8 @@ def _fit_tyre(
     tyre: str, every: MeasuredSet, model: str, given: Mapping[str, float], share: Sequence[str], step: _Step
 ) -> TyreFit:
     measured, told = every.of(tyre), ""
+    if len(measured) > 1:
+        check_several(model)
     if by_amplitude(model):
         measured, told = told_apart(tyre, measured, model)
     stated = [one.data if told else near_passive(one.data) for one in measured]
@@ -248,14 +245,12 @@ def _fit_tyre(
         except KeyboardInterrupt:  # the fit is kept, without the discrepancy
             stopped = True
     whole = float(np.hypot(discrepancy, more))
-    best, pressures = share_over_pressures(best, measured, whole, held, share, shared_effects(measured))
     best = _sharing(best, measured, whole, share, held)
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why, stopped = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
-    said = [pressure_sentence(one, measured, whole) for one in pressures]
-    said += factor_sentence(best.fits, [one.loop for one in measured], data)
+    ends, why, stopped = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=stopped)
+    said = factor_sentence(best.fits, [one.loop for one in measured], data)
     choice = replace(choice, text=". ".join(filter(None, [choice.text, *said, *_not_compared(choice), *why, told])))
-    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures, stopped)
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, stopped)
 
 
 def with_belt(measured: Measured, verdict: Verdict) -> Measured:
@@ -287,12 +282,7 @@ def _discrepancy(
 ) -> float:
     """The discrepancy [1] to add before models are compared: that of the best passive tyre, or of the only model."""
     if model == "auto" or sizes_of(model):
-        needed = model_discrepancy(stated, always=not known)
-        if needed and known and model == "auto":  # a model that is not a relaxation may fit without it
-            odd = (one for name in AUTO if not sizes_of(name) and not (one := model_named(name)).relaxing)
-            fits = (misfit_of(one, stated, held) for one in odd)
-            needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
-        return needed
+        return model_discrepancy(stated, always=not known)
     if known:
         return 0.0  # `_fit_tyre` computes it if the model does not fit
     placed = model_named(model).placed(stated)
@@ -338,11 +328,12 @@ def map_tyres(
     Raises
     ------
     ModelError
-        If a tyre has one condition only, or no surface can be fitted.
+        If a tyre has one condition only, the model is for one, or no surface can be fitted.
     """
     names = for_maps() if model == "auto" else (model,)
     for name in names:
         model_named(name)
+        check_several(name)
     over = columns_of(over)
     total = len(names) * len(measured.tyres)
     found = []
@@ -441,7 +432,6 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
         conditions=[_condition_entry(*row, ranged=ranged) for row in rows],
         temperature=law,
-        pressures=[PressureFile.of(one) for one in found.pressures],
     )
 
 

@@ -31,7 +31,6 @@ from fourpole.fitting.byamplitude import (
 from fourpole.fitting.inertia import InertiaFile, mean_inertia
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, model_of
 from fourpole.fitting.onepoint import map_of_condition
-from fourpole.fitting.pressures import between
 from fourpole.fitting.ranges import IN_RANGE, wider
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
@@ -96,7 +95,6 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     state = in_own_unit(file, tyre, state)
     found = maps_of(file, tyre, state, query.units)
     point, outside, remarks = place_of(file, found, state, query.units, beyond=query.beyond)
-    remarks = (*remarks, *_untested(file, tyre, found, query.units))
     levels: list[float] = []
     if depends_on_amplitude(file, tyre):
         levels = levels_of_map(file, tyre, found)
@@ -239,15 +237,12 @@ def _condition(file: ModelFile, tyre: str, state: Mapping[str, float], units: Sh
     entry = file.model_entry(tyre)
     assert entry is not None
     good = [one for one in entry.conditions if _is_at(file, one, state)]
-    if not good and (made := _between(file, entry, state)) is not None:
-        return made
     if len(good) != 1:
         there = "; ".join(sorted({_words(one.coordinates, units) for one in entry.conditions})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
-        more = ", or a pressure between them," if entry.pressures else ""
         raise ModelError(
-            f"{what} the same as the stated one: the file has fits at {there}. State one of these{more} or make a map "
-            "of the results with fourpole map"
+            f"{what} the same as the stated one: the file has fits at {there}. State one of these or make a map of "
+            "the results with fourpole map"
         )
     return map_of_condition(entry, good[0])
 
@@ -256,33 +251,6 @@ def _is_at(file: ModelFile, one: ConditionFile, state: Mapping[str, float]) -> b
     """Whether a condition has the values of `state` within the tolerances of the axes."""
     own = one.coordinates
     return all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
-
-
-def _between(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap | None:
-    """The model at a pressure between those that share a set of parameters, as a map of one point; else None."""
-    rest = {column: value for column, value in state.items() if column != q.PRESSURE.head}
-    same = [one.coordinates if _is_at(file, one, rest) else {} for one in entry.conditions]
-    found, model = between(entry.pressures, same, state), model_of(entry)
-    if found is None:
-        return None
-    one, pressure = entry.conditions[found.conditions[0]], state[q.PRESSURE.head]
-    values = np.array(one.values)
-    values[model.symbols.index(model.pressure)] = pressure
-    return map_of_condition(entry, one, values, {**one.coordinates, q.PRESSURE.head: pressure})
-
-
-def _untested(file: ModelFile, tyre: str, found: OperatingMap, units: ShownUnits) -> tuple[str, ...]:
-    """A remark if the pressure of an answer lies between the tested ones."""
-    pressure = found.axes.constant.get(q.PRESSURE.head)
-    entry = file.model_entry(tyre)
-    if pressure is None or entry is None or not entry.pressures:
-        return ()
-    if any(pressure in one.coordinates.values() for one in entry.conditions):
-        return ()
-    errors = np.concatenate([one.predicted for one in entry.pressures])
-    error, where = 100 * float(np.sqrt(np.mean(errors**2))), units.setting(q.PRESSURE.head, pressure)
-    left_out = f"at tested pressures that were left out it was off by {error:.2g} %"
-    return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
 
 
 def _misfit(file: ModelFile, tyre: str, condition: ConditionFile | None) -> tuple[str, ...]:

@@ -31,6 +31,7 @@ def solved(lab, seed, **more):
 
 
 @pytest.mark.parametrize("name", QUICK)
+@pytest.mark.sampled(2)
 def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
     joint, off = solved(LABS[name], 1)
     assert joint.misfit.fits
@@ -52,6 +53,7 @@ def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("name", LABS)
+@pytest.mark.sampled(4)
 def test_uncertainties_are_those_of_many_laboratories(name):
     each = [solved(LABS[name], seed) for seed in range(100, 103)]
     fits = [joint.misfit.fits for joint, _ in each]
