@@ -239,7 +239,9 @@ def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> 
     else:
         frame = pl.DataFrame(rows, infer_schema_length=None)
         inside = [] if any(row[q.OUTSIDE.head] for row in rows) else [q.OUTSIDE.head]
-        deliver(frame, file, wanted, as_json=as_json, leave_out=(*inside, q.REMARKS.head))
+        deliver(frame, file, wanted, as_json=as_json, leave_out=(*inside, q.REMARKS.head, q.INTERVAL.head))
+        if file is not None or not as_json:
+            say(str(rows[0][q.INTERVAL.head]))
 
 
 def axis_values(texts: Sequence[str]) -> dict[str, float]:

@@ -28,7 +28,7 @@ def map_of_condition(
         terms=((),),
         coefficients=linked[:, None],
         covariance=np.array(one.covariance) * np.outer(scale, scale),
-        scatter=Scatter(0.0, (entry.discrepancy, entry.discrepancy)),
+        scatter=Scatter(frequency=(entry.discrepancy, entry.discrepancy)),
         band=one.band,
         leave_one_out=LeaveOneOut(),
     )

@@ -2,6 +2,7 @@ r"""Filled rubber: a fractional Zener model, and Kraus's law of the amplitude (t
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,7 +93,9 @@ class Kraus(Model):
         array = np.asarray(amplitude, dtype=float)
         if not np.all(array > 0):
             raise ModelError("the amplitude of the deflection must be positive [m]")
-        return type(self)(array)
+        made = copy(self)
+        made._amplitude = array
+        return made
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""

@@ -122,7 +122,6 @@ class GehmanLaw(Model):
     causal = False
     relaxing = False
     candidate = False
-    for_maps = ("gehman:1", "gehman:2", "gehman:3")
 
     def __init__(self, order: int) -> None:
         if not 1 <= order <= _MOST_ORDER:
