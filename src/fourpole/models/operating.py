@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.confidence import CHANCE, NORMAL_95
+from fourpole.core.confidence import CHANCE, LEVELS, NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.models.answer import Answer
 from fourpole.models.data import StiffnessData, multiplication
@@ -359,7 +359,9 @@ class _Choice:
         axes = len(next(iter(self.bases))[0])
         most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
         few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
-        plan = (max(few, key=len),) * self.middle.size
+        # Without a term of an axis, K* would be far from the fit about which the candidates are linear.
+        first = max(few, key=lambda one: (np.count_nonzero(np.max(one, axis=0)), len(one)))
+        plan = (first,) * self.middle.size
         found = self.fitted(plan, self.linked, _FIRST_SCATTER, None, close=_ROUGHLY)
         density, seen = -np.inf, set()
         while len(self.bases) > 1 and plan not in seen:
@@ -453,7 +455,7 @@ class _Choice:
         dof = self.conditions.count - max(map(len, plan))
         if dof < 1 or not any(found.scatter.condition):
             return found
-        along, across = float(stats.t.isf(0.5 * CHANCE, dof)) / NORMAL_95 * np.array(found.scatter.condition)
+        along, across = (stats.t.ppf(LEVELS[-1], dof) / NORMAL_95 * np.array(found.scatter.condition)).tolist()
         return self.fitted(plan, found.linked, replace(found.scatter, condition=(along, across)), found.errors)
 
     def with_scatter(self, plan: _Plan, found: Together) -> Together:
