@@ -306,9 +306,13 @@ class Weights(ByValue):
             return found
         return np.concatenate([found, self.static[:, None, None] * columns[:, -1:]], axis=1)
 
-    def chi2(self, off: FloatArray) -> float:
-        """Sum of r^T V^-1 r over the conditions, for residuals r (G, M)."""
-        return float(np.sum(off * self.times(off[..., None])[..., 0]))
+    def chi2(self, off: FloatArray) -> FloatArray:
+        """r^T V^-1 r (G,) of each condition, for residuals r (G, M)."""
+        return np.asarray(np.sum(off * self.times(off[..., None])[..., 0], axis=1))
+
+    def log_density(self, off: FloatArray, scale: ComplexArray) -> FloatArray:
+        """Log density (G,) of K* whose residuals (G, M) are relative to `scale` (G, N), less one number of all laws."""
+        return np.asarray(-0.5 * (self.chi2(off) + self.logdet) - 2.0 * np.sum(np.log(np.abs(scale)), axis=1))
 
     def offsets(self, columns: FloatArray) -> FloatArray:
         """The expected errors (G, 2, k) of the conditions, Re and Im of log K*, for residuals (G, M, k)."""

@@ -293,11 +293,10 @@ def simplest(maps: Sequence[OperatingMap]) -> OperatingMap:
 
 
 def _simplest(densities: Sequence[float], sizes: Sequence[int]) -> int:
-    """Place of the smallest candidate with hardly less than the greatest density; of several, of that with the greatest."""
+    """Place of the smallest candidate with hardly less than the greatest density; of several, that with the greatest."""
     least = max(densities) - BETTER
-    return min(
-        (at for at, density in enumerate(densities) if density >= least), key=lambda at: (sizes[at], -densities[at])
-    )
+    good = [at for at, density in enumerate(densities) if density >= least]
+    return min(good, key=lambda at: (sizes[at], -densities[at]))
 
 
 def _map_of(
@@ -404,29 +403,23 @@ class _Choice:
         plans: list[_Plan] = [(one,) * self.middle.size for one in self.bases]
         each = np.array([[density(plan) for density in densities] for plan in plans])
         best = _simplest(each.max(axis=1).tolist(), [len(one) for one in self.bases])
-        plan, at, greatest = plans[best], int(np.argmax(each[best])), float(each.max())
+        plan, at = plans[best], int(np.argmax(each[best]))
         for place in range(len(plan)):
             inner = [(*plan[:place], one, *plan[place + 1 :]) for one in self.bases if set(one) <= set(plan[place])]
-            values = [densities[at](one) for one in inner]
-            greatest = max(greatest, *values)
-            plan = next(
-                one for one, value in zip(inner, values, strict=True) if value >= min(max(values), greatest - BETTER)
-            )
+            plan = inner[_simplest([densities[at](one) for one in inner], [len(one[place]) for one in inner])]
         return plan, every[at], densities[at](plan)
 
     def _density(self, rows: Sequence[Rows], found: Together, scatter: Scatter) -> Callable[[_Plan], float]:
         """The log predictive density of a plan about a fit, whose rows are about zero, with a scatter."""
         weights = [Weights.of(one, scatter.variances) for one in rows]
         normal = assembled(rows, weights, found.laws, found.unknowns)
-        rest = sum(
-            weight.chi2(one.off) + float(np.sum(weight.logdet) + 4 * np.sum(np.log(np.abs(one.scale))))
-            for one, weight in zip(rows, weights, strict=True)
-        )
+        pairs = zip(rows, weights, strict=True)
+        rest = sum(float(np.sum(weight.log_density(one.off, one.scale))) for one, weight in pairs)
 
         def density(plan: _Plan) -> float:
             laws = self._laws(plan)
             zero = np.append(np.zeros(laws.coefficients), found.errors)
-            return density_without_each(replace(normal, laws=laws, unknowns=zero)) - 0.5 * rest
+            return rest + density_without_each(replace(normal, laws=laws, unknowns=zero))
 
         return density
 
@@ -450,10 +443,11 @@ class _Choice:
     def _widened(self, plan: _Plan, found: Together) -> Together:
         """The fit with the scatter of conditions widened by Student's t over 1.96.
 
-        The scatter is known from the conditions in excess of the terms, so that 95 % intervals by it hold 95 %.
+        Of two errors of each condition, along and across K*, the coefficients take as many as they are: half of what is
+        left are the degrees of freedom of each scatter, at least one.
         """
-        dof = self.conditions.count - max(map(len, plan))
-        if dof < 1 or not any(found.scatter.condition):
+        dof = max(self.conditions.count - 0.5 * len(sum(plan, ())), 1.0)
+        if not any(found.scatter.condition):
             return found
         along, across = (stats.t.ppf(LEVELS[-1], dof) / NORMAL_95 * np.array(found.scatter.condition)).tolist()
         return self.fitted(plan, found.linked, replace(found.scatter, condition=(along, across)), found.errors)

@@ -98,7 +98,7 @@ class _Likelihood:
         covariance, step, local = normal.solved()
         spread = normal.local_covariance(covariance)
         value = sum(float(np.sum(one.logdet)) for one in weights) - float(np.linalg.slogdet(covariance)[1])
-        value += sum(one.chi2(each.off) for one, each in zip(weights, rows, strict=True))
+        value += sum(float(np.sum(one.chi2(each.off))) for one, each in zip(weights, rows, strict=True))
         value += laws.prior_chi2(unknowns) - normal.reduction(step, local)
         value -= float(np.sum(np.log(conditions.precision(variances))))
         downhill, curvature = np.zeros(7), np.zeros((7, 7))

@@ -292,14 +292,14 @@ class _Point:
         errors = place[0][laws.coefficients :]
         rows = conditions.linearised(place[1], errors)
         weights = [Weights.of(one, scatter.variances) for one in rows]
-        chi2 = sum(one.chi2(each.off) for one, each in zip(weights, rows, strict=True))
+        chi2 = sum(float(np.sum(one.chi2(each.off))) for one, each in zip(weights, rows, strict=True))
         return cls(rows, weights, assembled(rows, weights, laws, place[0]), chi2 + laws.prior_chi2(place[0]))
 
     def chi2_at(self, conditions: Conditions, laws: Laws, place: _Place) -> float:
         """Chi-square at another place with the weights of this one."""
         errors = place[0][laws.coefficients :]
         off = conditions.residuals(place[1], errors, self.rows)
-        chi2 = sum(one.chi2(each) for one, each in zip(self.weights, off, strict=True))
+        chi2 = sum(float(np.sum(one.chi2(each))) for one, each in zip(self.weights, off, strict=True))
         return chi2 + laws.prior_chi2(place[0])
 
 
@@ -320,8 +320,9 @@ class LeaveOneOut:
     error : float [1]
         Leave-one-out error: root mean square difference between measured and predicted K*, relative.
     density : float
-        Sum over the conditions of the logarithm of the density that K* as measured has under the map of the others. Its
-        covariance is that of the map, of the scatter, of the data and of the shared errors. It is -inf in a map of a file.
+        Log predictive density, summed over the conditions: that of K* as measured under the map of the others. Its
+        covariance is that of the map, of the scatter, of the data and of the shared errors. It is -inf for a map of a
+        file.
     inside : float [1]
         Fraction of all K' and K'' that are inside the predicted 95 % intervals.
     conditions : float [1]
@@ -379,7 +380,7 @@ def _remainder(normal: Normal, spread: FloatArray) -> FloatArray:
 def density_without_each(normal: Normal) -> float:
     """Log density of each condition under the fit of the others, summed, of linear equations.
 
-    A number is left out that depends on the rows and their weights alone, and not on the laws.
+    That of the residuals themselves, `Weights.log_density`, is left out.
     """
     whole, _, local = normal.solved()
     spread = normal.local_covariance(whole)
@@ -388,26 +389,25 @@ def density_without_each(normal: Normal) -> float:
     local = local - np.linalg.solve(remainder, spread @ gradient[..., None])[..., 0]
     moved = (normal.gram @ local[..., None])[..., 0]
     chi2 = float(np.sum(local * (moved - 2 * normal.right)))
-    return _log_density(chi2, normal.right - moved, normal.gram, np.linalg.solve(remainder, spread))
+    return _gain(normal.right - moved, normal.gram, np.linalg.solve(remainder, spread)) - 0.5 * chi2
 
 
-def _log_density(chi2: float, gradient: FloatArray, gram: FloatArray, covariance: FloatArray) -> float:
-    """Log density of residuals r with the covariance V + F C F^T, summed over conditions.
+def _gain(gradient: FloatArray, gram: FloatArray, covariance: FloatArray) -> float:
+    """What C adds to the log density of residuals r with the covariance V + F C F^T, summed over conditions.
 
-    It takes the sum of r^T V^-1 r, and F^T V^-1 r (B, L), F^T V^-1 F (B, L, L) and C (B, L, L); log|V| is left out.
+    It takes F^T V^-1 r (B, L), F^T V^-1 F (B, L, L) and C (B, L, L).
     """
     grown = np.eye(gram.shape[1]) + gram @ covariance
     gain = gradient * (covariance @ np.linalg.solve(grown, gradient[..., None]))[..., 0]
-    return -0.5 * (chi2 - float(np.sum(gain)) + float(np.sum(np.linalg.slogdet(grown)[1])))
+    return 0.5 * float(np.sum(gain) - np.sum(np.linalg.slogdet(grown)[1]))
 
 
 def _density_of(rows: Rows, variances: FloatArray, left: FloatArray, covariance: FloatArray) -> float:
-    """Log density of K* as measured of a block, for residuals (G, M) and local covariances (G, L, L) without each."""
+    """Log density of K* of a block, for residuals (G, M) and local covariances (G, L, L) without each."""
     weight = Weights.of(rows, variances)
     weighted = np.swapaxes(weight.times(rows.columns), 1, 2)
-    gradient = (weighted @ left[..., None])[..., 0]
-    scale = np.sum(weight.logdet) + 4 * np.sum(np.log(np.abs(rows.scale)))  # of K*, and not of its ratio to the model's
-    return _log_density(weight.chi2(left), gradient, weighted @ rows.columns, covariance) - 0.5 * float(scale)
+    gain = _gain((weighted @ left[..., None])[..., 0], weighted @ rows.columns, covariance)
+    return gain + float(np.sum(weight.log_density(left, rows.scale)))
 
 
 def _predicted(
