@@ -35,8 +35,9 @@ LINKS: tuple[Link, ...] = ("log", "identity")
 _Plan: TypeAlias = tuple[Terms, ...]
 #: Relative scatter of conditions in the comparison of surfaces.
 _SCATTER = 1e-2
-#: Further scatters in the comparison, besides that which a fit shows.
-_SCATTERS = (1e-3, 1e-2, 1e-1)
+#: Further scatters of conditions in the comparison: factors along and across K*, of that which a fit shows or of the
+#: least.
+_FACTORS, _LEAST = ((0.3, 1.0), (1.0, 0.3), (0.1, 0.1), (0.01, 0.01), (3.0, 3.0)), 1e-3
 #: Scatter of the first fit, and its number of terms, as a fraction of the number of conditions.
 _FIRST_SCATTER, _FIRST = Scatter((_SCATTER, _SCATTER), (_SCATTER, _SCATTER), _SCATTER), 1.0 / 3.0
 #: Standard deviations of the weak prior of coefficients: of a level about the median of the starts, and of a change
@@ -52,6 +53,8 @@ _CLOSE, _SMALL = 0.01, 1e-7
 _ROUGHLY, _CLOSE_FIT = 0.1, 1e-6
 #: A frequency is inside the band up to this fraction beyond its ends: drives that are stated as 10 Hz ran near it.
 _EDGE = 1e-2
+#: Number of the best surfaces in which each parameter in turn is given fewer terms.
+_LESSENED = 3
 #: A larger surface is chosen only if its log predictive density exceeds that of a smaller one by this: by 6 of twice it,
 #: as the ladder of single fits asks of BIC.
 BETTER = 3.0
@@ -398,16 +401,26 @@ class _Choice:
         for scatter in the comparison with those that have it.
         """
         rows = [one.about_zero(found.linked) for one in found.rows]
-        every = [scatter, *(replace(scatter, condition=(one, one)) for one in _SCATTERS if self.spare)]
+        condition = np.maximum(scatter.condition, _LEAST)
+        more = [replace(scatter, condition=tuple((condition * one).tolist())) for one in _FACTORS if self.spare]
+        every = [scatter, *more]
         densities = [self._density(rows, found, one) for one in every]
         plans: list[_Plan] = [(one,) * self.middle.size for one in self.bases]
         each = np.array([[density(plan) for density in densities] for plan in plans])
-        best = _simplest(each.max(axis=1).tolist(), [len(one) for one in self.bases])
-        plan, at = plans[best], int(np.argmax(each[best]))
+        tried = [(plan, at, each[place, at]) for place, (plan, at) in enumerate(zip(plans, each.argmax(axis=1), strict=True))]
+        for place in np.argsort(-each.max(axis=1))[:_LESSENED].tolist():
+            plan, at, _ = tried[place]
+            plan = self._lessened(plan, densities[at])
+            tried.append((plan, at, densities[at](plan)))
+        plan, at, density = tried[_simplest([one[2] for one in tried], [len(sum(one[0], ())) for one in tried])]
+        return plan, every[at], density
+
+    def _lessened(self, plan: _Plan, density: Callable[[_Plan], float]) -> _Plan:
+        """The plan in which each parameter in turn has the fewest terms that it needs."""
         for place in range(len(plan)):
             inner = [(*plan[:place], one, *plan[place + 1 :]) for one in self.bases if set(one) <= set(plan[place])]
-            plan = inner[_simplest([densities[at](one) for one in inner], [len(one[place]) for one in inner])]
-        return plan, every[at], densities[at](plan)
+            plan = inner[_simplest([density(one) for one in inner], [len(one[place]) for one in inner])]
+        return plan
 
     def _density(self, rows: Sequence[Rows], found: Together, scatter: Scatter) -> Callable[[_Plan], float]:
         """The log predictive density of a plan about a fit, whose rows are about zero, with a scatter."""
@@ -443,10 +456,9 @@ class _Choice:
     def _widened(self, plan: _Plan, found: Together) -> Together:
         """The fit with the scatter of conditions widened by Student's t over 1.96.
 
-        Of two errors of each condition, along and across K*, the coefficients take as many as they are: half of what is
-        left are the degrees of freedom of each scatter, at least one.
+        Its degrees of freedom are the conditions in excess of the terms, less one for the choice of these.
         """
-        dof = max(self.conditions.count - 0.5 * len(sum(plan, ())), 1.0)
+        dof = max(self.conditions.count - max(map(len, plan)) - 1, 1)
         if not any(found.scatter.condition):
             return found
         along, across = (stats.t.ppf(LEVELS[-1], dof) / NORMAL_95 * np.array(found.scatter.condition)).tolist()
