@@ -447,10 +447,6 @@ RESIDUAL_TIME = _listed("residual_time", "residual time", "s", "time of the stre
 WINDOW = Quantity("window", "window", "window", "s", "part of the recording in use", kind="text")
 LEFT_OUT = Quantity("left_out", "", "leave-one-out error", "1", "error of K* at conditions that a map does not use")
 CROSS_VALIDATION = Quantity("cross_validation", "", "cross-validation error", "1", "error at frequencies left out")
-PURPOSE = Quantity(
-    "purpose", "", "interval for", "", "what the uncertainty is for: mean, next or specimen", kind="text"
-)
-INTERVAL = Quantity("interval", "", "interval", "", "what the uncertainty is for, in words", kind="text")
 OUTSIDE = Quantity("outside", "", "outside", "half spans", "distance from the measured conditions")
 
 #: The values of a rig by key, in the order of every gradient.

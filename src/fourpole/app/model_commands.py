@@ -134,7 +134,7 @@ def causality(results: Study, *, data: DataOptions, as_json: JsonFlag = False) -
 def map_(
     results: Study,
     model: Annotated[
-        str, typer.Option(help="A model as for fit, or auto: the causal one that predicts conditions left out best.")
+        str, typer.Option(help="A model as for fit, or auto: the causal one that predicts left-out tests best.")
     ] = "auto",
     *,
     data: Selection,
@@ -145,7 +145,7 @@ def map_(
 ) -> None:
     """Make the operating map of each tyre: a model's parameters as smooth surfaces over pressure and preload.
 
-    Terms and link of the surfaces are chosen by the log predictive density of conditions left out. Evaluate the map with
+    Terms and link of the surfaces are chosen by the log predictive density of omitted conditions. Evaluate the map with
     fourpole query.
     """
 
@@ -165,10 +165,7 @@ def query(
     at: Annotated[list[str] | None, typer.Option(help='Value of a further axis, as "camber [deg] = 2".')] = None,
     tyre: Annotated[str | None, typer.Option(help="Which tyre, if the file has several.")] = None,
     purpose: Annotated[
-        Purpose | None,
-        typer.Option(
-            "--for", help="What the uncertainty is for: the mean surface, the next mounting, or this specimen."
-        ),
+        Purpose | None, typer.Option("--for", help="What u is for: the mean surface, the next mounting, this specimen.")
     ] = None,
     *,
     above: RigOptions,
@@ -180,9 +177,9 @@ def query(
 ) -> None:
     """K*, K1, K2, C and TR at an operating point and frequency, each with its uncertainty.
 
-    TR is of the rig of the tests, or of another rig if --mass and --preload-stiffness state one. The uncertainty is that
-    of a new mounting of such a specimen (--for next, the default for maps), of the mean surface (--for mean), or of the
-    specimen as it was mounted in the test at this condition (--for specimen).
+    TR is of the rig of the tests, or of another rig if --mass and --preload-stiffness state one. The uncertainty is
+    that of a new mounting of such a specimen (--for next, the default for maps), of the mean surface (--for mean), or
+    of the specimen as it was mounted in the test at this condition (--for specimen).
     """
     from fourpole import quantities as q
     from fourpole.app.models import axis_values, run_query

@@ -10,6 +10,7 @@ from fourpole import quantities as q
 from fourpole.app.console import out, print_table, say, warn
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
+from fourpole.fitting.query import INTERVAL, PURPOSE
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import PLUS_MINUS, cell, number, with_u
@@ -183,13 +184,13 @@ def show_row(row: Mapping[str, Any], units: ShownUnits) -> None:
     """Print one answer of a model file in lines."""
     for head, value in row.items():
         if (
-            head in (q.REMARKS.head, q.OUTSIDE.head, q.PURPOSE.head, q.INTERVAL.head)
+            head in (q.REMARKS.head, q.OUTSIDE.head, PURPOSE, INTERVAL)
             or head.startswith(("u(", "corr("))
             or value in (None, "")
         ):
             continue
         name, _, si = head.removesuffix("]").partition(" [")
         out(f"{name:<12} {cell(row, head, units)} {units.unit(si)[0]}".rstrip())
-    out(f"{PLUS_MINUS}. {row[q.INTERVAL.head]}")
+    out(f"{PLUS_MINUS}. {row[INTERVAL]}")
     for line in lacking(row):
         say(line)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StrictBool, ValidationError
+from pydantic import Field, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
@@ -157,8 +157,8 @@ class MapEntry(_Entry):
     covariance: list[list[float]] = Field(max_length=2000, description="Covariance of all coefficients in turn.")
     scatter: list[Share] = Field(
         min_length=3, max_length=4,
-        description="Relative scatter: of conditions along K*; of frequencies, along and across K*; of conditions across "
-        "K*, without which it is that along.",
+        description="Relative scatter: of conditions along K*; of frequencies, along and across K*; of conditions "
+        "across K*, without which it is that along.",
     )  # fmt: skip
     band: Band = Field(description="[Hz]")
     amplitude: Amplitudes = None

@@ -312,7 +312,8 @@ def map_tyres(
     ----------
     measured : MeasuredSet
     model : str
-        Name of a model, or `auto` for the simplest causal one with hardly less than the greatest log predictive density.
+        Name of a model, or `auto` for the simplest causal one that predicts conditions left out hardly worse than the
+        best, by the log predictive density.
     over : sequence of str
         Columns of further axes, besides pressure, preload and temperature.
     progress : callable, optional

@@ -35,8 +35,8 @@ from fourpole.fitting.pressures import between
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
 from fourpole.fitting.static import StaticFile
-from fourpole.models.belted import MASSLESS
 from fourpole.models.answer import Answer
+from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import OperatingMap, Purpose
 from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
@@ -48,6 +48,8 @@ _TEMPERATURE = q.TEMPERATURE.head
 _ABSOLUTE_ZERO = -273.15
 #: A temperature this far [K] outside the isotherms, whose temperatures are measured ones, counts as inside.
 _NOMINAL = 1.0
+#: What the uncertainty is for, as a word of `--for` and as a sentence.
+PURPOSE, INTERVAL = "interval for", "interval"
 #: Column of the frequency on the master curve.
 _REDUCED = "reduced frequency [Hz]"
 #: Option of `fourpole query` that states an axis, by the column of the axis.
@@ -134,8 +136,8 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         row |= {head: float(one[at]) for head, one in columns.items()}
         beyond = _remarks_beyond(found, static, float(far[at]), float(reduced[at]))
         row |= {
-            q.PURPOSE.head: purpose,
-            q.INTERVAL.head: interval_words(purpose),
+            PURPOSE: purpose,
+            INTERVAL: interval_words(purpose),
             q.OUTSIDE.head: apart,
             "remarks": "; ".join([*remarks, *moved, *beyond]),
         }
@@ -148,15 +150,15 @@ def _purpose_of(file: ModelFile, tyre: str, found: OperatingMap, point: FloatArr
     if file.map_entry(tyre) is None:
         if query.purpose not in (None, "specimen"):
             raise ModelError(
-                "fits at single conditions do not know the scatter between mountings: their intervals are for the specimen "
-                "as it was tested. Make a map of the results with fourpole map, or state --for specimen"
+                "fits at single conditions do not know the scatter between mountings: their intervals are for the "
+                "specimen as it was tested. Make a map of the results with fourpole map, or state --for specimen"
             )
         return "specimen"
     if query.purpose == "specimen" and (found.offsets is None or found.axes.tested(point) is None):
         why = "the map has no errors of its conditions" if found.offsets is None else "nothing was tested at this point"
         raise ModelError(
-            f"--for specimen: {why}, and the specimen as it was mounted is known at its tested conditions only: state one "
-            "of them, make the map again if it is of an earlier version, or state --for next or --for mean"
+            f"--for specimen: {why}, and the specimen as it was mounted is known at its tested conditions only: state "
+            "one of them, make the map again if it is of an earlier version, or state --for next or --for mean"
         )
     return query.purpose or "next"
 

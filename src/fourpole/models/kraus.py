@@ -2,7 +2,6 @@ r"""Filled rubber: a fractional Zener model, and Kraus's law of the amplitude (t
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,8 +92,8 @@ class Kraus(Model):
         array = np.asarray(amplitude, dtype=float)
         if not np.all(array > 0):
             raise ModelError("the amplitude of the deflection must be positive [m]")
-        made = copy(self)
-        made._amplitude = array
+        made = type(self)(array)
+        made.parameters = self.parameters
         return made
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:

@@ -103,7 +103,7 @@ class Axes(ByValue):
         return np.asarray((self._measured(array) - self.middle) / self.half)
 
     def tested(self, point: ArrayLike) -> int | None:
-        """Place of the condition at which a point (d,) was tested, within the tolerance of a level; None if none was."""
+        """Place of the condition that was tested at a point (d,), within the tolerance of a level; None if none was."""
         off = np.max(np.abs(self.scaled(self.points) - self.scaled(point)), axis=1, initial=0.0)
         return int(np.argmin(off)) if np.min(off) <= _SAME else None
 

@@ -14,7 +14,7 @@ from fourpole.core.condition import AMPLITUDE, AXES
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import CampaignError, FourpoleError, ModelError
 from fourpole.fitting.modelfile import MapEntry, ModelEntry, ModelFile
-from fourpole.fitting.query import Query, ask, polar_of
+from fourpole.fitting.query import INTERVAL, Query, ask, polar_of
 from fourpole.models.operating import Purpose
 from fourpole.plot.states import axis_shown, place_text
 from fourpole.quantities import Quantity, ShownUnits
@@ -197,7 +197,7 @@ def answer(
         row = {**rows[0], **{head: float(one[0]) for head, one in polar_of(rows).items()}}
         return {
             "fault": "",
-            "remarks": [one for one in [str(row["remarks"]), *lacking(row), row[q.INTERVAL.head]] if one],
+            "remarks": [one for one in [str(row["remarks"]), *lacking(row), row[INTERVAL]] if one],
             "rows": [_shown(row, one, units) for one in _ANSWERED if row.get(one.head) is not None],
             "curves": _curves(source, state, frequency, units, beyond=beyond, purpose=purpose),
         }
