@@ -12,12 +12,9 @@ FREQUENCY = np.geomspace(5.0, 50.0, 8)
 POINTS = np.array([[p, load] for p in (1.0e5, 1.7e5, 2.4e5) for load in (1000.0, 2000.0, 3000.0)])
 AXES = Axes.of(["pressure [Pa]", "preload [N]"], POINTS)
 NOISE = 3e-3
-INSIDE = np.array(
-    [[p, load, 1.1 * f] for p in np.linspace(1e5, 2.4e5, 6) for load in (1000.0, 2500.0) for f in FREQUENCY[:-1]]
-)
+_PRESSURES = np.linspace(1e5, 2.4e5, 6)
+INSIDE = np.array([[p, load, 1.1 * f] for p in _PRESSURES for load in (1000.0, 2500.0) for f in FREQUENCY[:-1]])
     [[p, load, f] for p in np.linspace(1e5, 2.4e5, 6) for load in (1000.0, 2500.0) for f in FREQUENCY[:-1] * 1.1]
-)
-
 
 def truth(pressure, frequency):
     """A tyre by closed formula: 1 + 0.25 (p - 1.7 bar) times a fractional Zener element."""
@@ -26,7 +23,7 @@ def truth(pressure, frequency):
 
 
 def measured(seed, *, bad=0, scatter=0.0):
-    """K* of each condition under one error of its mounting, and the same as measured; `bad` rows have ten times the u."""
+    """K* of each condition under one error of its mounting, and as measured; `bad` rows have ten times the u."""
     rng = np.random.default_rng(seed)
     noise = np.full((len(POINTS), FREQUENCY.size), NOISE)
     noise.ravel()[rng.choice(noise.size, bad, replace=False)] *= 10
