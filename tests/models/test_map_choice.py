@@ -14,7 +14,7 @@ AXES = Axes.of(["pressure [Pa]", "preload [N]"], POINTS)
 NOISE = 3e-3
 _PRESSURES = np.linspace(1e5, 2.4e5, 6)
 INSIDE = np.array([[p, load, 1.1 * f] for p in _PRESSURES for load in (1000.0, 2500.0) for f in FREQUENCY[:-1]])
-    [[p, load, f] for p in np.linspace(1e5, 2.4e5, 6) for load in (1000.0, 2500.0) for f in FREQUENCY[:-1] * 1.1]
+
 
 def truth(pressure, frequency):
     """A tyre by closed formula: 1 + 0.25 (p - 1.7 bar) times a fractional Zener element."""
