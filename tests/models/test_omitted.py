@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from fourpole.models.data import StiffnessData, complex_columns
 from fourpole.models.laws import Laws
 from fourpole.models.linearised import Conditions, Scatter, Weights
 from fourpole.models.maxwell import Zener
-from fourpole.models.together import LeaveOneOut, assembled, misfit_without_each, search, without_each
+from fourpole.models.together import LeaveOneOut, assembled, density_without_each, search, without_each
 
 OMEGA = 2 * np.pi * np.linspace(5.0, 30.0, 9)
 X = np.linspace(-1.0, 1.0, 6)
 BASIS = np.stack([np.ones(6), X], axis=1)
 TRUTH = np.stack([180e3 * np.exp(0.1 * X), 140e3 * np.exp(0.2 * X), np.full(6, 800.0)], axis=1)
-SCATTER = Scatter(1e-3, (5e-4, 3e-4))
+SCATTER = Scatter((1e-3, 2e-3), (5e-4, 3e-4))
 
 
 def measured(noise):
@@ -75,18 +76,43 @@ def test_the_leave_one_out_error_is_that_of_fits_without_each(cases):
     assert 0.85 < found.inside <= 1.0
 
 
-def test_candidates_are_compared_by_the_chi_square_of_omitted_conditions(cases):
-    """About the fit itself, the linear equations of the same laws give the residuals of fits without each."""
+def density_of(whole, at, part):
+    """Log density of K* of a condition under the fit without it, from the matrices over its rows."""
+    (rows,) = whole.rows
+    linked = np.array([BASIS[at] @ each for each in part.coefficients])
+    change = np.append(linked, part.errors) - np.append(whole.linked[at], whole.errors)
+    by = np.zeros((5, part.inverse.shape[0]))
+    for p in range(3):
+        by[p, part.laws.parts[p]] = BASIS[at]
+    by[3:, -2:] = np.eye(2)
+    columns, size = rows.columns[at], rows.off.shape[1]
+    covariance = columns @ by @ part.inverse @ by.T @ columns.T
+    for n in range(size // 2):
+        covariance[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] += rows.own[at, n] + np.diag(np.square(SCATTER.frequency))
+    covariance += np.tile(np.diag(np.square(SCATTER.condition)), (size // 2, size // 2))
+    scale = np.repeat(np.abs(rows.scale[at]), 2)
+    return multivariate_normal(columns @ change, covariance).logpdf(rows.off[at]) - np.sum(np.log(scale))
+
+
+def test_the_log_density_is_that_of_each_condition_under_a_fit_of_the_others(cases):
+    """Against dense covariances; of first order in changes of 1e-3, in the density of 108 numbers."""
+    _, _, whole, parts = cases
+    wanted = sum(density_of(whole, at, part) for at, part in enumerate(parts))
+    found = LeaveOneOut.of(whole).density - 0.5 * 108 * np.log(2 * np.pi)
+    assert found == pytest.approx(wanted, abs=0.1)
+
+
+def test_candidates_are_compared_by_that_density(cases):
+    """About the fit itself, the linear equations give its differences between laws; a constant lacks much."""
     _, _, whole, _ = cases
     weights = [Weights.of(one, SCATTER.variances) for one in whole.rows]
     rows = [one.about_zero(whole.linked) for one in whole.rows]
     normal = assembled(rows, weights, whole.laws, whole.unknowns)
     zero = np.append(np.zeros(whole.laws.coefficients), whole.errors)
-    found, error = misfit_without_each(rows, weights, replace(normal, unknowns=zero))
-    assert error == pytest.approx(LeaveOneOut.of(whole).error, rel=1e-2)
-    change, _ = without_each(whole.normal, whole.inverse)
-    (one,), (weight,) = whole.rows, weights
-    assert found == pytest.approx(weight.chi2(one.off - (one.columns @ change[..., None])[..., 0]), rel=1e-6)
+    (one,), (weight,) = rows, weights
+    rest = np.sum(weight.log_density(one.off, one.scale))
+    found = density_without_each(replace(normal, unknowns=zero)) + rest
+    assert found == pytest.approx(LeaveOneOut.of(whole).density, abs=0.1)
     constant = Laws((np.ones((6, 1)),) * 3, 2, 6)
     zero = np.append(np.zeros(3), whole.errors)
-    assert misfit_without_each(rows, weights, replace(normal, laws=constant, unknowns=zero))[0] > 100 * found
+    assert density_without_each(replace(normal, laws=constant, unknowns=zero)) + rest < found - 100

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 from tests.belted_rig import BeltedRig
 
 from fourpole.core.rig import Rig
@@ -59,8 +60,9 @@ def maps():
 
 
 def test_the_scatter_of_conditions_is_found(maps):
-    """From 30 numbers less some 7 surface terms' shares: known to some 15 % each, 6 % in the mean of six."""
-    assert np.mean([one.scatter.condition for one in maps]) == pytest.approx(SCATTER, rel=0.3)
+    """From 30 numbers less those of some 5 terms: known to some 15 % each, to 6 % in the mean of six; t widens it."""
+    widened = t.ppf(0.975, 15 - 5 - 1) / 1.96
+    assert np.mean([one.scatter.condition for one in maps]) == pytest.approx(widened * SCATTER, rel=0.3)
 
 
 def test_conditions_left_out_are_inside_as_often_as_said(maps):
@@ -235,8 +237,8 @@ def test_a_law_that_is_no_polynomial_shows_in_the_uncertainty():
     found = mapped(*with_common_errors(0, 1e-5, law=kinked))
     values = kinked(NEW)
     off = np.abs(found.ask(NEW, AT).stiffness / ZENER.stiffness(values, 2 * np.pi * AT[:, None])[:, 0] - 1)
-    assert found.scatter.condition > 2e-3
-    assert np.sqrt(np.mean(off**2)) < 2 * found.scatter.condition
+    assert max(found.scatter.condition) > 2e-3
+    assert np.sqrt(np.mean(off**2)) < 2 * max(found.scatter.condition)
 
 
 def test_the_unstated_common_error_of_k1_is_not_averaged_away():
@@ -268,7 +270,7 @@ def test_many_conditions_take_little_time():
     begun = time.process_time()
     found = make_map(ZENER, data, Axes.of(["p [Pa]", "l [N]", "T [degC]"], points), law(points), shared)
     assert time.process_time() - begun < 8.0  # it takes 1 s
-    assert found.scatter.condition == pytest.approx(2e-3, rel=0.15)
+    assert found.scatter.condition == pytest.approx((2e-3, 2e-3), rel=0.15)
     assert len(found.terms) < 20
 
 

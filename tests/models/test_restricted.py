@@ -17,12 +17,13 @@ TRUTH = np.stack([180e3 * np.exp(0.1 * X), 140e3 * np.exp(0.2 * X), np.full(15, 
 NOISE = 1e-3
 
 
-def fitted(seed, condition=0.0, along=0.0, gain=0.02, common=False):
+def fitted(seed, condition=0.0, along=0.0, gain=0.02, common=False, real=False):
     rng = np.random.default_rng(seed)
     error = gain * (rng.standard_normal() + 0.5j * rng.standard_normal())
     data, shared = [], []
     for values in TRUTH:
-        off = condition * complex(*rng.standard_normal(2)) + along * rng.standard_normal(OMEGA.size)
+        off = condition * (rng.standard_normal() + 1j * rng.standard_normal() * (not real))
+        off = off + along * rng.standard_normal(OMEGA.size)
         clean = Zener().stiffness(values, OMEGA) * np.exp(error + off)
         std = NOISE * np.abs(clean)
         draw = rng.standard_normal(OMEGA.size) + 1j * rng.standard_normal(OMEGA.size)
@@ -32,7 +33,7 @@ def fitted(seed, condition=0.0, along=0.0, gain=0.02, common=False):
     conditions = Conditions.of(Zener(), data, shared, common=False)
     conditions = conditions.with_errors_of_model() if common else conditions
     laws = Laws((BASIS,) * 3, conditions.shared, 15)
-    return search(conditions, laws, Zener().link(TRUTH), Scatter(2e-3, (2e-3, 2e-3)))
+    return search(conditions, laws, Zener().link(TRUTH), Scatter((2e-3, 2e-3), (2e-3, 2e-3)))
 
 
 def dense(found, scatter):
@@ -44,9 +45,8 @@ def dense(found, scatter):
         block = np.zeros((size, size))
         for n in range(size // 2):
             block[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] = rows.own[at, n] + np.diag(np.square(scatter.frequency))
-        same = np.tile(np.eye(2), (size // 2, size // 2))
         part = slice(at * size, (at + 1) * size)
-        whole[part, part] = block + scatter.condition**2 * same
+        whole[part, part] = block + np.tile(np.diag(np.square(scatter.condition)), (size // 2, size // 2))
     shared = rows.columns[:, :, 3:].reshape(groups * size, -1)
     variances = 1.0 / found.conditions.precision(scatter.variances)
     whole += (shared * variances) @ shared.T
@@ -63,7 +63,10 @@ def dense(found, scatter):
 def test_it_is_the_likelihood_of_the_whole_covariance(common):
     found = fitted(1, condition=2e-3, common=common)
     likelihood = _Likelihood(found)
-    first, second = Scatter(1e-3, (1e-3, 2e-3), common=(1e-3, 2e-3)), Scatter(3e-3, (5e-4, 1e-3), common=(2e-3, 1e-3))
+    first, second = (
+        Scatter((1e-3, 2e-3), (1e-3, 2e-3), common=(1e-3, 2e-3)),
+        Scatter((3e-3, 5e-4), (5e-4, 1e-3), common=(2e-3, 1e-3)),
+    )
     change = likelihood.at(second.variances).value - likelihood.at(first.variances).value
     assert change == pytest.approx(dense(found, second) - dense(found, first), rel=1e-6)
 
@@ -71,9 +74,9 @@ def test_it_is_the_likelihood_of_the_whole_covariance(common):
 def test_its_slope_is_that_of_differences():
     found = fitted(1, condition=2e-3, common=True)
     likelihood = _Likelihood(found)
-    here = Scatter(2e-3, (1e-3, 2e-3), common=(1e-3, 2e-3)).variances
-    for at in (0, 1, 2, 4, 5):
-        step = np.zeros(6)
+    here = Scatter((2e-3, 1e-3), (1e-3, 2e-3), common=(1e-3, 2e-3)).variances
+    for at in (0, 1, 2, 3, 5, 6):
+        step = np.zeros(7)
         step[at] = 1e-4 * here[at]
         slope = (likelihood.at(here + step).value - likelihood.at(here - step).value) / (2 * step[at])
         assert likelihood.at(here).downhill[at] == pytest.approx(-slope, rel=1e-4)
@@ -81,16 +84,19 @@ def test_its_slope_is_that_of_differences():
 
 @pytest.mark.statistical
 def test_gains_and_phases_are_no_scatter():
-    """A chance of 10 % for each of the three variances: 15 of 50 maps with any of them, at most 25 with 99.9 %."""
+    """A chance of 10 % for each of the four variances: 17 of 50 maps with any of them, at most 28 with 99.9 %."""
     shown = [scatter_of(fitted(seed)) for seed in range(50)]
-    assert sum(bool(np.any(one.variances)) for one in shown) <= 25
-    assert max(one.condition for one in shown) < NOISE
+    assert sum(bool(np.any(one.variances)) for one in shown) <= 28
+    assert max(max(one.condition) for one in shown) < NOISE
 
 
 def test_a_scatter_is_found_beside_gains_and_phases():
-    """Of 15 conditions, 30 numbers less 4 of the level and slope: known to 14 %, in the mean of 10 to 4 %."""
+    """Of 15 conditions, 30 numbers less 4 of the level and slope: known to 20 % each way, in the mean of 10 to 6 %."""
     shown = [scatter_of(fitted(seed, condition=5e-3)).condition for seed in range(10)]
-    assert np.sqrt(np.mean(np.square(shown))) == pytest.approx(5e-3, rel=0.15)
+    assert np.sqrt(np.mean(np.square(shown), axis=0)) == pytest.approx([5e-3, 5e-3], rel=0.2)
+    mountings = np.array([scatter_of(fitted(seed, condition=5e-3, real=True)).condition for seed in range(10)])
+    assert np.sqrt(np.mean(mountings[:, 0] ** 2)) == pytest.approx(5e-3, rel=0.2)
+    assert np.max(mountings[:, 1]) < NOISE
     along, across = np.mean([scatter_of(fitted(seed, along=5e-3)).frequency for seed in range(10)], axis=0)
     assert along == pytest.approx(5e-3, rel=0.1)
     assert across < NOISE

@@ -72,7 +72,7 @@ def test_a_common_gain_is_not_averaged_away():
 def test_scatter_widens_what_is_said():
     data = conditions(1e-4)
     narrow = fit_together(Zener(), data, TRUTH, {"K1": np.ones((3, 1))})
-    wide = fit_together(Zener(), data, TRUTH, {"K1": np.ones((3, 1))}, scatter=Scatter(0.01, (0.0, 0.0)))
+    wide = fit_together(Zener(), data, TRUTH, {"K1": np.ones((3, 1))}, scatter=Scatter((0.01, 0.01)))
     assert wide.covariance[0, 0] > 100 * narrow.covariance[0, 0]
 
 

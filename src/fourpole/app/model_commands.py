@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -25,6 +25,8 @@ from fourpole.app.options import (
 )
 from fourpole.models.families import NAMES
 
+#: As `fourpole.models.operating.Purpose`, which loads numpy.
+Purpose = Literal["mean", "next", "specimen"]
 StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
 
@@ -132,7 +134,7 @@ def causality(results: Study, *, data: DataOptions, as_json: JsonFlag = False) -
 def map_(
     results: Study,
     model: Annotated[
-        str, typer.Option(help="A model as for fit, or auto: the model with the least leave-one-out error.")
+        str, typer.Option(help="A model as for fit, or auto: the causal one that predicts left-out tests best.")
     ] = "auto",
     *,
     data: Selection,
@@ -143,7 +145,8 @@ def map_(
 ) -> None:
     """Make the operating map of each tyre: a model's parameters as smooth surfaces over pressure and preload.
 
-    The degree of each surface is chosen by the leave-one-out error over conditions. Evaluate it with fourpole query.
+    Terms and link of the surfaces are chosen by the log predictive density of omitted conditions. Evaluate the map with
+    fourpole query.
     """
 
 
@@ -161,6 +164,9 @@ def query(
     ] = None,
     at: Annotated[list[str] | None, typer.Option(help='Value of a further axis, as "camber [deg] = 2".')] = None,
     tyre: Annotated[str | None, typer.Option(help="Which tyre, if the file has several.")] = None,
+    purpose: Annotated[
+        Purpose | None, typer.Option("--for", help="What u is for: the mean surface, the next mounting, this specimen.")
+    ] = None,
     *,
     above: RigOptions,
     beyond: Annotated[
@@ -171,7 +177,9 @@ def query(
 ) -> None:
     """K*, K1, K2, C and TR at an operating point and frequency, each with its uncertainty.
 
-    TR is of the rig of the tests, or of another rig if --mass and --preload-stiffness state one.
+    TR is of the rig of the tests, or of another rig if --mass and --preload-stiffness state one. The uncertainty is
+    that of a new mounting of such a specimen (--for next, the default for maps), of the mean surface (--for mean), or
+    of the specimen as it was mounted in the test at this condition (--for specimen).
     """
     from fourpole import quantities as q
     from fourpole.app.models import axis_values, run_query
@@ -181,7 +189,8 @@ def query(
     stated = {q.PRESSURE.head: pressure, q.PRELOAD.head: preload, q.TEMPERATURE.head: temperature}
     stated[q.DEFLECTION_AMPLITUDE.head] = amplitude
     state = {column: value for column, value in stated.items() if value is not None} | axis_values(at or [])
-    run_query(model_in(model), Query(frequencies(frequency), state, tyre, above.rig, beyond), file, as_json=as_json)
+    asked = Query(frequencies(frequency), state, tyre, above.rig, beyond, purpose=purpose)
+    run_query(model_in(model), asked, file, as_json=as_json)
 
 
 @registered("shift.run_shift")

@@ -10,6 +10,7 @@ from fourpole import quantities as q
 from fourpole.app.console import out, print_table, say, warn
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
+from fourpole.fitting.query import INTERVAL, PURPOSE
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import PLUS_MINUS, cell, number, with_u
@@ -35,7 +36,7 @@ _COMPARED = (
     "not converged",
 )
 #: Heads of the numbers by which surfaces of a map are compared.
-_MAPPED = ("terms", "leave-one-out error [%]", "inside 95 % [%]", "scatter [%]")
+_MAPPED = ("terms", "log density - best", "leave-one-out error [%]", "inside 95 % [%]", "scatter [%]")
 
 
 def show_fit(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> None:
@@ -159,7 +160,7 @@ def show_map(found: TyreMap) -> None:
     if found.tyre:
         out(f"Tyre {found.tyre}")
     print_table(
-        ("model", "causal", *_MAPPED), [_map_row(name, one, found) for name, one in found.others], right=_MAPPED
+        ("model", "causal", "link", *_MAPPED), [_map_row(name, one, found) for name, one in found.others], right=_MAPPED
     )
     for name, one in found.others:
         if isinstance(one, str):
@@ -170,20 +171,26 @@ def show_map(found: TyreMap) -> None:
 def _map_row(name: str, one: OperatingMap | str, found: TyreMap) -> tuple[str, ...]:
     """Cells of one surface; a text instead of a map says why there is none."""
     if isinstance(one, str):
-        return name, "", "", "none", "", ""
-    numbers = (one.leave_one_out.error, one.leave_one_out.inside, one.scatter.condition)
-    shown = (f"{100 * number:.3g}" if math.isfinite(number) else "" for number in numbers)
+        return name, "", "", "", "none", "", "", ""
+    density = one.leave_one_out.density - max(each.leave_one_out.density for each in found.maps)
+    numbers = (one.leave_one_out.error, one.leave_one_out.inside, max(one.scatter.condition))
+    shown = (f"{100 * each:.3g}" if math.isfinite(each) else "" for each in numbers)
+    less = number(density, 3) if math.isfinite(density) else ""
     mark = " *" if one is found.best else ""
-    return name + mark, "yes" if one.model.causal else "no", str(len(one.terms)), *shown
+    return name + mark, "yes" if one.model.causal else "no", one.link, str(len(one.terms)), less, *shown
 
 
 def show_row(row: Mapping[str, Any], units: ShownUnits) -> None:
     """Print one answer of a model file in lines."""
     for head, value in row.items():
-        if head in ("remarks", q.OUTSIDE.head) or head.startswith(("u(", "corr(")) or value in (None, ""):
+        if (
+            head in (q.REMARKS.head, q.OUTSIDE.head, PURPOSE, INTERVAL)
+            or head.startswith(("u(", "corr("))
+            or value in (None, "")
+        ):
             continue
         name, _, si = head.removesuffix("]").partition(" [")
         out(f"{name:<12} {cell(row, head, units)} {units.unit(si)[0]}".rstrip())
-    out(PLUS_MINUS)
+    out(f"{PLUS_MINUS}. {row[INTERVAL]}")
     for line in lacking(row):
         say(line)

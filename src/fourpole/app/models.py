@@ -23,7 +23,7 @@ from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, tabl
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file
 from fourpole.fitting.overtime import fit_over_time
-from fourpole.fitting.query import Query, ask
+from fourpole.fitting.query import INTERVAL, Query, ask
 from fourpole.fitting.renewed import renewed
 from fourpole.fitting.shifting import laws_beside
 from fourpole.fitting.stated import rig_file, shapes_in
@@ -269,7 +269,9 @@ def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> 
     else:
         frame = pl.DataFrame(rows, infer_schema_length=None)
         inside = [] if any(row[q.OUTSIDE.head] for row in rows) else [q.OUTSIDE.head]
-        deliver(frame, file, wanted, as_json=as_json, leave_out=(*inside, q.REMARKS.head))
+        deliver(frame, file, wanted, as_json=as_json, leave_out=(*inside, q.REMARKS.head, INTERVAL))
+        if file is not None or not as_json:
+            say(str(rows[0][INTERVAL]))
 
 
 def axis_values(texts: Sequence[str]) -> dict[str, float]:

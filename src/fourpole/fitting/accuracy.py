@@ -102,7 +102,7 @@ def accuracy_of(entry: ModelEntry | MapEntry, condition: ConditionFile | None = 
     """The accuracy of a model at one of its conditions, or the worst of all; that of a map."""
     if isinstance(entry, MapEntry):
         found = map_of(entry)
-        scatter = float(np.hypot(found.scatter.condition, max(found.scatter.frequency)))
+        scatter = float(np.hypot(max(found.scatter.condition), max(found.scatter.frequency)))
         return Accuracy(_of(entry, entry), found.band, scatter, _relative_u(found, entry.amplitude), mapped=True)
     conditions = entry.conditions if condition is None else [condition]
     return Accuracy.joined(

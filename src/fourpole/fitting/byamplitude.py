@@ -13,10 +13,11 @@ from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, levels_of, unit_of
 from fourpole.fitting.measured import Measured
 from fourpole.fitting.modelfile import ModelFile
+from fourpole.models.answer import Answer
 from fourpole.models.families import by_amplitude
 from fourpole.models.interface import Model
 from fourpole.models.kraus import LEAST_SPREAD, MOST_INFLATION, Separation, separation
-from fourpole.models.operating import Answer, OperatingMap
+from fourpole.models.operating import OperatingMap, Purpose
 from fourpole.models.surface import BEND
 from fourpole.units import shown
 
@@ -136,7 +137,12 @@ def outside_levels(levels: Sequence[float], amplitude: float | None, *, beyond: 
 
 
 def answer_at(
-    found: OperatingMap, points: FloatArray, frequency: FloatArray, amplitude: float, levels: Sequence[float]
+    found: OperatingMap,
+    points: FloatArray,
+    frequency: FloatArray,
+    amplitude: float,
+    levels: Sequence[float],
+    purpose: Purpose = "next",
 ) -> Answer:
     """K* at an amplitude [m], with an uncertainty of the law between the tested amplitudes.
 
@@ -145,7 +151,7 @@ def answer_at(
     """
     share, low, high = around(np.array([amplitude]), levels)
     here, below, above = (
-        replace(found, model=found.model.at_amplitude(one)).ask(points, frequency)
+        replace(found, model=found.model.at_amplitude(one)).ask(points, frequency, purpose)
         for one in (amplitude, low[0], high[0])
     )
     bend = share * (above.stiffness - below.stiffness)

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.rig import Rig
+from fourpole.core.specimen import Specimen
 from fourpole.errors import CampaignError, ModelError
 from fourpole.fitting.rows import tyre_columns
+from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import OperatingMap
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ def grid_of(
     *,
     points: int = 21,
     frequencies: int = 31,
+    specimens: Mapping[str, Specimen] | None = None,
 ) -> Dataset:
     """K*, K1, K2, C and TR of each tyre over the axes and frequency, with their standard uncertainties u_NAME.
 
@@ -50,6 +53,8 @@ def grid_of(
         SI coordinates by the name of an axis, such as pressure or frequency; by default evenly over the tests.
     points, frequencies : int
         Number of coordinates of each axis, and of frequency, that `at` does not have.
+    specimens : mapping of str to Specimen, optional
+        Belts of the tyres, for TR; without one a tyre is massless.
 
     Returns
     -------
@@ -76,8 +81,9 @@ def grid_of(
     mesh = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) if axes else np.zeros((1, 0))
     shape = tuple(side.size for side in sides)
     found: dict[str, list[FloatArray]] = {}
-    for one in maps.values():
-        for head, column in _columns(one, rig, mesh, frequency).items():
+    for tyre, one in maps.items():
+        specimen = (specimens or {}).get(tyre, MASSLESS)
+        for head, column in _columns(one, rig, mesh, frequency, specimen).items():
             found.setdefault(head, []).append(column.reshape(shape))
     data: dict[str, Any] = {}
     for name, quantity in _VARIABLES.items():
@@ -111,11 +117,13 @@ def _sides(
     return [*sides, np.atleast_1d(np.asarray(at.get("frequency", even), dtype=float))]
 
 
-def _columns(found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray) -> dict[str, FloatArray]:
+def _columns(
+    found: OperatingMap, rig: Rig | None, points: FloatArray, frequency: FloatArray, specimen: Specimen
+) -> dict[str, FloatArray]:
     """Values of one map at each point and frequency in turn, by column; not-a-number outside its tests."""
     every, times = np.repeat(points, frequency.size, axis=0), np.tile(frequency, len(points))
     answer = found.ask(every, times)
-    tr = () if rig is None else zip(q.TR.heads, answer.transmissibility(rig, times), strict=True)
+    tr = () if rig is None else zip(q.TR.heads, answer.transmissibility(rig, times, specimen), strict=True)
     inside = np.repeat([found.axes.outside(point)[0] == 0 for point in points], frequency.size)
     inside &= found.octaves_beyond(times) == 0
     return {head: np.where(inside, column, np.nan) for head, column in (*tyre_columns(answer).items(), *tr)}

@@ -14,7 +14,8 @@ from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.models.choice import fit_conditions
 from fourpole.models.discrepancy import with_error
 from fourpole.models.families import model_named
-from fourpole.models.operating import OperatingMap, make_map
+from fourpole.models.interface import Link
+from fourpole.models.operating import LINKS, OperatingMap, make_map, simplest
 from fourpole.models.surface import Axes
 
 #: Relative error that is added to each condition before the fits that start a map, so that none dominates.
@@ -54,16 +55,23 @@ def map_of_model(name: str, measured: Sequence[Measured], axes: Axes, *, alone: 
     start = np.full((len(measured), len(model.parameters)), np.nan)
     start[some] = [one.values for one in fits]
 
-    def made(rows: Sequence[Measured]) -> OperatingMap:
-        return make_map(model, [one.own for one in rows], axes, start, shared_effects(rows))
+    def made(rows: Sequence[Measured], links: Sequence[Link]) -> OperatingMap:
+        return make_map(model, [one.own for one in rows], axes, start, shared_effects(rows), links=links)
 
-    found = made(measured)
+    found = made(measured, LINKS)
     values = found.parameters(axes.points if axes.names else np.zeros((len(measured), 0)))
     near = near_model(measured, model, list(values))
-    return found if near is measured else made(near)
+    return found if near is measured else made(near, [found.link])
 
 
-def mean_uncertainty(found: OperatingMap) -> float:
+def best_map(maps: Sequence[OperatingMap]) -> OperatingMap:
+    """The simplest map by the log predictive density; that with the least u(K*) if no condition can be omitted."""
+    if any(np.isfinite(one.leave_one_out.density) for one in maps):
+        return simplest(maps)
+    return min(maps, key=_mean_uncertainty)
+
+
+def _mean_uncertainty(found: OperatingMap) -> float:
     """Mean relative uncertainty of K* over the conditions, at the middle of the band."""
     points = found.axes.points if found.axes.names else np.zeros((1, 0))
     answer = found.ask(points, np.full(len(points), float(np.sqrt(found.band[0] * found.band[1]))))
@@ -71,11 +79,14 @@ def mean_uncertainty(found: OperatingMap) -> float:
     return float(np.mean(np.sqrt(variance) / np.abs(answer.stiffness)))
 
 
-def map_text(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
-    """The model of a map, its leave-one-out error, and what to take for a simulation in time."""
+def map_text(best: OperatingMap) -> str:
+    """The model of a map, its surfaces and its leave-one-out error."""
     over = ", ".join(split_column(name)[0] for name in best.axes.names) or "one condition"
-    many = f"{len(best.terms)} terms" if len(best.terms) > 1 else "one value"
+    many = f"at most {len(best.terms)} terms" if len(best.terms) > 1 else "one value"
     parts = [f"{best.model.name} over {over}, {many} for each parameter"]
+    if len(best.terms) > 1:
+        what = "stiffness and damping are" if best.link == "identity" else "the logarithms of stiffness and damping are"
+        parts.append(f"{what} polynomials")
     errors = best.leave_one_out
     if np.isfinite(errors.error):
         inside = f"{100 * errors.inside:.0f} % of K' and K'' inside their 95 % intervals"
@@ -85,14 +96,4 @@ def map_text(best: OperatingMap, good: Sequence[OperatingMap]) -> str:
     for axis in best.axes.straight:
         name = split_column(best.axes.names[axis])[0]
         parts.append(f"the uncertainty between the two tested values of {name} includes a bend")
-    text = "; ".join(parts)
-    if best.model.causal:
-        return text
-    text += ". It is not causal" if best.model.by_amplitude else ". It describes K2 and C and is not causal"
-    causal = [one for one in good if one.model.causal]
-    if causal:
-        first = min(causal, key=lambda one: one.leave_one_out.error)
-        error = first.leave_one_out.error
-        text += f": for a simulation in time take {first.model.name}"
-        text += f" ({100 * error:.2g} %)" if np.isfinite(error) else ""
-    return text
+    return "; ".join(parts) + ("" if best.model.causal else ". It is not causal")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import astuple
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StrictBool, ValidationError
+from pydantic import Field, ValidationError
 
 from fourpole.core.condition import Axis, axis_of
 from fourpole.errors import ModelError, TableError
@@ -19,12 +18,16 @@ from fourpole.fitting.inertia import InertiaFile
 from fourpole.fitting.modelparts import (
     LARGEST,
     LONGEST,
-    Named,
+    AxisFile,
     NamedValue,
+    OffsetFile,
     Provenance,
+    Share,
     Strict,
+    SurfaceFile,
     VerdictFile,
     check_covariance,
+    check_offsets,
     split_column,
 )  # fmt: skip
 from fourpole.fitting.ranges import RangeFile
@@ -34,9 +37,9 @@ from fourpole.fitting.temperature import TemperatureFile, check_temperature
 from fourpole.io.published import read_listed, write_result
 from fourpole.io.seal import KEY, sealed
 from fourpole.models.families import model_named
-from fourpole.models.interface import Model
+from fourpole.models.interface import Link, Model
 from fourpole.models.linearised import Scatter
-from fourpole.models.operating import OperatingMap
+from fourpole.models.operating import Offsets, OperatingMap
 from fourpole.models.shape import Shape
 from fourpole.models.surface import Axes, ValueSurface
 from fourpole.models.together import LeaveOneOut
@@ -46,7 +49,7 @@ from fourpole.units import shown
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
 LATER = ("axes", "points", "shape", "temperature", "amplitude", "logarithmic", "static", "inertia",
-         "ranges", "holds", "mass", "resonances", "shifts")  # fmt: skip
+         "ranges", "holds", "mass", "resonances", "shifts", "link", "offsets")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -54,8 +57,6 @@ Amplitudes = Annotated[
     list[Annotated[float, Field(gt=0)]] | None,
     Field(max_length=1000, description="Tested 0-to-peak deflections [m], rising, if K* of the model depends on them."),
 ]
-#: A relative error.
-Share = Annotated[float, Field(ge=0, le=1e3)]
 
 
 class ParameterFile(Strict):
@@ -144,25 +145,10 @@ class ModelEntry(_Entry):
     )  # fmt: skip
 
 
-class AxisFile(Named):
-    """An axis of a map, with the value of each tested condition."""
-
-    values: list[float] = Field(max_length=LONGEST)
-    logarithmic: StrictBool = Field(default=False, description="Whether the axis is scaled by its logarithm.")
-
-
-class SurfaceFile(Strict):
-    """The logarithm of K1 as a polynomial of the scaled axes, from the static tests."""
-
-    terms: list[list[int]] = Field(max_length=500)
-    coefficients: list[float] = Field(max_length=500)
-    covariance: list[list[float]] = Field(max_length=500)
-    scatter: Share = Field(description="Relative scatter of conditions [1].")
-    std: Share = Field(description="Relative standard uncertainty that all static tests share [1].")
-
-
 class MapEntry(_Entry):
     """An operating map of one tyre: each linked parameter is a polynomial of the scaled axes."""
+
+    link: Link = Field(default="log", description="Whether stiffness and damping or their logarithms are polynomials.")
 
     axes: list[AxisFile] = Field(max_length=10)
     constant: list[NamedValue] = Field(max_length=20, description="Axes with one value in all conditions.")
@@ -171,9 +157,11 @@ class MapEntry(_Entry):
         max_length=_MOST_PARAMETERS, description="One list per parameter, one number per term."
     )
     covariance: list[list[float]] = Field(max_length=2000, description="Covariance of all coefficients in turn.")
-    scatter: tuple[Share, Share, Share] = Field(
-        description="Relative scatter: of conditions; of frequencies, along and across K*."
-    )
+    scatter: list[Share] = Field(
+        min_length=3, max_length=4,
+        description="Relative scatter: of conditions along K*; of frequencies, along and across K*; of conditions "
+        "across K*, without which it is that along.",
+    )  # fmt: skip
     band: Band = Field(description="[Hz]")
     amplitude: Amplitudes = None
     leave_one_out: tuple[float | None, float | None, float | None] = Field(
@@ -182,6 +170,9 @@ class MapEntry(_Entry):
     static: SurfaceFile | None = Field(description="null: K1 is the model's stiffness at zero frequency.")
     choice: str
     inertia: InertiaFile | None = Field(default=None, description="Mean of the conditions.")
+    offsets: list[OffsetFile] = Field(
+        default_factory=list, max_length=LONGEST, description="Errors of the tested conditions about the surfaces."
+    )
 
 
 class ToleranceFile(Strict):
@@ -243,6 +234,7 @@ class ModelFile(Strict):
             for part, key in (
                 (entry, "amplitude"),
                 (entry, "inertia"),
+                (entry, "offsets"),
                 *((axis, "logarithmic") for axis in entry["axes"]),
             ):
                 if not part[key]:
@@ -368,6 +360,7 @@ def _check_map(name: str, entry: MapEntry) -> None:
     _check_amplitude(where, model_of(entry, name), entry.amplitude)
     _check_numbers(where, [value for row in entry.coefficients for value in row], entry.band)
     check_covariance(where, entry.covariance, size * terms)
+    check_offsets(where, entry.offsets, len(entry.axes[0].values) if entry.axes else 1, size)
     if entry.static is not None:
         own = len(entry.static.terms)
         if len(entry.static.coefficients) != own or not _fit_axes(entry.static.terms, entry):
@@ -437,8 +430,14 @@ def entry_of(
     """A map as it is in a file; `amplitude` is the tested range if the model depends on it."""
     surface = None
     if found.static is not None:
-        surface = SurfaceFile(**{name: np.asarray(value).tolist() for name, value in vars(found.static).items()})
-    error, inside, conditions = map(finite_or_none, astuple(found.leave_one_out))
+        surface = SurfaceFile(
+            **{name: np.asarray(getattr(found.static, name)).tolist() for name in SurfaceFile.model_fields}
+        )
+    offsets = (
+        () if found.offsets is None else zip(*(each.tolist() for each in vars(found.offsets).values()), strict=True)
+    )
+    errors = found.leave_one_out
+    error, inside, conditions = map(finite_or_none, (errors.error, errors.inside, errors.conditions))
     heads = zip(found.axes.names, map(split_column, found.axes.names), found.axes.points.T.tolist(), strict=True)
     axes = [
         AxisFile(name=name, unit=unit, values=values, logarithmic=head in found.axes.logarithmic)
@@ -452,13 +451,15 @@ def entry_of(
         terms=[list(one) for one in found.terms],
         coefficients=found.coefficients.tolist(),
         covariance=found.covariance.tolist(),
-        scatter=(found.scatter.condition, *found.scatter.frequency),
+        scatter=[found.scatter.condition[0], *found.scatter.frequency, found.scatter.condition[1]],
         band=found.band,
         amplitude=amplitude,
         leave_one_out=(error, inside, conditions),
         static=surface,
         choice=choice,
         inertia=inertia,
+        link=found.link,
+        offsets=[OffsetFile(value=(value[0], value[1]), covariance=own) for value, own in offsets],
     )
 
 
@@ -469,14 +470,18 @@ def finite_or_none(value: float) -> float | None:
 
 def map_of(entry: MapEntry) -> OperatingMap:
     """The operating map of an entry."""
-    model = model_of(entry)
+    model = model_of(entry).with_link(entry.link)
     count = len(entry.axes[0].values) if entry.axes else 1
     points = np.array([axis.values for axis in entry.axes], dtype=float).reshape(len(entry.axes), count).T
     size, file, static = sum(len(one) for one in entry.coefficients), entry.static, None
     if file is not None:
         covariance = np.array(file.covariance, dtype=float).reshape(len(file.terms), len(file.terms))
         terms = tuple(tuple(one) for one in file.terms)
-        static = ValueSurface(terms, np.array(file.coefficients, dtype=float), covariance, file.scatter, file.std)
+        static = ValueSurface(
+            terms, np.array(file.coefficients, dtype=float), covariance, file.scatter, file.std, entry.link
+        )
+    condition, *frequency = entry.scatter[:3]
+    errors = [[*one.value] for one in entry.offsets], [one.covariance for one in entry.offsets]
     return OperatingMap(
         model=model,
         axes=Axes(
@@ -488,8 +493,11 @@ def map_of(entry: MapEntry) -> OperatingMap:
         terms=tuple(tuple(one) for one in entry.terms),
         coefficients=np.array(entry.coefficients, dtype=float).reshape(len(model.parameters), -1),
         covariance=np.array(entry.covariance, dtype=float).reshape(size, size),
-        scatter=Scatter(entry.scatter[0], (entry.scatter[1], entry.scatter[2])),
+        scatter=Scatter(
+            (condition, entry.scatter[-1] if entry.scatter[3:] else condition), (frequency[0], frequency[1])
+        ),
         band=entry.band,
         leave_one_out=LeaveOneOut(*(float("nan") if one is None else one for one in entry.leave_one_out)),
         static=static,
+        offsets=Offsets(*map(np.array, errors)) if entry.offsets else None,
     )

@@ -18,7 +18,7 @@ from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart
 from fourpole.fitting.byresiduals import by_residuals, misfit_of
 from fourpole.fitting.inertia import USUAL_SHARE, InertiaFile, mean_inertia
-from fourpole.fitting.mapping import map_axes, map_of_model, map_text, mean_uncertainty
+from fourpole.fitting.mapping import best_map, map_axes, map_of_model, map_text
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
@@ -55,8 +55,6 @@ from fourpole.version import VERSION
 
 Progress = Callable[[int, int], None]
 _Step = Callable[[], None]
-#: Maps are equally good if their leave-one-out errors differ by less than this factor; the smallest u(K*) decides.
-_ALIKE = 1.1
 #: The family of models with resonances.
 _RESONANT = "resonant"
 
@@ -137,16 +135,21 @@ class TyreMap:
     others: tuple[tuple[str, OperatingMap | str], ...]
     text: str
 
+    @property
+    def maps(self) -> list[OperatingMap]:
+        """The maps that were made."""
+        return [one for _, one in self.others if isinstance(one, OperatingMap)]
+
     def _repr_html_(self) -> str:
         """The choice and the models that were tried, for a notebook."""
         rows = [
-            (name, "none", "")
+            (name, "none", "", "")
             if isinstance(one, str)
-            else (name, f"{len(one.terms)}", f"{one.leave_one_out.error:.2%}")
+            else (name, one.link, f"{len(one.terms)}", f"{one.leave_one_out.error:.2%}")
             for name, one in self.others
         ]
         title = f"Map of {self.tyre}" if self.tyre else "Map"
-        return notebook_html(title, [self.text], ("model", "terms", "leave-one-out error"), rows)
+        return notebook_html(title, [self.text], ("model", "link", "terms", "leave-one-out error"), rows)
 
 
 class TyreFits(tuple[TyreFit, ...]):
@@ -319,7 +322,8 @@ def map_tyres(
     ----------
     measured : MeasuredSet
     model : str
-        Name of a model, or `auto` for the one with the least leave-one-out error.
+        Name of a model, or `auto` for the simplest causal one that predicts conditions left out hardly worse than the
+        best, by the log predictive density.
     over : sequence of str
         Columns of further axes, besides pressure, preload and temperature.
     progress : callable, optional
@@ -364,10 +368,8 @@ def _map_tyre(
     good = [one for _, one in made if isinstance(one, OperatingMap)]
     if not good:
         raise ModelError(f"no map of the tyre {tyre!r} could be made: {made[0][1]}")
-    least = min(one.leave_one_out.error for one in good)
-    alike = [one for one in good if not one.leave_one_out.error > _ALIKE * least]
-    best = min(alike, key=mean_uncertainty) if len(alike) > 1 else alike[0]
-    text = ". ".join(filter(None, [map_text(best, good), said]))
+    best = best_map(good)
+    text = ". ".join(filter(None, [map_text(best), said]))
     return TyreMap(tyre, measured, best, tuple(made), text)
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from fourpole.errors import ModelError
 
@@ -18,6 +18,8 @@ LARGEST = 1e120
 LONGEST = 100_000
 #: Key of the settings that has those of tyres of an earlier run.
 EARLIER = "earlier"
+#: A relative error.
+Share = Annotated[float, Field(ge=0, le=1e3)]
 #: Keys of version 1 of the format whose attributes have other names.
 _KEYS = {
     "discrepancy": "granted", "leave_one_out": "left_out", "cross_validation": "left_out", "not_converged": "lost"
@@ -98,6 +100,42 @@ def split_column(column: str) -> tuple[str, str]:
     """Name and unit of a column: "pressure [Pa]"; the unit is 1 where there is none."""
     name, mark, unit = column.rpartition(" [")
     return (name, unit.removesuffix("]")) if mark else (column, "1")
+
+
+class AxisFile(Named):
+    """An axis of a map, with the value of each tested condition."""
+
+    values: list[float] = Field(max_length=LONGEST)
+    logarithmic: StrictBool = Field(default=False, description="Whether the axis is scaled by its logarithm.")
+
+
+class SurfaceFile(Strict):
+    """K1, or its logarithm, as a polynomial of the scaled axes, from the static tests; the link is that of the map."""
+
+    terms: list[list[int]] = Field(max_length=500)
+    coefficients: list[float] = Field(max_length=500)
+    covariance: list[list[float]] = Field(max_length=500)
+    scatter: Share = Field(description="Relative scatter of conditions [1].")
+    std: Share = Field(description="Relative standard uncertainty that all static tests share [1].")
+
+
+class OffsetFile(Strict):
+    """The error of a tested condition about the surfaces of a map: that of the specimen as it was mounted."""
+
+    value: tuple[float, float] = Field(description="Error of Re log K* and of Im log K* [1].")
+    covariance: list[list[float]] = Field(
+        max_length=LONGEST, description="Covariance of the linked parameters and of the two errors."
+    )
+
+
+def check_offsets(where: str, offsets: Sequence[OffsetFile], conditions: int, parameters: int) -> None:
+    """ModelError unless there are none, or one of each condition."""
+    if len(offsets) not in (0, conditions):
+        raise ModelError(f"{where}: {len(offsets)} offsets for {conditions} tested conditions")
+    for one in offsets:
+        if max(map(abs, one.value)) > LARGEST:
+            raise ModelError(f"{where}: an offset is beyond all measure: it was changed")
+        check_covariance(f"{where}, offsets", one.covariance, parameters + 2)
 
 
 def check_covariance(where: str, rows: list[list[float]], size: int) -> None:

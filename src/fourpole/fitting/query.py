@@ -35,8 +35,9 @@ from fourpole.fitting.ranges import IN_RANGE, wider
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
 from fourpole.fitting.temperature import Shift
+from fourpole.models.answer import Answer
 from fourpole.models.belted import MASSLESS
-from fourpole.models.operating import Answer, OperatingMap
+from fourpole.models.operating import OperatingMap, Purpose
 from fourpole.models.surface import Axes
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
@@ -46,6 +47,8 @@ _TEMPERATURE = q.TEMPERATURE.head
 _ABSOLUTE_ZERO = -273.15
 #: A temperature this far [K] outside the isotherms, whose temperatures are measured ones, counts as inside.
 _NOMINAL = 1.0
+#: What the uncertainty is for, as a word of `--for` and as a sentence.
+PURPOSE, INTERVAL = "interval for", "interval"
 #: Column of the frequency on the master curve.
 _REDUCED = "reduced frequency [Hz]"
 #: Option of `fourpole query` that states an axis, by the column of the axis.
@@ -69,6 +72,9 @@ class Query:
         Whether to answer outside the tested conditions and frequencies.
     units : ShownUnits
         Units of the remarks and errors.
+    purpose : Purpose, optional
+        What the intervals are for: by default the next mounting of such a specimen, or of fits at single conditions,
+        which do not know the scatter between mountings, the specimen as it was tested.
     """
 
     frequency: Sequence[float]
@@ -77,6 +83,7 @@ class Query:
     rig: Rig | None = None
     beyond: bool = False
     units: ShownUnits = field(default_factory=ShownUnits)
+    purpose: Purpose | None = None
 
 
 def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
@@ -95,6 +102,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     state = in_own_unit(file, tyre, state)
     found = maps_of(file, tyre, state, query.units)
     point, outside, remarks = place_of(file, found, state, query.units, beyond=query.beyond)
+    purpose = _purpose_of(file, tyre, found, point, query)
     levels: list[float] = []
     if depends_on_amplitude(file, tyre):
         levels = levels_of_map(file, tyre, found)
@@ -104,9 +112,11 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     far = _beyond_band(found, reduced, beyond=query.beyond)
     points = np.repeat(point[None], frequency.size, axis=0)
     if amplitude is not None:
-        answer = answer_at(found, points, frequency, amplitude, levels)
+        answer = answer_at(found, points, frequency, amplitude, levels, purpose)
     else:
-        answer = found.ask(points, frequency) if shift is None else shift.shift.answer(found, points, frequency)
+        answer = (
+            found.ask(points, frequency, purpose) if shift is None else shift.shift.answer(found, points, frequency)
+        )
     condition = file.condition_at(tyre, found.axes.constant)
     remarks = (*remarks, *_misfit(file, tyre, condition))
     if far.any() and condition is not None:
@@ -124,9 +134,43 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         row |= {} if shift is None else {_TEMPERATURE: shift.temperature, _REDUCED: float(reduced[at])}
         row |= {head: float(one[at]) for head, one in columns.items()}
         beyond = _remarks_beyond(found, condition, float(far[at]), float(reduced[at]))
-        row |= {q.OUTSIDE.head: apart, "remarks": "; ".join([*remarks, *moved, *beyond])}
+        row |= {
+            PURPOSE: purpose,
+            INTERVAL: interval_words(purpose),
+            q.OUTSIDE.head: apart,
+            "remarks": "; ".join([*remarks, *moved, *beyond]),
+        }
         rows.append(_finite(row))
     return rows
+
+
+def _purpose_of(file: ModelFile, tyre: str, found: OperatingMap, point: FloatArray, query: Query) -> Purpose:
+    """What the intervals are for, checked."""
+    if file.map_entry(tyre) is None:
+        if query.purpose not in (None, "specimen"):
+            raise ModelError(
+                "fits at single conditions do not know the scatter between mountings: their intervals are for the "
+                "specimen as it was tested. Make a map of the results with fourpole map, or state --for specimen"
+            )
+        return "specimen"
+    if query.purpose == "specimen" and (found.offsets is None or found.axes.tested(point) is None):
+        why = "the map has no errors of its conditions" if found.offsets is None else "nothing was tested at this point"
+        raise ModelError(
+            f"--for specimen: {why}, and the specimen as it was mounted is known at its tested conditions only: state "
+            "one of them, make the map again if it is of an earlier version, or state --for next or --for mean"
+        )
+    return query.purpose or "next"
+
+
+def interval_words(purpose: Purpose) -> str:
+    """What an interval is for, as a sentence."""
+    said = {
+        "mean": "the mean surface of such specimens: coefficients and errors that all tests share, without the scatter "
+        "between mountings",
+        "next": "the next mounting of such a specimen: the mean surface and the scatter between mountings",
+        "specimen": "the specimen as it was mounted in the test at this condition",
+    }
+    return f"Intervals are for {said[purpose]}."
 
 
 def _wider(answer: Answer, condition: ConditionFile, reduced: FloatArray, frequency: FloatArray) -> Answer:

@@ -103,12 +103,11 @@ def _tyre(place: Path, one: PlacedModel, units: ShownUnits) -> RideTyre:
     """A model at an operating point with the errors that the file has."""
     words = ", ".join(units.setting(column, value) for column, value in one.state.items())
     source = f"{place}: {one.specimen}" + ("" if one.map.axes.names else f": {words}")
-    scatter = one.map.scatter
     tyre = Tyre(
         model=one.model,
         values=one.values,
         errors={source: one.map.errors(one.point)},
-        discrepancy=tuple(np.hypot(scatter.condition, scatter.frequency).tolist()),
+        discrepancy=one.map.spread(),
         name=one.label,
         origin=str(place),
         belt=one.belt,

@@ -23,7 +23,7 @@ from fourpole.units import column_unit, shown
 
 if TYPE_CHECKING:
     from fourpole.core.identify import Identification
-    from fourpole.models.operating import Answer
+    from fourpole.models.answer import Answer
 
 #: Heads of the columns that identify a row of a dynamic test.
 KEY = (q.TEST.head, q.POINT.head)

@@ -13,9 +13,10 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.fitting.modelparts import LARGEST, NamedValue, Strict, check_covariance
+from fourpole.models.answer import Answer
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
-from fourpole.models.operating import Answer, OperatingMap
+from fourpole.models.operating import OperatingMap
 from fourpole.models.shift_law import CONSTANTS, ShiftLaw, interpolated, root_of, worst_miss
 
 _DECADE = np.log(10.0)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +16,8 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 
+#: Link of stiffness and damping in a map: their logarithm, or the value itself.
+Link = Literal["log", "identity"]
 #: Largest modulus of a linked value: logit between two bounds, logarithm above one bound.
 _MOST_LOGIT, _MOST_LOG = 12.0, 300.0
 
@@ -35,6 +39,8 @@ class Parameter:
     meaning : str
     log : bool
         Whether a fit searches its logarithm: for a positive parameter whose order of magnitude is uncertain.
+    straight : bool
+        Whether the link of a parameter with one bound is the value itself; see `Model.with_link`.
     """
 
     symbol: str
@@ -44,17 +50,19 @@ class Parameter:
     default: float
     meaning: str
     log: bool = False
+    straight: bool = False
 
     def link(self, values: ArrayLike) -> FloatArray:
         """The link g of the parameter, free of bounds, so that laws over conditions can be linear.
 
-        It is a logit between two bounds, a logarithm above a lower bound, or the value itself.
+        It is a logit between two bounds, a logarithm above a lower bound, or the value itself, by which a parameter
+        reaches its lower bound and stays there.
         """
         array = np.asarray(values, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore"):
             if np.isfinite(self.high) and np.isfinite(self.low):
                 return np.clip(np.log((array - self.low) / (self.high - array)), -_MOST_LOGIT, _MOST_LOGIT)
-            if np.isfinite(self.low):
+            if np.isfinite(self.low) and not self.straight:
                 return np.clip(np.log(array - self.low), -_MOST_LOG, _MOST_LOG)
         return array
 
@@ -64,10 +72,10 @@ class Parameter:
         if np.isfinite(self.high) and np.isfinite(self.low):
             share, span = 1.0 / (1.0 + np.exp(-np.clip(array, -_MOST_LOGIT, _MOST_LOGIT))), self.high - self.low
             return self.low + span * share, span * share * (1 - share)
-        if np.isfinite(self.low):
+        if np.isfinite(self.low) and not self.straight:
             size = np.exp(np.clip(array, -_MOST_LOG, _MOST_LOG))
             return self.low + size, size
-        return array, np.ones_like(array)
+        return np.maximum(array, self.low), np.where(array > self.low, 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +164,7 @@ class Model(ABC):
     sizes : range
         Sizes that are tried for the bare name of the family, from the smallest until larger ones do not help.
     for_maps : tuple of str
-        Names of the models of this family that an automatic operating map tries.
+        Names of the models of this family that an automatic operating map tries; all of them are causal.
     linear : bool
         Whether K* is a sum of fixed terms with non-negative factors, the parameters that are not usually fixed. Such a
         fit is solved by non-negative least squares, and parameters at zero are not counted in its degrees of freedom.
@@ -218,6 +226,19 @@ class Model(ABC):
         """K* of one set of parameters (P,) as a Prony series; ModelError if it is none."""
         self.checked(values)
         raise ModelError(f"the {self.name} model is no Prony series: fit prony or maxwell")
+
+    def with_link(self, link: Link) -> Model:
+        """The model with this link of stiffness and damping; those of times, exponents and shares stay as they are.
+
+        Examples
+        --------
+        >>> from fourpole.models.maxwell import Zener
+        >>> Zener().with_link("identity").link(np.array([180e3, 120e3, 700.0]))
+        array([180000., 120000.,    700.])
+        """
+        made, straight = copy(self), link == "identity"
+        made.parameters = tuple(replace(one, straight=straight and one.unit.startswith("N")) for one in self.parameters)
+        return made
 
     def placed(self, conditions: Sequence[StiffnessData]) -> Model:  # noqa: ARG002
         """The model with what it takes from the band of the data, such as fixed relaxation times."""

@@ -92,7 +92,9 @@ class Kraus(Model):
         array = np.asarray(amplitude, dtype=float)
         if not np.all(array > 0):
             raise ModelError("the amplitude of the deflection must be positive [m]")
-        return type(self)(array)
+        made = type(self)(array)
+        made.parameters = self.parameters
+        return made
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""

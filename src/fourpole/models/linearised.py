@@ -35,8 +35,9 @@ class Scatter:
 
     Attributes
     ----------
-    condition : float [1]
-        Scatter from set-up to set-up: one error of Re log K* and one of Im log K* for all frequencies of a condition.
+    condition : (2,) tuple of float [1]
+        Scatter from mounting to mounting, along and across K*: one error of Re log K* and one of Im log K* for all
+        frequencies of a condition.
     frequency : (2,) tuple of float [1]
         Error of the model at each frequency, along and across K*.
     static : float [1]
@@ -45,21 +46,21 @@ class Scatter:
         Error of the model, along and across K*, that is a smooth function of frequency and the same in all conditions.
     """
 
-    condition: float = 0.0
+    condition: tuple[float, float] = (0.0, 0.0)
     frequency: tuple[float, float] = (0.0, 0.0)
     static: float = 0.0
     common: tuple[float, float] = (0.0, 0.0)
 
     @property
     def variances(self) -> FloatArray:
-        """Variances (6,): of a condition, a frequency along and across K*, K1, the common error along and across."""
-        return np.array([self.condition, *self.frequency, self.static, *self.common]) ** 2
+        """Variances (7,): of conditions and frequencies along and across K*, of K1, of the common error both ways."""
+        return np.array([*self.condition, *self.frequency, self.static, *self.common]) ** 2
 
     @classmethod
     def of(cls, variances: FloatArray) -> Scatter:
         """The scatter with these variances."""
-        condition, along, across, static, *common = np.sqrt(variances).tolist()
-        return cls(condition, (along, across), static, (common[0], common[1]))
+        each = np.sqrt(variances).tolist()
+        return cls((each[0], each[1]), (each[2], each[3]), each[4], (each[5], each[6]))
 
     @property
     def summed(self) -> Scatter:
@@ -123,12 +124,12 @@ class Rows(ByValue):
 
     def whitened(self, variances: FloatArray) -> FloatArray:
         """Residuals (G, M) in standard uncertainties, without the scatter of a condition."""
-        whole = self.own + np.diag(variances[1:3])
+        whole = self.own + np.diag(variances[2:4])
         each = self.off[:, : 2 * whole.shape[1]].reshape(*whole.shape[:2], 2, 1)
         found = np.linalg.solve(np.linalg.cholesky(whole), each).reshape(len(whole), -1)
         if self.static is None:
             return found
-        return np.concatenate([found, self.off[:, -1:] / np.sqrt(self.static + variances[3])[:, None]], axis=1)
+        return np.concatenate([found, self.off[:, -1:] / np.sqrt(self.static + variances[4])[:, None]], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +193,7 @@ class Conditions(ByValue):
     def precision(self, variances: FloatArray) -> FloatArray:
         """Inverse variances (p,) of the shared errors."""
         found = np.ones(self.shared)
-        for part, variance in zip(self.errors_of_model, variances[4:], strict=True):
+        for part, variance in zip(self.errors_of_model, variances[5:], strict=True):
             found[part] = 1.0 / max(variance, LEAST_COMMON)
         return found
 
@@ -270,46 +271,54 @@ class Weights(ByValue):
     blocks : (G, N, 2, 2) float array
         Inverse of the covariance without the scatter of the condition.
     inner : (G, 2, 2) float array
-        (1/s² + sum of `blocks`)^-1 for a scatter s; 0 without scatter.
+        (1/s² + sum of `blocks`)^-1 for scatters s; 0 without scatter.
     static : (G,) float array, or None
         Inverse variance of K1.
-    logdet : float
-        Logarithm of the determinant of V, summed over the conditions.
+    logdet : (G,) float array
+        Logarithm of the determinant of V.
     """
 
     blocks: FloatArray
     inner: FloatArray
     static: FloatArray | None
-    logdet: float
+    logdet: FloatArray
 
     @classmethod
     def of(cls, rows: Rows, variances: FloatArray) -> Weights:
         """The weights of rows with the variances of a scatter."""
-        condition, along, across, static = variances[:4].tolist()
-        whole = rows.own + np.diag([along, across])
+        condition, whole = np.diag(variances[:2]), rows.own + np.diag(variances[2:4])
         blocks = np.linalg.inv(whole)
-        total = np.sum(blocks, axis=1)
-        spread = np.eye(2) + condition * total
-        logdet = np.sum(np.linalg.slogdet(whole)[1]) + np.sum(np.linalg.slogdet(spread)[1])
+        spread = np.eye(2) + np.sum(blocks, axis=1) @ condition
+        logdet = np.sum(np.linalg.slogdet(whole)[1], axis=1) + np.linalg.slogdet(spread)[1]
         weight = None
         if rows.static is not None:
-            weight = 1.0 / (rows.static + static)
-            logdet -= np.sum(np.log(weight))
-        return cls(blocks, condition * np.linalg.inv(spread), weight, float(logdet))
+            weight = 1.0 / (rows.static + variances[4])
+            logdet = logdet - np.log(weight)
+        return cls(blocks, condition @ np.linalg.inv(spread), weight, logdet)
 
     def times(self, columns: FloatArray) -> FloatArray:
         """V^-1 times columns (G, M, k)."""
         groups, count = self.blocks.shape[:2]
         each = self.blocks @ columns[:, : 2 * count].reshape(groups, count, 2, -1)
-        each = each - self.blocks @ (self.inner @ np.sum(each, axis=1))[:, None]
+        each = each - self.blocks @ self.offsets(columns)[:, None]
         found = each.reshape(groups, 2 * count, -1)
         if self.static is None:
             return found
         return np.concatenate([found, self.static[:, None, None] * columns[:, -1:]], axis=1)
 
-    def chi2(self, off: FloatArray) -> float:
-        """Sum of r^T V^-1 r over the conditions, for residuals r (G, M)."""
-        return float(np.sum(off * self.times(off[..., None])[..., 0]))
+    def chi2(self, off: FloatArray) -> FloatArray:
+        """r^T V^-1 r (G,) of each condition, for residuals r (G, M)."""
+        return np.asarray(np.sum(off * self.times(off[..., None])[..., 0], axis=1))
+
+    def log_density(self, off: FloatArray, scale: ComplexArray) -> FloatArray:
+        """Log density (G,) of K* whose residuals (G, M) are relative to `scale` (G, N), less one number of all laws."""
+        return np.asarray(-0.5 * (self.chi2(off) + self.logdet) - 2.0 * np.sum(np.log(np.abs(scale)), axis=1))
+
+    def offsets(self, columns: FloatArray) -> FloatArray:
+        """The expected errors (G, 2, k) of the conditions, Re and Im of log K*, for residuals (G, M, k)."""
+        groups, count = self.blocks.shape[:2]
+        each = self.blocks @ columns[:, : 2 * count].reshape(groups, count, 2, -1)
+        return np.asarray(self.inner @ np.sum(each, axis=1))
 
     @property
     def diagonal(self) -> FloatArray:

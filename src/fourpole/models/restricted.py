@@ -30,24 +30,24 @@ _STEPS, _HALVINGS, _SMALL = 40, 12, 1e-3
 #: A variance is zero unless it reduces -2 log L by more than this: a chance of 10 %, as a variance is not negative.
 _NEEDED = 1.642
 #: Least and largest variances.
-_LEAST, _MOST = np.array([0.0, 0.0, 0.0, 0.0, LEAST_COMMON, LEAST_COMMON]), 1.0
+_LEAST, _MOST = np.array([0.0] * 5 + [LEAST_COMMON] * 2), 1.0
 
 
-def scatter_of(found: Together, free: Sequence[bool] = (True,) * 6, *, roughly: bool = False) -> Scatter:
+def scatter_of(found: Together, free: Sequence[bool] = (True,) * 7, *, roughly: bool = False) -> Scatter:
     """The scatter that a fit shows, to first order about it.
 
     Parameters
     ----------
     found : Together
     free : sequence of bool
-        Which of the six variances are unknown; the others are zero.
+        Which of the seven variances are unknown; the others are zero.
     roughly : bool
         Keep variances that might as well be zero.
     """
     likelihood = _Likelihood(found)
     conditions = found.conditions
     static, common = any(one.static is not None for one in found.rows), conditions.nodes.size > 0
-    unknown = np.array(free) & np.array([True, True, True, static, common, common])
+    unknown = np.array(free) & np.array([True, True, True, True, static, common, common])
     best = likelihood.least(np.where(unknown, found.scatter.variances, 0.0), unknown)
     for at in () if roughly else np.flatnonzero(unknown):
         others = unknown & (np.arange(unknown.size) != at)
@@ -59,7 +59,7 @@ def scatter_of(found: Together, free: Sequence[bool] = (True,) * 6, *, roughly: 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """-2 log L at some variances (6,), minus its slope, and its expected curvature."""
+    """-2 log L at some variances (7,), minus its slope, and its expected curvature."""
 
     variances: FloatArray
     value: float
@@ -97,17 +97,17 @@ class _Likelihood:
         normal = assembled(rows, weights, laws, unknowns)
         covariance, step, local = normal.solved()
         spread = normal.local_covariance(covariance)
-        value = sum(one.logdet for one in weights) - float(np.linalg.slogdet(covariance)[1])
-        value += sum(one.chi2(each.off) for one, each in zip(weights, rows, strict=True))
+        value = sum(float(np.sum(one.logdet)) for one in weights) - float(np.linalg.slogdet(covariance)[1])
+        value += sum(float(np.sum(one.chi2(each.off))) for one, each in zip(weights, rows, strict=True))
         value += laws.prior_chi2(unknowns) - normal.reduction(step, local)
         value -= float(np.sum(np.log(conditions.precision(variances))))
-        downhill, curvature = np.zeros(6), np.zeros((6, 6))
+        downhill, curvature = np.zeros(7), np.zeros((7, 7))
         for one, weight in zip(rows, weights, strict=True):
             slope, bend = _slopes(one, weight, local[one.places], spread[one.places])
-            downhill[:4] += slope
-            curvature[:4, :4] += bend
+            downhill[:5] += slope
+            curvature[:5, :5] += bend
         size = laws.coefficients
-        for at, part in enumerate(conditions.errors_of_model, start=4):
+        for at, part in enumerate(conditions.errors_of_model, start=5):
             error, own = (unknowns + step)[size:][part], covariance[size:, size:][part, part]
             taken = (np.eye(error.size) - own / variances[at]) / variances[at]
             downhill[at] = error @ error / variances[at] ** 2 - np.trace(taken)
@@ -116,10 +116,10 @@ class _Likelihood:
 
 
 def _step(now: _State, unknown: BoolArray) -> FloatArray:
-    """The step (6,) of Fisher's scoring; a variance of zero stays if it would become negative."""
+    """The step (7,) of Fisher's scoring; a variance of zero stays if it would become negative."""
     moved = unknown.copy()
-    step = np.zeros(6)
-    for _ in range(6):
+    step = np.zeros(7)
+    for _ in range(7):
         at = np.flatnonzero(moved)
         step[:] = 0.0
         if not at.size:
@@ -133,7 +133,7 @@ def _step(now: _State, unknown: BoolArray) -> FloatArray:
 
 
 def _slopes(rows: Rows, weight: Weights, local: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Minus the slope (4,) of -2 log L of a block, and its expected curvature (4, 4).
+    """Minus the slope (5,) of -2 log L of a block, and its expected curvature (5, 5).
 
     P is V^-1 less what the free unknowns take; entries of P between conditions are left out of the curvature.
     """
@@ -150,16 +150,15 @@ def _slopes(rows: Rows, weight: Weights, local: FloatArray, spread: FloatArray) 
     error[:, : 2 * count] = np.tile(np.eye(2), (count, 1))
     across = (weight.times(error) - taken @ np.swapaxes(summed, 1, 2))[:, : 2 * count].reshape(groups, count, 2, 2)
     inner = np.sum(across, axis=1)
-    slope, curvature = np.zeros(4), np.zeros((4, 4))
-    slope[0] = np.sum(np.sum(each, axis=1) ** 2) - np.trace(inner, 0, 1, 2).sum()
-    slope[1:3] = np.sum(each**2, axis=(0, 1)) - np.sum(diagonal, axis=(0, 1))
-    curvature[0, 0] = np.sum(inner**2)
-    curvature[1, 1], curvature[2, 2] = np.sum(diagonal**2, axis=(0, 1))
-    curvature[0, 1:3] = curvature[1:3, 0] = np.sum(across**2, axis=(0, 1, 3))
-    if weight.static is None:
-        curvature[3, 3] = 0.0
-    else:
+    slope, curvature = np.zeros(5), np.zeros((5, 5))
+    slope[:2] = np.sum(np.sum(each, axis=1) ** 2 - np.diagonal(inner, 0, 1, 2), axis=0)
+    slope[2:4] = np.sum(each**2, axis=(0, 1)) - np.sum(diagonal, axis=(0, 1))
+    curvature[:2, :2] = np.sum(inner**2, axis=0)
+    curvature[2, 2], curvature[3, 3] = np.sum(diagonal**2, axis=(0, 1))
+    curvature[2:4, :2] = np.sum(across**2, axis=(0, 1))
+    curvature[:2, 2:4] = curvature[2:4, :2].T
+    if weight.static is not None:
         static = weight.static - lost[:, -1]
-        slope[3] = np.sum(off[:, -1] ** 2) - np.sum(static)
-        curvature[3, 3] = np.sum(static**2)
+        slope[4] = np.sum(off[:, -1] ** 2) - np.sum(static)
+        curvature[4, 4] = np.sum(static**2)
     return slope, curvature

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import ModelError
+from fourpole.models.interface import Link
 
 #: Exponents of each axis, term by term.
 Terms = tuple[tuple[int, ...], ...]
@@ -101,6 +102,11 @@ class Axes(ByValue):
         array = np.atleast_2d(np.asarray(points, dtype=float))
         return np.asarray((self._measured(array) - self.middle) / self.half)
 
+    def tested(self, point: ArrayLike) -> int | None:
+        """Place of the condition that was tested at a point (d,), within the tolerance of a level; None if none was."""
+        off = np.max(np.abs(self.scaled(self.points) - self.scaled(point)), axis=1, initial=0.0)
+        return int(np.argmin(off)) if np.min(off) <= _SAME else None
+
     def outside(self, point: ArrayLike) -> tuple[float, FloatArray]:
         """Distance of a point (d,) from the convex hull of the tested conditions, and the nearest point of the hull.
 
@@ -132,7 +138,7 @@ class Axes(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class ValueSurface(ByValue):
-    """The logarithm of a positive value, such as K1, as a polynomial of the scaled axes.
+    """A positive value, such as K1, or its logarithm, as a polynomial of the scaled axes.
 
     Attributes
     ----------
@@ -143,6 +149,8 @@ class ValueSurface(ByValue):
         Relative standard deviation of the conditions about the surface.
     std : float [1]
         Relative standard uncertainty that all values share; averaging over conditions does not reduce it.
+    link : Link
+        Whether the polynomial is that of the logarithm.
     """
 
     terms: Terms
@@ -150,15 +158,24 @@ class ValueSurface(ByValue):
     covariance: FloatArray
     scatter: float
     std: float
+    link: Link = "log"
 
-    def at(self, scaled: FloatArray, straight: Sequence[int] = ()) -> tuple[FloatArray, FloatArray]:
-        """The value (Q,) and its standard uncertainty at scaled points (Q, d); `straight`: axes with two levels."""
+    def at(
+        self, scaled: FloatArray, straight: Sequence[int] = (), *, scattered: bool = True
+    ) -> tuple[FloatArray, FloatArray]:
+        """The value (Q,) and its standard uncertainty at scaled points (Q, d).
+
+        `straight` are the axes with two levels; `scattered` says whether the scatter of the conditions counts.
+        """
         basis = design(self.terms, scaled)
-        value = np.exp(basis @ self.coefficients)
-        variance = np.einsum("qi,ij,qj->q", basis, self.covariance, basis) + self.scatter**2 + self.std**2
+        linked = basis @ self.coefficients
+        value = np.exp(linked) if self.link == "log" else linked
+        unit = 1.0 if self.link == "log" else 1.0 / value
+        variance = np.einsum("qi,ij,qj->q", basis, self.covariance, basis) * unit**2 + self.std**2
+        variance = variance + scattered * self.scatter**2
         for share, low, high in bends(scaled, straight):
             change = (design(self.terms, high) - design(self.terms, low)) @ self.coefficients
-            variance = variance + (share * change) ** 2
+            variance = variance + (share * change * unit) ** 2
         return value, value * np.sqrt(variance)
 
 
@@ -174,8 +191,8 @@ def bends(scaled: FloatArray, straight: Sequence[int]) -> Iterator[tuple[FloatAr
         yield BEND * np.maximum(1.0 - scaled[:, axis] ** 2, 0.0), low, high
 
 
-def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurface:
-    """The surface of values (B,) with standard uncertainties (B,) that has the least leave-one-out error.
+def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike, link: Link = "log") -> ValueSurface:
+    """The surface of values (B,) with standard uncertainties (B,) that has the least relative leave-one-out error.
 
     Examples
     --------
@@ -185,20 +202,21 @@ def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike) -> ValueSurfac
     >>> value.round(-1), (std / value).round(4)
     (array([115370.]), array([0.01]))
     """
-    logs = np.log(np.asarray(values, dtype=float))
-    common = float(np.sqrt(np.mean((np.asarray(stds, dtype=float) / np.exp(logs)) ** 2)))
+    given = np.asarray(values, dtype=float)
+    linked, unit = (np.log(given), np.ones(given.size)) if link == "log" else (given, 1.0 / given)
+    common = float(np.sqrt(np.mean((np.asarray(stds, dtype=float) / given) ** 2)))
     scaled = axes.scaled(axes.points)
     best: tuple[float, ValueSurface] | None = None
-    for terms in term_sets(axes.levels, logs.size):
-        basis = design(terms, scaled)
+    for terms in term_sets(axes.levels, given.size):
+        basis = design(terms, scaled) * unit[:, None]
         inverse = np.linalg.pinv(basis.T @ basis, hermitian=True)
-        off = logs - basis @ (inverse @ basis.T @ logs)
+        off = linked * unit - basis @ (inverse @ basis.T @ (linked * unit))
         remainder = np.maximum(1.0 - np.einsum("bi,ij,bj->b", basis, inverse, basis), _LEAST_REMAINDER)
         error = float(np.sqrt(np.mean((off / remainder) ** 2)))
         scatter = float(np.sqrt(np.mean(off**2 / remainder)))
         if best is None or error < _BETTER * best[0]:
-            coefficients = inverse @ basis.T @ logs
-            best = error, ValueSurface(terms, coefficients, scatter**2 * inverse, scatter, common)
+            coefficients = inverse @ basis.T @ (linked * unit)
+            best = error, ValueSurface(terms, coefficients, scatter**2 * inverse, scatter, common, link)
     assert best is not None  # `term_sets` always has a constant
     return best[1]
 

@@ -101,6 +101,27 @@ class Together(ByValue):
         size = self.laws.coefficients
         return self.inverse[:size, :size]
 
+    def offsets(self) -> tuple[FloatArray, FloatArray]:
+        """Errors (B, 2) of the conditions, Re and Im of log K*, and the covariance (B, P + 2, P + 2) of the linked
+        parameters and these.
+
+        Given the changes of a local vector, the errors of its condition are expected at `Weights.offsets` of what is
+        left of the residuals.
+        """
+        size, count = self.linked.shape[1], len(self.linked)
+        errors, covariance = np.zeros((count, 2)), np.zeros((count, size + 2, size + 2))
+        local = self.normal.local_covariance(self.inverse)
+        covariance[:, :size, :size] = local[:, :size, :size]
+        for rows in self.rows:
+            weight, at = Weights.of(rows, self.scatter.variances), rows.places
+            slope = weight.offsets(rows.columns)
+            across = -slope @ local[at]
+            errors[at] = weight.offsets(rows.off[..., None])[..., 0]
+            covariance[at, size:, :size] = across[..., :size]
+            covariance[at, :size, size:] = np.swapaxes(across[..., :size], 1, 2)
+            covariance[at, size:, size:] = weight.inner - across @ np.swapaxes(slope, 1, 2)
+        return errors, covariance
+
     def fits(self) -> list[Fit]:
         """One fit per condition, with the covariance of its parameters and an equal part of the degrees of freedom."""
         values, slopes = self.model.unlink(self.linked)
@@ -271,14 +292,14 @@ class _Point:
         errors = place[0][laws.coefficients :]
         rows = conditions.linearised(place[1], errors)
         weights = [Weights.of(one, scatter.variances) for one in rows]
-        chi2 = sum(one.chi2(each.off) for one, each in zip(weights, rows, strict=True))
+        chi2 = sum(float(np.sum(one.chi2(each.off))) for one, each in zip(weights, rows, strict=True))
         return cls(rows, weights, assembled(rows, weights, laws, place[0]), chi2 + laws.prior_chi2(place[0]))
 
     def chi2_at(self, conditions: Conditions, laws: Laws, place: _Place) -> float:
         """Chi-square at another place with the weights of this one."""
         errors = place[0][laws.coefficients :]
         off = conditions.residuals(place[1], errors, self.rows)
-        chi2 = sum(one.chi2(each) for one, each in zip(self.weights, off, strict=True))
+        chi2 = sum(float(np.sum(one.chi2(each))) for one, each in zip(self.weights, off, strict=True))
         return chi2 + laws.prior_chi2(place[0])
 
 
@@ -298,6 +319,10 @@ class LeaveOneOut:
     ----------
     error : float [1]
         Leave-one-out error: root mean square difference between measured and predicted K*, relative.
+    density : float
+        Log predictive density, summed over the conditions: that of K* as measured under the map of the others. Its
+        covariance is that of the map, of the scatter, of the data and of the shared errors. It is -inf for a map of a
+        file.
     inside : float [1]
         Fraction of all K' and K'' that are inside the predicted 95 % intervals.
     conditions : float [1]
@@ -307,6 +332,7 @@ class LeaveOneOut:
     error: float = float("nan")
     inside: float = float("nan")
     conditions: float = float("nan")
+    density: float = float("-inf")
 
     @classmethod
     def of(cls, found: Together) -> LeaveOneOut:
@@ -320,8 +346,9 @@ class LeaveOneOut:
             covariance[:, columns] = covariance[:, :, columns] = 0.0
         variances = found.scatter.summed.variances
         moved = found.linked + change[:, :size], errors
-        squares, scores, middle = [], [], []
+        squares, scores, middle, density = [], [], [], 0.0
         for rows, left in zip(found.rows, found.conditions.residuals(*moved, found.rows), strict=True):
+            density += _density_of(rows, variances, left, covariance[rows.places])
             off, spread = _predicted(rows, variances, left, covariance[rows.places])
             squares.append(np.sum(off**2, axis=2).ravel())
             score = np.abs(off) / np.sqrt(spread)
@@ -331,6 +358,7 @@ class LeaveOneOut:
             error=float(np.sqrt(np.mean(np.concatenate(squares)))),
             inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
             conditions=float(np.mean(np.concatenate(middle) < NORMAL_95)),
+            density=density,
         )
 
 
@@ -349,22 +377,37 @@ def _remainder(normal: Normal, spread: FloatArray) -> FloatArray:
     return np.asarray((1.0 + _LEAST_REMAINDER) * np.eye(spread.shape[1]) - spread @ normal.gram)
 
 
-def misfit_without_each(rows: Sequence[Rows], weights: Sequence[Weights], normal: Normal) -> tuple[float, float]:
-    """Chi-square of each condition against the fit of the others, summed, and the leave-one-out error of K*, relative.
+def density_without_each(normal: Normal) -> float:
+    """Log density of each condition under the fit of the others, summed, of linear equations.
 
-    The fit is that of linear equations.
+    That of the residuals themselves, `Weights.log_density`, is left out.
     """
     whole, _, local = normal.solved()
     spread = normal.local_covariance(whole)
-    gradient = normal.right[..., None] - normal.gram @ local[..., None]
-    change = -np.linalg.solve(_remainder(normal, spread), spread @ gradient)[..., 0]
-    total, squares = 0.0, []
-    for one, weight in zip(rows, weights, strict=True):
-        move = (local + change)[one.places]
-        off = one.off - (one.columns @ move[..., None])[..., 0]
-        total += weight.chi2(off)
-        squares.append((off[:, : 2 * one.own.shape[1]] ** 2).ravel())
-    return total, float(np.sqrt(2 * np.mean(np.concatenate(squares))))
+    remainder = _remainder(normal, spread)
+    gradient = normal.right - (normal.gram @ local[..., None])[..., 0]
+    local = local - np.linalg.solve(remainder, spread @ gradient[..., None])[..., 0]
+    moved = (normal.gram @ local[..., None])[..., 0]
+    chi2 = float(np.sum(local * (moved - 2 * normal.right)))
+    return _gain(normal.right - moved, normal.gram, np.linalg.solve(remainder, spread)) - 0.5 * chi2
+
+
+def _gain(gradient: FloatArray, gram: FloatArray, covariance: FloatArray) -> float:
+    """What C adds to the log density of residuals r with the covariance V + F C F^T, summed over conditions.
+
+    It takes F^T V^-1 r (B, L), F^T V^-1 F (B, L, L) and C (B, L, L).
+    """
+    grown = np.eye(gram.shape[1]) + gram @ covariance
+    gain = gradient * (covariance @ np.linalg.solve(grown, gradient[..., None]))[..., 0]
+    return 0.5 * float(np.sum(gain) - np.sum(np.linalg.slogdet(grown)[1]))
+
+
+def _density_of(rows: Rows, variances: FloatArray, left: FloatArray, covariance: FloatArray) -> float:
+    """Log density of K* of a block, for residuals (G, M) and local covariances (G, L, L) without each."""
+    weight = Weights.of(rows, variances)
+    weighted = np.swapaxes(weight.times(rows.columns), 1, 2)
+    gain = _gain((weighted @ left[..., None])[..., 0], weighted @ rows.columns, covariance)
+    return gain + float(np.sum(weight.log_density(left, rows.scale)))
 
 
 def _predicted(
@@ -376,7 +419,7 @@ def _predicted(
     off = left[:, : 2 * count].reshape(groups, count, 2)
     pairs = columns.reshape(groups, count, 2, -1)
     spread = pairs @ covariance[:, None] @ np.swapaxes(pairs, 2, 3) + rows.own
-    spread = spread + np.diag(variances[1:3] + variances[0])
+    spread = spread + np.diag(variances[2:4] + variances[:2])
     turn = multiplication(rows.scale / np.abs(rows.scale))  # along K*
     turned = (turn @ off[..., None])[..., 0]
     return turned, np.diagonal(turn @ spread @ np.swapaxes(turn, 2, 3), 0, 2, 3)

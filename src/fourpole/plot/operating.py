@@ -14,7 +14,8 @@ from fourpole.core.condition import FREQUENCY, Axis
 from fourpole.core.confidence import NORMAL_95
 from fourpole.fitting.amplitude import amplitudes_of
 from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
-from fourpole.models.operating import Answer, OperatingMap
+from fourpole.models.answer import Answer
+from fourpole.models.operating import OperatingMap
 from fourpole.plot.cards import linked
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, shade
 from fourpole.plot.names import plain_text

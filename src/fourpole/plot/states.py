@@ -19,8 +19,8 @@ from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.query import response
 from fourpole.fitting.rows import conditions_in, rule_in
 from fourpole.fitting.stated import rig_in
+from fourpole.models.answer import Answer
 from fourpole.models.belted import MASSLESS
-from fourpole.models.operating import Answer
 from fourpole.plot.fitted import DECADE, Drawn, conditions_of
 from fourpole.plot.names import plain_text
 from fourpole.plot.sheet import Sheet, read_sheet

@@ -14,7 +14,8 @@ from fourpole.core.condition import AMPLITUDE, AXES
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import CampaignError, FourpoleError, ModelError
 from fourpole.fitting.modelfile import MapEntry, ModelEntry, ModelFile
-from fourpole.fitting.query import Query, ask, polar_of
+from fourpole.fitting.query import INTERVAL, Query, ask, polar_of
+from fourpole.models.operating import Purpose
 from fourpole.plot.states import axis_shown, place_text
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.digits import cell
@@ -173,7 +174,9 @@ def _written(units: ShownUnits, column: str, value: float) -> str:
     return f"{value / scale:.10g} {unit}"
 
 
-def answer(results: Study, source: Source, asked: Mapping[str, str], *, beyond: bool) -> dict[str, Any]:
+def answer(
+    results: Study, source: Source, asked: Mapping[str, str], *, beyond: bool, purpose: Purpose | None = None
+) -> dict[str, Any]:
     """The answer to a question, and the curves over frequency at its point; `fault` in place of both if it has none.
 
     Parameters
@@ -184,17 +187,19 @@ def answer(results: Study, source: Source, asked: Mapping[str, str], *, beyond: 
         Values by the names of the fields; one that is not stated has the first value of its field.
     beyond : bool
         Whether to answer outside the tested conditions and frequencies.
+    purpose : Purpose, optional
+        What the intervals are for.
     """
     try:
         state, frequency = _state(source, asked)
         units = results.shown
-        rows = ask(source.file, Query([frequency], state, source.tyre, beyond=beyond, units=units))
+        rows = ask(source.file, Query([frequency], state, source.tyre, beyond=beyond, units=units, purpose=purpose))
         row = {**rows[0], **{head: float(one[0]) for head, one in polar_of(rows).items()}}
         return {
             "fault": "",
-            "remarks": [one for one in [str(row["remarks"]), *lacking(row)] if one],
+            "remarks": [one for one in [str(row["remarks"]), *lacking(row), row[INTERVAL]] if one],
             "rows": [_shown(row, one, units) for one in _ANSWERED if row.get(one.head) is not None],
-            "curves": _curves(source, state, frequency, units, beyond=beyond),
+            "curves": _curves(source, state, frequency, units, beyond=beyond, purpose=purpose),
         }
     except FourpoleError as error:
         return {"fault": str(error), "remarks": [], "rows": [], "curves": None}
@@ -234,7 +239,13 @@ def _shown(row: Mapping[str, Any], one: Quantity, units: ShownUnits) -> dict[str
 
 
 def _curves(
-    source: Source, state: dict[str, float], frequency: float, units: ShownUnits, *, beyond: bool
+    source: Source,
+    state: dict[str, float],
+    frequency: float,
+    units: ShownUnits,
+    *,
+    beyond: bool,
+    purpose: Purpose | None,
 ) -> dict[str, Any] | None:
     """The curves over the band, at the point of the answer; None where the band of the condition has no width."""
     band = source.fields[-1]
@@ -243,7 +254,7 @@ def _curves(
         return None
     grid = np.geomspace(low, high, _POINTS) if band.log else np.linspace(low, high, _POINTS)
     try:
-        rows = ask(source.file, Query(grid.tolist(), state, source.tyre, beyond=True, units=units))
+        rows = ask(source.file, Query(grid.tolist(), state, source.tyre, beyond=True, units=units, purpose=purpose))
     except ModelError:
         return None
     return {

@@ -330,7 +330,7 @@ class Study(TestedTables):
         Parameters
         ----------
         model : str
-            Name of a model, or `auto`: the model with the smallest leave-one-out error.
+            Name of a model, or `auto`: the causal model with the greatest leave-one-out log predictive density.
         tyre : str, optional
             The tyre whose map is used; by default all tyres.
         over : sequence of str
@@ -353,11 +353,14 @@ class Study(TestedTables):
             If xarray is not installed.
         """
         from fourpole.fitting.grid import grid_of
+        from fourpole.fitting.inertia import mean_inertia
         from fourpole.fitting.modelling import map_tyres
 
         maps = map_tyres(self._measured(model, over).only(tyre), model, over)
         rig = rig_in(rig_file(self.record, self.rig))
-        return grid_of({surface.tyre: surface.best for surface in maps}, rig, at)
+        bodies = {one.tyre: mean_inertia([each.inertia for each in one.measured]) for one in maps}
+        belts = {tyre: one.specimen for tyre, one in bodies.items() if one is not None}
+        return grid_of({surface.tyre: surface.best for surface in maps}, rig, at, specimens=belts)
 
     def to_pandas(self, table: str = "dynamic") -> Any:
         """A table as a pandas.DataFrame; needs pandas, and no pyarrow.

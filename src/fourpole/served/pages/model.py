@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 from urllib.parse import quote
 
 from markupsafe import Markup
@@ -22,6 +22,7 @@ from fourpole.errors import CampaignError, FourpoleError, UnitError
 from fourpole.export.kinds import KINDS, ExportKind, Takes, export_results
 from fourpole.fitting.placed import operating_point
 from fourpole.models.families import FAMILIES
+from fourpole.models.operating import Purpose
 from fourpole.models.shape import shape_of
 from fourpole.report.cards import embedded
 from fourpole.report.pdf import print_page
@@ -77,6 +78,8 @@ def _shown(site: Site, place: Place, request: Request) -> dict[str, Any]:
         "asked": {} if source is None else _asked(source, asked),
         "condition": "" if source is None else _condition(source, asked),
         "beyond": "beyond" in asked,
+        "purposes": get_args(Purpose),
+        "purpose": _purpose(asked),
         "answer": found,
         "data": Markup(embedded(found["curves"] if found else None)),
         "pictures": _figures(site, shown),
@@ -123,7 +126,12 @@ def _answered(shown: Shown, source: Source, asked: Mapping[str, str]) -> dict[st
     stated = {
         name: f"{text} {units[name]}" if _is_bare(text) and name in units else text for name, text in asked.items()
     }
-    return answer(shown.results, source, stated, beyond="beyond" in asked)
+    return answer(shown.results, source, stated, beyond="beyond" in asked, purpose=_purpose(asked))
+
+
+def _purpose(asked: Mapping[str, str]) -> Purpose | None:
+    """What the intervals are for; None for the usual one."""
+    return next((one for one in get_args(Purpose) if one == asked.get("for")), None)
 
 
 def _is_bare(text: str) -> bool:

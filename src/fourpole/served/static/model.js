@@ -66,6 +66,7 @@
         if (one.value !== "") query.set(one.name, `${one.value} ${one.dataset.unit}`.trim());
       }
       if (point.elements.beyond.checked) query.set("beyond", "1");
+      if (point.elements.for) query.set("for", point.elements.for.value);
       return query;
     };
     let asked = 0, waiting = false, again = false;

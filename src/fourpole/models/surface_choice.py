@@ -1,0 +1,229 @@
+"""The choice of the surfaces of a map: the terms of each parameter, their fit, and the scatter of the conditions.
+
+Candidates are compared about one fit, by linear algebra: by the log predictive density of each condition, as measured,
+under the fit of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from fourpole.core import stats
+from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.confidence import CHANCE, LEVELS, NORMAL_95
+from fourpole.models.interface import Model
+from fourpole.models.laws import Laws
+from fourpole.models.linearised import Conditions, Rows, Scatter, Weights
+from fourpole.models.restricted import scatter_of
+from fourpole.models.surface import Terms
+from fourpole.models.together import Together, assembled, density_without_each, search
+
+#: Terms of each parameter.
+Plan: TypeAlias = tuple[Terms, ...]
+#: Relative scatter of conditions in the comparison of surfaces.
+_SCATTER = 1e-2
+#: Further scatters of conditions in the comparison: factors along and across K*, of that which a fit shows or of the
+#: least.
+_FACTORS, _LEAST = ((0.3, 1.0), (1.0, 0.3), (0.1, 0.1), (0.01, 0.01), (3.0, 3.0)), 1e-3
+#: Scatter of the first fit, and its number of terms, as a fraction of the number of conditions.
+_FIRST_SCATTER, _FIRST = Scatter((_SCATTER, _SCATTER), (_SCATTER, _SCATTER), _SCATTER), 1.0 / 3.0
+#: Standard deviations of the weak prior of coefficients: of a level about the median of the starts, and of a change
+#: over half the span of an axis, in units of the link: 1 is a factor of 2.7, or the median itself without a logarithm.
+_LEVEL, _CHANGE = 10.0, 2.0
+#: Starts are limited to this distance from their median, in units of the link.
+_NEAR = 3.0
+#: Largest number of terms; maximum number of fits with a scatter.
+MOST_TERMS, _ROUNDS = 64, 8
+#: Variances of the scatter are final when they change by less than this fraction, or this standard deviation.
+_CLOSE, _SMALL = 0.01, 1e-7
+#: Chi-square that fits may leave: those about which surfaces are compared, and those of the map.
+_ROUGHLY, _CLOSE_FIT = 0.1, 1e-6
+#: Number of the best surfaces in which each parameter in turn is given fewer terms.
+_LESSENED = 3
+#: A larger surface is chosen only if its log predictive density exceeds that of a smaller one by this; twice that is 6,
+#: which the ladder of single fits asks of BIC.
+BETTER = 3.0
+
+
+def place_of_simplest(densities: Sequence[float], sizes: Sequence[int]) -> int:
+    """Place of the smallest candidate with hardly less than the greatest density; of several, that with most."""
+    least = max(densities) - BETTER
+    good = [at for at, density in enumerate(densities) if density >= least]
+    return min(good, key=lambda at: (sizes[at], -densities[at]))
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceChoice(ByValue):
+    """The search for the terms of a map and for the scatter of its conditions.
+
+    Attributes
+    ----------
+    conditions : Conditions
+    bases : dict of Terms to (B, K) float array
+        Basis functions of each candidate.
+    linked : (B, P) float array
+        Linked parameters of a fit to each condition, none far from the median.
+    middle, units : (P,) float arrays
+        Their medians, and the units of their priors.
+    spare : bool
+        Whether there are more conditions than terms, so that they show their scatter. The uncertainty of K1 is then one
+        error of all conditions.
+    """
+
+    conditions: Conditions
+    bases: dict[Terms, FloatArray]
+    linked: FloatArray
+    middle: FloatArray
+    units: FloatArray
+    spare: bool
+
+    def made(self) -> ChosenSurfaces:
+        """The terms with hardly less than the greatest log predictive density, and their fit.
+
+        The candidates are compared about one fit, by linear algebra. The fit of the best is the next one about which
+        they are compared, until the best stays. Then each parameter loses the terms that it does not need.
+        """
+        axes = len(next(iter(self.bases))[0])
+        most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
+        few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
+        # Without a term of an axis, K* would be far from the fit about which the candidates are linear.
+        first = max(few, key=lambda one: (np.count_nonzero(np.max(one, axis=0)), len(one)))
+        plan = (first,) * self.middle.size
+        found = self.fitted(plan, self.linked, _FIRST_SCATTER, None, close=_ROUGHLY)
+        density, seen = -np.inf, set()
+        while len(self.bases) > 1 and plan not in seen:
+            seen.add(plan)
+            plan, trial, density = self._best(found, self._scatter(found, roughly=True))
+            if plan not in seen:
+                found = self.fitted(plan, found.linked, trial, found.errors, close=_ROUGHLY)
+        return ChosenSurfaces(self, plan, found, density)
+
+    def _laws(self, plan: Plan) -> Laws:
+        """The laws of all parameters, with a weak prior of their coefficients."""
+        expected, precision = [], []
+        for terms, middle, unit in zip(plan, self.middle, self.units, strict=True):
+            constant = np.array([not any(one) for one in terms])
+            expected.append(np.where(constant, middle, 0.0))
+            precision.append((unit * np.where(constant, _LEVEL, _CHANGE)) ** -2.0)
+        few, designs = self.conditions, tuple(self.bases[terms] for terms in plan)
+        return Laws(designs, few.shared, few.count, np.concatenate(expected), np.concatenate(precision))
+
+    def fitted(
+        self, plan: Plan, linked: FloatArray, scatter: Scatter, errors: FloatArray | None, close: float = _CLOSE_FIT
+    ) -> Together:
+        """The fit of a plan from linked parameters (B, P), with a scatter."""
+        return search(self.conditions, self._laws(plan), linked, scatter, errors, close=close)
+
+    def _scatter(self, found: Together, *, roughly: bool = False) -> Scatter:
+        """The scatter that a fit shows."""
+        if not found.dof:
+            return Scatter()
+        return scatter_of(found, (*(self.spare,) * 2, True, True, self.spare, True, True), roughly=roughly)
+
+    def _best(self, found: Together, scatter: Scatter) -> tuple[Plan, Scatter, float]:
+        """The terms with hardly less than the greatest log predictive density about a fit; their scatter and density.
+
+        Each candidate has the scatter of conditions with which its density is greatest: lack of a term must not pass
+        for scatter in the comparison with those that have it.
+        """
+        rows = [one.about_zero(found.linked) for one in found.rows]
+        condition = np.maximum(scatter.condition, _LEAST)
+        more = [replace(scatter, condition=tuple((condition * one).tolist())) for one in _FACTORS if self.spare]
+        every = [scatter, *more]
+        densities = [self._density(rows, found, one) for one in every]
+        plans: list[Plan] = [(one,) * self.middle.size for one in self.bases]
+        each = np.array([[density(plan) for density in densities] for plan in plans])
+        best = each.argmax(axis=1).tolist()
+        tried = [(plan, at, float(row[at])) for plan, row, at in zip(plans, each, best, strict=True)]
+        for place in np.argsort(-each.max(axis=1))[:_LESSENED].tolist():
+            plan, at, _ = tried[place]
+            plan = self._lessened(plan, densities[at])
+            tried.append((plan, at, densities[at](plan)))
+        plan, at, density = tried[place_of_simplest([one[2] for one in tried], [len(sum(one[0], ())) for one in tried])]
+        return plan, every[at], density
+
+    def _lessened(self, plan: Plan, density: Callable[[Plan], float]) -> Plan:
+        """The plan in which each parameter in turn has the fewest terms that it needs."""
+        for place in range(len(plan)):
+            inner = [(*plan[:place], one, *plan[place + 1 :]) for one in self.bases if set(one) <= set(plan[place])]
+            plan = inner[place_of_simplest([density(one) for one in inner], [len(one[place]) for one in inner])]
+        return plan
+
+    def _density(self, rows: Sequence[Rows], found: Together, scatter: Scatter) -> Callable[[Plan], float]:
+        """The log predictive density of a plan about a fit, whose rows are about zero, with a scatter."""
+        weights = [Weights.of(one, scatter.variances) for one in rows]
+        normal = assembled(rows, weights, found.laws, found.unknowns)
+        pairs = zip(rows, weights, strict=True)
+        rest = sum(float(np.sum(weight.log_density(one.off, one.scale))) for one, weight in pairs)
+
+        def density(plan: Plan) -> float:
+            laws = self._laws(plan)
+            zero = np.append(np.zeros(laws.coefficients), found.errors)
+            return rest + density_without_each(replace(normal, laws=laws, unknowns=zero))
+
+        return density
+
+    def calibrated(self, plan: Plan, found: Together) -> Together:
+        """The fit with the scatter that it shows.
+
+        If the model does not fit, its error may be the same in all conditions. It must not pass for shared errors, so
+        that it becomes an unknown beside these.
+        """
+        found = self.widened(plan, self.with_scatter(plan, found))
+        moved = float(found.errors @ found.errors)
+        surprising = bool(moved > stats.chi2.isf(CHANCE, max(found.errors.size, 1)))
+        if not found.dof or not (surprising or any(found.scatter.frequency)):
+            return found
+        wider = replace(self, conditions=self.conditions.with_errors_of_model())
+        last = found.errors.size - int(wider.conditions.common)
+        errors = np.insert(found.errors, last, np.zeros(2 * wider.conditions.nodes.size))
+        begin = replace(found.scatter, common=found.scatter.frequency)
+        return wider.widened(plan, wider.with_scatter(plan, wider.fitted(plan, found.linked, begin, errors)))
+
+    def widened(self, plan: Plan, found: Together) -> Together:
+        """The fit with the scatter of conditions widened by Student's t over 1.96.
+
+        Its degrees of freedom are the conditions in excess of the terms, less one for the choice of these.
+        """
+        dof = max(self.conditions.count - max(map(len, plan)) - 1, 1)
+        if not any(found.scatter.condition):
+            return found
+        along, across = (stats.t.ppf(LEVELS[-1], dof) / NORMAL_95 * np.array(found.scatter.condition)).tolist()
+        return self.fitted(plan, found.linked, replace(found.scatter, condition=(along, across)), found.errors)
+
+    def with_scatter(self, plan: Plan, found: Together) -> Together:
+        """The fit with the scatter that it shows."""
+        for _ in range(_ROUNDS):
+            before, scatter = found.scatter.variances, self._scatter(found)
+            found = self.fitted(plan, found.linked, scatter, found.errors)
+            if np.all(np.abs(scatter.variances - before) <= _CLOSE * before + _SMALL**2):
+                break
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenSurfaces(ByValue):
+    """The terms of each parameter, their fit and its log predictive density; how they were chosen."""
+
+    choice: SurfaceChoice
+    plan: Plan
+    found: Together
+    density: float
+
+
+def started(model: Model, start: FloatArray, scaled: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Linked parameters (B, P) of all conditions, from fits to some; their medians (P,), and units of their priors."""
+    known = np.flatnonzero(np.all(np.isfinite(start), axis=1))
+    linked = model.link(start[known])
+    middle = np.median(linked, axis=0)
+    straight = np.array([one.straight for one in model.parameters])
+    units = np.where(straight, np.maximum(np.abs(middle), np.mean(np.abs(linked), axis=0)), 1.0)
+    linked = np.clip(linked, middle - _NEAR * units, middle + _NEAR * units)
+    if len(known) < len(start):
+        basis = np.insert(scaled, 0, 1.0, axis=1)
+        linked = basis @ np.linalg.lstsq(basis[known], linked, rcond=None)[0]
+    return linked, middle, units
