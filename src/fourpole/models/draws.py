@@ -45,7 +45,7 @@ def drawn_values(found: OperatingMap, point: FloatArray, count: int = _MADE, see
     ...     ((),),
     ...     linked,
     ...     np.diag([1e-4, 4e-4]),
-    ...     Scatter(0.0, (0.0, 0.0)),
+    ...     Scatter(),
     ...     (5.0, 50.0),
     ...     LeaveOneOut(),
     ... )
