@@ -130,6 +130,10 @@ def test_a_k1_that_contradicts_is_named(run, tmp_path):
     assert "it is K1 of the static test" in ran.stdout
 
 
+def shown_as(results):
+    return ("query", results / "map.json", "--pressure", "1.85 bar", "--preload", "1400 N", "--frequency", "13.7 Hz")
+
+
 def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output
@@ -156,11 +160,15 @@ def test_results_to_model_map_and_query(run, results):
     # the arm of this tyre is a law of the frequency, which no causal model has: the uncertainty is large
     assert 0 < row["u(Re K*) [N/m]"] < row["Re K* [N/m]"]
     assert abs(row["TR [1]"] - 2.5) < 1.0 + 2 * row["u(TR) [1]"]
-    shown = run(
-        "query", results / "map.json", "--pressure", "1.85 bar", "--preload", "1400 N", "--frequency", "13.7 Hz"
-    )
+    shown = run(*shown_as(results))
     assert "K2" in shown.stdout
     assert "±" in shown.stdout
+    assert "Intervals are for the next mounting" in " ".join(shown.stdout.split())
+    asked = run(*shown_as(results), "--for", "mean", "--json")
+    assert json.loads(asked.stdout)["rows"][0]["interval for"] == "mean"
+    refused = run(*shown_as(results), "--for", "specimen")
+    assert refused.exit_code == 2
+    assert "nothing was tested at this point" in " ".join(refused.stderr.split())
     again = run("report", results)
     assert again.exit_code == 0, again.output
     assert again.stderr == "" or "left out" not in again.stderr

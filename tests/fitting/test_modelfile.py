@@ -332,3 +332,57 @@ def test_conditions_without_a_common_frequency_make_no_map():
 def test_a_map_that_makes_no_sense_is_refused(mapped, tmp_path, change, said):
     with pytest.raises(ModelError, match=said):
         read_model_file(changed(mapped, tmp_path, change))
+
+
+LINEAR = (1.0e5, 1.7e5, 2.4e5)
+
+
+@pytest.fixture(scope="module")
+def linear() -> ModelFile:
+    """A Zener tyre whose stiffness and damping rise linearly with the pressure, 1 % from mounting to mounting."""
+    rng, rows = np.random.default_rng(2), []
+    for pressure in LINEAR:
+        for preload in (1000.0, 2000.0, 3000.0):
+            factor = (1 + 0.4 * (pressure / 1e5 - 1.7)) * (1 + 0.01 * rng.standard_normal())
+            for frequency in FREQUENCIES:
+                jw = 2j * np.pi * frequency
+                clean = factor * (180e3 + 120e3 * 700 * jw / (120e3 + 700 * jw))
+                seen, std = clean + 1e-3 * abs(clean) * complex(*rng.standard_normal(2)), 1e-3 * abs(clean)
+                rows.append(("t", pressure, preload, frequency, seen.real, seen.imag, std, std))
+    names = ("tyre", "pressure [Pa]", "preload [N]", "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]")
+    frame = pl.DataFrame(rows, schema=[*names, "u(Re K*) [N/m]", "u(Im K*) [N/m]"], orient="row")
+    measured = measured_of(frame)
+    return model_file(measured, maps=map_tyres(measured, "zener"))
+
+
+def test_a_map_states_its_link_and_a_file_without_one_has_logarithms(linear, tmp_path):
+    linear.write(tmp_path / "map.json")
+    (entry,) = read_model_file(tmp_path / "map.json").maps
+    assert entry.link == "identity"
+    assert json.loads((tmp_path / "map.json").read_text())["maps"][0]["link"] == "identity"
+    x = (2.2e5 - 1.7e5) / 0.7e5
+    wanted = np.array(entry.coefficients) @ [x ** one[0] * (0.0 if one[1] else 1.0) for one in entry.terms]
+    assert map_of(entry).parameters([[2.2e5, 2e3]])[0] == pytest.approx(wanted)  # the middle of the preloads
+    older = entry.model_dump(by_alias=True, exclude={"link", "offsets"}) | {"scatter": entry.scatter[:3]}
+    found = map_of(type(entry).model_validate(older))
+    assert found.link == "log"
+    assert found.scatter.condition == (entry.scatter[0],) * 2
+    assert found.offsets is None
+
+
+def test_a_query_states_what_its_interval_is_for(linear, fitted):
+    state = {"pressure [Pa]": 1.7e5, "preload [N]": 2000.0}
+    rows = {one: ask(linear, Query([14.0], state, purpose=one))[0] for one in ("mean", "next", "specimen", None)}
+    assert rows[None] == rows["next"]
+    for purpose, row in rows.items():
+        assert row["interval for"] == purpose or purpose is None
+        assert row["interval"].startswith("Intervals are for ")
+    u = {one: row["u(Re K*) [N/m]"] for one, row in rows.items()}
+    assert u["specimen"] < u["mean"] < u["next"]
+    assert rows["specimen"]["Re K* [N/m]"] != rows["mean"]["Re K* [N/m]"] == rows["next"]["Re K* [N/m]"]
+    with pytest.raises(ModelError, match="nothing was tested at this point"):
+        ask(linear, Query([14.0], {**state, "pressure [Pa]": 2.0e5}, purpose="specimen"))
+    (row,) = ask(fitted, Query([14.0], {**state, "preload [N]": 1000.0}, "a"))
+    assert row["interval for"] == "specimen"
+    with pytest.raises(ModelError, match="do not know the scatter between mountings"):
+        ask(fitted, Query([14.0], {**state, "preload [N]": 1000.0}, "a", purpose="next"))
