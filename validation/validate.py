@@ -222,6 +222,7 @@ def _findings(results: Sequence[dict[str, Any]]) -> list[str]:
     from scores import exact_limits
 
     def share(words: str, met: int, of: int) -> str:
+        of = max(of, 1)
         low, high = exact_limits(met, of)
         return f"| {words} | {met} of {of} | {100 * met / of:.2f} % | {100 * low:.2f} to {100 * high:.2f} % |"
 

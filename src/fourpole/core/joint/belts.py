@@ -87,8 +87,8 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
     return SharedParameter(Source(kind, name), component(kind).unit, index, *stated)
 
 
-def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> tuple[Problem, Solution] | None:
-    """The most probable belts or rods of all specimens, from several first masses; None if no search converges.
+def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> tuple[Problem, Solution]:
+    """The most probable belts or rods of all specimens, from several first masses; one that converges if any does.
 
     A rod explains the tests of a light belt too, with fewer unknowns and another moving mass: no tyre is one.
     """
@@ -98,12 +98,11 @@ def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexAr
         wide = with_belts(problem, bodies, stiffness, rod=rod)
         for share in _STARTS:
             found, solution = _searched(wide, _first(wide, share * problem.shared.rig.moving_mass))
-            if solution.converged:
-                made.append((found, solution))
-                good |= solution.objective < _GOOD * problem.observed.omega.size
+            made.append((found, solution))
+            good |= solution.converged and solution.objective < _GOOD * problem.observed.omega.size
             if good:
                 break
-    return max(made, key=lambda one: one[1].evidence, default=None)
+    return max(made, key=lambda one: (one[1].converged, one[1].evidence))
 
 
 def explains_more(problem: Problem, solution: Solution, bodies: Mapping[str, Body]) -> bool:

@@ -241,10 +241,9 @@ def _with_masses(
     problem: Problem, start: ComplexArray, bodies: Mapping[str, Body], massless: _Explained, *, stated: bool
 ) -> _Explained | None:
     """The tests explained by specimens with a mass of their own; None if massless ones explain them as well."""
-    belt = explained(problem, bodies, start)
-    if belt is None:
+    wide, solution = explained(problem, bodies, start)
+    if not (solution.converged or stated):  # a stated mass is there, whatever else keeps the search from an end
         return None
-    wide, solution = belt
     first = solution.stiffness, solution.z
     scatter = robust_scatter(wide, deviations(wide, solution.z, solution.stiffness))
     scattered, solution = solve_either(replace(wide, scatter=scatter), *first)
