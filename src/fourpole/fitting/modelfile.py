@@ -25,6 +25,7 @@ from fourpole.fitting.modelparts import (
     Share,
     Strict,
     SurfaceFile,
+    ToleranceFile,
     VerdictFile,
     check_covariance,
     check_offsets,
@@ -173,14 +174,6 @@ class MapEntry(_Entry):
     offsets: list[OffsetFile] = Field(
         default_factory=list, max_length=LONGEST, description="Errors of the tested conditions about the surfaces."
     )
-
-
-class ToleranceFile(Strict):
-    """An axis that the campaign names itself, with the difference within which two of its values are the same."""
-
-    column: str
-    relative: float = Field(default=0.0, ge=0, description="Fraction of the larger value [1].")
-    absolute: float = Field(default=0.0, ge=0, description="In the unit of the column, added to the relative one.")
 
 
 class ModelFile(Strict):

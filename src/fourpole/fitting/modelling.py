@@ -25,12 +25,11 @@ from fourpole.fitting.modelfile import (
     ConditionFile,
     ModelEntry,
     ModelFile,
-    ToleranceFile,
     entry_of,
     finite_or_none,
     model_parts,
 )
-from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
+from fourpole.fitting.modelparts import NamedValue, Provenance, ToleranceFile, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.fitting.ranges import REACH, ranges_of
 from fourpole.fitting.stated import RigFile

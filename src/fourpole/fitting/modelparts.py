@@ -119,6 +119,14 @@ class SurfaceFile(Strict):
     std: Share = Field(description="Relative standard uncertainty that all static tests share [1].")
 
 
+class ToleranceFile(Strict):
+    """An axis that the campaign names itself, with the difference within which two of its values are the same."""
+
+    column: str
+    relative: float = Field(default=0.0, ge=0, description="Fraction of the larger value [1].")
+    absolute: float = Field(default=0.0, ge=0, description="In the unit of the column, added to the relative one.")
+
+
 class OffsetFile(Strict):
     """The error of a tested condition about the surfaces of a map: that of the specimen as it was mounted."""
 
