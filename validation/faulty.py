@@ -148,7 +148,8 @@ def _part(result: Mapping[str, Any]) -> str | None:
 
 
 def _without_fault(results: Sequence[Mapping[str, Any]]) -> list[str]:
-    lines = ["## Without a fault", ""]
+    lines = ["The tyre has a belt of 3 kg, and the files state its whole weight, 5.5 kg. The cubic tyre is massless."]
+    lines += ["", "## Without a fault", ""]
     lines += [f"| masses | campaigns | rigs that do not fit | ok, warning, rejected | {' | '.join(QUANTITIES)} |"]
     lines += ["|---" * (4 + len(QUANTITIES)) + "|"]
     for masses in _PLANS:

@@ -211,6 +211,8 @@ def _part(title: str, results: Sequence[dict[str, Any]], ranges: dict[str, str])
     some = [result for result in results if result["belts"]]
     if len(some) > 1:
         lines += [f"With belts ({len(some)} campaigns):", "", *coverage_table(collect(some), OUTPUTS[:6]), ""]
+        some = [one for one in some if one.get("fits", True) and all(rig["fits"] for rig in one.get("joint", ()))]
+        lines += [f"... and a rig that fits ({len(some)}):", "", *coverage_table(collect(some), OUTPUTS[:6]), ""]
     if any("bound" in result for result in results):
         lines += ["Stated uncertainty over the least possible (posterior Cramér-Rao bound at the truth):", ""]
         lines += [*against_bound(results, (*OUTPUTS, *shared)), ""]
