@@ -19,7 +19,7 @@ PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
 
-.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile lock clean
+.PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile every lock clean
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' Makefile
@@ -119,14 +119,18 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 	@$(BIN)/ruff check --fix-only
 	@$(BIN)/ruff format
 
-# Examples are left out here, for they show numbers as today's numpy prints them; so are warnings, for
-# those of an old library are nobody's to mend. The commands', the report's and the pages' own tests hold their exact
-# output, which is for the terminal, browser and drawing libraries of the lock alone. Tests that take long or repeat an estimate many times ask
-# of our formulas, not of a library: once is enough.
+# What it holds: each function of a library that the package calls is there in the lowest version and does the same. So
+# each test runs with its first case alone (--first), except where the cases differ in the library that they call
+# (tests/selection.py). Left out are examples, for they show numbers as today's numpy prints them; warnings, for those of
+# an old library are nobody's to mend; the commands', the report's and the pages' own tests, which hold exact output of
+# the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many times,
+# which ask of our formulas, not of a library; core/joint and models, algebra on numpy and scipy, which the analyses and
+# fits of the other tests run.
 lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
-		-W default $(TWO_AT_A_TIME) -m "not statistical and not thorough" tests \
-		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools
+		-W default $(TWO_AT_A_TIME) --first -m "not statistical and not thorough" tests \
+		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools \
+		--ignore=tests/core/joint --ignore=tests/models
 
 lowest-install:  ## install the lowest versions allowed
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then \
@@ -153,6 +157,9 @@ faults: $(READY) strace  ## errors, a full disk and kills at every call of two c
 hostile: $(READY)  ## every command and every page on every folder that is made to harm; 20 CPU minutes
 	@$(BIN)/python -m tests.hostile
 	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest -q tests/served/test_hostile.py
+
+every: $(READY)  ## all of the tests of which `make test` takes a part, which is another after each change of the sources
+	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest $(TWO_AT_A_TIME) -m sampled tests
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml

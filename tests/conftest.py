@@ -15,6 +15,7 @@ import polars as pl
 import pytest
 from numpy.typing import NDArray
 from tests.reference import claims
+from tests.selection import EVERY, left_out, turn
 
 from fourpole import Study, analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
@@ -24,6 +25,21 @@ ROOT = Path(__file__).resolve().parents[1]
 USER = Path(tempfile.mkdtemp(prefix="fourpole-tests-"))
 os.environ |= {f"XDG_{name}_HOME": str(USER / name.lower()) for name in ("CONFIG", "CACHE")}
 atexit.register(shutil.rmtree, USER, ignore_errors=True)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--first", action="store_true", help="of each test with several cases the first one only")
+
+
+def pytest_report_header() -> str:
+    return "sampled tests: all cases" if EVERY else f"sampled tests: the cases of FOURPOLE_TURN={turn()}"
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    left = set(left_out(items, first=config.getoption("--first", default=False)))
+    if left and not any("::" in argument for argument in config.args):  # what is named runs
+        config.hook.pytest_deselected(items=list(left))
+        items[:] = [item for item in items if item not in left]
 
 
 @pytest.fixture(scope="session")

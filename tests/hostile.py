@@ -28,6 +28,7 @@ from pathlib import Path
 
 import polars as pl
 from tests.forked import Commands, Run, called, commands
+from tests.selection import share, turn
 
 import fourpole
 from fourpole.io.published import LIST, published, publishing
@@ -255,7 +256,7 @@ def exchanged(campaign: Path) -> None:
     (campaign / "results" / "cache" / "standing.json").unlink()
 
 
-#: Cases by name; each is tried with all commands that are listed for it.
+#: Cases by name, and commands that read what is changed there; a run takes one of these.
 SINGLE: dict[str, tuple[Change, tuple[str, ...]]] = {
     "old journals": (journal, ("rig", "analyse", "report", "causality")),
     "a list with a name outside": (listed("../../beside/secret.toml"), ("rig", "analyse", "report")),
@@ -301,14 +302,16 @@ Case = tuple[str, Change, str]
 
 
 def cases(*, every: bool) -> Iterator[Case]:
-    """Name, change and command of each case; every third place and kind with one command that reads it, or `every`."""
+    """Name, change and command of `every` case; else of this turn's sixth of places and kinds, and one command each."""
     places = [(place, kind) for place in (*STATEMENT, *RESULTS) for kind in STRANGE]
-    for number, (place, kind) in enumerate(places if every else places[::3]):
+    for number, (place, kind) in enumerate(places):
+        if not (every or share(number, 6)):
+            continue
         those = OF_STATEMENT if place in STATEMENT else OF_RESULTS
-        for command in those if every else (those[number % len(those)],):
+        for command in those if every else (those[(number // 6 + turn()) % len(those)],):
             yield f"{kind} for {place}", instead(place, STRANGE[kind]), command
     for name, (change, those) in SINGLE.items():
-        for command in tuple(COMMANDS) if every else those:
+        for command in tuple(COMMANDS) if every else (those[turn() % len(those)],):
             yield name, change, command
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from tests.faults import Experiment, Fault, analysis_experiment, publishing_experiment
+from tests.selection import turn
 
 pytestmark = [
     pytest.mark.thorough,
@@ -18,11 +19,11 @@ pytestmark = [
     ),
 ]
 
-#: Faults of an analysis before the first file is in the store, and from there; each takes a second, and `make faults`
-#: tries all.
-BEFORE, AFTER = 6, 20
+#: Faults of an analysis before the first file is in the store, and from there; each takes a second. They are others
+#: after each change of the sources, and `make faults` tries all.
+BEFORE, AFTER = 3, 10
 #: Faults of the publishing, of more than 250, besides one of each kind at each call.
-PUBLISHED = 60
+PUBLISHED = 30
 
 
 def one_of_each(faults: list[Fault], choice: random.Random) -> list[Fault]:
@@ -42,7 +43,7 @@ def test_faults_while_results_are_published_leave_the_former_or_the_new_ones(tmp
         faults = experiment.faults
         assert len(faults) > 250
         assert {fault.kind for fault in faults} == {"SIGKILL", "EIO", "EACCES", "ENOSPC", "full"}
-        choice = random.Random(1982)
+        choice = random.Random(turn())
         chosen = one_of_each(faults, choice) + choice.sample(faults, PUBLISHED)
         assert complaints(experiment, chosen) == []
 
@@ -52,7 +53,7 @@ def test_faults_of_an_analysis_leave_the_former_or_the_new_results(tmp_path: Pat
         faults = experiment.faults
         begun = next(number for number, fault in enumerate(faults) if "/results/.store" in fault.call.line)
         assert begun > 2 * BEFORE
-        choice = random.Random(1982)
+        choice = random.Random(turn())
         each = one_of_each(faults[begun:], choice)
         assert len(each) > AFTER
         chosen = choice.sample(faults[:begun], BEFORE) + choice.sample(each, AFTER)

@@ -36,6 +36,7 @@ SHADOWS = (
 )  # fmt: skip
 
 
+@pytest.mark.sampled(2)
 def test_no_module_beside_campaign_and_recordings_is_run(folders: Corpus, tmp_path: Path) -> None:
     """Recordings that a library reads start a worker process; the figures of the report start others."""
     campaign, ran = Path(shutil.copytree(folders.template, tmp_path / "campaign")), tmp_path / "ran"

@@ -8,6 +8,7 @@ import sys
 import tomllib
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from packaging.requirements import Requirement
@@ -37,7 +38,7 @@ def in_source(path):
 def called_names(tree):
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
-            yield node.lineno, ast.unparse(node.func)
+            yield ast.unparse(node.func)
 
 
 def imported_names(tree):
@@ -77,13 +78,35 @@ def literals(tree):
             yield node.value
 
 
-def test_a_head_stands_in_one_file_besides_the_table_of_quantities():
+class Module(NamedTuple):
+    """What a module says and does, as its syntax tree has it."""
+
+    docstring: str | None
+    called: set[str]
+    imported: set[str]
+    starts: set[str]
+    texts: set[str]
+
+
+@pytest.fixture(scope="module")
+def modules():
+    """The modules of the package by their place in it; each is parsed once."""
+    found = {}
+    for path in SOURCES:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        facts = (called_names(tree), imported_names(tree), starts_of(tree), literals(tree))
+        found[path.relative_to(ROOT / "src" / "fourpole").as_posix()] = Module(
+            ast.get_docstring(tree), *map(set, facts)
+        )
+    return found
+
+
+def test_a_head_stands_in_one_file_besides_the_table_of_quantities(modules):
     """A column's head is taken from `fourpole.quantities`; one of a single file's own may stand there."""
     known = {head for one in QUANTITIES for head in (*one.heads, one.stated_head, one.label) if " [" in head}
     places = {}
-    for path in SOURCES:
-        name = path.relative_to(ROOT / "src" / "fourpole").as_posix()
-        for text in literals(ast.parse(path.read_text(encoding="utf-8"))) if name not in HEADS_AT_HOME else ():
+    for name, module in modules.items():
+        for text in module.texts if name not in HEADS_AT_HOME else ():
             if text in known or re.fullmatch(r"[^\s,:;][^:;]{0,40} \[[^\[\]\s][^\[\]]{0,11}\]", text):
                 places.setdefault(text, set()).add(name)
     assert {head: names for head, names in places.items() if len(names) > 1} == {}
@@ -152,18 +175,14 @@ def test_public_names_come_with_an_example(name):
     assert ">>> " in examples
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=in_source)
-def test_a_module_says_what_it_is_and_keeps_quiet(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    assert ast.get_docstring(tree), "no docstring"
-
+def test_every_module_says_what_it_is_and_keeps_quiet(modules):
+    assert [name for name, module in modules.items() if not module.docstring] == []
     barred = {"eval", "exec", "builtins.eval", "builtins.exec"}
-    if "app" not in path.relative_to(ROOT / "src" / "fourpole").parts:
-        barred.add("print")
-    assert [call for call in called_names(tree) if call[1] in barred] == []
-
+    assert {name: bad for name, module in modules.items() if (bad := barred & module.called)} == {}
+    assert [name for name, module in modules.items() if "print" in module.called and "app" not in name.split("/")] == []
     unsafe = {"pickle", "cPickle", "cloudpickle", "dill", "joblib", "marshal", "shelve"}
-    assert not unsafe & {name.partition(".")[0] for name in imported_names(tree)}
+    imported = {name: {one.partition(".")[0] for one in module.imported} for name, module in modules.items()}
+    assert {name: bad for name, several in imported.items() if (bad := unsafe & several)} == {}
 
 
 #: Modules by which processes are started, and names by which other modules start them.
@@ -188,12 +207,9 @@ def starts_of(tree):
         yield from filter(OF_SYSTEM.fullmatch, names if module == "os" else ())
 
 
-def test_processes_are_started_by_one_module():
+def test_processes_are_started_by_one_module(modules):
     """`fourpole.io.processes` is the door out: every other start would have the working folder and all variables."""
-    starts = set()
-    for path in SOURCES:
-        name = path.relative_to(ROOT / "src" / "fourpole").as_posix()
-        starts |= {(name, start) for start in starts_of(ast.parse(path.read_text(encoding="utf-8")))}
+    starts = {(name, start) for name, module in modules.items() for start in module.starts}
     assert {start for name, start in starts if name == "io/processes.py"} >= {"subprocess", "create_subprocess_exec"}
     assert {one for one in starts if one[0] != "io/processes.py"} <= ASKED
 

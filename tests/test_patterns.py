@@ -41,7 +41,7 @@ WORST = {
     "export/source._identifier": ("", "(", "Z "),
     "export/tydex._OURS": ("", "SUPPLIER , fourpole ", ","),
     "export/tydex._file_names": ("", "<\x00[e", "<]#"),
-    "findings/claims._WORDS": ("", "  ", "\t"),
+    "paper1982/claims._WORDS": ("", "  ", "\t"),
     "findings/facts.natural": ("", "$", "a"),
     "guess/channels._SPLIT": ("", "9ü", "1"),
     "guess/channels._words": ("", " ", "-"),
@@ -171,7 +171,7 @@ WORST = {
     "report/page._short_path#2": ("", ".111", ","),
     "report/page.size": ("", '1viewBox="9-- .', "\n~"),
     "report/front.rated_load": ("", "\n ", ""),
-    "report/words/claims._label": ("", "\t", ","),
+    "paper1982/words._label": ("", "\t", ","),
     "served/editing._DOUBT": ("# doubt:", "\t", "\n~"),
     "served/editing._PLACE": ("campaign.toml: 1. ", "a", "campaign.toml: [__1] a__"),
     "served/editing._QUOTED": ("", "' '", ","),
@@ -222,12 +222,14 @@ def test_every_pattern_has_its_worst_text(known):
 @pytest.mark.parametrize("key", WORST)
 def test_a_pattern_is_linear(known, key):
     before, repeated, after = WORST[key]
-    longest, each = LONGEST.get(key, 1_000_000), LIMIT
-    for length in (16_000, 1_000_000):  # the shorter text shows a quadratic pattern within a second
+    longest, each = LONGEST.get(key, 250_000), LIMIT
+    for length in (16_000, 250_000):  # the shorter text shows a quadratic pattern within a second
         size = min(length, longest)
         text = before + repeated * ((size - len(before + after)) // len(repeated)) + after
-        taken = min(sum(seconds(one, text, length // size) for one in known[key]) for _ in range(2))
-        assert taken <= max(each * length * len(known[key]), 0.05)
-        each = max(
-            LIMIT, 3 * taken / length / len(known[key])
-        )  # of a slow machine, which is as slow with the longer text
+        most = max(each * length * len(known[key]), 0.05)
+        taken = sum(seconds(one, text, length // size) for one in known[key])
+        if taken > most:  # perhaps by chance
+            taken = sum(seconds(one, text, length // size) for one in known[key])
+        assert taken <= most
+        # a machine that is slow with the shorter text is as slow with the longer one
+        each = max(LIMIT, 3 * taken / length / len(known[key]))

@@ -120,6 +120,7 @@ def words_in(value, names):
         ("V2 with the other sign", "one test: wrong pressure in its row, 2.05 for 1.35 bar"),
     ],
 )
+@pytest.mark.sampled(4)
 def test_values_of_checks_are_numbers_names_codes_and_errors(faults, tmp_path, monkeypatch):
     """Laboratories with faults, one of whose recordings is no table, and one of whose static tests is missing."""
     seen = []

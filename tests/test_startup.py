@@ -43,6 +43,7 @@ def test_a_worker_loads_what_reading_and_demodulation_need():
 
 
 @pytest.mark.parametrize("arguments", ["analyse", "fit", "report", "rig", "query --frequency=10Hz", "check", "verify"])
+@pytest.mark.sampled(2)
 def test_a_missing_file_is_said_before_anything_slow_is_loaded(arguments):
     assert not loaded_by(run(*arguments.split(), "no-such-file", code=2)) & SLOW
 

@@ -54,6 +54,7 @@ def faulty(validate):
     return importlib.import_module("faulty")
 
 
+@pytest.mark.sampled(2)
 def test_faults_run_and_their_table_is_written(validate, faulty, monkeypatch):
     """With three frequencies, for time: one campaign without a fault, and two with one."""
     faults = [None, FAULTS["F1 in kgf, stated in N"], FAULTS["V1 late, 0.5 ms"]]
@@ -102,6 +103,7 @@ def test_a_sentence_is_usual_up_to_twice_its_numbers(faulty):
         ("one test: gain of V1, +20 %", "does not go with"),
     ],
 )
+@pytest.mark.sampled(4)
 def test_wrong_statement_is_named_and_rows_that_are_ok_hold_it(faulty, title, named):
     """Part of docs/faults.md. Chance alone exceeds 4 u in 80 numbers once in 200 campaigns; the seeds are fixed."""
     (number,) = (at for at, cell in enumerate(faulty.CELLS) if cell.title == title and cell.masses == "weighed mass")

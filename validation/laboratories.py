@@ -12,10 +12,11 @@ from fourpole.core.rig import Rig
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 from fourpole.virtual.phasor_rig import RIG_VALUES, Conditions, Laboratory, PhasorCampaign, simulate_phasors
 
-__all__ = ["MASSES", "RANGES", "Case", "case"]
+__all__ = ["MASSES", "RANGES", "TYRES", "Case", "case"]
 
 SEED = 1982
 
+TYRES = (CROSS_PLY.name, RADIAL_PLY.name)
 MASSES = {"one mass": (0.0,), "two masses": (0.0, 10.0), "three masses": (0.0, 5.0, 10.0)}
 
 #: What is drawn, and from where; the words of the document.
@@ -37,6 +38,7 @@ RANGES = {
     "rigid blocks of 5, 10 and 15 kg, in 3 of 20": "each at 4 frequencies",
     "without V2, in 3 of 10": "one test in five",
     "belts, in 1 of 4": "of each tyre 0.5 to 8 kg; springs as 0.1 to 0.4 at rest, of one law, or constant at the rim",
+    "weight of the tyres, stated in half of these": "the belt is 40 to 80 % of it",
 }
 
 
@@ -54,6 +56,7 @@ class Case:
     k1_std: NDArray[np.float64]
     specimen: NDArray[np.str_]
     belts: dict[str, float]
+    weights: dict[str, float]
 
     @property
     def rig(self) -> Rig:
@@ -109,26 +112,33 @@ def case(number: int) -> Case:
         stated_k1, has_v2 = np.append(stated_k1, np.full(12, np.nan)), np.append(has_v2, np.ones(12, dtype=bool))
         block = np.append(block, np.ones(12, dtype=bool))
     conditions = Conditions(frequency, k1, k2, c, added_mass=mass, calibration=block, has_motion_out=has_v2)
-    belts, share = _belts(np.random.default_rng(np.random.SeedSequence(SEED, spawn_key=(1, number))), conditions)
+    belts, weights, share = _belts(
+        np.random.default_rng(np.random.SeedSequence(SEED, spawn_key=(1, number))), conditions
+    )
     belt_mass = [belts.get(name, 0.0) for name in specimen.tolist()]
     campaign = simulate_phasors(laboratory, replace(conditions, belt_mass=belt_mass, belt_share=share), rng)
     k1_std = np.abs(k1_std_share * stated_k1)
-    return Case(number, laboratory, masses, campaign, family, mass, stated_k1, k1_std, specimen, belts)
+    return Case(number, laboratory, masses, campaign, family, mass, stated_k1, k1_std, specimen, belts, weights)
 
 
-def _belts(rng: np.random.Generator, conditions: Conditions) -> tuple[dict[str, float], NDArray[np.complex128]]:
-    """The belt of each tyre [kg], none in most campaigns, and the share of its springs in each test."""
+def _belts(
+    rng: np.random.Generator, conditions: Conditions
+) -> tuple[dict[str, float], dict[str, float], NDArray[np.complex128]]:
+    """The belt of each tyre [kg], none in most campaigns; weights as stated [kg]; share of the springs in each test."""
     laden, constant = rng.random() < 0.25, rng.random() < 0.5
     masses = {tyre.name: _between(rng, 0.5, 8.0) for tyre in (CROSS_PLY, RADIAL_PLY)}
     share = _between(rng, 0.1, 0.4)
+    weighed = rng.random() < 0.5
+    weights = {name: mass / rng.uniform(0.4, 0.8) for name, mass in masses.items()}
+    belts = masses if laden else {}, weights if laden and weighed else {}
     k1, k2, c, frequency = (
         np.asarray(values, dtype=float) for values in (conditions.k1, conditions.k2, conditions.c, conditions.frequency)
     )
     if not constant:
-        return masses if laden else {}, np.full(frequency.size, share, dtype=complex)
+        return *belts, np.full(frequency.size, share, dtype=complex)
     flexibility = 1 / (k1 + 1 / (1 / k2 + 1 / (2j * np.pi * frequency * c)))
     rim = (1 + share) / share * k1
-    return masses if laden else {}, 1 / (rim * flexibility - 1)
+    return *belts, 1 / (rim * flexibility - 1)
 
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 from bound import bounds
-from laboratories import MASSES, Case, case
+from laboratories import MASSES, TYRES, Case, case
 
 from fourpole.core.arrays import FloatArray as Array
 from fourpole.core.joint import Joint, solve_joint
+from fourpole.core.joint.belts import found_specimens
 from fourpole.core.joint.outputs import identification
+from fourpole.core.specimen import Body, Form
 from fourpole.virtual.phasor_rig import CHANNELS, RIG_VALUES
 
 __all__ = ["EVERY", "run"]
@@ -31,13 +33,19 @@ def run(number: int) -> dict[str, Any]:
         added_mass=added,
         added_mass_std=this.laboratory.std_added * added,
         channels=this.channels,
-        specimen=this.specimen.tolist() if this.belts else None,
+        specimen=this.specimen.tolist(),
+        bodies={name: Body.weighed(this.weights[name]) if this.weights else Body() for name in TYRES},
     )
     triples = _rows(this, joint) | _shared(this, joint)
     result: dict[str, Any] = {
         "number": number,
         **this.settings,
         "belts": this.belts,
+        "weights": this.weights,
+        "masses found": sum(
+            one.specimen.form is not Form.MASSLESS for one in found_specimens(joint.problem, joint.solution)
+        ),
+        "two roots": int(np.sum(joint.two_roots)),
         "frequencies": int(np.bincount(this.family[this.family >= 0])[0] / len(MASSES[this.masses])),
         "fits": joint.misfit.fits,
         "conflicts": [joint.stated.parameters[at].source.text for at in joint.misfit.conflicts],
@@ -62,7 +70,7 @@ _Triple = tuple[Array, Array, Array]
 
 def _rows(this: Case, joint: Joint) -> dict[str, _Triple]:
     """Found, true and stated uncertainty of each output, one row per test."""
-    campaign, tyre = this.campaign, np.where(this.family >= 0, 1.0, np.nan)
+    campaign, tyre = this.campaign, np.where((this.family >= 0) & ~joint.two_roots, 1.0, np.nan)
     found = identification(joint, campaign.phasors, this.k1, np.nan_to_num(this.k1_std))
     stiffness, mobility = found.stiffness_covariance, found.mobility_covariance
     true_mobility = campaign.true_amplitudes[:, 1] / campaign.true_amplitudes[:, 0]
@@ -72,16 +80,17 @@ def _rows(this: Case, joint: Joint) -> dict[str, _Triple]:
         return np.sqrt(covariance[:, at, at])
 
     arm = found.arm_covariance
-    return {
+    rows = {
         "K'": (found.stiffness.real, true.real, root(stiffness, 0)),
         "K''": (found.stiffness.imag, true.imag, root(stiffness, 1)),
         "loss factor": (found.loss_factor, true.imag / true.real, found.loss_factor_std),
         "K2": (found.k2, campaign.k2, root(arm, 0)),
         "C": (found.c, campaign.c, root(arm, 1)),
-        "TR": (found.tr_predicted, tyre * campaign.transmissibility, found.tr_std),
-        "R": (found.mobility.real, tyre * true_mobility.real, root(mobility, 0)),
-        "I": (found.mobility.imag, tyre * true_mobility.imag, root(mobility, 1)),
+        "TR": (found.tr_predicted, campaign.transmissibility, found.tr_std),
+        "R": (found.mobility.real, true_mobility.real, root(mobility, 0)),
+        "I": (found.mobility.imag, true_mobility.imag, root(mobility, 1)),
     }
+    return {name: (value, tyre * exact, u) for name, (value, exact, u) in rows.items()}
 
 
 def _shared(this: Case, joint: Joint) -> dict[str, _Triple]:

@@ -25,6 +25,7 @@ RANGES = {
     "masses": "0; or 0 and 10; or 0, 5 and 10 kg; known to 0.01 %, and in truth exact",
     "declared, each in 1 of 4 campaigns": "tyre mass 0.8 kg, frame 1 MN/m, loss factor 0.05; each known to 2 %",
     "belts, in 1 of 4 campaigns": "of each tyre 0.5 to 8 kg, springs as 0.2; the cam has 0.5 mm in place of 1 mm",
+    "weight of the tyres, stated in half of these": "the belt is 40 to 80 % of it",
     "errors": "normal, but no larger than twice what is stated: their own root mean square is 0.96 of it",
 }
 _VALUES = {"K'": "Re K* [N/m]", "K''": "Im K* [N/m]", "K1": "K1 [N/m]", "K2": "K2 [N/m]", "C": "C [N s/m]"}
@@ -44,7 +45,12 @@ def run(number: int) -> dict[str, Any]:
     laden = rng.random() < 0.25
     if laden:
         belts = [float(np.exp(rng.uniform(np.log(0.5), np.log(8.0)))) for _ in tyres]
-        tyres = [replace(tyre, inertia=Belt(belt)) for tyre, belt in zip(tyres, belts, strict=True)]
+        weighed = rng.random() < 0.5
+        weights = [belt / float(rng.uniform(0.4, 0.8)) if weighed else None for belt in belts]
+        tyres = [
+            replace(tyre, inertia=Belt(belt), weight=weight)
+            for tyre, belt, weight in zip(tyres, belts, weights, strict=True)
+        ]
     with tempfile.TemporaryDirectory() as place:
         made = simulate_campaign(
             Path(place) / "campaign",

@@ -208,6 +208,9 @@ def _part(title: str, results: Sequence[dict[str, Any]], ranges: dict[str, str])
     for masses in ("one mass", "two masses", "three masses"):
         some = [result for result in results if result["masses"] == masses]
         lines += [f"With {masses} ({len(some)} campaigns):", "", *coverage_table(collect(some), OUTPUTS[:6]), ""]
+    some = [result for result in results if result["belts"]]
+    if len(some) > 1:
+        lines += [f"With belts ({len(some)} campaigns):", "", *coverage_table(collect(some), OUTPUTS[:6]), ""]
     if any("bound" in result for result in results):
         lines += ["Stated uncertainty over the least possible (posterior Cramér-Rao bound at the truth):", ""]
         lines += [*against_bound(results, (*OUTPUTS, *shared)), ""]
@@ -241,6 +244,11 @@ def _findings(results: Sequence[dict[str, Any]]) -> list[str]:
             words = f"... in campaigns with {low} to {high} frequencies and more than one mass"
             some = [r for r in some if r["masses"] != "one mass"]
             lines.append(share(words, sum(r["scatter"] > 0 for r in some), max(len(some), 1)))
+    laden, massless = ([r for r in results if bool(r["belts"]) is has] for has in (True, False))
+    lines.append(share("a mass in massless specimens", sum(r["masses found"] > 0 for r in massless), len(massless)))
+    lines.append(share("none found in specimens with belts", sum(not r["masses found"] for r in laden), len(laden)))
+    belted = sum(r["tests"] for r in laden)
+    lines.append(share("two K* explain a test, of tests with belts", sum(r["two roots"] for r in laden), belted))
     lines.append(share("outliers, of all tests", sum(r["outliers"] for r in results), tests))
     lines.append(share("the search did not come to rest", sum(not r["converged"] for r in results), count))
     lines.append(share("K2 and C blank, of all tests", sum(r["blank"] for r in results), tests))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ROOMS = {
     "Campaigns and results": ("campaign", "study", "fitting", "findings.compared", "lab", "planning"),
     "Physics and estimation": ("twoport", "core"),
-    "Models of K*": ("models",),
+    "Models of K*": ("models", "paper1982.models", "paper1982.cylinder", "paper1982.shell"),
     "Figures": ("plot",),
     "Files": ("io",),
     "Virtual laboratory": ("virtual",),

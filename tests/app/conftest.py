@@ -115,6 +115,12 @@ def small_campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A report is written without figures: drawing takes most of its time, and tests of figures draw them."""
+    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
+
+
+@pytest.fixture
 def campaign(small_campaign: Path, tmp_path: Path) -> Path:
     """A copy of the small campaign to change."""
     return shutil.copytree(small_campaign, tmp_path / "campaign")

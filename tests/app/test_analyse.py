@@ -479,6 +479,7 @@ def test_a_report_of_other_tables_goes_where_none_is_made(run, analysed):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent in another way there")
 @pytest.mark.parametrize(("number", "code"), [("SIGKILL", -9), ("SIGTERM", 143)])
+@pytest.mark.sampled(2)
 def test_a_process_that_is_ended_while_it_writes_leaves_the_former_results(start, run, analysed, number, code):
     results, command = analysed / "results", ("analyse", analysed, "--tables-only")
     former, undisturbed = without_cache(results), analysed.with_name("undisturbed")

@@ -64,6 +64,7 @@ def test_a_number_of_the_statement_beyond_use_is_named(run, folder, command, old
     assert ran.exit_code == 2
 
 
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize("command", ["check", "analyse"])
 @pytest.mark.parametrize(
     ("column", "value", "said"),
@@ -74,6 +75,7 @@ def test_a_number_of_the_statement_beyond_use_is_named(run, folder, command, old
         ("note", "n" * 140_000, "131072"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_a_cell_of_tests_csv_beyond_use_is_named(run, folder, command, column, value, said):
     with_cell(folder / "tests.csv", column, value)
     ran = run(command, folder)
@@ -91,6 +93,7 @@ def test_a_sample_beyond_use_is_a_finding_of_its_test(run, folder, value):
     assert path.stem in message(run("analyse", folder, "--tables-only"))
 
 
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize(
     ("name", "column", "commands"),
     [
@@ -101,6 +104,7 @@ def test_a_sample_beyond_use_is_a_finding_of_its_test(run, folder, value):
     ],
 )
 @pytest.mark.parametrize("value", ["1e300", "inf", "1e5 N/m"])
+@pytest.mark.sampled(2)
 def test_a_cell_of_a_result_beyond_use_is_named_with_its_row(run, folder, analysed, name, column, commands, value):
     with_cell(folder / "results" / name, column, value)
     for command in commands:
@@ -163,6 +167,7 @@ def test_an_integer_of_many_digits_of_another_base_is_named(run, folder, number)
 
 
 @pytest.mark.parametrize("stated", ['std_gain = "1000 %"', 'std_phase = "1e4 deg"'])
+@pytest.mark.sampled(2)
 def test_sensors_that_are_hardly_known_give_tables_without_a_model(run, folder, stated):
     path = folder / "campaign.toml"
     text = re.sub(r'std_gain = "[^"]*", std_phase = "[^"]*"', stated, path.read_text(encoding="utf-8"))
@@ -173,6 +178,7 @@ def test_sensors_that_are_hardly_known_give_tables_without_a_model(run, folder, 
     assert "results:" in ran.output
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_a_report_of_new_results_says_nothing_of_former_models(run, small_campaign, tmp_path):
     folder = shutil.copytree(small_campaign, tmp_path / "campaign")
     assert run("analyse", folder).exit_code == 0

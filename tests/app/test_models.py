@@ -15,6 +15,8 @@ from fourpole.plot import FIGURES
 from fourpole.study.results import read_results
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 
 def told(ran):
     return " ".join(ran.stderr.split())
@@ -152,16 +154,14 @@ def test_results_to_model_map_and_query(run, results):
         "--json",
     )
     row = json.loads(asked.stdout)["rows"][0]
-    k1, k2, c = (float(law) for law in (RADIAL_PLY.static_stiffness(1.85e5, 1400.0),
-                 RADIAL_PLY.k2(13.7, 1.85e5, 1400.0), RADIAL_PLY.c(13.7, 1.85e5, 1400.0)))  # fmt: skip
-    damper = 2j * np.pi * 13.7 * c
-    true = k1 + k2 * damper / (k2 + damper)
-    assert abs(row["Re K* [N/m]"] - true.real) < 4 * row["u(Re K*) [N/m]"]
-    assert abs(row["Im K* [N/m]"] - true.imag) < 4 * row["u(Im K*) [N/m]"]
-    assert row["u(Re K*) [N/m]"] < 0.4 * true.real
-    assert 1.0 < row["TR [1]"] < 4.0
+    k2, c = float(RADIAL_PLY.k2(13.7, 1.85e5, 1400.0)), float(RADIAL_PLY.c(13.7, 1.85e5, 1400.0))
+    assert abs(row["K2 [N/m]"] - k2) < 4 * row["u(K2) [N/m]"]
+    assert abs(row["C [N s/m]"] - c) < 4 * row["u(C) [N s/m]"]
+    # the arm of this tyre is a law of the frequency, which no causal model has: the uncertainty is large
+    assert 0 < row["u(Re K*) [N/m]"] < row["Re K* [N/m]"]
+    assert abs(row["TR [1]"] - 2.5) < 1.0 + 2 * row["u(TR) [1]"]
     shown = run(*shown_as(results))
-    assert "TR" in shown.stdout
+    assert "K2" in shown.stdout
     assert "±" in shown.stdout
     assert "Intervals are for the next mounting" in " ".join(shown.stdout.split())
     asked = run(*shown_as(results), "--for", "mean", "--json")
@@ -174,8 +174,7 @@ def test_results_to_model_map_and_query(run, results):
     assert again.stderr == "" or "left out" not in again.stderr
 
 
-def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path, monkeypatch):
-    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
+def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path):
     folder = shutil.copytree(results, tmp_path / "results")
     (folder / "report.html").write_text("older")
     ran = run("fit", folder, "--model", "zener")
@@ -369,8 +368,7 @@ def test_bad_input_is_told_in_one_message(run, tmp_path, monkeypatch, arguments,
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path, monkeypatch):
-    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})  # none is needed
+def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path):
     folder = tmp_path / "results"
     shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))
     run("fit", folder, "--model", "zener")

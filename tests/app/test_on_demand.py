@@ -2,20 +2,18 @@
 
 import json
 
+import pytest
+
 from fourpole.plot import FIGURES
-
-
-def without_figures(monkeypatch):
-    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
 
 
 def some_figures(monkeypatch):
     monkeypatch.setattr("fourpole.plot.catalogue.FIGURES", {key: FIGURES[key] for key in ("stiffness", "tr")})
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_models_are_not_part_of_an_analysis_that_they_would_make_long(run, campaign, monkeypatch):
     """The report and a note say the command; the models that it makes stand in the next report."""
-    without_figures(monkeypatch)
     monkeypatch.setattr("fourpole.app.analysis._FEW_SECONDS", 0.1)
     results = campaign / "results"
     ran = run("analyse", campaign)
@@ -28,8 +26,8 @@ def test_models_are_not_part_of_an_analysis_that_they_would_make_long(run, campa
     assert "No model was fitted" not in (results / "report.html").read_text(encoding="utf-8")
 
 
-def test_models_of_the_same_tables_stay_and_others_go(run, campaign, monkeypatch):
-    without_figures(monkeypatch)
+@pytest.mark.usefixtures("without_figures")
+def test_models_of_the_same_tables_stay_and_others_go(run, campaign):
     results = campaign / "results"
     run("analyse", campaign, "--no-models")
     run("fit", results, "--model", "zener")
@@ -43,8 +41,8 @@ def test_models_of_the_same_tables_stay_and_others_go(run, campaign, monkeypatch
     assert not (results / "model.json").exists()
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_models_that_are_asked_for_are_fitted_anew(run, campaign, monkeypatch):
-    without_figures(monkeypatch)
     monkeypatch.setattr("fourpole.app.analysis._FEW_SECONDS", 0.1)
     results = campaign / "results"
     run("analyse", campaign, "--models")

@@ -11,9 +11,8 @@ LIMITS = '[[limits]]\nquantity = "K1"\nhigh = "1 kN/m"\n'
 
 
 @pytest.fixture
-def stated(campaign, monkeypatch):
+def stated(campaign, without_figures):
     """A campaign with a report, limits and a logo, whose pages are made without figures."""
-    monkeypatch.setattr("fourpole.app.report.save_figures", lambda *_, **__: {})
     with (campaign / "campaign.toml").open("a") as file:
         file.write(REPORT)
     (campaign / "logo.svg").write_text("<svg/>")

@@ -28,7 +28,7 @@ def test_the_folder_has_every_file_and_the_text_has_shifts_overlaps_and_laws(iso
         "WLF at",
         "Arrhenius at",
         "95 %",
-        "valid from",
+        "fourpole query interpolates the shift factors found",
         "WLF with the reference 0 degC",
     ):
         assert text in said.out

@@ -25,8 +25,8 @@ def test_the_campaign_it_makes_is_analysed_without_a_remark(run, tmp_path, clean
     assert (", clean" in (tmp_path / "c" / "campaign.toml").read_text()) == clean
     ran = run("analyse", tmp_path / "c", "--tables-only")
     assert ran.exit_code == 0
-    # no remark but that there are no ordinary errors, and what K' rests on, where the sensors have an uncertainty
-    said = ("note: [unstated] ordinary", "note: [rig]: K' rests on")
+    # no remark but that there are no ordinary errors, what K' rests on, and what so few tests of belts cannot show
+    said = ("note: [unstated] ordinary", "note: [rig]: K' rests on", "note: [rig]: these tests would not show")
     assert [line for line in ran.stderr.splitlines() if not line.startswith(said)] == []
     assert "6 tests, 6 ok, 0 with a warning, 0 rejected" in ran.stdout
 
@@ -36,6 +36,19 @@ def test_the_same_seed_gives_the_same_files(run, tmp_path):
         run("simulate", tmp_path / name, "--seed", seed)
     a, b, c = ((tmp_path / name / "recordings" / "D1.csv").read_bytes() for name in "abc")
     assert a == b != c
+
+
+def test_the_tyres_have_belts_and_a_weight_unless_they_are_to_be_massless(run, tmp_path):
+    run("simulate", tmp_path / "c")
+    truth = pl.read_csv(tmp_path / "c" / "truth.csv", infer_schema_length=None)
+    assert truth["belt mass [kg]"].drop_nulls().to_list() == [2.5, 2.5, 3.0, 3.0]
+    assert (tmp_path / "c" / "campaign.toml").read_text().count("specimen_mass") == 2
+    run("simulate", tmp_path / "m", "--massless")
+    assert "belt mass [kg]" not in (tmp_path / "m" / "truth.csv").read_text()
+    assert "specimen_mass" not in (tmp_path / "m" / "campaign.toml").read_text()
+    both = run("simulate", tmp_path / "b", "--car", "--massless")
+    assert (both.exit_code, both.stdout) == (2, "")
+    assert "contradict each other" in both.stderr
 
 
 def test_a_cars_tyre_on_request(run, tmp_path):

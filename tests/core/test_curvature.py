@@ -53,6 +53,7 @@ def stated(arm, covariance):
 
 @pytest.mark.parametrize("spread", SPREADS)
 @pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.sampled(4)
 def test_u_is_the_root_mean_square_deviation_from_the_value(arm, spread):
     """K2 = a (2 + f e + e² - e³ + e⁴ ...) near its minimum, e = da/a; what is left out has two parts.
 
@@ -70,6 +71,7 @@ def test_u_is_the_root_mean_square_deviation_from_the_value(arm, spread):
 
 @pytest.mark.parametrize("spread", SPREADS)
 @pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.sampled(4)
 def test_intervals_hold_the_share_that_they_say_or_are_called_bent(arm, spread):
     covariance = spread_of(ARMS[arm], SPREADS[spread])
     value, found, bend = stated(ARMS[arm], covariance)

@@ -240,6 +240,7 @@ def monte_carlo(route, amplitudes, omega, added, sources):
 
 @pytest.mark.parametrize("route", ROUTES)
 @pytest.mark.parametrize("source", SOURCES)
+@pytest.mark.sampled(3)
 def test_covariances_are_those_of_a_monte_carlo(route, source):
     sources = {**NOTHING, **SOURCES[source]}
     frequency, added = 13.0, 4.0

@@ -73,3 +73,17 @@ def test_an_error_that_all_frequencies_share_is_not_blamed_on_the_form():
     assert fit.chance > 1e-3
     assert fit.mass_std > 0.02
     assert abs(fit.specimen.mass - 7.0) < 2.5 * fit.mass_std
+
+
+def test_a_constant_spring_at_the_rim_is_exact_however_far_k_star_changes():
+    """Against the elimination of the node between the two springs, of which the one at the contact has all change."""
+    rim, contact = 9e5, 2e5 * np.array([0.6 + 0.02j, 1.0 + 0.1j, 1.7 + 0.3j])
+    mass, omega = 3.0, 2 * np.pi * np.array([8.0, 40.0, 90.0])
+    springs = contact * rim / (contact + rim)
+    reference = 1.6e5
+    share = reference / (rim - reference)
+    tyre = Specimen(Form.BELT, mass, share, 1 + share, reference)
+    node = contact + rim - omega**2 * mass
+    ends = np.stack([contact, np.full(3, rim)], axis=1)
+    exact = np.eye(2) * ends[:, :, None] - ends[:, :, None] * ends[:, None, :] / node[:, None, None]
+    assert tyre.dynamic_stiffness(springs, omega) == pytest.approx(exact, rel=1e-12)

@@ -19,7 +19,7 @@ from fourpole.export.fmi.variables import Point, states_in
 from fourpole.models.belted import belt_modes, weight
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
-from fourpole.models.tyre_shell import RADIAL_PLY, Shell
+from fourpole.paper1982.shell import RADIAL_PLY, Shell
 
 #: A model with inertia, and thus with pairs of states; of few modes, so that its files are small.
 SHELL = Shell(around=8, across=1, moving=(3, 1))
@@ -34,7 +34,7 @@ MODELS = {
 BELT = Specimen(Form.BELT, 7.0, 0.2)
 WITH_INERTIA = {SHELL: list(RADIAL_PLY), "zener": MODELS["zener"]}
 INPUTS = [1, 2, 3, 4]
-FORCE, POINT, PRELOAD, STATE = 5, 6, 7, 8
+FORCE, POINT, PRELOAD, DRAW, STATE = 5, 6, 7, 8, 9
 
 
 def compiler():
@@ -95,7 +95,7 @@ NAMES = {
 class Instance:
     """An instance in FMPy, for co-simulation or model exchange, of FMI 2.0 or 3.0; `said` is its log."""
 
-    def __init__(self, folder, version, *, stepped=True, name="one", token=None):
+    def __init__(self, folder, version, *, stepped=True, name="one", token=None, identifier="tyre"):
         import fmpy
         from fmpy import fmi2, fmi3
 
@@ -104,7 +104,7 @@ class Instance:
         kinds = {2: (fmi2.FMU2Model, fmi2.FMU2Slave), 3: (fmi3.FMU3Model, fmi3.FMU3Slave)}
         guid = fmpy.read_model_description(str(folder)).guid if token is None else token
         self.it = kinds[version][stepped](
-            guid=guid, unzipDirectory=str(folder), modelIdentifier="tyre", instanceName=name
+            guid=guid, unzipDirectory=str(folder), modelIdentifier=identifier, instanceName=name
         )
         names = ("set", "get", "choose", "update", "derivatives", "state_of")
         for own, theirs in zip(names, NAMES[version], strict=True):

@@ -147,12 +147,15 @@ def test_an_fmu_is_of_a_model(files, tmp_path):
 
 #: Operating points without a state, and with branches and pairs of states.
 SETS = {"damper": {"kelvin": [2e5, 300.0]}, "shell": WITH_INERTIA}
+#: Each pair of version, models and belt is in one of these.
+pairs = pytest.mark.parametrize(
+    ("version", "models", "belt"), [(2, "damper", None), (2, "shell", BELT), (3, "damper", BELT), (3, "shell", None)]
+)
 
 
 @pytest.mark.thorough
-@both
-@pytest.mark.parametrize("belt", [None, BELT])
-@pytest.mark.parametrize("models", SETS)
+@pairs
+@pytest.mark.sampled(2)
 def test_the_source_compiles_without_a_warning(tmp_path, version, models, belt):
     files = compiled_files(version, belted=belt is not None)
     command = [compiler(), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-O2", "-c", *files]
@@ -182,9 +185,8 @@ def driven(tmp_path, version, models, *flags, belt=None):
 
 
 @pytest.mark.thorough
-@both
-@pytest.mark.parametrize("belt", [None, BELT])
-@pytest.mark.parametrize("models", SETS)
+@pairs
+@pytest.mark.sampled(2)
 def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models, belt):
     flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     program = driven(tmp_path, version, SETS[models], *flags, belt=belt)
@@ -195,6 +197,7 @@ def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models, bel
 @pytest.mark.thorough
 @both
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
+@pytest.mark.sampled(2)
 def test_valgrind_finds_nothing(tmp_path, version):
     command = ["valgrind", "--quiet", "--leak-check=full", "--error-exitcode=9", driven(tmp_path, version, MODELS)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from tests.export.fmus import (
     BAND,
+    DRAW,
     FORCE,
     INPUTS,
     MODELS,
@@ -28,7 +29,7 @@ from fourpole.export.fmi.variables import variables_of
 from fourpole.models.families import model_named
 from fourpole.models.realised import realised
 from fourpole.models.step import simulate
-from fourpole.models.tyre_shell import RADIAL_PLY
+from fourpole.paper1982.shell import RADIAL_PLY
 from fourpole.ride.linear import LinearSystem, driven
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy needs a later numpy than the lowest version allowed")
@@ -97,6 +98,7 @@ def test_the_description_lists_the_variables_by_their_places(folders, version):
 @both
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("step", [1e-4, 1e-3, 1.3e-2])
+@pytest.mark.sampled(2)
 def test_the_force_is_that_of_our_own_time_stepping(folders, version, point, step):
     x, v = motion(step, 300)
     wanted = simulate(points()[point - 1].system.space, x, v, step)
@@ -193,6 +195,7 @@ def test_the_recorded_force_of_a_sine_has_the_dynamic_stiffness_of_the_model(fol
 @both
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("frequency", [1.7, 30.0])
+@pytest.mark.sampled(2)
 def test_the_dynamic_stiffness_by_sines_is_that_of_the_model(folders, version, point, frequency):
     name = list(MODELS)[point - 1]
     model, cycle = model_named(name), 100
@@ -361,6 +364,7 @@ def test_a_wrong_call_ends_in_an_error_with_a_message_and_changes_nothing(folder
 
 STARTING = {
     "point 0": (lambda one: one.choose(0), "number of an operating point that this model does not have"),
+    "draw that is not there": (lambda one: one._choose([DRAW], [1]), "number of a draw that this model does not have"),
     "point beyond": (lambda one: one.choose(len(MODELS) + 1), "number of an operating point that this model"),
     "time of zero": (lambda one: one.put([place("points[1].branches[1].relaxation_time")], [0.0]), "so small a value"),
     "negative damping": (lambda one: one.put([place("points[2].damping")], [-1.0]), "points[2].damping cannot have so"),

@@ -53,14 +53,19 @@ def k_star(found, frequency=FREQUENCY):
     return np.array([(c @ one + d @ drive[:, at])[0] for at, one in enumerate(states)])
 
 
+@pytest.fixture(scope="module", params=["spring", "kelvin", "zener", "maxwell:3", "prony:3"])
+def fitted(request, tmp_path_factory):
+    """The file of a model fitted at two pressures."""
+    measured = measured_of(table((1.7e5, 2.0e5), (2e3,)), std=1e-2)
+    path = tmp_path_factory.mktemp("fitted") / "model.json"
+    model_file(measured, fit_tyres(measured, request.param)).write(path)
+    return path
+
+
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ["spring", "kelvin", "zener", "maxwell:3", "prony:3"])
-def test_k_star_is_that_of_the_model(kind, name, tmp_path):
-    frame = table((1.7e5, 2.0e5), (2e3,))
-    measured = measured_of(frame, std=1e-2)
-    model_file(measured, fit_tyres(measured, name)).write(tmp_path / "model.json")
-    exported = export_results(tmp_path / "model.json", kind)
-    (entry,) = read_model_file(tmp_path / "model.json").models
+def test_k_star_is_that_of_the_model(kind, fitted, tmp_path):
+    exported = export_results(fitted, kind, tmp_path / "a.x")
+    (entry,) = read_model_file(fitted).models
     model = model_named(entry.model).with_parameters(len(entry.parameters))
     systems = matrices(kind, exported.path)
     assert len(systems) == len(entry.conditions) == 2

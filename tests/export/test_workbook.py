@@ -91,15 +91,21 @@ def test_rejected_tests_are_rows_but_no_points(changed):
     assert "D1" in [cell.value for cell in book["chart data"]["B"]]
 
 
-@pytest.mark.parametrize("text", ["=1+1", "+1", "-1 or so", "@SUM(A1)", "\t=1", "{=1}", "https://a.b", "007", "TRUE"])
-def test_no_text_becomes_a_formula_a_link_or_a_number(changed, text):
-    folder = changed(lambda frame: frame.with_columns(pl.lit(text).alias("remarks"), pl.lit(text).alias("=1+2 [m]")))
+@pytest.mark.parametrize(
+    "texts",
+    [["=1+1", "+1", "-1 or so", "@SUM(A1)", "\t=1", "{=1}", "https://a.b", "007", "TRUE"], ["+1"] * 9, ["007"] * 9],
+    ids=["all", "a sign", "zeros"],
+)
+def test_no_text_becomes_a_formula_a_link_or_a_number(changed, texts):
+    column = pl.Series(texts)
+    folder = changed(lambda frame: frame.with_columns(column.alias("remarks"), column.alias("=1+2 [m]")))
     book = openpyxl.load_workbook(export_results(folder, "xlsx").path)
     sheet = book["dynamic"]
     heads = [cell.value for cell in sheet[1]]
-    cell = sheet.cell(2, heads.index("remarks") + 1)
-    assert (cell.value, cell.data_type, cell.hyperlink) == (text, "s", None)
-    assert cell.quotePrefix is (text[0] in "=+-@\t")
+    for row, text in enumerate(texts, start=2):
+        cell = sheet.cell(row, heads.index("remarks") + 1)
+        assert (cell.value, cell.data_type, cell.hyperlink) == (text, "s", None)
+        assert cell.quotePrefix is (text[0] in "=+-@\t")
     assert sheet.cell(1, heads.index("=1+2 [m]") + 1).data_type == "s"
     formulas = [cell for sheet in book for row in sheet.iter_rows() for cell in row if cell.data_type == "f"]
     assert formulas == []

@@ -17,6 +17,7 @@ def drawn(rng, repeats, scatter, stated):
 @pytest.mark.parametrize("repeats", [2, 3, 5])
 @pytest.mark.parametrize("scatter", [0.001, 0.01, 0.05])
 @pytest.mark.parametrize("pooling", [False, True])
+@pytest.mark.sampled(3)
 def test_twice_u_covers_the_truth(repeats, scatter, pooling):
     rng = np.random.default_rng(3)
     off, size = [], []

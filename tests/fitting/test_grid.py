@@ -23,13 +23,11 @@ def test_a_point_between_the_tests(study):
     assert dict(found.sizes) == {"tyre": 2, "pressure": 2, "preload": 1, "frequency": 2}
     for tyre in (CROSS_PLY, RADIAL_PLY):
         here = found.sel(tyre=tyre.name, pressure=1.85e5, frequency=13.7).squeeze()
-        k1, k2, c = (float(law) for law in (tyre.static_stiffness(1.85e5, 1400.0), tyre.k2(13.7, 1.85e5, 1400.0),
-                                            tyre.c(13.7, 1.85e5, 1400.0)))  # fmt: skip
-        damper = 2j * np.pi * 13.7 * c
-        true = k1 + k2 * damper / (k2 + damper)
-        for name, value in (("K_storage", true.real), ("K_loss", true.imag)):
-            assert abs(float(here[name]) - value) < 4 * float(here[f"u_{name}"])
-            assert float(here[f"u_{name}"]) < 0.4 * abs(true)  # six conditions, and a causal model of K2 and C by design
+        for name, law in (("K2", tyre.k2), ("C", tyre.c)):
+            true = float(law(13.7, 1.85e5, 1400.0))
+            assert abs(float(here[name]) - true) < 4 * float(here[f"u_{name}"])
+        # the arms of these tyres are laws of the frequency, which no causal model has: the uncertainty is large
+        assert 0 < float(here.u_K_storage) < float(here.K_storage)
         assert 0 < float(here.u_TR) < float(here.TR)
     assert found.K2.attrs["units"] == "N/m"
     assert found.u_K2.attrs["long_name"] == "standard uncertainty of K2"
@@ -42,7 +40,7 @@ def test_a_point_between_the_tests(study):
 def test_a_whole_grid_of_one_tyre_survives_a_file(study, tmp_path):
     import xarray
 
-    found = study.map("gehman:1", tyre=RADIAL_PLY.name)
+    found = study.map("zener", tyre=RADIAL_PLY.name)
     assert found.sizes["tyre"] == 1
     assert found.sizes["frequency"] == 31
     assert np.isfinite(found.K_storage).all()

@@ -185,10 +185,12 @@ def test_rows_that_state_no_uncertainty_among_others_that_do_are_left_out():
     assert "1 rows of dynamic state no uncertainty" in found.notes[0]
 
 
-def test_a_stiffness_below_zero_is_no_tyres():
+def test_a_stiffness_below_zero_is_data_and_zero_is_none():
     found = measured_of(table(**{RE: [-200e3, 190e3, 195e3, 150e3]}))
-    assert found.conditions[0].tests == ("D2",)
-    assert "not positive" in found.notes[0]
+    assert set(found.conditions[0].tests) == {"D1", "D2"}
+    none = measured_of(table(**{RE: [0.0, 190e3, 195e3, 150e3], IM: [0.0, 20e3, 20e3, 20e3]}))
+    assert none.conditions[0].tests == ("D2",)
+    assert "a K* that is zero" in none.notes[0]
 
 
 def test_the_table_of_the_conditions_has_the_points_of_tests_with_several():

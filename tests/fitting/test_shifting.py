@@ -112,12 +112,13 @@ def test_a_query_at_a_temperature_covers_the_truth(model):
     assert np.max(np.abs(off)) < 4
 
 
-def test_the_uncertainty_of_the_law_is_part_of_the_answer(made, model):
+def test_without_the_factors_found_the_uncertainty_of_the_law_is_part_of_the_answer(made, model):
     at = Query([10.0], {"temperature [degC]": 45.0})
     entry = model.models[0]
-    exact = entry.temperature.model_copy(update={"covariance": [[0.0, 0.0], [0.0, 0.0]]})
-    known = model.model_copy(update={"models": [entry.model_copy(update={"temperature": exact})]})
-    whole, part = (ask(one, at)[0]["u(Re K*) [N/m]"] for one in (model, known))
+    plain = entry.temperature.model_copy(update={"shifts": None})
+    exact = plain.model_copy(update={"covariance": [[0.0, 0.0], [0.0, 0.0]]})
+    files = (model.model_copy(update={"models": [entry.model_copy(update={"temperature": t})]}) for t in (plain, exact))
+    whole, part = (ask(one, at)[0]["u(Re K*) [N/m]"] for one in files)
     law = law_file(made[1]).shift_law
     step = 1e-4
     reduced = 2 * np.pi * 10.0 * np.exp(law.log_a(45.0)[0])

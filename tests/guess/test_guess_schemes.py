@@ -314,6 +314,7 @@ def score(folder: Path, origin: dict[str, Case]) -> dict[str, tuple[int, int, in
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.sampled(6)
 def test_a_scheme_of_names_is_understood(scheme, cases, tmp_path):
     origin = laid_out(tmp_path, scheme, cases)
     for name, (right, wrong, blank) in score(tmp_path, origin).items():

@@ -9,7 +9,8 @@ from fourpole.models.causality import check_possible
 from fourpole.models.data import StiffnessData
 from fourpole.models.fractional import FractionalZener
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
-from fourpole.models.springs import KelvinVoigt, Spring, Structural
+from fourpole.models.springs import KelvinVoigt, Spring
+from fourpole.paper1982.models import Structural
 
 pytestmark = pytest.mark.thorough
 

@@ -11,8 +11,8 @@ from fourpole.errors import ModelError
 from fourpole.models.chain import four_pole, in_time, mobility, transmissibility, transmissibility_derivative
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
-from fourpole.models.springs import KelvinVoigt, Spring, Structural
-from fourpole.models.table import Gehman
+from fourpole.models.springs import KelvinVoigt, Spring
+from fourpole.paper1982.models import Gehman, Structural
 
 OMEGA = 2 * np.pi * np.linspace(6.0, 30.0, 9)
 MODELS = {

@@ -4,6 +4,7 @@ import inspect
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,17 @@ from fourpole.errors import ModelError
 from fourpole.models import choice, families
 from fourpole.models.choice import choose, fit_conditions
 from fourpole.models.data import StiffnessData
-from fourpole.models.families import FAMILIES, NAMES, automatic, contains, for_maps, model_named, sizes_of
+from fourpole.models.families import (
+    FAMILIES,
+    NAMED,
+    NAMES,
+    automatic,
+    check_several,
+    contains,
+    for_maps,
+    model_named,
+    sizes_of,
+)  # fmt: skip
 from fourpole.models.fit import best_fit
 from fourpole.models.interface import Model, Parameter, columns, positive
 from fourpole.models.maxwell import Zener
@@ -24,7 +35,7 @@ from fourpole.models.together import fit_together
 
 OMEGA = 2 * np.pi * np.geomspace(1.0, 100.0, 15)
 AMPLITUDES = np.tile([0.1e-3, 0.5e-3, 2e-3], 5)
-MEMBERS = [key.replace("[:N]", ":3").replace(":N", ":2") for key in FAMILIES]
+MEMBERS = [key.replace("[:N]", ":3").replace(":N", ":2") for key in (*FAMILIES, *NAMED)]
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -153,8 +164,47 @@ def test_what_auto_and_maps_try_is_there():
     assert all(model_named(name).causal for name in for_maps())
 
 
+def test_models_of_one_condition_are_neither_tried_nor_compared_nor_mapped():
+    named = {key.partition(":")[0] for key in NAMED}
+    assert not named & {name.partition(":")[0] for name in (*automatic(), *for_maps())}
+    assert not any(contains(name, "spring") for name in named)
+    for name in ("structural", "gehman:2", "shell"):
+        with pytest.raises(ModelError, match=f"{name} model is for one condition.*fourpole map makes a map of zener"):
+            check_several(name)
+    for name in (*automatic(), "kraus", "prony:2", "auto", "no such"):
+        check_several(name)
+
+
+def test_automatic_choices_do_without_the_room_of_the_paper():
+    """Models that can be taken out: no list of candidates loads them."""
+    code = (
+        "import sys\nfrom fourpole.models.families import automatic, contains, for_maps\nautomatic(), for_maps()\n"
+        "contains('zener', 'spring')\nprint(any('paper1982' in name for name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("former", "name", "now"),
+    [
+        ("springs", "Structural", "models"),
+        ("table", "Gehman", "models"),
+        ("table", "GehmanLaw", "models"),
+        ("shell", "natural_frequencies", "cylinder"),
+        ("tyre_shell", "RADIAL_PLY", "shell"),
+    ],
+)
+def test_former_places_of_names_still_work(former, name, now):
+    assert getattr(import_module(f"fourpole.models.{former}"), name) is getattr(
+        import_module(f"fourpole.paper1982.{now}"), name
+    )
+    with pytest.raises(AttributeError):
+        _ = import_module(f"fourpole.models.{former}").nothing
+
+
 def test_special_cases_hold_at_second_hand_and_by_size():
-    assert contains("shell", "spring")
+    assert contains("zener", "spring")
     assert contains("maxwell:2", "zener")
     assert contains("gehman:2", "gehman:1")
     assert not contains("maxwell:2", "maxwell:2")
@@ -165,14 +215,13 @@ def test_special_cases_hold_at_second_hand_and_by_size():
 
 def test_what_a_newcomer_says_of_itself_is_taken(monkeypatch):
     """A line of the registry and a class: name, `auto`, help and special cases follow."""
-    places = {**families._PLACES, "damper": ("damper", "springs.Damper")}
+    places = {**families._PLACES, "damper": ("damper", "fourpole.models.springs.Damper")}
     monkeypatch.setattr(families, "_PLACES", places)
     monkeypatch.setattr("fourpole.models.springs.Damper", Damper, raising=False)
     families._special_cases.cache_clear()
     assert model_named("damper").name == "damper"
     assert automatic()[-1] == "damper"
     assert contains("kelvin", "damper")
-    assert contains("shell", "damper")
     assert not contains("zener", "damper")
     monkeypatch.undo()
     families._special_cases.cache_clear()
@@ -208,7 +257,7 @@ def test_the_docs_and_the_help_name_every_family():
     from fourpole.app import model_commands
 
     which = (DOCS / "which-model.md").read_text(encoding="utf-8")
-    for key in FAMILIES:
+    for key in (*FAMILIES, *NAMED):
         name = key.partition("[")[0].partition(":")[0]
         assert re.search(rf"^\| `{name}\b", which, re.MULTILINE), name
     option = inspect.signature(model_commands.fit, eval_str=True).parameters["model"].annotation.__metadata__[0]
@@ -216,7 +265,7 @@ def test_the_docs_and_the_help_name_every_family():
 
 
 def test_each_family_is_a_class_of_the_package():
-    classes = {place.partition(".")[2] for place in FAMILIES.values()}
+    classes = {place.rpartition(".")[2] for place in (*FAMILIES.values(), *NAMED.values())}
     assert classes == set(dir(models))
     for name in classes:
         assert issubclass(getattr(models, name), Model)

@@ -10,7 +10,8 @@ from fourpole.models.fit import best_fit, fit
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.problem import start_of
-from fourpole.models.springs import KelvinVoigt, Spring, Structural
+from fourpole.models.springs import KelvinVoigt, Spring
+from fourpole.paper1982.models import Structural
 
 pytestmark = pytest.mark.thorough
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fourpole.models.data import StiffnessData
-from fourpole.models.ladder import Rung, verdict_of, without_mass
+from fourpole.models.ladder import Rung, verdict_of, without_inertia
 
 NOISE = 0.003
 
@@ -92,7 +92,7 @@ def test_a_few_frequencies_are_offered_no_resonance():
 def test_a_mass_is_taken_off_with_its_uncertainty_in_common():
     data = drawn(lambda w: fractional(w) - w**2, 8, 24, 12, 1)
     found = verdict_of(data)
-    rest = without_mass(data, found)
+    rest = without_inertia(data, found)
     np.testing.assert_allclose(rest.stiffness, data.stiffness + data.omega**2 * found.mass)
     more = rest.covariance[::2, ::2] - np.diag(data.covariance[:, 0, 0])
     np.testing.assert_allclose(more, np.outer(data.omega, data.omega) ** 2 * found.mass_std**2, rtol=1e-6)

@@ -10,9 +10,9 @@ from fourpole.errors import ModelError
 from fourpole.models.fractional import FractionalZener, FractionalZener5, rational
 from fourpole.models.interface import StateSpace
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
-from fourpole.models.springs import KelvinVoigt, Spring, Structural
+from fourpole.models.springs import KelvinVoigt, Spring
 from fourpole.models.step import simulate
-from fourpole.models.table import Gehman
+from fourpole.paper1982.models import Gehman, Structural
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 300.0, 25)
 TABLE = Gehman(np.geomspace(0.05, 400.0, 9), np.linspace(90e3, 150e3, 9), np.geomspace(3e3, 80.0, 9))

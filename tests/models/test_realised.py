@@ -10,7 +10,7 @@ from fourpole.models.families import model_named
 from fourpole.models.fractional import rational
 from fourpole.models.realised import realised
 from fourpole.models.step import simulate
-from fourpole.models.tyre_shell import CROSS_PLY, RADIAL_PLY, Shell
+from fourpole.paper1982.shell import CROSS_PLY, RADIAL_PLY, Shell
 
 BAND = (1.0, 200.0)
 OMEGA = 2 * np.pi * np.geomspace(*BAND, 61)

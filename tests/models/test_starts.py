@@ -10,8 +10,8 @@ from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.interface import Model
 from fourpole.models.maxwell import GeneralisedMaxwell, Zener
 from fourpole.models.problem import start_of, starts_of
-from fourpole.models.springs import KelvinVoigt, Spring, Structural
-from fourpole.models.table import Gehman
+from fourpole.models.springs import KelvinVoigt, Spring
+from fourpole.paper1982.models import Gehman, Structural
 
 pytestmark = pytest.mark.thorough
 

@@ -91,6 +91,7 @@ def test_the_uncertainty_of_size_and_angle_is_that_of_draws():
 
 
 @pytest.mark.parametrize("key", [key for key in WITH_DATA if key not in UNLINKED])
+@pytest.mark.sampled(3)
 def test_points_and_loops_lead_to_the_cards_of_their_tests(fitted, key):
     cards = {card.test: card.key for card in make_cards(fitted)[0]}
     found = [(test, card) for _, one in every(figure_data(fitted, key), *Role) for test, card in
@@ -163,6 +164,7 @@ def test_tr_of_the_model_is_a_smooth_resonance_through_the_tests():
 
 @pytest.mark.parametrize("key", WITH_DATA)
 @pytest.mark.parametrize("modelled", [False, True])
+@pytest.mark.sampled(3)
 def test_no_panel_has_more_than_six_lines_of_one_colour_without_a_label(twelve, twelve_fitted, key, modelled):
     results = twelve_fitted if modelled else twelve
     data = figure_data(results, key)
@@ -392,7 +394,7 @@ def test_data_needs_no_matplotlib():
         "import sys, polars\n"
         "from fourpole.study.study import Study\n"
         "from fourpole.plot import states, frequency, loops, fields, chain, budget, part, rig, choice\n"
-        "from fourpole.plot import spectrum, amplitude, operating, carpet, properties, motion, stiffness\n"
+        "from fourpole.plot import spectrum, amplitude, operating\nfrom fourpole.paper1982 import figures, companions\n"
         "assert not [name for name in sys.modules if name.startswith('matplotlib')]\n"
     )
     ran = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)

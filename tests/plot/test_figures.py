@@ -1,5 +1,7 @@
 """What figures show is what the tables say."""
 
+from functools import cache, partial
+
 import numpy as np
 import polars as pl
 import pytest
@@ -8,12 +10,12 @@ from tests.plot.conftest import FREQUENCIES, PRESSURES, blank, changed, empty_re
 from tests.plot.modelled import study_with_models
 
 from fourpole.core.tyre import mobility
+from fourpole.paper1982.companions import route_stiffness
+from fourpole.paper1982.figures import crossings
 from fourpole.plot import FIGURES, PAPER, Style, draw, figure_data, figures_of
 from fourpole.plot.data import Place, Role, Tone
 from fourpole.plot.layout import COLOUR_SCALE
-from fourpole.plot.motion import crossings
 from fourpole.plot.sheet import read_sheet
-from fourpole.plot.stiffness import route_stiffness
 from fourpole.study.study import Study
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY
 
@@ -27,6 +29,12 @@ DATA = tuple(key for key in FIGURES if key not in (*SCHEMES, *MODELS, *OTHERS))
 TYRES = {"cross-ply": CROSS_PLY, "radial-ply": RADIAL_PLY}
 LOW_HIGH = {"fig06": 1000.0, "fig07": 2000.0, "fig08": 1000.0, "fig09": 2000.0, "fig10": 1000.0, "fig11": 2000.0,
             "fig12": 1000.0, "fig13": 2000.0}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def drawn(study):
+    """Each figure of the study by its key, drawn once."""
+    return cache(partial(draw, study))
 
 
 def lines(ax, label):
@@ -88,10 +96,10 @@ def test_the_figures_by_question_come_first_and_the_papers_stand_apart(study):
 
 
 @pytest.mark.parametrize(("key", "preload"), LOW_HIGH.items())
-def test_figures_6_to_13_carry_the_numbers_of_the_table(study, key, preload):
+def test_figures_6_to_13_carry_the_numbers_of_the_table(study, drawn, key, preload):
     quantity, scale = ("C [N s/m]", 1.0) if int(key[3:]) < 10 else ("K2 [N/m]", 1e-3)
     against = ("pressure [Pa]", 1e-5) if key in {"fig06", "fig07", "fig10", "fig11"} else ("frequency [Hz]", 1.0)
-    figure = draw(study, key)
+    figure = drawn(key)
     assert len([ax for ax in figure.axes if ax.get_label() != COLOUR_SCALE]) == 2
     for tyre in TYRES:
         ax = panel(figure, tyre)
@@ -191,19 +199,19 @@ def test_crossings_are_found_between_the_points_in_common():
 
 
 @pytest.mark.parametrize("key", DATA)
-def test_every_axis_says_its_unit(study, key):
-    figure = draw(study, key)
+def test_every_axis_says_its_unit(drawn, key):
+    figure = drawn(key)
     labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
     assert {"x" for ax in figure.axes if ax.get_xlabel()}
     assert labels
     assert all(label.endswith("]") and "[" in label for label in labels), labels
 
 
-def test_a_tyre_has_one_colour_and_a_pressure_one_marker_in_all_figures(study):
+def test_a_tyre_has_one_colour_and_a_pressure_one_marker_in_all_figures(study, drawn):
     colour = {tyre: to_hex(Style().colour(at)) for at, tyre in enumerate(TYRES)}
     markers = {}
     for key in DATA:
-        for ax in draw(study, key).axes:
+        for ax in drawn(key).axes:
             bar = lines(ax, "_tyre")
             if bar:
                 assert [to_hex(line.get_color()) for line in bar] == [colour[ax.get_title(loc="left")]]
@@ -212,17 +220,17 @@ def test_a_tyre_has_one_colour_and_a_pressure_one_marker_in_all_figures(study):
             if part.tyre >= 0 and key != "pressure-frequency":
                 assert {one.tyre for one in marks} <= {part.tyre}
             if key in {"fig08", "fig09", "fig12", "fig13"}:
-                drawn = [one.marker for one in marks]
-                assert markers.setdefault("pressures", drawn) == drawn
+                these = [one.marker for one in marks]
+                assert markers.setdefault("pressures", these) == these
     assert len(set(markers["pressures"])) == len(PRESSURES)
     fourteenth = {one.marker for part in figure_data(study, "fig14").panels for one in part.series
                   if one.role is Role.POINTS}  # fmt: skip
     assert fourteenth == {markers["pressures"][0], markers["pressures"][2]}
 
 
-def test_a_load_has_one_line_style(study):
+def test_a_load_has_one_line_style(drawn):
     def styles(key):
-        return {line.get_linestyle() for ax in draw(study, key).axes for line in lines(ax, "_line")}
+        return {line.get_linestyle() for ax in drawn(key).axes for line in lines(ax, "_line")}
 
     assert styles("fig08") == styles("fig06") == styles("fig10") == {"-"}
     assert styles("fig09") == styles("fig07") == styles("fig13")
@@ -364,6 +372,7 @@ def test_limits_are_the_readers(study):
 
 @pytest.mark.parametrize("key", ["fig06", "fig08", "fig14", "stiffness", "tr-measured-predicted", "routes"])
 @pytest.mark.parametrize("case", ["two", "many"])
+@pytest.mark.sampled(3)
 def test_key_and_notes_stay_off_the_panels(study, key, case):
     if case == "many":
         named = [CROSS_PLY.__class__(**{**vars(RADIAL_PLY), "name": f"a tyre of the long name {n}"}) for n in range(9)]

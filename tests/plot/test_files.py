@@ -27,6 +27,7 @@ def words(svg):
 
 @pytest.mark.parametrize("name", NASTY)
 @pytest.mark.parametrize("key", ["fig05", "fig14"])
+@pytest.mark.sampled(4)
 def test_a_name_is_text_whatever_it_says(name, key):
     results = renamed(results_of(pressures=(100e3, 170e3), frequencies=(10.0, 20.0)), {"radial-ply": name})
     with warnings.catch_warnings():

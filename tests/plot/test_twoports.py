@@ -72,8 +72,8 @@ def test_of_many_conditions_the_first_are_drawn_and_it_is_said(kinds):
     assert len(said) == 6
 
 
-@pytest.mark.parametrize("form", ["svg", "png", "pdf"])
-def test_it_is_written_in_each_format(kinds, form):
+@pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+def test_it_is_written_in_each_format(kinds, form, begin):
     content = two_port_figure_bytes([kinds["belt"]], form, Style("dark"))
-    assert content == two_port_figure_bytes([kinds["belt"]], form, Style("dark"))
+    assert content.startswith(begin)
     assert len(content) > 10_000

@@ -36,8 +36,8 @@ def evaluate_claims(static: pl.DataFrame, dynamic: pl.DataFrame) -> list[tuple[i
     """Evaluate the twelve claims; (number, holds, what was found) for each.
 
     `static` and `dynamic` are the tables static.csv and dynamic.csv of an analysis. The tyres are told apart
-    by "cross" and "radial" in their names. Rejected tests and blanks are left out; where a claim then has
-    nothing to be read on it does not hold.
+    by "cross" and "radial" in their names. Rejected tests, tests with an added mass and blanks are left out; where a
+    claim then has nothing to be read on it does not hold.
     """
     cross, radial = (_tyre(static, dynamic, word) for word in ("cross", "radial"))
     claims: tuple[Callable[[], Verdict], ...] = (
@@ -81,6 +81,8 @@ def _tyre(static: pl.DataFrame, dynamic: pl.DataFrame, word: str) -> Tyre:
 
 def _used(table: pl.DataFrame, word: str) -> pl.DataFrame:
     chosen = table.filter(pl.col("tyre").str.to_lowercase().str.contains(word, literal=True))
+    if "added mass [kg]" in chosen.columns:  # which moves the resonance
+        chosen = chosen.filter(pl.col("added mass [kg]").fill_null(0.0) == 0.0)
     if "verdict" in chosen.columns:
         chosen = chosen.filter(pl.col("verdict") != "rejected")
     return chosen

@@ -37,7 +37,7 @@ def mapped(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     """A server with two campaigns, one of them with a map."""
     root = tmp_path_factory.mktemp("mapped")
     shutil.copytree(analysed, root / "one")
-    run_map(root / "one" / "results", "auto", DataOptions(), None, as_json=True)
+    run_map(root / "one" / "results", "zener", DataOptions(), None, as_json=True)
     shutil.copytree(analysed, root / "two")
     shutil.copytree(analysed, root / "bare", ignore=shutil.ignore_patterns("results"))
     (root / "two" / "results" / "model.json").unlink()
@@ -298,6 +298,7 @@ def test_a_choice_shows_its_figure_at_once(window: Page) -> None:
     ["/c/one/explore?quantity=k2&over=pressure", "/c/one/model", "/c/two/model", "/c/one/plan?wanted=0.01+%25",
      "/compare?a=one&first=cross-ply&second=radial-ply", "/c/bare/plan"],
 )  # fmt: skip
+@pytest.mark.sampled(3)
 def test_no_page_keeps_anyone_out(window: Page, address: str) -> None:
     with visiting(window) as page:
         page.set_viewport_size({"width": 820, "height": 1180})

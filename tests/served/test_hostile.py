@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 import re
 import shutil
 import sys
@@ -11,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.selection import share
 from tests.served.hostile import FAULTS, LIST, ODD
 from tests.served.server import Server, serving
 
@@ -23,9 +23,8 @@ PAGES = (
     "", "/explore", "/tests", "/tests/D1", "/statement", "/model", "/plan", "/plan/expected", "/run", "/watch",
     "/columns", "/tests/D1/signals", "/tests/D1/residual", "/files/report.html", "/figure.svg", "/export/mat",
 )  # fmt: skip
-#: Those that take long: each is asked of every third campaign, of all with FOURPOLE_EVERY=1 (make hostile).
-LONG = ("", "/explore", "/plan/expected", "/figure.svg", "/export/mat")
-THIRD = 1 if os.environ.get("FOURPOLE_EVERY") == "1" else 3
+#: A page is asked of every second campaign, those of every n-th: what takes long seldom, where faults are told always.
+SHARE = {**dict.fromkeys(("", "/explore", "/plan/expected", "/figure.svg", "/export/mat"), 4), "/run": 1}
 #: Largest memory of the server after all of them [kB]; without any it takes about 200 MB.
 MOST_MEMORY = 600_000
 
@@ -64,6 +63,7 @@ def test_each_is_a_row_with_its_fault(server: Server) -> None:
     assert max(map(len, rows.values())) < 2000
 
 
+@pytest.mark.sampled(2)
 def test_no_page_of_them_is_a_fault_of_the_program(server: Server) -> None:
     addresses = {name: re.findall('href="(/c/[^"]+)"', row) for name, row in rows_of(server).items()}
     assert [name for name, found in addresses.items() if not found] == ["linked"]
@@ -71,7 +71,7 @@ def test_no_page_of_them_is_a_fault_of_the_program(server: Server) -> None:
         f"{name}{part}": server.ask(found[0] + part)
         for number, (name, found) in enumerate(sorted(addresses.items()))
         for part in PAGES
-        if found and name != "good" and (part not in LONG or (number + LONG.index(part)) % THIRD == 0)
+        if found and name != "good" and share(number + PAGES.index(part), SHARE.get(part, 2))
     }
     assert all(sum(page.endswith(part) for page in answers) > 10 for part in PAGES)
     assert {page: content for page, (status, content, _) in answers.items() if status >= 500} == {}

@@ -192,6 +192,7 @@ def test_what_a_rejected_recording_said_is_said_again(kept):
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"{}", b'{"checks": [], "phasors": {}}', b"\xff\xfe\x00"])
+@pytest.mark.sampled(3)
 def test_a_damaged_cache_is_worked_out_again(kept, demodulated, content):
     noisy, first = kept
     for path in (noisy.path / "kept").iterdir():
@@ -338,6 +339,7 @@ def test_an_index_goes_on_after_a_run_that_was_killed(kept, demodulated, monkeyp
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes among the files here")
 @pytest.mark.parametrize("name", ["index.jsonl", "entry"])
 @pytest.mark.parametrize("place", ["fifo", "link", "hard link", "folder"])
+@pytest.mark.sampled(2)
 def test_nothing_is_read_from_or_written_to_what_is_no_file_of_the_cache(kept, tmp_path, name, place):
     noisy, first = kept
     outside = tmp_path / "precious"
@@ -362,6 +364,7 @@ def test_nothing_is_read_from_or_written_to_what_is_no_file_of_the_cache(kept, t
 
 @pytest.mark.parametrize("level", ["kept", "above"])
 @pytest.mark.parametrize("target", ["full", "empty", "missing"])
+@pytest.mark.sampled(2)
 def test_a_cache_that_a_link_leads_out_of_the_campaign_is_none(noisy, tmp_path, level, target):
     """Neither read, nor written, nor tidied: what lies there is named as files of a cache are."""
     outside = tmp_path / "outside"

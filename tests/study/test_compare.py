@@ -15,6 +15,8 @@ from fourpole.study.compare import _mixed, noises
 from fourpole.study.points import Points
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 FREQUENCIES = [10.0, 12.0, 14.0, 17.0, 20.0]
 
 

@@ -157,6 +157,7 @@ def test_every_route_has_a_budget(noisy, route):
     ],
     ids=lambda part: next(iter(part)) if isinstance(part, dict) else "",
 )
+@pytest.mark.sampled(4)
 def test_an_undeclared_part_is_seen_and_no_value_is_calibrated(tmp_path, part, named, words):
     stated = {"moving_mass": 0.1, "preload_stiffness": 100.0, "preload_damping": 0.5}
     folder = simulated(tmp_path, seed=9, undeclared=part, rig_std=stated)

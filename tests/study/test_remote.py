@@ -46,6 +46,7 @@ def test_a_file_url_inside_the_folder_is_the_file(noisy):
         ("simplecache::s3://bucket/D2.csv", "there is no such file"),
     ],
 )
+@pytest.mark.sampled(3)
 def test_a_url_that_leads_elsewhere_is_one_rejected_row(noisy, url, says):
     (noisy.path.parent / "outside.csv").write_bytes(noisy.recording("D2").read_bytes())
     noisy.edit("tests.csv", ROW, url.format(folder=noisy.path))
@@ -66,22 +67,29 @@ def server():
     made.stop()
 
 
-@pytest.fixture
-def bucket(server, monkeypatch):
-    """A client of the server, with an empty bucket; credentials and address are in the environment."""
+@pytest.fixture(scope="module")
+def client(server):
+    """A client of the server; credentials and address are in the environment, also in that of one worker for all."""
     boto3 = pytest.importorskip("boto3")
     stated = {"ENDPOINT_URL": server, "ACCESS_KEY_ID": "a", "SECRET_ACCESS_KEY": "b", "DEFAULT_REGION": "us-east-1"}
-    for name, value in stated.items():
-        monkeypatch.setenv(f"AWS_{name}", value)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in stated.items():
+            patch.setenv(f"AWS_{name}", value)
+        children.child().close(for_good=False)
+        made = boto3.client("s3")
+        made.create_bucket(Bucket="rig")
+        yield made
+        made.close()
+        children.child().close(for_good=False)
+
+
+@pytest.fixture
+def bucket(client, monkeypatch):
+    """The client, with an empty bucket, which the environment allows to read."""
     monkeypatch.setenv(REMOTE, "s3://")
-    children.child().close(for_good=False)
-    client = boto3.client("s3")
-    client.create_bucket(Bucket="rig")
     yield client
     for one in client.list_objects_v2(Bucket="rig").get("Contents", []):
         client.delete_object(Bucket="rig", Key=one["Key"])
-    client.close()
-    children.child().close(for_good=False)
 
 
 def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
@@ -165,6 +173,7 @@ def test_the_argument_allows_it_for_the_call_alone(uploaded):
     assert noisy.analyse(route="mobility").counts["rejected"] == 2
 
 
+@pytest.mark.sampled(2)
 def test_the_users_configuration_reaches_worker_processes(uploaded, tmp_path, monkeypatch):
     noisy, before = uploaded
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "user"))
@@ -181,6 +190,7 @@ def without_permission():
     os.environ.pop(REMOTE, None)
 
 
+@pytest.mark.sampled(2)
 def test_a_job_takes_the_permission_of_its_sender_along(uploaded):
     """As to a worker of a cluster, which was started by somebody else."""
     noisy, before = uploaded

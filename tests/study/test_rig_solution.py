@@ -45,6 +45,7 @@ def test_a_solution_that_does_not_converge_says_what_the_recordings_show_and_wha
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("plan", [{"repeats": 3}, {"added_masses": (0.0, 10.0)}])
+@pytest.mark.sampled(2)
 def test_a_drift_is_noted_or_stands_in_a_tie_with_an_error_of_a_sensor(tmp_path, plan):
     """Each test without the mass is followed by that with it: V1 0.5 ms late looks as a drift of 1 % does."""
     laboratory = {"tyres": [RADIAL_PLY], "pressures": (170e3,), "preloads": (1000.0,)}

@@ -12,6 +12,7 @@ from fourpole.core.rig import Rig
 from fourpole.models.springs import KelvinVoigt
 from fourpole.study import analyse
 from fourpole.virtual import (
+    BELTED,
     CAR_TYRE,
     RADIAL_PLY,
     RUBBER_MOUNT,
@@ -27,6 +28,7 @@ from fourpole.virtual import (
     simulate_campaign,
     simulate_phasors,
 )
+from fourpole.virtual.faults import scatter
 
 pytestmark = pytest.mark.thorough
 
@@ -138,6 +140,18 @@ def test_a_campaign_of_a_cars_tyre_is_found(car):
         found, true, u = (car[1][name].to_numpy() for name in (head, f"{head} true", std))
         assert np.all(np.abs(found - true) < 4.0 * u)
     assert car[1]["u(Re K*) [N/m]"].max() < 0.005 * 290e3
+
+
+def test_a_belt_is_found_though_k_star_scatters_from_repeat_to_repeat(tmp_path):
+    """With one mass; the scatter of 0.1 % is ten times what the noise makes of K*."""
+    made = simulate_campaign(
+        tmp_path, seed=1002, tyres=BELTED[1:], pressures=[170e3], preloads=[1000.0], repeats=3, faults=[scatter(1e-3)],
+        sensors=(5e-3, np.radians(0.5)), rig_std={"moving_mass": 0.3, "preload_stiffness": 250.0},
+        frequencies=np.arange(10.0, 25.0, 2.0).tolist(),
+    )  # fmt: skip
+    study = analyse(made.folder)
+    assert study.counts == {"ok": 25, "warning": 0, "rejected": 0}
+    assert study.specimens["belt mass [kg]"][0] == pytest.approx(3.0, abs=3 * study.specimens["u(belt mass) [kg]"][0])
 
 
 def test_its_truth_has_its_belt(car):

@@ -12,9 +12,9 @@ from fourpole.models.chain import in_time, transmissibility
 from fourpole.models.fractional import FractionalZener, FractionalZener5
 from fourpole.models.interface import StateSpace
 from fourpole.models.maxwell import GeneralisedMaxwell
-from fourpole.models.springs import KelvinVoigt, Spring, Structural
+from fourpole.models.springs import KelvinVoigt, Spring
 from fourpole.models.step import simulate
-from fourpole.models.table import Gehman
+from fourpole.paper1982.models import Gehman, Structural
 from fourpole.virtual import (
     Bench,
     Cam,

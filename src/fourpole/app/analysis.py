@@ -139,16 +139,17 @@ def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> 
         out(f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}.")
         for line in (*found[1:], *outcome.lines):  # the first finding repeats the number of tests
             out(line)
-        out("The virtual tyres are designed so that the paper's conclusions hold; they are not its data.")
-        out("The rubber mount relaxes; no massless, relaxing specimen can be like the two tyres: the report says why.")
+        out("The virtual tyres have belts, and the paper's conclusions hold by design; they are not its data.")
+        out("The rubber mount relaxes; no relaxing springs can be like those of the two tyres: the report says why.")
     return outcome.code
 
 
 def _demo_settings() -> dict[str, Any]:
-    """Settings of the demonstration: usual uncertainties, a weighed mass at one condition, and a mount."""
-    from fourpole.virtual import RADIAL_PLY, RUBBER_MOUNT
+    """Settings of the demonstration: belts, usual uncertainties, a weighed mass at one condition, and a mount."""
+    from fourpole.virtual import BELTED, RADIAL_PLY, RUBBER_MOUNT
 
     return {
+        "tyres": BELTED,
         "sensors": (5e-3, radians(0.2)),
         "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
         "added_masses": (0.0, 10.0),

@@ -28,6 +28,7 @@ from fourpole.app.options import (
     Wanted,
     allow_remote,
 )
+from fourpole.errors import CampaignError
 from fourpole.export.kinds import ABOUT
 from fourpole.version import VERSION
 
@@ -95,11 +96,14 @@ def simulate(
         bool,
         typer.Option("--car", help="Of a car's tyre with a belt of 7 kg, with 10 kg of added mass in half the tests."),
     ] = False,
+    massless: Annotated[bool, typer.Option("--massless", help="Tyres without a mass, as in the 1982 paper.")] = False,
 ) -> None:
     """Record a whole campaign on the virtual rigs: campaign.toml, tests.csv, recordings and truth.csv."""
-    from fourpole.virtual import CAR_TYRE, simulate_campaign
+    from fourpole.virtual import BELTED, CAR_TYRE, CROSS_PLY, RADIAL_PLY, simulate_campaign
 
-    plan: dict[str, Any] = {}
+    if car and massless:
+        raise CampaignError("--car and --massless contradict each other: the car's tyre is there for its belt")
+    plan: dict[str, Any] = {"tyres": (CROSS_PLY, RADIAL_PLY) if massless else BELTED}
     if car:
         plan = {"tyres": [CAR_TYRE], "preloads": [1000.0], "added_masses": (0.0, 10.0), "eccentricity": 0.2e-3}
     with progress("recording") as advance:

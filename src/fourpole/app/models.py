@@ -22,6 +22,7 @@ from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
 from fourpole.fitting.modelfile import ModelFile, read_model_file
 from fourpole.fitting.modelling import fit_tyres, lacking_error, map_tyres, model_file
+from fourpole.fitting.overtime import fit_over_time
 from fourpole.fitting.query import INTERVAL, Query, ask
 from fourpole.fitting.renewed import renewed
 from fourpole.fitting.shifting import laws_beside
@@ -30,6 +31,7 @@ from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.folders import results_in
 from fourpole.io.published import published_beside, publishing
 from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
+from fourpole.models.inertial import Of
 from fourpole.models.ladder import Rung, Verdict, verdict_of
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number
@@ -43,6 +45,8 @@ if TYPE_CHECKING:
 #: Relative uncertainty of K* for a verdict if the table states none.
 _ASSUMED = 0.01
 _MOST_NAMED = 12
+#: Options of `fit` that a table over time does not take.
+_NOT_OVER_TIME = ("over", "band", "k1", "fix", "share", "static", "figure")
 #: Figures of a folder that show the models or the maps of it; others do not change with these.
 SHOWING = {
     "model": ("first-stiffness", "first-tr", "stiffness", "storage-loss", "arm", "tr", "pressure-frequency",
@@ -60,9 +64,16 @@ def _read(path: Path, data: DataOptions, assumed: float | None = None, model: st
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
     moved = by_amplitude(model)
     found = read_measured(
-        path, over=data.over or (), std=std, k1=_static(data), by_amplitude=moved, options=data.table()
+        path, over=data.over or (), std=std, k1=_static(data), by_amplitude=moved, options=data.table(), of=_of(data.of)
     )
     return found.only(data.tyre, None if data.band is None else _band(data.band))
+
+
+def _of(text: str | None) -> Of | None:
+    """What K* is of, by the option ``--of``."""
+    if text is not None and text not in [one.value for one in Of]:
+        raise UnitError(f"--of: {units.shown(text)} is none of {', '.join(one.value for one in Of)}")
+    return None if text is None else Of(text)
 
 
 def _settings(model: str, options: DataOptions) -> dict[str, Any]:
@@ -110,6 +121,8 @@ def _band(text: str) -> tuple[float, float]:
 def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
     """Fit or choose a model for each tyre; write the model file."""
     path = results_in(results)
+    if path.is_file() and _fit_over_time(path, model, options, as_json=as_json):
+        return
     measured = _with_static(_read(path, options, model=model), path, options)
     _notes(measured)
     with progress("fitting") as advance:
@@ -124,6 +137,23 @@ def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) ->
     _renew_report(path, options.file, as_json=as_json)
     if any(one.stopped for one in fits):
         raise KeyboardInterrupt  # the exit code says so; what was found is written
+
+
+def _fit_over_time(path: Path, model: str, options: FitOptions, *, as_json: bool) -> bool:
+    """Fit a table of relaxation or creep and write the model file; False for another table."""
+    std = None if options.std is None else option(options.std, "ratio", "--std", "positive")
+    settings = _settings(model, options)
+    made = fit_over_time(path, model, options.table(), std=std, tyre=options.tyre, settings=settings)
+    if made is None:
+        return False
+    if given := [name for name in _NOT_OVER_TIME if getattr(options, name)]:
+        raise UnitError(f"{path.name} is over time: leave out {', '.join(f'--{name}' for name in given)}")
+    for note in made.provenance.notes:
+        say(f"note: {note}")
+    if options.file is not None:
+        made.write(options.file)
+    _show_written(made, [] if options.file is None else [options.file], ShownUnits(), as_json=as_json)
+    return True
 
 
 def _show_written(made: ModelFile, files: Sequence[Path], wanted: ShownUnits, *, as_json: bool) -> None:
@@ -167,7 +197,7 @@ def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
     else:
         warn(f"the table states no uncertainty of K*: taken as {100 * _ASSUMED:g} %; state --std")
         measured = _read(path, data, _ASSUMED)
-    found = [(one, verdict_of(one.data)) for one in measured.conditions]
+    found = [(one, verdict_of(one.data, one.of)) for one in measured.conditions]
     if as_json:
         rows = [{"tyre": one.tyre, "state": one.state, **_verdict(one, verdict)} for one, verdict in found]
         print_json({"source": measured.source, "conditions": rows})
@@ -382,6 +412,8 @@ def _verdict(one: Measured, verdict: Verdict) -> dict[str, Any]:
         "mass [kg]": verdict.mass,
         "u(mass) [kg]": verdict.mass_std,
         "resonances [Hz]": verdict.resonances.tolist(),
+        q.BELT_MASS.head: None if verdict.belt is None or verdict.of is Of.BLOCKED_TRANSFER else verdict.belt.mass,
+        q.BELT_MASS.u_head: None if verdict.belt is None else verdict.belt.mass_std,
         "or an error of": [{"of": lie.name, "size": lie.size, "unit": lie.unit} for lie in verdict.lies],
         "possible with an error of [1]": lacking_error(one, verdict),
         "impossible [Hz]": [] if verdict.possible else verdict.relaxing.impossible.tolist(),

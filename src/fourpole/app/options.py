@@ -262,6 +262,7 @@ class DataOptions(Selection):
     std: str | None = _given('Relative uncertainty of K*, in place of the table\'s, as "1 %".')
     k1: str | None = _given('Static stiffness, in place of the table\'s, as "180 kN/m".', "--k1")
     std_k1: str | None = _given('Relative uncertainty of --k1; by default "2 %".', "--std-k1")
+    of: str | None = _given("What K* is of: springs, driving point (default), or blocked transfer.", "--of")
 
 
 @dataclass(frozen=True, repr=False, eq=False)

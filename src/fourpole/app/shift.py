@@ -25,6 +25,7 @@ from fourpole.fitting.shifting import (
     shift_table,
     shift_tyres,
 )
+from fourpole.fitting.temperature import miss_in_words
 from fourpole.io.door import sha256_of
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.staging import staged
@@ -109,10 +110,10 @@ def _warn(one: TyreShift) -> None:
         warn(f"{named}the search for the shift factors did not converge")
     best = one.choice.best
     if not best.fits:
-        scale = np.sqrt(best.chi2 / max(best.dof, 1))
+        missed = miss_in_words(best, found.temperatures, found.log_a, found.std)
         warn(
-            f"{named}the {best.name} law does not describe the shift factors within their uncertainty; that of its "
-            f"constants is enlarged by a factor of {scale:.3g}"
+            f"{named}the {best.name} law misses the shift factors found, at worst {missed}. The model file holds the "
+            "factors found, and the law serves beyond them only"
         )
 
 
@@ -145,7 +146,8 @@ def _show(one: TyreShift, constants_at: float | None) -> None:
         )
     ends = found.temperatures[[0, -1]]
     out(f"{PLUS_MINUS}; u is a standard uncertainty")
-    out(f"valid from {ends[0]:.4g} to {ends[1]:.4g} degC; nothing is known outside")
+    known = f"from {ends[0]:.4g} to {ends[1]:.4g} degC fourpole query interpolates the shift factors found"
+    out(f"{known}; beyond, with --beyond, the {law.name} law continues them")
     if constants_at is not None and law.name == "WLF":
         moved = law.at_reference(constants_at)
         out(

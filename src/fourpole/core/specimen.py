@@ -12,8 +12,12 @@ springs alone, a mass :math:`m_b` and the share :math:`r = k_{contact}/k_{rim}` 
 .. math:: S = \frac{K^*}{1 - a},\quad m_1 = \frac{m_b\,r/(1 + r)}{1 - a},\quad m_2 = \frac{m_b/(1 + r)}{1 - a},\quad
           a = \frac{\omega^2 m_b\,r}{(1 + r)^2 K^*}.
 
-The share depends on frequency as far as the two springs are not of one law: :math:`r = r_0 (K^*/K_0)^p`. For p = 0 they
-are, for p = 1 + r the spring at the rim is constant. A rod, whose mass is spread along it, has
+The share depends on frequency as far as the two springs are not of one law:
+
+.. math:: \frac1r = \Bigl(1 + \frac1{r_0}\Bigr) \Bigl(\frac{K^*}{K_0}\Bigr)^{-p/(1 + r_0)} - 1,
+
+which is :math:`r_0 (K^*/K_0)^p` near :math:`K_0`. For p = 0 they are of one law, for :math:`p = 1 + r_0` the spring at
+the rim is constant. A rod, whose mass is spread along it, has
 
 .. math:: S = K^*\,\frac{\theta}{\sin\theta},\quad m_1 = m_2 = \frac{m_b}{2}\,\frac{\tan(\theta/2)}{\theta/2},\quad
           \theta^2 = \frac{\omega^2 m_b}{K^*}.
@@ -38,8 +42,8 @@ from fourpole.core.sources import Kind
 
 #: Below this square of the angle of a rod its functions are series; what these leave out is round-off.
 _SMALL = 1e-3
-#: Largest logarithm of a share: of a search that went astray.
-_LARGE = 12.0
+#: Largest logarithm of a share, and least logarithm of the stiffness at the rim over K*: of a search that went astray.
+_LARGE, _SOFTER = 12.0, 0.05
 _PARTS = ("spring", "contact", "wheel")
 
 
@@ -124,9 +128,7 @@ def _belt(
     exponent: FloatArray,
     reference: ComplexArray,
 ) -> Ends:
-    bend = np.log(stiffness / reference)
-    power = log_share + exponent * bend
-    share = np.exp(np.clip(power.real, -_LARGE, _LARGE) + 1j * power.imag)
+    share, law = _share(np.log(stiffness / reference), log_share, exponent)
     contact, wheel = share / (1 + share), 1 / (1 + share)
     between = contact * wheel
     a = omega**2 * mass * between / stiffness
@@ -141,9 +143,27 @@ def _belt(
     by[:, 1, 2] += wheel * h
     by[:, 2, 1] += mass * between * h
     by[:, 2, 2] -= mass * between * h
-    by[:, 3] = bend[:, None] * by[:, 2]
-    by[:, 0] += exponent[:, None] * by[:, 2]
+    by[:, 0] += law[0][:, None] * by[:, 2]
+    by[:, 3] = law[2][:, None] * by[:, 2]
+    by[:, 2] *= law[1][:, None]
     return Ends(stiffness * h, at_contact, at_wheel, by)
+
+
+def _share(
+    bend: ComplexArray, log_share: ComplexArray, exponent: FloatArray
+) -> tuple[ComplexArray, tuple[ComplexArray, ComplexArray, ComplexArray]]:
+    """The share (N,) where log K* is by `bend` above that of the reference; derivatives of its logarithm.
+
+    These are by `bend`, by the logarithm of the share at the reference, and by the exponent.
+    """
+    first = np.exp(np.clip(log_share.real, -_LARGE, _LARGE) + 1j * log_share.imag)
+    whole = 1 + first
+    rise = exponent * bend / whole
+    most = np.log(np.abs(whole / first)) - _SOFTER
+    rise = np.minimum(rise.real, most) + 1j * rise.imag
+    share = 1 / (whole / first * np.exp(-rise) - 1)
+    slope = (1 + share) / whole
+    return share, (exponent * slope, slope * (1 - rise * first), bend * slope)
 
 
 def _rod(stiffness: ComplexArray, omega: FloatArray, mass: FloatArray) -> Ends:
@@ -178,7 +198,7 @@ class Specimen:
     share : complex [1]
         Stiffness of the spring at the contact over that at the rim where K* is `reference`.
     exponent : float [1]
-        Power of K* by which the share changes.
+        Power of K* by which the share changes near the reference.
     reference : complex [N/m]
         K* at which the share is `share`.
 
@@ -214,7 +234,8 @@ class Specimen:
 
     def share_at(self, stiffness: ComplexArray) -> ComplexArray:
         """Share of the springs (N,) [1] where K* is `stiffness` (N,) [N/m]."""
-        return np.asarray(self.share * (stiffness / self.reference) ** self.exponent)
+        bend = np.log(np.asarray(stiffness, dtype=complex) / self.reference)
+        return _share(bend, np.log(complex(self.share)) * np.ones(bend.shape), self.exponent * np.ones(bend.shape))[0]
 
     def dynamic_stiffness(self, stiffness: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """D (N, 2, 2) [N/m]: the forces on both ends over their motions, contact first.

@@ -19,7 +19,7 @@ example is a hysteresis that biases K1 more at one end of the pressures than at 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import hypot, inf, sqrt
@@ -29,7 +29,6 @@ import numpy as np
 from fourpole.core import stats
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import CLAIM_CHANCE, SEARCH_CHANCE
-from fourpole.findings.finding import Key
 
 #: No relative effect below this is claimed, because it may be round-off.
 _ROUND_OFF = 1e-9
@@ -113,16 +112,3 @@ def mean_effect(effects: Sequence[Effect]) -> Effect:
     value = float(np.mean([effect.value for effect in effects]))
     own = sqrt(float(np.mean([effect.own**2 for effect in effects])))
     return Effect(value, own, float(np.mean([effect.shared for effect in effects])), min(e.dof for e in effects))
-
-
-@dataclass(frozen=True)
-class Above:
-    """Relative difference of one tyre less the other, by condition."""
-
-    axes: tuple[str, ...]
-    effects: Mapping[Key, Effect]
-
-    @property
-    def against(self) -> list[Key]:
-        """Conditions at which the first tyre is not above the second."""
-        return [key for key, effect in self.effects.items() if effect.value <= 0.0]

@@ -7,7 +7,7 @@ from math import inf
 
 import numpy as np
 
-from fourpole.findings.claims import claims
+from fourpole.face import load
 from fourpole.findings.facts import Facts, pairs
 from fourpole.findings.finding import Finding
 from fourpole.findings.inertia import inertias
@@ -18,6 +18,8 @@ from fourpole.findings.verdicts import verdicts
 from fourpole.quantities import DERIVED, K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
 from fourpole.study.study import Study
 
+#: Functions of rooms above, from `Facts` to findings, by their places.
+_FURTHER = ("fourpole.paper1982.claims.claims",)
 #: Effects below this are too small to matter unless they exceed so many standard uncertainties.
 _SMALL, _SURE = 0.01, 3.0
 
@@ -53,7 +55,8 @@ def findings(results: Study) -> list[Finding]:
     moving = [finding for quantity in quantities for finding in _quantity(facts, quantity)]
     static = [*_quantity(facts, K1), *linearity(facts)]
     mass = inertias(results)
-    return [*trust, *mass, *static, *moving, *cycle_losses(facts), *transmissibility(facts), *claims(facts)]
+    further = [finding for place in _FURTHER for finding in load(place)(facts)]
+    return [*trust, *mass, *static, *moving, *cycle_losses(facts), *transmissibility(facts), *further]
 
 
 def by_size(findings: Sequence[Finding]) -> list[Finding]:

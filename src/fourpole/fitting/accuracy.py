@@ -19,8 +19,8 @@ POOR, WARNED = 0.01, 0.03
 #: What the verdict on K* says, by the kind of specimen that can have it.
 _SAID = {
     Rung.RELAXING: "A massless, relaxing specimen can have K* as measured.",
-    Rung.MASS: "A relaxing specimen with a mass at its driven end can have K* as measured; the model has no mass.",
-    Rung.RESONANT: "A specimen with a resonance can have K* as measured; the model has none.",
+    Rung.MASS: "A relaxing specimen with a mass at its driven end can have K* as measured; the mass was taken off.",
+    Rung.RESONANT: "A specimen with a resonance can have K* as measured.",
     Rung.NONE: "No specimen, relaxing or with a mass or resonances, can have K* as measured.",
 }
 

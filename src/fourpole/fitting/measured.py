@@ -30,6 +30,7 @@ from fourpole.io.folders import results_in
 from fourpole.io.published import Published, published_beside, read_listed
 from fourpole.io.tables.kstar import TableOptions, read_k_star
 from fourpole.models.data import StiffnessData
+from fourpole.models.inertial import Of
 from fourpole.models.ramp import Loop
 from fourpole.models.recorded import Recorded, bends
 from fourpole.quantities import ShownUnits
@@ -49,8 +50,6 @@ _RULE = Sameness()
 #: Tables of a results folder, and the table of a master curve; covariance.parquet may lie beside each.
 _RESULTS, MASTER = ("dynamic.csv", "dynamic.parquet"), "master.csv"
 _USUAL = {axis.column for axis in AXES}
-#: Value of `q.K_OF` where K* has no inertia.
-_SPRINGS = "springs"
 #: Least variance of a test's K* as a share of that of its condition; from the second share on it is that of all tests.
 _LEAST_OWN, _COMMON = 1e-4, 0.9
 
@@ -78,6 +77,8 @@ class Measured(ByValue):
         The static test, if K1 is the tangent of its ramp.
     inertia : InertiaFile, optional
         The mass of the specimen between its ends, of which K* of its springs is free.
+    of : Of
+        What K* is of.
     """
 
     tyre: str
@@ -88,6 +89,7 @@ class Measured(ByValue):
     recorded: Recorded | None = field(default=None, compare=False)
     loop: Loop | None = None
     inertia: InertiaFile | None = None
+    of: Of = Of.DRIVING_POINT
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -194,6 +196,7 @@ def read_measured(
     axes: Sequence[Axis] = AXES,
     options: TableOptions | None = None,
     by_amplitude: bool = False,
+    of: Of | None = None,
 ) -> MeasuredSet:
     """Read K* of all conditions from results.
 
@@ -213,6 +216,8 @@ def read_measured(
         What the table does not say: its columns and units, and the shape of a specimen whose modulus it holds.
     by_amplitude : bool
         Whether tests of one condition with different amplitudes of the deflection have different K*.
+    of : Of, optional
+        What K* is of, in place of what the table says.
 
     Returns
     -------
@@ -245,20 +250,26 @@ def read_measured(
     found = measured_of(frame, covariance, likelihoods, name=table.name, rule=rule, **given)
     if table.name in _RESULTS:
         found = _with_inertia(found, frame, results)
+    if of is not None:
+        found = replace(found, conditions=tuple(replace(one, of=of) for one in found.conditions))
     spoken += [] if own else _repeats([one.own.omega for one in found.conditions], table.name)
     return replace(found, sha256=hashlib.sha256(content).hexdigest(), notes=(*spoken, *found.notes))
 
 
 def _with_inertia(found: MeasuredSet, frame: pl.DataFrame, results: Published) -> MeasuredSet:
     """The conditions with the inertia of their specimens, where K* is that of the springs alone."""
-    inertias, heavy = inertias_in(results), set[str]()
+    inertias, kinds = inertias_in(results), dict[str, str]()
     if q.K_OF.head in frame.columns:
-        heavy = set(frame.filter(pl.col(q.K_OF.head) != _SPRINGS)[q.TEST.head])
-    conditions = (
-        one if heavy & set(one.tests) else replace(one, inertia=inertias.at(one.tyre, one.state))
-        for one in found.conditions
-    )
-    return replace(found, conditions=tuple(conditions))
+        kinds = dict(zip(frame[q.TEST.head], frame[q.K_OF.head].fill_null(Of.SPRINGS.value), strict=True))
+
+    def known(one: Measured) -> Measured:
+        of = {kinds.get(test, Of.SPRINGS.value) for test in one.tests}
+        if of == {Of.BLOCKED_TRANSFER.value}:
+            return replace(one, of=Of.BLOCKED_TRANSFER)
+        inertia = inertias.at(one.tyre, one.state) if of == {Of.SPRINGS.value} else None
+        return one if inertia is None else replace(one, of=Of.SPRINGS, inertia=inertia)
+
+    return replace(found, conditions=tuple(map(known, found.conditions)))
 
 
 def _repeats(omega: Sequence[FloatArray], name: str) -> list[str]:
@@ -285,12 +296,9 @@ def table_of(measured: MeasuredSet) -> pl.DataFrame:
             row |= {RE: float(own.stiffness[at].real), IM: float(own.stiffness[at].imag)}
             if measured.known:
                 row |= {STD[0]: u_re, STD[1]: u_im, STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
-            rows.append({**row, _K1[0]: _known_or_none(own.k1), _K1[1]: _known_or_none(own.k1_std)})
+            static = [float(part) if np.isfinite(part) else None for part in (own.k1, own.k1_std)]
+            rows.append(row | dict(zip(_K1, static, strict=True)))
     return pl.DataFrame(rows, infer_schema_length=None)
-
-
-def _known_or_none(value: FloatArray) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def measured_of(

@@ -110,8 +110,8 @@ def usable(
 
     inside = (frequency >= _LOWEST) & (frequency <= _HIGHEST)
     good = only(inside, f"have a frequency beyond {_LOWEST:g} to {_HIGHEST:g} Hz")
-    sound = (real > 0) & (np.hypot(np.nan_to_num(real), np.nan_to_num(imag)) < _LARGEST)
-    good = only(sound, f"have a K' that is not positive, or beyond {_LARGEST:g} N/m,")
+    size = np.hypot(np.nan_to_num(real), np.nan_to_num(imag))
+    good = only((size > 0) & (size < _LARGEST), f"have a K* that is zero, or beyond {_LARGEST:g} N/m,")
     if stated and all(column in numbers for column in STD[:2]):
         sure = np.isfinite(numbers[STD[0]]) & np.isfinite(numbers[STD[1]])
         good = only(sure, "state no uncertainty of K*") if np.any(sure & good) else good

@@ -30,10 +30,10 @@ from fourpole.fitting.modelparts import (
     check_offsets,
     split_column,
 )  # fmt: skip
-from fourpole.fitting.pressures import PressureFile, check_pressures
-from fourpole.fitting.shifting import TemperatureFile, check_law
+from fourpole.fitting.ranges import RangeFile
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile
+from fourpole.fitting.temperature import TemperatureFile, check_temperature
 from fourpole.io.published import read_listed, write_result
 from fourpole.io.seal import KEY, sealed
 from fourpole.models.families import model_named
@@ -48,8 +48,8 @@ from fourpole.units import shown
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature", "pressures", "amplitude", "logarithmic", "static", "inertia",
-         "holds", "mass", "resonances", "link", "offsets")  # fmt: skip
+LATER = ("axes", "points", "shape", "temperature", "amplitude", "logarithmic", "static", "inertia",
+         "ranges", "holds", "mass", "resonances", "shifts", "link", "offsets")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -109,6 +109,7 @@ class ConditionFile(Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
     static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
     inertia: InertiaFile | None = Field(default=None, description="Mass of the specimen between its ends.")
+    ranges: list[RangeFile] = Field([], max_length=200, description="Range of K* below and above the band, rising.")
 
     @property
     def coordinates(self) -> dict[str, float]:
@@ -136,11 +137,12 @@ class ModelEntry(_Entry):
     candidates: list[CandidateFile] = Field(max_length=200, description="Models that were compared, the best first.")
     conditions: list[ConditionFile] = Field(max_length=LONGEST)
     temperature: TemperatureFile | None = Field(
-        default=None, description="Law of the shift factors if the model is of a master curve."
+        default=None, description="Shift factors and their law if the model is of a master curve."
     )
-    pressures: list[PressureFile] = Field(
-        default_factory=list, max_length=1000, description="Sets of parameters that hold for several pressures."
-    )
+    pressures: list[Any] = Field(
+        default_factory=list, max_length=1000, exclude=True,
+        description="Of earlier versions: what a shell's fits to several pressures shared.",
+    )  # fmt: skip
 
 
 class MapEntry(_Entry):
@@ -238,7 +240,11 @@ class ModelFile(Strict):
                 if not part[key]:
                     del part[key]
         conditions = [one for entry in models for one in entry["conditions"]]
-        for part in (document, *models, *conditions, *(one["verdict"] for one in conditions if one["verdict"])):
+        for static in (one["static"] for one in conditions if one["static"]):
+            if not static["passive"]:
+                del static["passive"]
+        parts = [*(one["verdict"] for one in conditions), *(one["temperature"] for one in models)]
+        for part in (document, *models, *conditions, *filter(None, parts)):
             for key in LATER:
                 if key in part and part[key] in ([], None):
                     del part[key]
@@ -331,8 +337,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     model = model_of(entry, name)
     size = len(model.parameters)
     if entry.temperature is not None:
-        check_law(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature)
-    check_pressures(f"{name}: tyre {shown(entry.tyre)}", entry.pressures, [one.coordinates for one in entry.conditions])
+        check_temperature(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature, size)
     for at, one in enumerate(entry.conditions):
         where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):

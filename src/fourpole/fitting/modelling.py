@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE, COVERAGE_FACTOR
 from fourpole.core.digits import with_std
@@ -18,7 +17,7 @@ from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart
 from fourpole.fitting.byresiduals import by_residuals, misfit_of
-from fourpole.fitting.inertia import mean_inertia
+from fourpole.fitting.inertia import USUAL_SHARE, InertiaFile, mean_inertia
 from fourpole.fitting.mapping import best_map, map_axes, map_of_model, map_text
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
@@ -33,18 +32,19 @@ from fourpole.fitting.modelfile import (
 )
 from fourpole.fitting.modelparts import NamedValue, Provenance, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
-from fourpole.fitting.pressures import OverPressures, PressureFile, pressure_sentence, share_over_pressures
-from fourpole.fitting.shifting import TemperatureFile
+from fourpole.fitting.ranges import REACH, ranges_of
 from fourpole.fitting.stated import RigFile
-from fourpole.fitting.static import StaticFile, factor_sentence
+from fourpole.fitting.static import StaticFile, factor_sentence, slowest
+from fourpole.fitting.temperature import TemperatureFile
 from fourpole.models.causality import near_passive
-from fourpole.models.choice import AUTO, STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
+from fourpole.models.choice import STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
-from fourpole.models.families import by_amplitude, for_maps, model_named, sizes_of
+from fourpole.models.families import by_amplitude, check_several, for_maps, has_inertia, model_named, sizes_of
 from fourpole.models.fit import Fit
+from fourpole.models.inertial import Of
 from fourpole.models.interface import Model
-from fourpole.models.ladder import Rung, Verdict, verdict_of, without_mass
+from fourpole.models.ladder import Rung, Verdict, verdict_of, without_inertia
 from fourpole.models.operating import OperatingMap
 from fourpole.models.profile import intervals
 from fourpole.models.shape import Shape
@@ -55,6 +55,8 @@ from fourpole.version import VERSION
 
 Progress = Callable[[int, int], None]
 _Step = Callable[[], None]
+#: The family of models with resonances.
+_RESONANT = "resonant"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +79,6 @@ class TyreFit(ByValue):
         Whether a passive linear tyre can have K* as measured, one per condition; empty if the uncertainty is not known.
     discrepancy : float [1]
         Model discrepancy: the relative error of K* that makes chi-square equal its degrees of freedom.
-    pressures : tuple of OverPressures
-        Fits with one set of parameters for several pressures, of a model that has the pressure as a parameter.
     stopped : bool
         Whether the user stopped the fits of this tyre, or of those after it.
     """
@@ -91,7 +91,6 @@ class TyreFit(ByValue):
     intervals: tuple[FloatArray, ...]
     verdicts: tuple[Verdict, ...]
     discrepancy: float
-    pressures: tuple[OverPressures, ...] = ()
     stopped: bool = False
 
     @property
@@ -194,7 +193,7 @@ def fit_tyres(
     Raises
     ------
     ModelError
-        If a tyre cannot be fitted.
+        If a tyre cannot be fitted, or has several conditions for a model that is for one only.
     """
     if model != "auto" and not sizes_of(model):
         model_named(model)
@@ -223,11 +222,19 @@ def _fit_tyre(
     tyre: str, every: MeasuredSet, model: str, given: Mapping[str, float], share: Sequence[str], step: _Step
 ) -> TyreFit:
     measured, told = every.of(tyre), ""
+    if len(measured) > 1:
+        check_several(model)
     if by_amplitude(model):
         measured, told = told_apart(tyre, measured, model)
     stated = [one.data if told else near_passive(one.data) for one in measured]
-    verdicts = tuple(verdict_of(one) for one in stated) if every.known and not told else ()
-    stated = [without_mass(*pair) for pair in zip(stated, verdicts, strict=True)] if verdicts else stated
+    verdicts: tuple[Verdict, ...] = ()
+    if every.known and not told:
+        verdicts = tuple(verdict_of(data, one.of) for data, one in zip(stated, measured, strict=True))
+        if not has_inertia(model):
+            stated = [without_inertia(*pair) for pair in zip(stated, verdicts, strict=True)]
+            measured = tuple(with_belt(*pair) for pair in zip(measured, verdicts, strict=True))
+    most = max((one.resonances.size for one in verdicts if one.belt is None), default=0)
+    model = f"{_RESONANT}:{most}" if model == "auto" and most else model
     held = [known_values(one, given) for one in measured]
     discrepancy = _discrepancy(stated, model, held, known=every.known)
     data = [with_error(one, discrepancy) for one in stated]
@@ -241,14 +248,22 @@ def _fit_tyre(
         except KeyboardInterrupt:  # the fit is kept, without the discrepancy
             stopped = True
     whole = float(np.hypot(discrepancy, more))
-    best, pressures = share_over_pressures(best, measured, whole, held, share, shared_effects(measured))
     best = _sharing(best, measured, whole, share, held)
     fixed = list(fixed_of(best.fit.model, held))
-    ends, why, stopped = intervals(best.fits, data, fixed, step, shared=bool(share or pressures), stopped=stopped)
-    said = [pressure_sentence(one, measured, whole) for one in pressures]
-    said += factor_sentence(best.fits, [one.loop for one in measured], data)
+    ends, why, stopped = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=stopped)
+    said = factor_sentence(best.fits, [one.loop for one in measured], data)
     choice = replace(choice, text=". ".join(filter(None, [choice.text, *said, *_not_compared(choice), *why, told])))
-    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, pressures, stopped)
+    return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, stopped)
+
+
+def with_belt(measured: Measured, verdict: Verdict) -> Measured:
+    """The condition with the belt that its verdict found, if any."""
+    if verdict.belt is None:
+        return measured
+    share = USUAL_SHARE if verdict.of is Of.BLOCKED_TRANSFER else verdict.belt.share
+    # A blocked transfer shows m12 alone: the mass is that of a belt with the usual share.
+    mass = verdict.belt.mass * (share + 2 + 1 / share) / (verdict.belt.share + 2 + 1 / verdict.belt.share)
+    return replace(measured, inertia=InertiaFile(form="belt", mass=mass, share=share))
 
 
 def _not_compared(choice: Choice) -> list[str]:
@@ -270,12 +285,7 @@ def _discrepancy(
 ) -> float:
     """The discrepancy [1] to add before models are compared: that of the best passive tyre, or of the only model."""
     if model == "auto" or sizes_of(model):
-        needed = model_discrepancy(stated, always=not known)
-        if needed and known and model == "auto":  # a model that is not a relaxation may fit without it
-            odd = (one for name in AUTO if not sizes_of(name) and not (one := model_named(name)).relaxing)
-            fits = (misfit_of(one, stated, held) for one in odd)
-            needed = 0.0 if any(stats.chi2.sf(chi2, max(dof, 1)) > CHANCE for chi2, dof in fits) else needed
-        return needed
+        return model_discrepancy(stated, always=not known)
     if known:
         return 0.0  # `_fit_tyre` computes it if the model does not fit
     placed = model_named(model).placed(stated)
@@ -322,11 +332,12 @@ def map_tyres(
     Raises
     ------
     ModelError
-        If a tyre has one condition only, or no surface can be fitted.
+        If a tyre has one condition only, the model is for one, or no surface can be fitted.
     """
     names = for_maps() if model == "auto" else (model,)
     for name in names:
         model_named(name)
+        check_several(name)
     over = columns_of(over)
     total = len(names) * len(measured.tyres)
     found = []
@@ -408,8 +419,12 @@ def model_file(
 
 
 def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | None) -> ModelEntry:
+    if law is not None and len(found.measured) == 1:
+        law, fit, ends = law.fitted(found.measured[0].tests, found.data[0], found.chosen.fit, found.intervals[0])
+        found = replace(found, chosen=replace(found.chosen, fits=(fit,)), intervals=(ends,))
     verdicts = found.verdicts or (None,) * len(found.measured)
     rows = zip(found.measured, found.data, found.chosen.fits, found.intervals, verdicts, strict=True)
+    ranged = found.model.relaxing and (len(found.choice.candidates) > 1 or found.model.linear)
     return ModelEntry(
         tyre=found.tyre,
         **model_parts(found.model),
@@ -417,9 +432,8 @@ def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | Non
         shape=shape,
         choice=found.choice.text,
         candidates=[_candidate_entry(one) for one in found.choice.candidates],
-        conditions=[_condition_entry(*row) for row in rows],
+        conditions=[_condition_entry(*row, ranged=ranged) for row in rows],
         temperature=law,
-        pressures=[PressureFile.of(one) for one in found.pressures],
     )
 
 
@@ -439,15 +453,18 @@ def lacking_error(measured: Measured, verdict: Verdict) -> float:
 
 
 def _condition_entry(
-    measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Verdict | None
+    measured: Measured, data: StiffnessData, found: Fit, ends: FloatArray, verdict: Verdict | None, *, ranged: bool
 ) -> ConditionFile:
+    """The record of a condition; `ranged` where the data chose the order of the model."""
+    band = (float(measured.frequency.min()), float(measured.frequency.max()))
+    reach = (band[0] / REACH, band[1] * REACH) if ranged else (np.inf, np.inf)
     points = [point for name, point in measured.keys if name]
     judged = None
     if verdict is not None:
         judged = VerdictFile(
             possible=verdict.possible,
             holds=None if verdict.holds is Rung.RELAXING else verdict.holds.value,
-            mass=verdict.mass if verdict.holds is Rung.MASS else None,
+            mass=verdict.mass or None,
             resonances=verdict.resonances.tolist(),
             chance=verdict.chance,
             misfit=lacking_error(measured, verdict),
@@ -457,7 +474,7 @@ def _condition_entry(
         state=NamedValue.of(measured.state),
         tests=[name for name in measured.tests if name],
         points=points if any(point > 1 for point in points) else [],
-        band=(float(measured.frequency.min()), float(measured.frequency.max())),
+        band=band,
         amplitude=tested([measured], found.model),
         values=found.values.tolist(),
         covariance=found.covariance.tolist(),
@@ -468,6 +485,7 @@ def _condition_entry(
         converged=bool(found.converged),
         agreed=float(found.agreed),
         verdict=judged,
-        static=StaticFile.of(measured.loop, found, data, ranged=True),
+        static=StaticFile.of(measured.loop, found, data),
+        ranges=ranges_of(data, min(slowest(measured.loop), reach[0]), reach[1]),
         inertia=measured.inertia,
     )

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from fourpole.core.arrays import FloatArray
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, model_of
 from fourpole.models.linearised import Scatter
 from fourpole.models.operating import Offsets, OperatingMap
@@ -14,18 +11,16 @@ from fourpole.models.surface import Axes
 from fourpole.models.together import LeaveOneOut
 
 
-def map_of_condition(
-    entry: ModelEntry, one: ConditionFile, values: FloatArray | None = None, state: Mapping[str, float] | None = None
-) -> OperatingMap:
-    """The parameters of a condition, or others at another state, as a map of one point with its band and covariance."""
+def map_of_condition(entry: ModelEntry, one: ConditionFile) -> OperatingMap:
+    """The parameters of a condition as a map of one point with its band and covariance."""
     model = model_of(entry)
-    linked = model.link(np.array(one.values) if values is None else values)
+    linked = model.link(np.array(one.values))
     _, slopes = model.unlink(linked)
     scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
     covariance = np.array(one.covariance) * np.outer(scale, scale)
     return OperatingMap(
         model=model,
-        axes=Axes((), np.zeros((1, 0)), dict(one.coordinates if state is None else state)),
+        axes=Axes((), np.zeros((1, 0)), dict(one.coordinates)),
         terms=((),),
         coefficients=linked[:, None],
         covariance=covariance,

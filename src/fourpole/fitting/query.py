@@ -31,14 +31,13 @@ from fourpole.fitting.byamplitude import (
 from fourpole.fitting.inertia import InertiaFile, mean_inertia
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, model_of
 from fourpole.fitting.onepoint import map_of_condition
-from fourpole.fitting.pressures import between
+from fourpole.fitting.ranges import IN_RANGE, wider
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in
-from fourpole.fitting.static import StaticFile
+from fourpole.fitting.temperature import Shift
 from fourpole.models.answer import Answer
 from fourpole.models.belted import MASSLESS
 from fourpole.models.operating import OperatingMap, Purpose
-from fourpole.models.shift_law import ShiftLaw
 from fourpole.models.surface import Axes
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
@@ -98,30 +97,30 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
     """
     tyre = _tyre_of(file, query.tyre)
     shift = _shift_of(file, tyre, query)
-    state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.law.reference}
+    state = dict(query.state) if shift is None else {**query.state, _TEMPERATURE: shift.reference}
     amplitude = state.pop(AMPLITUDE.column, None) if depends_on_amplitude(file, tyre) else None
     state = in_own_unit(file, tyre, state)
     found = maps_of(file, tyre, state, query.units)
     point, outside, remarks = place_of(file, found, state, query.units, beyond=query.beyond)
-    remarks = (*remarks, *_untested(file, tyre, found, query.units))
     purpose = _purpose_of(file, tyre, found, point, query)
     levels: list[float] = []
     if depends_on_amplitude(file, tyre):
         levels = levels_of_map(file, tyre, found)
         remarks = (*remarks, *outside_levels(levels, amplitude, beyond=query.beyond))
     frequency = np.asarray(query.frequency, dtype=float)
-    reduced = frequency if shift is None else frequency * shift.factor
+    reduced = frequency if shift is None else frequency * shift.shift.factor
     far = _beyond_band(found, reduced, beyond=query.beyond)
     points = np.repeat(point[None], frequency.size, axis=0)
     if amplitude is not None:
         answer = answer_at(found, points, frequency, amplitude, levels, purpose)
     else:
-        answer = found.ask(points, frequency, purpose) if shift is None else shift.answer(found, points, frequency)
+        answer = (
+            found.ask(points, frequency, purpose) if shift is None else shift.shift.answer(found, points, frequency)
+        )
     condition = file.condition_at(tyre, found.axes.constant)
     remarks = (*remarks, *_misfit(file, tyre, condition))
-    static = None if condition is None else condition.static  # if the static test was joined as a ramp
-    if far.any():
-        answer = _wider(answer, static, reduced, frequency)
+    if far.any() and condition is not None:
+        answer = _wider(answer, condition, reduced, frequency)
     inertia = inertia_of(file, tyre, condition)
     specimen = MASSLESS if inertia is None else inertia.specimen
     columns = _columns(answer, query.rig or rig_in(file.rig), frequency, specimen)
@@ -134,7 +133,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         row |= {q.FREQUENCY.head: float(frequency[at])}
         row |= {} if shift is None else {_TEMPERATURE: shift.temperature, _REDUCED: float(reduced[at])}
         row |= {head: float(one[at]) for head, one in columns.items()}
-        beyond = _remarks_beyond(found, static, float(far[at]), float(reduced[at]))
+        beyond = _remarks_beyond(found, condition, float(far[at]), float(reduced[at]))
         row |= {
             PURPOSE: purpose,
             INTERVAL: interval_words(purpose),
@@ -174,11 +173,10 @@ def interval_words(purpose: Purpose) -> str:
     return f"Intervals are for {said[purpose]}."
 
 
-def _wider(answer: Answer, static: StaticFile | None, reduced: FloatArray, frequency: FloatArray) -> Answer:
-    """An answer whose intervals reach the ends of the range of K* below the band, if there is a static test."""
-    if static is None:
-        return answer
-    covariance = static.wider(reduced, answer.stiffness, answer.covariance)
+def _wider(answer: Answer, condition: ConditionFile, reduced: FloatArray, frequency: FloatArray) -> Answer:
+    """An answer whose intervals reach the ends of the range of K* beyond the band, if the file has it."""
+    ranges = [*(condition.static.passive if condition.static is not None else []), *condition.ranges]
+    covariance = wider(ranges, condition.band, reduced, answer.stiffness, answer.covariance)
     return Answer.of(answer.stiffness, answer.k1, covariance, 2 * np.pi * frequency)
 
 
@@ -197,10 +195,14 @@ def _columns(answer: Answer, rig: Rig | None, frequency: FloatArray, specimen: S
     return {**tyre_columns(answer), **dict(zip(q.TR.heads, tr, strict=True))}
 
 
-def _remarks_beyond(found: OperatingMap, static: StaticFile | None, far: float, frequency: float) -> list[str]:
+def _remarks_beyond(found: OperatingMap, fitted: ConditionFile | None, far: float, frequency: float) -> list[str]:
     """Remarks on a frequency that is so many octaves outside the band."""
-    said = [f"{far:.3g} octaves outside the measured band"] if far else []
-    return [*said, static.remark(frequency)] if said and static and frequency < found.band[0] else said
+    if not far:
+        return []
+    said = [f"{far:.3g} octaves outside the measured band"]
+    if fitted is not None and fitted.static is not None and frequency < found.band[0]:
+        return [*said, fitted.static.remark(frequency)]
+    return [*said, IN_RANGE] if fitted is not None and fitted.ranges else said
 
 
 def polar_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
@@ -219,43 +221,21 @@ def polar_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True)
 class _Shift:
-    """The shift of a model to the temperature of a query.
+    """The shift of a model to the temperature of a query, `outside` so many half spans beyond the isotherms."""
 
-    `outside` is the distance from the range of temperatures in half spans; `level` and `level_std` are the logarithm of
-    bT and its standard uncertainty.
-    """
-
-    law: ShiftLaw
+    reference: float
     temperature: float
     outside: float
     remarks: tuple[str, ...]
-    level: float
-    level_std: float
-
-    @property
-    def factor(self) -> float:
-        """The horizontal shift factor."""
-        return float(np.exp(self.law.log_a(self.temperature)[0]))
-
-    def answer(self, found: OperatingMap, points: FloatArray, frequency: FloatArray) -> Answer:
-        """K* at the temperature; its uncertainty includes that of the law."""
-        step, b = 1e-4, float(np.exp(self.level))
-        reduced = frequency * self.factor
-        here = found.ask(points, reduced)
-        above, below = (found.ask(points, reduced * np.exp(side)).stiffness for side in (step, -step))
-        slope = (above - below) / (2 * step) * float(self.law.log_a_std(self.temperature)[0]) / b
-        stiffness, k1 = here.stiffness / b, here.k1 / b
-        columns = np.zeros((frequency.size, 3, 2))
-        columns[:, 0, 0], columns[:, 1, 0] = slope.real, slope.imag
-        columns[:, :, 1] = np.stack([stiffness.real, stiffness.imag, k1], axis=1) * self.level_std
-        covariance = here.covariance / b**2 + columns @ np.swapaxes(columns, 1, 2)
-        return Answer.of(stiffness, k1, covariance, 2 * np.pi * frequency)
+    shift: Shift
 
 
 def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
-    """The shift to the stated temperature; None if the model has no law, or the query states no temperature."""
+    """The shift to the stated temperature; None without shift factors in the model, or without a temperature."""
     entry, temperature = file.model_entry(tyre), query.state.get(_TEMPERATURE)
     law = None if entry is None else entry.temperature
+    if law is not None and law.shifts is not None and temperature is None:
+        temperature = law.reference
     if law is None or temperature is None:
         return None
     low, high = law.range
@@ -274,9 +254,8 @@ def _shift_of(file: ModelFile, tyre: str, query: Query) -> _Shift | None:
     ends = law.reference - values[1] if law.law == "WLF" else _ABSOLUTE_ZERO
     if temperature <= ends:
         raise ModelError(f"the {law.law} law ends at {ends:.4g} °C: it has no value at {temperature:.5g} °C")
-    apart = temperature - law.reference
-    level = (0.0, 0.0) if law.vertical is None else (law.vertical.slope * apart, law.vertical.std * abs(apart))
-    return _Shift(law.shift_law, temperature, outside, tuple(remarks), *level)
+    shift = law.at(temperature)
+    return _Shift(law.reference, temperature, outside, (*remarks, *shift.remarks), shift)
 
 
 def maps_of(file: ModelFile, tyre: str, state: Mapping[str, float], units: ShownUnits) -> OperatingMap:
@@ -302,15 +281,12 @@ def _condition(file: ModelFile, tyre: str, state: Mapping[str, float], units: Sh
     entry = file.model_entry(tyre)
     assert entry is not None
     good = [one for one in entry.conditions if _is_at(file, one, state)]
-    if not good and (made := _between(file, entry, state)) is not None:
-        return made
     if len(good) != 1:
         there = "; ".join(sorted({_words(one.coordinates, units) for one in entry.conditions})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
-        more = ", or a pressure between them," if entry.pressures else ""
         raise ModelError(
-            f"{what} the same as the stated one: the file has fits at {there}. State one of these{more} or make a map "
-            "of the results with fourpole map"
+            f"{what} the same as the stated one: the file has fits at {there}. State one of these or make a map of "
+            "the results with fourpole map"
         )
     return map_of_condition(entry, good[0])
 
@@ -319,33 +295,6 @@ def _is_at(file: ModelFile, one: ConditionFile, state: Mapping[str, float]) -> b
     """Whether a condition has the values of `state` within the tolerances of the axes."""
     own = one.coordinates
     return all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
-
-
-def _between(file: ModelFile, entry: ModelEntry, state: Mapping[str, float]) -> OperatingMap | None:
-    """The model at a pressure between those that share a set of parameters, as a map of one point; else None."""
-    rest = {column: value for column, value in state.items() if column != q.PRESSURE.head}
-    same = [one.coordinates if _is_at(file, one, rest) else {} for one in entry.conditions]
-    found, model = between(entry.pressures, same, state), model_of(entry)
-    if found is None:
-        return None
-    one, pressure = entry.conditions[found.conditions[0]], state[q.PRESSURE.head]
-    values = np.array(one.values)
-    values[model.symbols.index(model.pressure)] = pressure
-    return map_of_condition(entry, one, values, {**one.coordinates, q.PRESSURE.head: pressure})
-
-
-def _untested(file: ModelFile, tyre: str, found: OperatingMap, units: ShownUnits) -> tuple[str, ...]:
-    """A remark if the pressure of an answer lies between the tested ones."""
-    pressure = found.axes.constant.get(q.PRESSURE.head)
-    entry = file.model_entry(tyre)
-    if pressure is None or entry is None or not entry.pressures:
-        return ()
-    if any(pressure in one.coordinates.values() for one in entry.conditions):
-        return ()
-    errors = np.concatenate([one.predicted for one in entry.pressures])
-    error, where = 100 * float(np.sqrt(np.mean(errors**2))), units.setting(q.PRESSURE.head, pressure)
-    left_out = f"at tested pressures that were left out it was off by {error:.2g} %"
-    return (f"no test at {where}: K* is what the {entry.model} predicts; {left_out}",)
 
 
 def _misfit(file: ModelFile, tyre: str, condition: ConditionFile | None) -> tuple[str, ...]:

@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import polars as pl
-from pydantic import Field
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
@@ -18,7 +17,8 @@ from fourpole.core.condition import AXES, Condition, Sameness
 from fourpole.errors import FileError, ModelError
 from fourpole.fitting.likelihood import COVARIANCE_COLUMNS
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
-from fourpole.fitting.modelparts import LARGEST, NamedValue, Strict, check_covariance
+from fourpole.fitting.modelparts import NamedValue
+from fourpole.fitting.temperature import ShiftsFile, TemperatureFile, VerticalFile
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
 from fourpole.io.seal import alterations, sealed
@@ -26,7 +26,7 @@ from fourpole.io.tables.kstar import TableOptions
 from fourpole.models.common_curve import Isotherm
 from fourpole.models.data import complex_columns
 from fourpole.models.overlap import Overlap, overlaps
-from fourpole.models.shift_law import CONSTANTS, LawChoice, ShiftLaw, fit_laws
+from fourpole.models.shift_law import CONSTANTS, LawChoice, fit_laws
 from fourpole.models.superposition import Superposition, superpose
 
 #: Largest difference of two temperatures of one isotherm [K].
@@ -35,50 +35,6 @@ APART = 1.0
 LAW, COVARIANCE = "temperature.json", "covariance.parquet"
 _MOST_BYTES = 50_000_000
 _TEMPERATURE = q.TEMPERATURE.head
-#: A temperature [degC].
-Celsius = Annotated[float, Field(ge=-273.15, le=1e4)]
-
-
-class VerticalFile(Strict):
-    """The vertical shift factor: ln(bT) is proportional to the difference from the reference temperature."""
-
-    slope: float = Field(ge=-1, le=1, description="Slope of ln(bT) over temperature [1/K].")
-    std: float = Field(ge=0, le=1, description="[1/K]")
-
-
-class TemperatureFile(Strict):
-    """The law of the shift factors: K*(f, T) = K*(f aT, reference) / bT."""
-
-    law: Literal["WLF", "Arrhenius"] = Field(
-        description="WLF: log10 aT = -C1 dT/(C2 + dT), dT = T - reference. Arrhenius: ln aT = E/R (1/T - 1/reference)."
-    )
-    reference: Celsius = Field(description="Reference temperature of the model [degC].")
-    constants: list[NamedValue] = Field(max_length=2, description="C1 [1] and C2 [K], or E [J/mol].")
-    covariance: list[list[float]] = Field(max_length=2, description="Covariance of the constants.")
-    range: tuple[Celsius, Celsius] = Field(description="Lowest and highest temperature of the isotherms [degC].")
-    vertical: VerticalFile | None = Field(default=None, description="null: bT is 1.")
-    decided: bool = Field(default=True, description="Whether the shift factors prefer this law to the other.")
-
-    @property
-    def shift_law(self) -> ShiftLaw:
-        """The law as `models` has it."""
-        values = np.array([one.value for one in self.constants], dtype=float)
-        covariance = np.array(self.covariance, dtype=float).reshape(values.size, values.size)
-        return ShiftLaw(self.law, self.reference, values, covariance)
-
-
-def check_law(where: str, law: TemperatureFile) -> None:
-    """ModelError unless a law of the temperature is consistent."""
-    if [(one.name, one.unit) for one in law.constants] != list(CONSTANTS[law.law]):
-        named = ", ".join(f"{name} [{unit}]" for name, unit in CONSTANTS[law.law])
-        raise ModelError(f"{where}: a law {law.law} has the constants {named}: it was changed")
-    if not law.range[0] <= law.reference <= law.range[1]:
-        raise ModelError(f"{where}: the reference temperature is outside the range: it was changed")
-    if max(abs(one.value) for one in law.constants) > LARGEST:
-        raise ModelError(f"{where}: a number is beyond all measure: it was changed")
-    check_covariance(where, law.covariance, len(law.constants))
-    if law.law == "WLF" and law.constants[1].value + law.range[0] - law.reference <= 0:
-        raise ModelError(f"{where}: the WLF law ends within its range, for C2 is too small: it was changed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +184,7 @@ def _vertical(found: Superposition) -> tuple[float, float]:
 
 
 def law_file(one: TyreShift) -> TemperatureFile:
-    """The law of a master curve as a model file has it."""
+    """The shift factors of a master curve and their law, as a model file has them."""
     law = one.choice.best
     names = CONSTANTS[law.name]
     ends = one.found.temperatures
@@ -240,6 +196,24 @@ def law_file(one: TyreShift) -> TemperatureFile:
         range=(float(ends.min()), float(ends.max())),
         vertical=None if one.vertical is None else VerticalFile(slope=one.vertical[0], std=one.vertical[1]),
         decided=one.choice.decided,
+        shifts=_shifts_file(one),
+    )
+
+
+def _name(one: TyreShift, temperature: float) -> str:
+    """Name of an isotherm in the table of the master curve."""
+    return f"{one.tyre} at {temperature:.5g} degC".strip()
+
+
+def _shifts_file(one: TyreShift) -> ShiftsFile:
+    found, decade = one.found, np.log(10.0)
+    return ShiftsFile(
+        temperatures=found.temperatures.tolist(),
+        tests=[_name(one, t) for t in found.temperatures.tolist()],
+        log10_a=(found.log_a / decade).tolist(),
+        covariance_a=(found.covariance / decade**2).tolist(),
+        log10_b=(found.log_b / decade).tolist() if found.vertical else [],
+        covariance_b=(found.vertical_covariance / decade**2).tolist() if found.vertical else [],
     )
 
 
@@ -279,7 +253,8 @@ def overlap_table(every: Sequence[TyreShift]) -> pl.DataFrame:
 def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFrame]:
     """The master curve as a table that `fit` reads, and its covariance.
 
-    Reduced K* over reduced frequency, at the reference temperature. The shift factors are errors that points share.
+    Reduced K* over reduced frequency, at the reference temperature. The uncertainty of the shift factors is not part of
+    it: the fit adds it to that of the parameters.
     """
     rows: list[dict[str, Any]] = []
     covariance: list[dict[str, Any]] = []
@@ -287,7 +262,7 @@ def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFram
         for at, t in enumerate(one.found.temperatures.tolist()):
             own, shared = _errors(one.found, at, one.measured[at])
             omega, stiffness = one.found.reduced(at)
-            name = f"{one.tyre} at {t:.5g} degC".strip()
+            name = _name(one, t)
             for point in range(omega.size):
                 key = {q.TEST.head: name, q.POINT.head: point + 1}
                 std = np.sqrt(np.diag(own[point] + shared[point] @ shared[point].T))
@@ -303,29 +278,17 @@ def master_tables(every: Sequence[TyreShift]) -> tuple[pl.DataFrame, pl.DataFram
 
 
 def _errors(found: Superposition, at: int, measured: Measured) -> tuple[FloatArray, FloatArray]:
-    """Own covariance (N, 2, 2) of reduced K* of an isotherm, and its change (N, 2, p) by errors that points share.
-
-    These are the errors of the shifts, and those of the recordings, such as gains.
-    """
-    omega, stiffness = found.reduced(at)
+    """Own covariance (N, 2, 2) of reduced K* of an isotherm, and its change (N, 2, p) by errors of the recordings."""
+    _, stiffness = found.reduced(at)
     own = (found.errors[at] * np.exp(found.log_b[at]))[:, :, None] ** 2 * np.eye(2)
-    columns = [found.slope(omega)[:, None] * _root(found.covariance)[at][None, :]]
-    if found.vertical:
-        columns.append(stiffness[:, None] * _root(found.vertical_covariance)[at][None, :])
-    if measured.shared.size:
-        relative = complex_columns(measured.shared) / measured.own.stiffness[:, None]
-        _, same = _frequencies(measured)
-        mean = [np.bincount(same, part) / np.bincount(same) for part in (*relative.real.T, *relative.imag.T)]
-        count = relative.shape[1]
-        columns.append(stiffness[:, None] * (np.stack(mean[:count], axis=1) + 1j * np.stack(mean[count:], axis=1)))
-    whole = np.concatenate(columns, axis=1)
+    if not measured.shared.size:
+        return own, np.zeros((stiffness.size, 2, 0))
+    relative = complex_columns(measured.shared) / measured.own.stiffness[:, None]
+    _, same = _frequencies(measured)
+    mean = [np.bincount(same, part) / np.bincount(same) for part in (*relative.real.T, *relative.imag.T)]
+    count = relative.shape[1]
+    whole = stiffness[:, None] * (np.stack(mean[:count], axis=1) + 1j * np.stack(mean[count:], axis=1))
     return own, np.stack([whole.real, whole.imag], axis=1)
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """L (n, n) with L L^T equal to a covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def law_document(every: Sequence[TyreShift], sha256: str) -> dict[str, Any]:

@@ -13,17 +13,16 @@ import polars.selectors as cs
 from pydantic import Field
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES
-from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.likelihood import MOST_BYTES
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelparts import Strict
+from fourpole.fitting.ranges import IN_RANGE, RangeFile
 from fourpole.fitting.rows import checked
 from fourpole.io.published import published_beside
-from fourpole.models.causality import passive_range
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
 from fourpole.models.ramp import Loop, Ramp, static_derivative, static_stiffness
@@ -39,19 +38,8 @@ _SAME_K1 = 1e-6
 _SAME_TIME = 0.1
 #: Frequency times the duration of a branch at which K' is about the tangent in the middle of a branch.
 _NEAR = 0.4
-#: Lowest frequency of the range of K*, over that of the ramp; frequencies per decade, and their largest number.
-_LOWEST, _PER_DECADE, _MOST = 0.25, 6, 100
-#: An interval that has no end is cut at so many times |K*|.
-_BEYOND = 10.0
-_ROUND_OFF = 1e-9
-
-
-class RangeFile(Strict):
-    """The 95 % intervals of K* at a frequency over all massless, relaxing tyres that fit the data."""
-
-    frequency: float = Field(gt=0, description="Frequency [Hz].")
-    storage: tuple[float, float] = Field(description="Least and largest K' [N/m].")
-    loss: tuple[float, float] = Field(description="Least and largest K'' [N/m].")
+#: Lowest frequency of the range of K*, over that of the ramp.
+_LOWEST = 0.25
 
 
 class StaticFile(Strict):
@@ -66,15 +54,14 @@ class StaticFile(Strict):
     factor: float = Field(description="Measured tangent over that of the model at small amplitude [1].")
     factor_std: float = Field(ge=0, description="Its standard uncertainty after the fit [1].")
     passive: list[RangeFile] = Field(
-        default_factory=list, max_length=200, description="Range of K* below the measured band, rising in frequency."
+        default_factory=list,
+        max_length=200,
+        description="Range of K* below the band, as files before `ranges` have it.",
     )
 
     @classmethod
-    def of(cls, loop: Loop | None, found: Fit, data: StiffnessData, *, ranged: bool = False) -> StaticFile | None:
-        """The record of a loop with the factor that a fit found and, if `ranged`, with the range of K* in the gap.
-
-        None without a loop, or if the model takes K1 at rest.
-        """
+    def of(cls, loop: Loop | None, found: Fit, data: StiffnessData) -> StaticFile | None:
+        """The record of a loop with the factor that a fit found; None without one, or if the model takes K1 at rest."""
         if loop is None or not found.model.relaxing:
             return None
         slopes: FloatArray = static_derivative(found.model, found.values, data)
@@ -90,21 +77,7 @@ class StaticFile(Strict):
             prior_std=loop.factor_std,
             factor=factor,
             factor_std=std,
-            passive=_ranges(data, ramp.time) if ranged else [],
         )
-
-    def wider(self, frequency: FloatArray, stiffness: ComplexArray, covariance: FloatArray) -> FloatArray:
-        """A covariance (F, 3, 3) of Re K*, Im K* and K1 whose 95 % intervals reach the ends of the range in the gap."""
-        if not self.passive:
-            return covariance
-        at, out = np.log(np.maximum(frequency, self.passive[0].frequency)), covariance.copy()
-        places = np.log([one.frequency for one in self.passive])
-        below = frequency < self.passive[-1].frequency * (1 - _ROUND_OFF)
-        for part, value in enumerate((stiffness.real, stiffness.imag)):
-            ends = np.array([(one.storage, one.loss)[part] for one in self.passive])
-            far = np.max([np.abs(np.interp(at, places, end) - value) for end in ends.T], axis=0) / NORMAL_95
-            out[:, part, part] = np.where(below, np.maximum(out[:, part, part], far**2), out[:, part, part])
-        return out
 
     def remark(self, frequency: float) -> str:
         """What K* at a frequency [Hz] below the measured band rests on."""
@@ -113,7 +86,7 @@ class StaticFile(Strict):
         text = f"below the measured band K* rests on {joined} and on the form of the model"
         if frequency < _LOWEST * near:
             return f"{text}; slower than that test nothing was measured, and u is that at {_LOWEST * near:.2g} Hz"
-        return f"{text}; u reaches the ends of the range of all massless, relaxing tyres that fit the data"
+        return f"{text}; {IN_RANGE}"
 
 
 def join_static(measured: MeasuredSet, path: Path, factor_std: float = FACTOR_STD) -> MeasuredSet:
@@ -146,16 +119,9 @@ def join_static(measured: MeasuredSet, path: Path, factor_std: float = FACTOR_ST
     return replace(measured, conditions=tuple(conditions), notes=tuple(notes))
 
 
-def _ranges(data: StiffnessData, time: float) -> list[RangeFile]:
-    """The range of K* over all massless, relaxing tyres, from below the frequency of the ramp to the band."""
-    low, high = _LOWEST * _NEAR / time, float(data.omega.min()) / (2 * np.pi)
-    if low >= high:
-        return []
-    frequency = np.geomspace(low, high, min(int(np.log10(high / low) * _PER_DECADE) + 2, _MOST))
-    ends = passive_range(data, 2 * np.pi * frequency)
-    top = np.abs(data.stiffness).max() * _BEYOND
-    rows = zip(frequency.tolist(), np.minimum(ends, top).tolist(), strict=True)
-    return [RangeFile(frequency=one, storage=tuple(storage), loss=tuple(loss)) for one, (storage, loss) in rows]
+def slowest(loop: Loop | None) -> float:
+    """Lowest frequency [Hz] of which the static test of a condition says something; infinite without one."""
+    return np.inf if loop is None else _LOWEST * _NEAR / loop.ramp.time
 
 
 @dataclass(frozen=True)

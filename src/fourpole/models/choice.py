@@ -12,7 +12,7 @@ from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
-from fourpole.models.data import SCALINGS, StiffnessData, stacked
+from fourpole.models.data import MASTER_DECADES, SCALINGS, StiffnessData, stacked
 from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
@@ -23,6 +23,8 @@ from fourpole.models.ramp import takes_k1
 STOPPED = "stopped by Ctrl-C"
 #: Models that are tried if none is named, over a wide band.
 AUTO = automatic()
+#: The model of a master curve: no law with few parameters holds over so many decades.
+_OF_MASTER_CURVES = ("prony",)
 #: Two models are equally good if their BIC differ by less than this: odds of 20 to 1.
 _ALIKE = 6.0
 #: The cross-validation error is computed if the BIC exceeds the least by less than this for each condition.
@@ -156,8 +158,8 @@ def choose(
         Data of one condition each.
     names : sequence of str, optional
         Names of models; see `families.model_named`. The default is those of `families.automatic` for the band of the
-        data. For the bare name of a family, such as maxwell, larger sizes are
-        tried as long as they help.
+        data, and over a master curve a Prony series alone, whose spectrum is the
+        data's. For the bare name of a family, such as maxwell, larger sizes are tried as long as they help.
     given : sequence of mapping of str to float, optional
         For each condition, values of known parameters by symbol. A model uses those of its own parameters.
 
@@ -184,7 +186,8 @@ def choose(
     known = given if given is not None else [{}] * len(conditions)
     if names is None:
         omega = np.concatenate([one.omega for one in conditions])
-        names = automatic(float(np.log10(omega.max()) - np.log10(omega.min())))
+        decades = float(np.log10(omega.max()) - np.log10(omega.min()))
+        names = automatic(decades) if decades < MASTER_DECADES else _OF_MASTER_CURVES
     candidates, failed = _fitted(names, conditions, known)
     candidates.sort(key=lambda one: one.bic)
     if not any(reason == STOPPED for _, reason in failed):

@@ -77,17 +77,13 @@ def _times(isotherms: Sequence[Isotherm], log_a: FloatArray, density: int) -> Fl
 
 @dataclass(frozen=True, eq=False)
 class SpectraFit(ByValue):
-    """The best spectra at given shifts: the model, the weighted residuals and the rows of the arms in use.
-
-    `loose` has the rows of all arms, each times the stiffness that a spectrum as smooth as this one may have there.
-    """
+    """The best spectra at given shifts: the model, the weighted residuals and the weighted rows of all arms."""
 
     times: FloatArray
     springs: FloatArray
     model: list[ComplexArray]
     residual: FloatArray
-    active: list[FloatArray]
-    loose: list[FloatArray]
+    rows: list[FloatArray]
 
     @property
     def chi2(self) -> float:
@@ -97,7 +93,16 @@ class SpectraFit(ByValue):
     @property
     def used(self) -> int:
         """Number of arms in use."""
-        return sum(one.shape[1] for one in self.active)
+        return int(np.count_nonzero(self.springs))
+
+    @property
+    def active(self) -> list[FloatArray]:
+        """The rows of the arms in use."""
+        return [rows[:, springs > 0] for rows, springs in zip(self.rows, self.springs, strict=True)]
+
+    def loose(self, density: int) -> list[FloatArray]:
+        """The rows of all arms, each times the stiffness that a spectrum as smooth as this one may have there."""
+        return [rows * _envelope(springs, density) for rows, springs in zip(self.rows, self.springs, strict=True)]
 
 
 def fit_spectra(
@@ -105,22 +110,22 @@ def fit_spectra(
 ) -> SpectraFit:
     """Non-negative least squares for the spectra of K' and of K'' at given shifts ln a_T and ln b_T (2, n)."""
     times = _times(isotherms, shifts[0], density)
-    parts = [terms(one.omega * np.exp(a), times) * np.exp(-b) for one, (a, b) in zip(isotherms, shifts.T, strict=True)]
-    every, std = np.concatenate(parts), np.concatenate(errors)
+    sizes = [one.omega.size for one in isotherms]
+    a, b = (np.repeat(one, sizes) for one in shifts)
+    every = terms(np.concatenate([one.omega for one in isotherms]) * np.exp(a), times) * np.exp(-b)[:, None]
+    std = np.concatenate(errors)
     measured = np.concatenate([one.stiffness for one in isotherms])
-    springs, residual, active, loose = [], [], [], []
+    springs, residual, used = [], [], []
     for at, (rows, target) in enumerate(((every.real, measured.real), (every.imag, measured.imag))):
         weighted, right = rows / std[:, at, None], target / std[:, at]
         size = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
-        # The triangle of the QR decomposition has the same normal equations and far fewer rows.
-        orthogonal, triangle = np.linalg.qr(weighted / size)
-        found, _ = scipy.optimize.nnls(triangle, orthogonal.T @ right, maxiter=50 * size.size)
+        found, _ = scipy.optimize.nnls(weighted / size, right, maxiter=50 * size.size)
         springs.append(found / size)
         residual.append(right - weighted @ springs[-1])
-        active.append((weighted / size)[:, found > 0])
-        loose.append(weighted * _envelope(springs[-1], density))
+        used.append(weighted)
     both, whole = np.array(springs), np.concatenate(residual)
-    return SpectraFit(times, both, [by_spectra(part, both) for part in parts], whole, active, loose)
+    model = np.split(by_spectra(every, both), np.cumsum(sizes)[:-1])
+    return SpectraFit(times, both, model, whole, used)
 
 
 def _envelope(springs: FloatArray, density: int) -> FloatArray:
@@ -138,12 +143,12 @@ def shift_rows(
     free: np.ndarray,
     vertical: bool,
     *,
-    loose: bool = False,
+    loose: int = 0,
 ) -> FloatArray:
     """Weighted derivatives (2N, p) of the model by the free shifts, with the spectra projected out.
 
-    By least squares only few arms are in use, and the others are zero. With `loose`, each arm may also have a stiffness
-    like that of its neighbours; their uncertainty belongs to that of the shifts.
+    By least squares only few arms are in use, and the others are zero. With `loose` arms per decade, each
+    arm may also have a stiffness like that of its neighbours; their uncertainty belongs to that of the shifts.
     """
     ends = np.cumsum([0, *(one.omega.size for one in isotherms)])
     change = np.zeros((int(ends[-1]), free.size * (2 if vertical else 1)), dtype=complex)
@@ -155,7 +160,7 @@ def shift_rows(
             change[rows, free.size + place] = -fit.model[at]
     std = np.concatenate(errors)
     blocks = []
-    arms = fit.loose if loose else fit.active
+    arms = fit.loose(loose) if loose else fit.active
     for columns, size, arm in zip((change.real, change.imag), std.T, arms, strict=True):
         weighted = columns / size[:, None]
         if loose:

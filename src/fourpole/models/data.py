@@ -20,6 +20,8 @@ SCALINGS = 8
 _NEGLIGIBLE = 0.1
 #: Distance of K* of a model, in standard uncertainties from the shared errors, beyond which they do not explain it.
 _REACH = 5.0
+#: Decades of a band that no machine has at one temperature: the data are a master curve, over reduced frequency.
+MASTER_DECADES = 6.0
 #: Largest entry of a covariance that is accepted [N²/m²].
 _LARGEST = 1e60
 #: Lowest frequency of which a static ramp says something, over the lowest in its weighted sum.

@@ -7,10 +7,10 @@ first used, so that the command line can list the families without importing num
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from fourpole.errors import ModelError
+from fourpole.face import load
 
 if TYPE_CHECKING:
     from fourpole.models.interface import Model
@@ -19,19 +19,26 @@ if TYPE_CHECKING:
 FAMILIES = {
     "spring": "springs.Spring",
     "kelvin": "springs.KelvinVoigt",
-    "structural": "springs.Structural",
-    "gehman:N": "table.GehmanLaw",
     "zener": "maxwell.Zener",
     "maxwell[:N]": "maxwell.GeneralisedMaxwell",
     "prony[:N]": "maxwell.Prony",
     "fractional": "fractional.FractionalZener",
     "fractional5": "fractional.FractionalZener5",
-    "shell": "tyre_shell.Shell",
+    "resonant[:N]": "resonant.Resonant",
     "kraus": "kraus.Kraus",
 }
+#: The same of rooms above: models by name, for one condition; neither `auto` nor maps try them.
+NAMED = {
+    "structural": "fourpole.paper1982.models.Structural",
+    "gehman:N": "fourpole.paper1982.models.GehmanLaw",
+    "shell": "fourpole.paper1982.shell.Shell",
+}
 #: Names of all families, as help and messages list them.
-NAMES = ", ".join(FAMILIES)
-_PLACES = {key.partition(":")[0].rstrip("["): (key, place) for key, place in FAMILIES.items()}
+NAMES = ", ".join([*FAMILIES, *NAMED])
+_PLACES = {
+    key.partition(":")[0].rstrip("["): (key, place)
+    for key, place in [*((key, f"fourpole.models.{place}") for key, place in FAMILIES.items()), *NAMED.items()]
+}
 
 
 def model_named(name: str) -> Model:
@@ -63,12 +70,22 @@ def model_named(name: str) -> Model:
 
 def automatic(decades: float = float("inf")) -> tuple[str, ...]:
     """Names of the families that `auto` tries for a band of so many decades; a family with `sizes` by its bare name."""
-    return tuple(family for family in _PLACES if _class(family).candidate and _class(family).least_decades <= decades)
+    classes = ((family, _class(family)) for family in _compared())
+    return tuple(family for family, one in classes if one.candidate and one.least_decades <= decades)
 
 
 def for_maps() -> tuple[str, ...]:
     """Names of the models that an automatic operating map tries."""
-    return tuple(name for family in _PLACES for name in _class(family).for_maps)
+    return tuple(name for family in _compared() for name in _class(family).for_maps)
+
+
+def check_several(name: str) -> None:
+    """ModelError if a model is for one condition only, where several are to be fitted or mapped."""
+    if _PLACES.get(name.partition(":")[0], ("",))[0] in NAMED:
+        raise ModelError(
+            f"the {name} model is for one condition: for several, as over pressure, fourpole map makes a map of "
+            f"{', '.join(for_maps())}"
+        )
 
 
 def sizes_of(name: str) -> range:
@@ -79,6 +96,12 @@ def sizes_of(name: str) -> range:
 def by_amplitude(name: str) -> bool:
     """Whether K* of a model also depends on the amplitude of the deflection; False for a name that is none."""
     return name in _PLACES and _class(name).by_amplitude
+
+
+def has_inertia(name: str) -> bool:
+    """Whether a model has the inertia of a specimen in K*; False for a name that is none."""
+    family = name.partition(":")[0]
+    return family in _PLACES and _class(family).has_inertia
 
 
 def contains(larger: str, smaller: str) -> bool:
@@ -96,8 +119,8 @@ def contains(larger: str, smaller: str) -> bool:
 @cache
 def _special_cases(family: str) -> frozenset[str]:
     """Families that are special cases of one family, directly or through other families; either side may state it."""
-    pairs = {(one, case) for one in _PLACES for case in _class(one).special_cases}
-    pairs |= {(whole, one) for one in _PLACES for whole in _class(one).special_case_of}
+    pairs = {(one, case) for one in _compared() for case in _class(one).special_cases}
+    pairs |= {(whole, one) for one in _compared() for whole in _class(one).special_case_of}
     found: set[str] = set()
     new = {family}
     while new:
@@ -108,6 +131,10 @@ def _special_cases(family: str) -> frozenset[str]:
 
 def _class(family: str) -> type[Model]:
     """The class of a family, imported now."""
-    module, _, name = _PLACES[family][1].partition(".")
-    found: type[Model] = getattr(import_module(f"fourpole.models.{module}"), name)
+    found: type[Model] = load(_PLACES[family][1])
     return found
+
+
+def _compared() -> list[str]:
+    """The families without those of `NAMED`."""
+    return [family for family, (key, _) in _PLACES.items() if key not in NAMED]

@@ -154,6 +154,8 @@ class Model(ABC):
         `static_stiffness`. Only the fit of such a model uses K1 of a static test.
     relaxing : bool
         Whether K* is a sum of non-negative relaxation terms, like that of every passive linear tyre without inertia.
+    has_inertia : bool
+        Whether K* has that of a mass, so that none is taken off the data before a fit.
     special_cases, special_case_of : tuple of str
         Families that are special cases of this family, and families that have this family as a special case. Names
         are without size.
@@ -166,9 +168,6 @@ class Model(ABC):
     linear : bool
         Whether K* is a sum of fixed terms with non-negative factors, the parameters that are not usually fixed. Such a
         fit is solved by non-negative least squares, and parameters at zero are not counted in its degrees of freedom.
-    pressure : str
-        Symbol of the parameter that is the inflation pressure, if the model has one: a fit gives the other parameters
-        one value for all pressures.
     least_decades : float
         `auto` tries the family only if the band of the data spans at least so many decades.
     by_amplitude : bool
@@ -181,13 +180,13 @@ class Model(ABC):
     causal: bool = True
     rests: bool = True
     relaxing: bool = True
+    has_inertia: bool = False
     special_cases: tuple[str, ...] = ()
     special_case_of: tuple[str, ...] = ()
     candidate: bool = True
     sizes: range = range(0)
     for_maps: tuple[str, ...] = ()
     linear: bool = False
-    pressure: str = ""
     least_decades: float = 0.0
     by_amplitude: bool = False
 
@@ -198,14 +197,6 @@ class Model(ABC):
     @abstractmethod
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """Derivatives (..., N, P) of K* by each parameter, in its unit."""
-
-    def derivative_by(self, values: ArrayLike, omega: ArrayLike, places: np.ndarray) -> ComplexArray:
-        """Derivatives (..., N, F) of K* by some of the parameters; a model may have a shorter way to these."""
-        return np.asarray(self.derivative(values, omega)[..., places])
-
-    def static_derivative_by(self, values: ArrayLike, places: np.ndarray) -> FloatArray:
-        """Derivatives (..., F) of `static_stiffness` by some of the parameters."""
-        return np.asarray(self.static_derivative(values)[..., places])
 
     def static_stiffness(self, values: ArrayLike) -> FloatArray:
         """K* at zero frequency (...,) [N/m]: the first parameter, or 0 if the model flows at rest."""

@@ -16,9 +16,10 @@ number are tried beside it: a delay, cross-talk or a compliance may look like in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 import scipy
@@ -27,7 +28,8 @@ from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.models.causality import Possible, check_possible, grid_of, terms_of
-from fourpole.models.data import StiffnessData, real_columns, with_shared
+from fourpole.models.data import MASTER_DECADES, StiffnessData
+from fourpole.models.inertial import Belt, Of, carried, inertia_of, springs_of, turned
 from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
 
 #: A rung is better than the one below if its BIC is lower by this; a resonance, than every single error by more.
@@ -45,6 +47,12 @@ _LEAST_RATIO, _LARGEST_RATIO = 1e-3, 2.0
 _STEPS = 150
 #: Where a resonance leaves a chi-square of this many degrees of freedom, another one does not help.
 _HOPELESS = 100.0
+#: Step in the logarithms of a belt; Gauss-Newton turns about its springs; number of starts that are followed.
+_STEP, _TURNS, _POLISHED = 1e-4, 3, 3
+#: Number of draws from which the scatter of a belt is taken, and their seed.
+_DRAWS, _SEED = 12, 0
+#: First steps in the logarithms of a belt whose place is nearly known.
+_NEAR = 0.005
 #: Halvings of the interval in which the smallest error is looked for.
 _HALVINGS = 7
 #: Logarithms of q of the extreme biquadratics of a resonance, over its damping ratio.
@@ -86,17 +94,20 @@ class Verdict(ByValue):
 
     Attributes
     ----------
-    holds : Holds
+    holds : Rung
     relaxing : Possible
         The test of the lowest rung.
     chi2, dof, chance : float, int, float [1]
         Chi-square of the rung that holds, or of the highest, and the probability of a larger one.
     mass, mass_std : float [kg]
-        Mass at the driven end, and its standard uncertainty, which is 0 where there are resonances.
+        Mass at the driven end, and its standard uncertainty.
     resonances, ratios : (n,) float arrays [Hz], [1]
         Frequency and damping ratio of each resonance.
     lies : tuple of Lie
         Errors of the laboratory that explain K* too, the best first; empty where a relaxing specimen can have it.
+    belt : Belt or None
+        The belt whose resonance it is, where this is simpler than a sum of resonances.
+    of : Of
     """
 
     holds: Rung
@@ -109,6 +120,8 @@ class Verdict(ByValue):
     resonances: FloatArray
     ratios: FloatArray
     lies: tuple[Lie, ...]
+    belt: Belt | None = None
+    of: Of = Of.DRIVING_POINT
 
     @property
     def possible(self) -> bool:
@@ -125,6 +138,7 @@ class _Best(ByValue):
     count: int
     mass: float
     places: FloatArray
+    belt: tuple[float, ...] = ()
 
     @property
     def bic(self) -> float:
@@ -140,13 +154,15 @@ class _Best(ByValue):
         return float(stats.chi2.sf(self.chi2, self.dof))
 
 
-def verdict_of(data: StiffnessData) -> Verdict:
+def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT) -> Verdict:
     """The smallest kind of passive linear specimen that can have K* of one condition.
 
     Parameters
     ----------
     data : StiffnessData
         Data of one condition, with K1 if it is known.
+    of : Of
+        What K* is of: springs have no inertia; a blocked transfer has that of a mass between two springs.
 
     Returns
     -------
@@ -175,48 +191,55 @@ def verdict_of(data: StiffnessData) -> Verdict:
     """
     relaxing = check_possible(data, SEARCH_CHANCE)
     lowest = _Best(relaxing.chi2, _free(data, relaxing), _count(data), 0.0, np.zeros((0, 2)))
-    if lowest.chance > SEARCH_CHANCE:
-        return _verdict(Rung.RELAXING, relaxing, lowest, ())
-    ladder = _Ladder(data.at(relaxing.best))
-    massed = ladder.with_pairs(np.zeros((0, 2)))
+    if lowest.chance > SEARCH_CHANCE or data.omega.max() > 10.0**MASTER_DECADES * data.omega.min():
+        rung = Rung.RELAXING if relaxing.possible else Rung.NONE  # inertia does not shift with temperature
+        return _verdict(rung, relaxing, lowest, ())
+    ladder = Ladder(data.at(relaxing.best))
     lies = tuple(sorted(ladder.lies(), key=lambda lie: lie.bic))
-    best = massed if massed.bic < lowest.bic - _BETTER else lowest
-    if best is massed and massed.chance > SEARCH_CHANCE:
-        return replace(_verdict(Rung.MASS, relaxing, massed, lies), mass_std=ladder.mass_std(massed))
     least = min((lie.bic for lie in lies), default=np.inf) - _FAR_BETTER
-    found = massed
-    for count in range(1, _MOST + 1):
-        if data.count < _FEWEST + _EACH * count:
+    best = lowest
+    for rung, tried in ladder.climbed(of):
+        best = tried if tried.bic < best.bic - _BETTER else best
+        good = best is not lowest and best.chance > SEARCH_CHANCE
+        if good and rung is Rung.MASS and best is tried:
             break
-        found = ladder.with_another(found)
-        for tried in (found, *([ladder.with_belt()] if count == 1 else [])):
-            if tried.bic < best.bic - _BETTER:
-                best = tried
-        if best.places.size and best.chance > SEARCH_CHANCE and best.bic < least:
-            return _verdict(Rung.RESONANT, relaxing, best, lies)
-        if best.chi2 > _HOPELESS * best.dof:
+        if good and rung is Rung.RESONANT and (best.places.size or best.belt) and best.bic < least:
             break
-    return _verdict(Rung.RELAXING if relaxing.possible else Rung.NONE, relaxing, lowest, lies)
+    else:
+        return _verdict(Rung.RELAXING if relaxing.possible else Rung.NONE, relaxing, lowest, lies, of=of)
+    found = _verdict(rung, relaxing, best, lies, of=of)
+    return replace(found, mass_std=ladder.mass_std(best) if best.mass else 0.0, belt=ladder.belt_of(best))
 
 
-def _verdict(holds: Rung, relaxing: Possible, rung: _Best, lies: tuple[Lie, ...]) -> Verdict:
-    hertz, ratios = rung.places[:, 0] / (2 * np.pi), rung.places[:, 1]
+def _verdict(holds: Rung, relaxing: Possible, rung: _Best, lies: tuple[Lie, ...], of: Of = Of.DRIVING_POINT) -> Verdict:
+    places = np.array([(np.exp(rung.belt[0]), 0.0)]) if rung.belt else rung.places
+    hertz, ratios = places[:, 0] / (2 * np.pi), places[:, 1]
     return Verdict(
-        holds, relaxing, rung.chi2, rung.dof, rung.chance, rung.mass, 0.0, hertz, ratios, lies
+        holds, relaxing, rung.chi2, rung.dof, rung.chance, rung.mass, 0.0, hertz, ratios, lies, of=of
     )  # fmt: skip
 
 
-def without_mass(data: StiffnessData, verdict: Verdict) -> StiffnessData:
-    """The data without the mass at the driven end that the verdict found, if any, with its uncertainty.
+def without_inertia(data: StiffnessData, verdict: Verdict) -> StiffnessData:
+    """The data without the mass at the driven end, or the belt, that the verdict found, with its uncertainty.
 
-    The uncertainty of the mass is one error of all frequencies, like those that they share.
+    What is left is K* of the springs, or of a specimen with resonances and no mass. The uncertainty of the mass, or of
+    the frequency and the share of the belt, is an error of all frequencies, like those that they share.
     """
-    if verdict.holds is not Rung.MASS:
+    found, omega = verdict.belt, data.omega
+    if found is not None:
+        logs = np.log([found.natural, found.share])[: len(found.covariance)]
+        here, slope = carried(found.springs, *inertia_of(data.stiffness[0], omega, logs.tolist()))
+        steps = (logs + step for step in _STEP * np.eye(logs.size))
+        moved = [
+            (here - carried(found.springs, *inertia_of(data.stiffness[0], omega, one.tolist()))[0]) / slope / _STEP
+            for one in steps
+        ]
+        columns = np.stack(moved, axis=1) @ np.linalg.cholesky(found.covariance)
+        return turned(data, found.springs + (data.stiffness - here) / slope, 1 / slope, columns)
+    if not verdict.mass:
         return data
-    square = data.omega**2
-    column = real_columns((square * verdict.mass_std)[:, None] + 0j)
-    whole = with_shared(data.covariance, column, data.stiffness.shape)
-    return replace(data, stiffness=data.stiffness + square * verdict.mass, covariance=whole, recorded=None)
+    square = omega**2
+    return turned(data, data.stiffness + square * verdict.mass, None, (square * verdict.mass_std)[:, None] + 0j)
 
 
 def _count(data: StiffnessData) -> int:
@@ -227,7 +250,7 @@ def _free(data: StiffnessData, relaxing: Possible) -> int:
     return _count(data) - relaxing.dof
 
 
-class _Ladder:
+class Ladder:
     """The rungs above the lowest, on a grid of relaxation times, and single errors beside them."""
 
     def __init__(self, data: StiffnessData) -> None:
@@ -253,13 +276,43 @@ class _Ladder:
         free = int(np.count_nonzero(weights)) + 2 * len(places)
         return _Best(chi2, free, self.count, float(weights[self.terms.shape[1]]) * scale, places)
 
+    def climbed(self, of: Of) -> Iterator[tuple[Rung, _Best]]:
+        """The rungs above the lowest, from below, as far as the frequencies are enough for them."""
+        enough = self.data.count >= _FEWEST + _EACH
+        if of is Of.BLOCKED_TRANSFER:
+            yield Rung.RESONANT, self.with_belt(transfer=True)
+        if of is not Of.DRIVING_POINT:
+            return
+        found = self.with_pairs(np.zeros((0, 2)))
+        yield Rung.MASS, found
+        for count in range(1, _MOST + 1):
+            if self.data.count < _FEWEST + _EACH * count:
+                return
+            if count == 1 and enough:
+                yield Rung.RESONANT, self.with_belt()
+            found = self.with_another(found)
+            yield Rung.RESONANT, found
+            if found.chi2 > _HOPELESS * found.dof:
+                return
+
+    def numerators(self, places: FloatArray) -> FloatArray:
+        """The best numerators (n, 3) of the resonances at `places`: factors of s, s² and s³ over d."""
+        pairs = [pair_of(self.data.omega, *place) for place in places]
+        weights, _ = least_squares(self._with(np.concatenate(pairs, axis=1)), self.target)
+        split = np.split(weights[self.terms.shape[1] :], len(places))
+        tops = [np.abs(_unscaled(self.data.omega, *place)).max(axis=0) for place in places]
+        rows = zip(places, split, tops, strict=True)
+        return np.array([(each / top) @ numerators_of(*place) for place, each, top in rows])
+
     def mass_std(self, found: _Best) -> float:
-        """Standard uncertainty of a mass without resonances [kg]: half the interval in which chi-square rises by 1."""
+        """Standard uncertainty of a mass [kg] at given resonances: half the interval where chi-square rises by 1."""
         top = float(self.data.omega.max()) ** 2
         column = self._with(self.mass)[:, -1]
+        pairs = [pair_of(self.data.omega, *place) for place in found.places]
+        rows = self._with(np.concatenate(pairs, axis=1)) if pairs else self.rows
 
         def height(value: float) -> float:
-            return rise_of(self.rows, self.target - column * value, found.chi2)
+            return rise_of(rows, self.target - column * value, found.chi2)
 
         low, high = profile_ends(height, found.mass * top, 0.1 * found.mass * top, 1.0)
         return (high - low) / 2 / top
@@ -282,38 +335,69 @@ class _Ladder:
         )
         return self.with_pairs(np.exp(np.clip(moved.x.reshape(-1, 2), *limits)))
 
-    def with_belt(self) -> _Best:
-        """The best relaxing springs about a mass, by the force and the motion of one end; see `core.specimen`.
+    def with_belt(self, *, transfer: bool = False) -> _Best:
+        """The best relaxing springs about a mass, by the force and the motion of one end, or of both; see `springs_of`.
 
-        With m11 and m12 its K* follows from each measured value, so that the test is that of a massless specimen.
+        With the belt its K* follows from each measured value, so that the test is that of a massless specimen.
         """
         omega = self.data.omega
-        hertz = np.geomspace(_BELOW * omega.min(), _ABOVE * omega.max(), _BELT_HERTZ)
-        starts = [(np.log(natural), np.log(share)) for natural in hertz for share in _SHARES]
-        first = min(starts, key=lambda start: self._belted(*start)[0])
-        moved = scipy.optimize.minimize(
-            lambda x: self._belted(*x)[0], first, method="Nelder-Mead", options={"maxfev": _STEPS, "fatol": 1e-2}
-        )
-        chi2, free = self._belted(*moved.x)
-        natural = float(np.exp(moved.x[0]))
-        return _Best(chi2, free + 2, self.count, 0.0, np.array([(natural, 0.0)]))
+        hertz = np.log(np.geomspace(_BELOW * omega.min(), _ABOVE * omega.max(), _BELT_HERTZ))
+        starts = [(one,) for one in hertz] if transfer else [(one, np.log(share)) for one in hertz for share in _SHARES]
+        firsts = sorted(starts, key=lambda start: self._belted(start)[0])[:_POLISHED]
+        return min((self._moved_belt(first) for first in firsts), key=lambda one: one.chi2)
 
-    def _belted(self, log_natural: float, log_share: float) -> tuple[float, int]:
-        """Chi-square with a belt whose mode, with both ends held, is at exp(log_natural) [rad/s], and free values."""
-        measured, square = self.data.stiffness, self.data.omega**2
-        through = float(np.abs(measured[0])) / np.exp(2 * log_natural)  # m12 [kg]
-        u, v = square * through, square * through * np.exp(log_share)
-        middle, inner = (u + v + measured) / 2, measured * u
-        root = np.sqrt(middle**2 - inner)
-        pair = np.stack([middle + root, middle - root])
-        stiffness = pair[np.argmin(np.abs(pair - measured[0]), axis=0), np.arange(measured.size)]
-        slope = (2 * stiffness - 2 * middle) / (stiffness - u)  # of what is measured by K*
-        condition = replace(self.condition, data=replace(self.condition.data, stiffness=slope * stiffness))
-        rows = condition.rows(slope[:, None] * self.terms, self.static)
-        if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(condition.target))):
-            return np.inf, 0
-        weights, chi2 = least_squares(rows, condition.target)
-        return chi2, int(np.count_nonzero(weights))
+    def _moved_belt(self, first: Sequence[float], *, near: bool = False) -> _Best:
+        """The belt about a first one, by its logarithms, with the least chi-square; `near` where it is almost there."""
+        options: dict[str, Any] = {"maxfev": _STEPS, "fatol": 1e-2, "xatol": 1e-5}
+        if near:
+            corners = np.vstack([np.zeros(len(first)), _NEAR * np.eye(len(first))])
+            options |= {"fatol": 0.1, "xatol": 1e-4, "initial_simplex": np.array(first) + corners}
+        moved = scipy.optimize.minimize(lambda x: self._belted(x)[0], first, method="Nelder-Mead", options=options)
+        belt = tuple(float(one) for one in moved.x)
+        chi2, free, _ = self._belted(belt)
+        return _Best(chi2, free + len(belt), self.count, 0.0, np.zeros((0, 2)), belt)
+
+    def _belted(self, belt: Sequence[float]) -> tuple[float, int, ComplexArray]:
+        """Chi-square with a belt, by log frequency [rad/s] and log share; number of values of its springs, their K*."""
+        measured = self.data.stiffness
+        inertia, share = inertia_of(measured[0], self.data.omega, belt)
+        springs, chi2, free = springs_of(measured, inertia, share), np.inf, 0
+        for _ in range(_TURNS):
+            shown, slope = carried(springs, inertia, share)
+            condition = replace(
+                self.condition, data=replace(self.condition.data, stiffness=measured - shown + slope * springs)
+            )
+            rows = condition.rows(slope[:, None] * self.terms, self.static)
+            if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(condition.target))):
+                return np.inf, 0, springs
+            weights, chi2 = least_squares(rows, condition.target)
+            springs, free = self.terms @ weights, int(np.count_nonzero(weights))
+        return chi2, free, springs
+
+    def belt_of(self, found: _Best) -> Belt | None:
+        """The belt of a rung, with the scatter of belts found in K* drawn about it.
+
+        The springs are any relaxing ones: where terms are at zero the curvature of chi-square is no measure of it.
+        """
+        if not found.belt:
+            return None
+        best, (_, _, springs) = np.array(found.belt), self._belted(found.belt)
+        shown, _ = carried(springs, *inertia_of(self.data.stiffness[0], self.data.omega, found.belt))
+        rng, turn = np.random.default_rng(_SEED), np.linalg.inv(self.condition.whiten)
+        off = []
+        for _ in range(_DRAWS):
+            noise = rng.standard_normal(2 * self.data.count)
+            each = turn @ noise if self.data.full else (turn @ noise.reshape(-1, 2, 1)).ravel()
+            drawn = Ladder(replace(self.data, stiffness=shown + each[0::2] + 1j * each[1::2]))
+            there = drawn._moved_belt(found.belt, near=True).belt
+            scale = np.log(np.abs(drawn.data.stiffness[0] / self.data.stiffness[0])) / 2
+            off.append(np.array(there) - best - np.array([scale, 0.0])[: best.size])
+        covariance = np.transpose(off) @ np.array(off) / _DRAWS
+        natural, share = float(np.exp(best[0])), float(np.exp(best[1])) if best.size > 1 else 1.0
+        mass = float(np.abs(self.data.stiffness[0])) / natural**2 * (share + 2 + 1 / share)
+        by = np.array([-2.0, (share - 1 / share) / (share + 2 + 1 / share)])[: best.size]
+        std = mass * float(np.sqrt(by @ covariance @ by))
+        return Belt(natural, share, mass, std, covariance, springs)
 
     def lies(self) -> Iterator[Lie]:
         """Single errors with which a massless, relaxing specimen can have K*."""
@@ -360,8 +444,18 @@ def pair_of(omega: FloatArray, natural: float, ratio: float) -> ComplexArray:
 
     The last is the biquadratic that is just positive real, for each q > 0; at q = 1 it is a damper.
     """
-    s, q = 1j * omega[:, None], np.exp(ratio * _QS)
-    d = s**2 + 2 * ratio * natural * s + natural**2
-    biquads = s * (s**2 + (q - 1) ** 2 * natural / (2 * ratio) * s + (q * natural) ** 2) / d
-    pair = np.concatenate([s**2 / d, s * (s + 2 * ratio * natural) / d, biquads], axis=1)
+    pair = _unscaled(omega, natural, ratio)
     return np.asarray(pair / np.abs(pair).max(axis=0))
+
+
+def numerators_of(natural: float, ratio: float) -> FloatArray:
+    """Factors (k, 3) of s, s² and s³ in the numerators over d of the terms of `pair_of`, before they are scaled."""
+    q = np.exp(ratio * _QS)
+    biquads = np.stack([(q * natural) ** 2, (q - 1) ** 2 * natural / (2 * ratio), np.ones_like(q)], axis=1)
+    return np.concatenate([[[0.0, 1.0, 0.0], [2 * ratio * natural, 1.0, 0.0]], biquads])
+
+
+def _unscaled(omega: FloatArray, natural: float, ratio: float) -> ComplexArray:
+    s = 1j * omega[:, None]
+    powers = np.concatenate([s, s**2, s**3], axis=1)
+    return np.asarray(powers @ numerators_of(natural, ratio).T / (s**2 + 2 * ratio * natural * s + natural**2))

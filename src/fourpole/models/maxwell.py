@@ -24,7 +24,7 @@ USUAL, _MOST_PER_DECADE = 3, 12
 #: Least and largest number of arms.
 _FEWEST, _MOST_FIXED = 3, 300
 #: Decades by which the times may extend beyond each end of the band; the best of all pairs is taken.
-_ENDS_BEYOND = (0.0, 0.25, 0.5)
+_ENDS_BEYOND = (0.0, 0.25, 0.5, 1.0)
 #: Relaxation times per decade of the grid of a spectrum, and decades of the grid beyond each end of the band.
 _FINE, _BEYOND = 8, 1.0
 #: Assumed distance of the first and the last arm to a further neighbour, in ln(tau).
@@ -245,7 +245,7 @@ class Prony(RelaxingArms):
         """The model with relaxation times over the band of all conditions.
 
         A static test of finite duration extends the band. The number of times is that of the band and its decades.
-        Each end of the times lies 0, 1/4 or 1/2 decade beyond the band; of these nine choices the one with the least
+        Each end of the times lies 0, 1/4, 1/2 or 1 decade beyond the band; of these choices the one with the least
         chi-square is taken.
         """
         if self._is_placed:

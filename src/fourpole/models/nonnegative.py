@@ -42,6 +42,34 @@ def profile_ends(height: Callable[[float], float], best: float, step: float, ris
     return max(_end(height, best, -min(step, best), rise), 0.0) if best > 0 else 0.0, high
 
 
+def profiles_of(
+    rows: FloatArray,
+    target: FloatArray,
+    weights: FloatArray,
+    stds: FloatArray,
+    chi2: float,
+    rise: float,
+    places: np.ndarray,
+) -> FloatArray:
+    """Ends (n, 2) of the profiles of some of the best weights (k,), at which chi-square has risen by `rise` squared."""
+    least = chi2
+    if rows.shape[0] > rows.shape[1]:  # fewer rows with the same problem, which lack a part of chi-square
+        whole = float(target @ target)
+        orthogonal, rows = np.linalg.qr(rows)
+        target = orthogonal.T @ target
+        least -= max(float(whole - target @ target), 0.0)
+    ends = np.empty((len(places), 2))
+    for row, at in enumerate(places.tolist()):
+        term, others = rows[:, at], np.delete(rows, at, axis=1)
+        step = rise * (float(stds[at]) or 1.0 / max(float(np.linalg.norm(term)), 1e-300))
+
+        def height(value: float, term: FloatArray = term, others: FloatArray = others) -> float:
+            return rise_of(others, target - value * term, least)
+
+        ends[row] = profile_ends(height, float(weights[at]), step, rise)
+    return ends
+
+
 def _end(height: Callable[[float], float], best: float, step: float, rise: float) -> float:
     """The value on the side of `step` at which the height is `rise`; zero if it is lower there.
 

@@ -139,7 +139,8 @@ class FitProblem(ByValue):
         model = self.model.on(self.data)
         unit = self.unit_of(values)
         tied, omega = self._follows.size > 0, self.data.omega
-        by = model.derivative(values, omega) @ self.spread if tied else model.derivative_by(values, omega, self.free)
+        by = model.derivative(values, omega)
+        by = by @ self.spread if tied else by[..., self.free]
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
             return rows

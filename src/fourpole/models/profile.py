@@ -21,7 +21,7 @@ from fourpole.models.choice import STOPPED
 from fourpole.models.data import StiffnessData, stacked
 from fourpole.models.fit import Fit, least_chi2, linear_problem
 from fourpole.models.interface import Parameter
-from fourpole.models.nonnegative import profile_ends, rise_of, whitened_conditions
+from fourpole.models.nonnegative import profiles_of, whitened_conditions
 from fourpole.models.problem import free_places, problem_of, starts_of
 
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
@@ -189,21 +189,9 @@ def _nonnegative_intervals(found: Fit, data: StiffnessData, rise: float, fixed: 
     """
     free, (condition,) = free_places(found.model, fixed), whitened_conditions(data)
     rows, target = linear_problem(found.model, condition, found.values, free)
-    least = float(found.chi2)
-    if rows.shape[0] > rows.shape[1]:  # fewer rows with the same problem, which lack a part of chi-square
-        whole = float(target @ target)
-        orthogonal, rows = np.linalg.qr(rows)
-        target = orthogonal.T @ target
-        least -= max(float(whole - target @ target), 0.0)
     ends = np.stack([found.values, found.values], axis=1)
-    for at, place in enumerate(free.tolist()):
-        term, others = rows[:, at], np.delete(rows, at, axis=1)
-        step = rise * (float(found.std[place]) or 1.0 / max(float(np.linalg.norm(term)), 1e-300))
-
-        def height(value: float, term: FloatArray = term, others: FloatArray = others) -> float:
-            return rise_of(others, target - value * term, least)
-
-        ends[place] = profile_ends(height, float(found.values[place]), step, rise)
+    every = np.arange(free.size)
+    ends[free] = profiles_of(rows, target, found.values[free], found.std[free], float(found.chi2), rise, every)
     return ends
 
 

@@ -182,8 +182,9 @@ def static_derivative(
     model: Model, values: FloatArray, data: StiffnessData, places: np.ndarray | None = None
 ) -> FloatArray:
     """Derivatives (..., P) of `static_stiffness` by each parameter, or (..., F) by those at some places."""
-    if not _ramped(model, data):
-        return model.static_derivative(values) if places is None else model.static_derivative_by(values, places)
-    slopes = model.derivative(values, data.ramp["static_omega"])
-    slopes = slopes if places is None else slopes[..., places]
-    return np.asarray(np.sum((data.ramp["static_weights"][..., None] * slopes).real, axis=-2))
+    if _ramped(model, data):
+        slopes = data.ramp["static_weights"][..., None] * model.derivative(values, data.ramp["static_omega"])
+        found = np.sum(slopes.real, axis=-2)
+    else:
+        found = model.static_derivative(values)
+    return np.asarray(found if places is None else found[..., places])

@@ -121,6 +121,71 @@ class ShiftLaw(ByValue):
         return ShiftLaw("WLF", temperature, np.array([c1 * c2 / moved, moved]), turn @ self.covariance @ turn.T)
 
 
+def interpolated(
+    temperatures: FloatArray, values: FloatArray, errors: FloatArray, at: float
+) -> tuple[float, FloatArray, float]:
+    """A shift factor's logarithm between isotherms, its changes with those of the isotherms, and its own error.
+
+    Monotone cubic interpolation over the reciprocal of the absolute temperature, where an Arrhenius law is straight.
+
+    Parameters
+    ----------
+    temperatures, values : (n,) float arrays [degC], [1]
+        Temperatures, rising, and logarithms of the factors.
+    errors : (n, m) float array [1]
+        Changes of the values with m independent errors of one standard uncertainty.
+    at : float [degC]
+        A temperature from the lowest to the highest one.
+
+    Returns
+    -------
+    value : float [1]
+    changes : (m,) float array [1]
+        Its changes with these errors.
+    error : float [1]
+        Standard uncertainty of the interpolation: midway a quarter of what it misses an isotherm by that is left out,
+        at an isotherm 0.
+
+    References
+    ----------
+    F. N. Fritsch, R. E. Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17, 1980.
+
+    Examples
+    --------
+    >>> value, changes, error = interpolated(np.array([0.0, 20.0]), np.array([2.0, 0.0]), np.eye(2), 10.0)
+    >>> round(value, 3), round(float(np.linalg.norm(changes)), 3), error
+    (0.965, 0.708, 0.0)
+    """
+    x, here = -1.0 / (temperatures + ZERO_CELSIUS), -1.0 / (at + ZERO_CELSIUS)
+    curve = scipy.interpolate.PchipInterpolator
+    found = curve(x, np.column_stack([values, values[:, None] + errors, values[:, None] - errors]))(here)
+    count, many = errors.shape
+    spread = (found[1 : 1 + many] - found[1 + many :]) / 2
+    left_out = np.zeros(count)
+    for one in range(1, count - 1):
+        others = np.arange(count) != one
+        left_out[one] = abs(float(curve(x[others], values[others])(x[one])) - values[one])
+    low = int(np.clip(np.searchsorted(x, here) - 1, 0, count - 2))
+    share = (here - x[low]) / (x[low + 1] - x[low])
+    between = float(share * (1 - share) * np.max(left_out[low : low + 2]))
+    return float(found[0]), spread, between
+
+
+def root_of(covariance: FloatArray) -> FloatArray:
+    """L (n, n) with L L^T equal to a covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def worst_miss(
+    law: ShiftLaw, temperatures: FloatArray, log_a: FloatArray, std: FloatArray
+) -> tuple[float, float, float]:
+    """Where a law misses its own shift factors most, in their u: temperature [degC], miss and u of ln a_T."""
+    miss = np.abs(law.log_a(temperatures) - log_a)
+    at = int(np.argmax(np.divide(miss, std, out=np.zeros_like(miss), where=std > 0)))
+    return float(temperatures[at]), float(miss[at]), float(std[at])
+
+
 @dataclass(frozen=True)
 class LawChoice:
     """The laws that were fitted, the best first.

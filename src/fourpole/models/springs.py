@@ -1,4 +1,4 @@
-"""Models without relaxation: a spring, a spring parallel to a damper, a spring with structural damping."""
+"""Models without relaxation: a spring, and a spring parallel to a damper."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.face import moved_to
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
 
@@ -76,39 +77,4 @@ class KelvinVoigt(Model):
         return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), self.checked(values))
 
 
-class Structural(Model):
-    r"""A spring with structural (hysteretic) damping: :math:`K^* = K (1 + j\eta)` at every frequency.
-
-    It is not causal, because its force precedes its deflection; so it cannot be simulated in time.
-
-    References
-    ----------
-    S. H. Crandall, "The role of damping in vibration theory", J. Sound Vib. 11, 1970.
-
-    Examples
-    --------
-    >>> Structural().stiffness([180e3, 0.1], [60.0])
-    array([180000.+18000.j])
-    """
-
-    name = "structural"
-    parameters = (_K, Parameter("eta", "1", 0.0, np.inf, 0.1, "loss factor"))
-    special_cases = ("spring",)
-    causal = False
-    relaxing = False
-
-    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """K* [N/m]."""
-        k, eta = columns(self.checked(values))
-        return np.asarray(k * (1 + 1j * eta) + 0 * positive(omega))
-
-    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives by K and eta."""
-        k, eta = columns(self.checked(values))
-        nothing = 0 * positive(omega)
-        return np.stack([1 + 1j * eta + nothing, 1j * k + nothing], axis=-1)
-
-    def starts(self, data: StiffnessData, count: int) -> FloatArray:  # noqa: ARG002
-        """K: the mean of K'; eta: the mean of K'' over that of K'."""
-        k = data.stiffness
-        return np.stack([np.mean(k.real, 1), np.mean(k.imag, 1) / np.mean(k.real, 1)], axis=1)[None]
+__getattr__ = moved_to("fourpole.paper1982.models")  # structural damping was here

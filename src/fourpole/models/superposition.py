@@ -296,31 +296,33 @@ def _distance(warm: Isotherm, cold: Isotherm, size: tuple[float, float]) -> floa
 def _linked_fit(ordered: Sequence[Isotherm], at: int, starts: Sequence[FloatArray]) -> tuple[Superposition, list[int]]:
     """The fit that keeps most isotherms linked to the reference, or else the likeliest; and their indices."""
     kept = max((_linked(ordered, start, at) for start in starts), key=len)
+    chosen, begins = tuple(ordered[i] for i in kept), [start[kept] - start[at] for start in starts]
+    errors = [[relative_errors(one.stiffness, size) for one in chosen] for size in _STARTS]
     while len(kept) > 1:
-        chosen, here = tuple(ordered[i] for i in kept), kept.index(at)
-        fits = []
-        for start, size in zip(starts, _STARTS, strict=True):
-            found = _joint(chosen, here, start[kept] - start[at], size, vertical=False)
-            fits.append((found, _linked(chosen, found.log_a, here, found.covariance)))
-        best, still = min(fits, key=lambda one: (-len(one[1]), one[0].loss))
+        here = kept.index(at)
+        fits = [_joint(chosen, here, *both, vertical=False) for both in zip(begins, errors, strict=True)]
+        links = [_linked(chosen, found.log_a, here, found.covariance) for found in fits]
+        best, still = min(zip(fits, links, strict=True), key=lambda one: (-len(one[1]), one[0].loss))
         if len(still) == len(kept):
             return best, kept
         # K* hardly depends on frequency there, or K' and K'' contradict each other at every overlap.
-        kept = [kept[i] for i in still]
+        kept, chosen = [kept[i] for i in still], tuple(chosen[i] for i in still)
+        begins, errors = [one.log_a[still] for one in fits], [[one.errors[i] for i in still] for one in fits]
     raise ModelError(_lonely(ordered, at))
 
 
 def _with_vertical(found: Superposition) -> Superposition:
     """Horizontal and vertical shifts, from the horizontal ones: the fit that keeps most overlaps, or the likeliest."""
     isotherms, at = found.isotherms, found.reference
-    fits = [_joint(isotherms, at, found.log_a, size, vertical=True) for size in _STARTS]
+    errors = [found.errors, *([relative_errors(one.stiffness, size) for one in isotherms] for size in _STARTS)]
+    fits = [_joint(isotherms, at, found.log_a, some, vertical=True) for some in errors]
     return min(fits, key=lambda one: (-len(_linked(isotherms, one.log_a, at)), one.loss))
 
 
 def _with_doubt(found: Superposition) -> Superposition:
     """The horizontal shifts; where the data need vertical ones, with the difference as part of the uncertainty."""
     count = len(found.isotherms)
-    other = _with_vertical(found)
+    other = _joint(found.isotherms, found.reference, found.log_a, found.errors, vertical=True)
     points = sum(2 * one.omega.size for one in found.isotherms)
     gain = found.loss - other.loss - (count - 1) * np.log(points)
     if found.stated and not found.fits:
@@ -332,12 +334,12 @@ def _with_doubt(found: Superposition) -> Superposition:
 
 
 def _joint(
-    isotherms: tuple[Isotherm, ...], reference: int, start: FloatArray, size: tuple[float, float], *, vertical: bool
+    isotherms: tuple[Isotherm, ...], reference: int, start: FloatArray, begin: Sequence[FloatArray], *, vertical: bool
 ) -> Superposition:
-    """All shifts together; where no uncertainty is stated, in turn with the sizes of the errors."""
+    """All shifts together; where no uncertainty is stated, in turn with the errors, which `begin` as stated there."""
     free = np.array([i for i in range(len(isotherms)) if i != reference])
     stated = all(one.covariance is not None for one in isotherms)
-    errors = [stated_errors(one) if stated else relative_errors(one.stiffness, size) for one in isotherms]
+    errors = [stated_errors(one) for one in isotherms] if stated else begin
     search, shifts = _Search(isotherms, errors, free, vertical), np.stack([start, np.zeros(len(isotherms))])
     for _ in range(1 if stated else _ROUNDS):
         shifts, fit, converged = search.from_start(shifts)
@@ -403,7 +405,9 @@ class _Search:
 
     def normal(self, shifts: FloatArray, fit: SpectraFit, *, loose: bool = False) -> tuple[FloatArray, FloatArray]:
         """Normal matrix (p, p) of the free shifts, and the right side (p,) of the step, which `loose` does not have."""
-        columns = shift_rows(self.isotherms, shifts, fit, self.errors, self.free, self.vertical, loose=loose)
+        columns = shift_rows(
+            self.isotherms, shifts, fit, self.errors, self.free, self.vertical, loose=_DENSITY if loose else 0
+        )
         distances = -np.diff(np.eye(len(self.isotherms)), axis=0) / self._half[:, None]
         expected = np.zeros((len(distances), columns.shape[1]))
         expected[:, : self.free.size] = distances[:, self.free]

@@ -31,21 +31,21 @@ _GROUPS = 6
 _OF_MODELS = {"model-choice", "spectrum", "amplitude"}
 
 
-def _specs(part: str) -> dict[str, FigureSpec]:
-    """The figures of a part of catalogue.toml, with the functions that make them."""
-    text = resources.files("fourpole.plot").joinpath("catalogue.toml").read_text(encoding="utf-8")
+def _specs(room: str) -> dict[str, FigureSpec]:
+    """The figures of the catalogue.toml of a room, with the functions that make them."""
+    text = resources.files(room).joinpath("catalogue.toml").read_text(encoding="utf-8")
     specs = {}
-    for key, entry in toml_of(text, "catalogue.toml")[part].items():
-        make = import_module(f"fourpole.plot.{entry.pop('module')}").FIGURES[key]
+    for key, entry in toml_of(text, "catalogue.toml").items():
+        make = import_module(f"{room}.{entry.pop('module')}").FIGURES[key]
         how = {"draw" if entry.pop("line_art", False) else "data": make}
         specs[key] = FigureSpec(key, **entry, **how)
     return specs
 
 
 #: The paper's figures by their keys, in its order.
-PAPER: dict[str, FigureSpec] = _specs("paper")
+PAPER: dict[str, FigureSpec] = _specs("fourpole.paper1982")
 #: All figures by their keys: those of the first page of a report, those by question, those of the paper.
-FIGURES: dict[str, FigureSpec] = _specs("report") | PAPER
+FIGURES: dict[str, FigureSpec] = _specs("fourpole.plot") | PAPER
 
 
 #: Figures that are drawn where they are named, not in a report, whose cards show the same.

@@ -12,9 +12,8 @@ from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import with_std
 from fourpole.core.specimen import Form
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, look
-from fourpole.plot.sheet import few, means, read_sheet
+from fourpole.plot.sheet import few, means, read_sheet, rigs_stated
 from fourpole.plot.states import State, body_of, by_tyre, model_curve, part_of, stated_text, tested
-from fourpole.plot.stiffness import rigs_stated
 from fourpole.study.study import Study
 
 #: What is read as massless is not drawn where it is further from K* than this [1].

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.patches import Circle, FancyArrowPatch, Patch, Polygon, Rectangle
+from matplotlib.patches import Circle, FancyArrowPatch, Patch, Rectangle
 
 from fourpole.plot.layout import new_figure
 from fourpole.plot.style import Style
@@ -92,59 +92,3 @@ class Pen:
     def up(self, x: float, low: float, high: float) -> None:
         """An arrow upwards."""
         self.arrow((x, low), (x, high), shrinkA=0, shrinkB=0)
-
-    def turn(self, start: Sequence[float], end: Sequence[float]) -> None:
-        """An arrow along an arc, for the direction in which a shaft turns."""
-        self.arrow(start, end, 8, connectionstyle="arc3,rad=0.35")
-
-    def shaft(self, left: float, right: float, y: float) -> None:
-        """The centre line of a shaft."""
-        self.ax.plot([left, right], [y, y], color=self.style.look.ink, linewidth=1.0, linestyle=(0, (6, 2, 1, 2)))
-
-    def leaf(self, x: float, eye: float, reach: float) -> None:
-        """A leaf of a semi-elliptical spring: its lowest point is at x, its ends as far to both sides as it reaches."""
-        across = np.linspace(-reach, reach, 61)
-        along = eye - 0.42 * np.sqrt(1 - (across / 1.7) ** 2)
-        self.ax.plot(x + across, along, color=self.style.look.ink, linewidth=1.6)
-
-    def pair(self, x: float, y: float, force: str, velocity: str) -> None:
-        """Force and velocity at a point of the chain, both positive upwards."""
-        self.mark(x, y)
-        self.up(x + 1.55, y - 0.22, y + 0.22)
-        self.line([x, x + 1.75], [y, y], 0.6)
-        self.text(x + 1.85, y, f"{force}, {velocity}")
-
-    def leader(self, x: float, y: float, at_x: float, at_y: float, text: str, ha: str = "left") -> None:
-        """Draw a thin line from a part to its name."""
-        self.ax.plot([x, at_x], [y, at_y], color=self.style.look.muted, linewidth=0.7)
-        self.text(at_x + (0.08 if ha == "left" else -0.08), at_y, text, ha=ha, size=8.0)
-
-    def tyre_element(self, x: float, low: float, high: float) -> None:
-        """Draw the tyre: K1 parallel to the arm of K2 and C."""
-        left, right, middle = x - 0.8, x + 0.8, 0.5 * (low + high)
-        self.line([left, right], [low + 0.15, low + 0.15])
-        self.line([left, right], [high - 0.15, high - 0.15])
-        self.line([x, x], [low, low + 0.15])
-        self.line([x, x], [high - 0.15, high])
-        self.spring(left, low + 0.15, high - 0.15)
-        self.spring(right, middle, high - 0.15)
-        self.damper(right, low + 0.15, middle)
-        self.text(left - 0.35, middle, "K1", ha="right")
-        self.text(right + 0.35, 0.5 * (middle + high - 0.15), "K2")
-        self.text(right + 0.35, 0.5 * (low + 0.15 + middle), "C")
-
-    def tyre(self, x: float, y: float, radius: float) -> None:
-        """A tyre in side view, flat at the contact."""
-        angle = np.linspace(-0.5 * np.pi, 1.5 * np.pi, 181)
-        outer = np.column_stack([radius * np.cos(angle), np.maximum(radius * np.sin(angle), -0.955 * radius)])
-        self.fill(Polygon, outer + np.array([x, y]), face="grid", width=1.3)
-        self.disc(x, y, 0.62 * radius, width=1.0)
-        self.disc(x, y, 0.16 * radius)
-
-    def frame(self, left: float, right: float, low: float, high: float) -> None:
-        """A portal frame on the ground."""
-        wide = 0.24
-        self.box(left, low, wide, high - low)
-        self.box(right - wide, low, wide, high - low)
-        self.box(left, high, right - left, 0.3)
-        self.ground(left - 0.3, right + 0.3, low)

@@ -17,8 +17,7 @@ from fourpole.plot.cards import dynamic_cards
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, Tone, look
 from fourpole.plot.marks import zero_line
 from fourpole.plot.names import lacking, plain_text, value_label
-from fourpole.plot.sheet import Sheet, floats, grouped, leading, means, read_sheet, texts
-from fourpole.plot.stiffness import phasors, rigs_stated
+from fourpole.plot.sheet import Sheet, floats, grouped, leading, means, phasors, read_sheet, rigs_stated, texts
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.study.rig_estimate import RigEstimate, RigFinding, SharedValue
 from fourpole.study.study import Study

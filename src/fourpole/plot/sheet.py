@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
+from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.errors import RigError
 from fourpole.plot.names import counted, lacking, short_names
 from fourpole.plot.part import Part, part_of, shown_name
 from fourpole.quantities import Quantity
+from fourpole.study.record import section
 from fourpole.study.study import Study
 
 IntArray = NDArray[np.int64]
@@ -310,3 +313,31 @@ def means(x: FloatArray, y: FloatArray, keys: Iterable[int] | None = None) -> tu
         y = np.bincount(place, y[known]) / count if place.size else y[known]
     order = np.argsort(x, kind="stable")
     return x[order], y[order]
+
+
+def rig_stated(stated: Mapping[str, Any]) -> Rig | None:
+    """A rig from its statement in study.json; None if the statement is not valid."""
+    try:
+        values: dict[str, Any] = {name: float(stated[name]["value"]) for name in PARAMETERS if stated.get(name)}
+        return Rig(**values, blocked=stated.get("output") == "blocked")
+    except (RigError, AttributeError, KeyError, TypeError, ValueError):
+        return None
+
+
+def rigs_stated(results: Study, sheet: Sheet) -> dict[str, Rig | None]:
+    """The stated rig of each name in dynamic.csv; None if there is no valid statement."""
+    stated = section(results.record, "stated", "rigs")
+    return {name: rig_stated(stated[name]) if name in stated else None for name in set(sheet.rigs)}
+
+
+def phasors(sheet: Sheet, rig: Rig | None, at: IntArray) -> tuple[ComplexArray, FloatArray, ComplexArray]:
+    """F1 at the contact [N], V1 and V2 [m/s] of some tests; V1 has the phase 0.
+
+    The force transducer also accelerates the input mass of the rig, so its inertia force is subtracted.
+    """
+    omega, v1 = 2 * np.pi * sheet.values(q.FREQUENCY.head)[at], sheet.values(q.V1.head)[at]
+    cell, v2 = (
+        (sheet.values(size.head) * np.exp(1j * sheet.values(phase.head)))[at]
+        for size, phase in ((q.F1, q.PHASE_F1), (q.V2, q.PHASE_V2))
+    )
+    return cell - 1j * omega * v1 * (rig.input_mass if rig else 0.0), v1, v2

@@ -39,6 +39,7 @@ TABLE: dict[str, UnitKind] = {
     "ratio": UnitKind("1", "0.5 %", ("1", "%", "ppm", "-")),
     "mobility": UnitKind("m/(N s)", "0.001 m/(N s)", ("m/(N s)", "mm/(N s)", "m/(kN s)", "m/(Ns)", "s/kg")),
     "receptance": UnitKind("m/N", "0.001 mm/N", ("m/N", "mm/N", "µm/N", "in/lbf")),
+    "compliance": UnitKind("1/Pa", "0.2 MPa^-1", ("1/Pa", "MPa^-1", "1/kPa", "1/MPa", "1/GPa")),
     "accelerance": UnitKind("m/(N s^2)", "0.5 (m/s²)/N", ("(m/s²)/N", "g/N", "(m/s^2)/N", "1/kg", "(in/s²)/lbf")),
     "voltage": UnitKind("V", "5 V", ("V", "mV", "µV", "kV")),
     "inertia": UnitKind("kg m^2", "1200 kg m²", ("kg m²", "kg m^2", "t m²", "g cm²")),

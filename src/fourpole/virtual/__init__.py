@@ -14,9 +14,10 @@ from fourpole.virtual.runs import Run, Specimen
 from fourpole.virtual.sensors import Flaw, Sensor, sample
 from fourpole.virtual.simulate import SimulatedCampaign, simulate_campaign
 from fourpole.virtual.static_rig import StaticCycles, load_cycles
-from fourpole.virtual.tyres import CAR_TYRE, CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT, ModelTyre, VirtualTyre
+from fourpole.virtual.tyres import BELTED, CAR_TYRE, CROSS_PLY, RADIAL_PLY, RUBBER_MOUNT, ModelTyre, VirtualTyre
 
 __all__ = [
+    "BELTED",
     "CAR_TYRE",
     "CROSS_PLY",
     "FAULTS",

@@ -155,7 +155,8 @@ def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int) ->
     for name, (tyre, mount) in tested.items():
         key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
         group = "specimens" if mount else "tyres"
-        parts.append(f"[{group}.{key}]\nconstruction = {_quoted(tyre.construction)}\n")
+        weight = "" if tyre.weight is None else f'specimen_mass = "{_short(tyre.weight)} kg"\n'
+        parts.append(f"[{group}.{key}]\nconstruction = {_quoted(tyre.construction)}\n{weight}")
     return "\n".join(parts)
 
 

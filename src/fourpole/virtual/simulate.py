@@ -77,8 +77,9 @@ def simulate_campaign(
     progress : callable (done, total)
         Called after each test.
     tyres, pressures, preloads, frequencies, added_masses : sequences of VirtualTyre or ModelTyre, [Pa], [N], [Hz], [kg]
-        The conditions. The preload includes the weight of the added mass. The built-in tyres are valid for 1.0 to
-        2.4 bar, 1000 to 2000 N and 10 to 24 Hz. The pressure of a mount without inflation is not-a-number.
+        The conditions. By default the tyres are massless, as in the 1982 paper; `BELTED` has the two of `fourpole demo`
+        and `fourpole simulate`. The preload includes the weight of the added mass. The built-in tyres are valid for 1.0
+        to 2.4 bar, 1000 to 2000 N and 10 to 24 Hz. The pressure of a mount without inflation is not-a-number.
     added_mass_at : (tyre name, pressure [Pa], preload [N])
         Added masses other than 0 are tested at this condition only; by default at all conditions.
     calibration_masses : sequence of float [kg]

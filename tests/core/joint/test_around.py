@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from tests.core.joint.conftest import USUAL
+from tests.core.joint.inertia import Lab
 
+from fourpole.core.joint import solve_joint
 from fourpole.core.joint.around import Likelihood
+from fourpole.core.specimen import Body
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +60,18 @@ def test_k_of_other_conditions_is_free(likelihood):
     _, stiffness, _ = likelihood._start(one)
     assert stiffness[0] == held[0]
     assert objective(near.z, stiffness) <= objective(near.z, held)
+
+
+def test_about_a_model_that_is_far_from_the_tests_it_is_linear_about_the_solution():
+    """A belt makes the search of the shared values long: it never comes back from a K* a third off."""
+    phasors, rig, keywords, *_ = Lab(conditions=2, noise=1e-5).draw(3)
+    joint = solve_joint(phasors, rig, np.nan, **keywords, bodies={"": Body.weighed(9.0)})
+    far = Likelihood(joint.problem, joint.solution.z, joint.solution.stiffness)
+    here, given = far.stiffness, np.arange(4)
+    straight = far.around(given, here[given])
+    std = np.sqrt(np.sum(straight.shared**2, axis=(1, 2)) + np.trace(straight.own, axis1=1, axis2=2))
+    for size in (1e-3, 0.3):
+        value = here[given] * (1 + size * np.array([1, -1, 1j, -1j]))
+        near = far.around(given, value)
+        off = value * (1 + near.change @ [1, 1j]) / here[given] - 1
+        assert np.all(np.abs(off) < 3 * std)

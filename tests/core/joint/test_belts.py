@@ -1,6 +1,6 @@
 """Specimens with inertia: found by the evidence of the tests alone, K* that of their springs, and none invented."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from tests.core.joint.inertia import LABS, Lab
 from fourpole.core.joint import solve_joint
 from fourpole.core.joint.belts import found_specimens, own_stiffness, with_belts
 from fourpole.core.joint.outputs import outputs
+from fourpole.core.phasor import Phasors
 from fourpole.core.sources import Kind
 from fourpole.core.specimen import Body, Form
 
@@ -31,6 +32,7 @@ def solved(lab, seed, **more):
 
 
 @pytest.mark.parametrize("name", QUICK)
+@pytest.mark.sampled(2)
 def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
     joint, off = solved(LABS[name], 1)
     assert joint.misfit.fits
@@ -52,6 +54,7 @@ def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("name", LABS)
+@pytest.mark.sampled(4)
 def test_uncertainties_are_those_of_many_laboratories(name):
     each = [solved(LABS[name], seed) for seed in range(100, 103)]
     fits = [joint.misfit.fits for joint, _ in each]
@@ -67,6 +70,30 @@ def test_uncertainties_are_those_of_many_laboratories(name):
 def test_a_second_mass_is_not_ok():
     joint, _ = solved(Lab(frequencies=LABS["car to 60 Hz"].frequencies, second=2.0), 3)
     assert not joint.misfit.fits
+
+
+def test_belts_that_differ_are_found_with_one_mass_and_little_noise():
+    """A search that begins with one mass in all specimens ends nowhere. One seed: one rig with one set of sensors."""
+    belts = {"light": 2.5, "heavy": 3.5, "none": 0.0}
+    labs = [
+        Lab(belt, mode, masses=(0.0,), conditions=5, k=k, noise=1e-5)
+        for belt, mode, k in zip(belts.values(), (110.0, 85.0, 80.0), (0.0, 0.0, 2e5), strict=True)
+    ]
+    drawn = [lab.draw(6) for lab in labs]
+    parts = [phasors for phasors, *_ in drawn]
+    phasors = Phasors(*(np.concatenate([getattr(one, f.name) for one in parts]) for f in fields(Phasors)))
+    _, rig, keywords, *_ = drawn[0]
+    count = len(keywords["family"])
+    tests = {name: np.concatenate([one[2][name] for one in drawn]) for name in keywords if name != "channels"}
+    tests["family"] += np.repeat(10 * np.arange(3), count)
+    joint = solve_joint(phasors, rig, channels=keywords["channels"], specimen=np.repeat(list(belts), count), **tests)
+    assert joint.misfit.fits
+    found = found_specimens(joint.problem, joint.solution)
+    assert len(found) == 15
+    for number, one in enumerate(found):
+        true = list(belts.values())[number // 5]
+        assert abs(one.specimen.mass - true) < 3 * one.mass_std or not true
+        assert (one.specimen.form is Form.MASSLESS) == (not true)
 
 
 def test_a_weight_that_is_stated_brings_a_mass_in_at_once():

@@ -41,6 +41,7 @@ def test_with_one_mass_the_delays_of_f1_and_v2_are_tied(make):
 
 
 @pytest.mark.parametrize("true", [9.0, 9.5, 10.5])
+@pytest.mark.sampled(3)
 def test_a_wrong_added_mass_is_named_first_or_in_a_tie(make, true):
     made = weighing(make, true)
     joint = made.identify()
@@ -70,6 +71,7 @@ def weighing(make, true):
         ({"phase V2": 1.2}, (0.0,)),
     ],
 )
+@pytest.mark.sampled(3)
 def test_a_cause_of_impossible_size_is_never_named(make, undeclared, masses):
     """Half of a mass or a spring, a quarter of a gain, a quarter of a radian, 3 ms."""
     made = make(replace(USUAL, undeclared=undeclared), masses=masses, frequencies=4, families=2, within=1.0)
@@ -84,6 +86,7 @@ def test_a_cause_of_impossible_size_is_never_named(make, undeclared, masses):
 
 
 @pytest.mark.parametrize(("value", "std"), [("gain F1", 0.005), ("phase F1", 0.003), ("moving_mass", 0.15)])
+@pytest.mark.sampled(3)
 def test_a_statement_loses_its_hold_without_a_step(make, value, std):
     """The median u(K') while the truth goes from 2 to 6 standard uncertainties away, all else being equal."""
     u = []
@@ -104,6 +107,7 @@ def test_only_repeats_of_other_deflection_show_a_dependence_on_the_amplitude(mak
     assert np.any(joint.problem.observed.deflection) == differ
 
 
+@pytest.mark.sampled(2)
 def test_one_test_of_another_deflection_shows_no_dependence_on_the_amplitude(make):
     made = make(USUAL, masses=(0.0, 0.0, 0.0), spread=0.003, **TESTS)
     wrong = made.phasors.amplitudes.copy()
@@ -112,6 +116,7 @@ def test_one_test_of_another_deflection_shows_no_dependence_on_the_amplitude(mak
 
 
 @pytest.mark.parametrize("std", [0.1, 1e-2, 1e-3, 1e-4])
+@pytest.mark.sampled(2)
 def test_a_value_stated_as_all_but_exact_loses_its_hold_too(make, std):
     made = make(replace(USUAL, moving_mass=(15.0, std), undeclared={"moving_mass": 16.0}), **TESTS)
     joint = made.identify()
@@ -122,6 +127,7 @@ def test_a_value_stated_as_all_but_exact_loses_its_hold_too(make, std):
 
 
 @pytest.mark.parametrize("several", [False, True])
+@pytest.mark.sampled(2)
 def test_a_gain_that_drifts_over_the_run_of_all_specimens_is_named(make, several):
     made = make(USUAL, masses=(0.0, 0.0), **TESTS)
     seen = made.phasors.amplitudes.copy()
@@ -132,6 +138,7 @@ def test_a_gain_that_drifts_over_the_run_of_all_specimens_is_named(make, several
 
 
 @pytest.mark.parametrize(("seed", "spread"), [(10, 0.003), (1, 0.006), (10, 0.006)])
+@pytest.mark.sampled(3)
 def test_a_gain_that_the_tests_hardly_know_is_never_named(make, seed, spread):
     """With one mass V1's gain acts on the slope of K* over frequency only, as a specimen that warms does."""
     made = make(

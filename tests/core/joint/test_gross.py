@@ -31,6 +31,7 @@ def changed(made, factors):
 @pytest.mark.parametrize(
     ("name", "masses"), [*((name, (0.0,)) for name in GROSS), ("g", (0.0, 10.0)), ("kN and sign", (0.0, 10.0))]
 )
+@pytest.mark.sampled(3)
 def test_a_wrong_unit_or_sign_is_named(make, name, masses):
     factors, words = GROSS[name]
     made = changed(make(USUAL, masses=masses, frequencies=6, families=2, within=2.0), factors)
@@ -48,6 +49,7 @@ def test_exchanged_velocities_are_named(make):
 
 
 @pytest.mark.parametrize("seed", range(20))
+@pytest.mark.sampled(4)
 def test_an_honest_campaign_has_no_gross_error(make, seed):
     made = make(USUAL, masses=((0.0,), (0.0, 10.0))[seed % 2], frequencies=4, families=2, seed=seed)
     problem = made.problem()

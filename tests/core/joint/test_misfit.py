@@ -126,6 +126,7 @@ def test_unlikely_is_less_than_once_in_a_thousand(chi2, dof, expected):
         ({"phase F1": 0.01}, "sensor F1", "rad", 0.01),
     ],
 )
+@pytest.mark.sampled(4)
 def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, size):
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=8, families=4, within=1.0)
     joint = made.identify()

@@ -42,6 +42,7 @@ def errors(made, joint):
         ({"leaf_friction": 5.0}, "leaf friction"),
     ],
 )
+@pytest.mark.sampled(4)
 def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, undeclared, name, masses):
     made = make(replace(GOOD, undeclared=undeclared), masses=masses, frequencies=8, families=4, within=1.0)
     joint = made.identify()
@@ -55,6 +56,7 @@ def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, und
 
 @pytest.mark.parametrize("masses", [(0.0,), (0.0, 10.0)])
 @pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.sampled(2)
 def test_what_is_declared_is_handled(make, name, masses):
     made = make(replace(GOOD, **{name: DECLARED[name]}), masses=masses, frequencies=8, families=4, within=2.0)
     joint = made.identify()
@@ -117,6 +119,7 @@ def test_scatter_of_the_tyre_is_found_and_counted(make):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("masses", [(0.0, 0.0, 0.0), (0.0, 0.0, 10.0)])
+@pytest.mark.sampled(2)
 def test_uncertainty_with_scatter_is_right(make, masses):
     """Errors of each test's own K*, over seeds, in their uncertainty: chi-square per number near 1."""
     squares, told = [], 0
@@ -171,6 +174,7 @@ def test_noise_three_times_as_large_as_stated_is_a_misfit(make):
     assert joint.misfit.rig_error > 0
 
 
+@pytest.mark.sampled(2)
 def test_all_the_statements_wrong_at_once_still_ends(make):
     undeclared = {"tyre_mass": 2.0, "frame_stiffness": 5e4, "leaf_friction": 5.0, "gain F1": 0.1, "phase V2": 0.1}
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=5, families=2)

@@ -18,13 +18,14 @@ THREE = (0.0, 0.0, 0.0)
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("scatter", [3e-4, 3e-3, 1e-2])
+@pytest.mark.sampled(3)
 def test_a_tyre_that_repeats_badly_is_no_error_of_the_rig(make, scatter):
     """One mass, three repeats at speeds 0.3 % apart: their slope over frequency looks like any error of a channel.
 
     K' is off by what the same campaign without scatter is off: by the gains, which one mass does not show.
     """
     squares, worst, told = [], [], 0
-    for seed in range(8):
+    for seed in range(4):
         made = make(USUAL, masses=THREE, spread=3e-3, families=2, scatter=scatter, within=2.0, seed=seed)
         joint = made.identify()
         told += not joint.misfit.fits
@@ -36,7 +37,7 @@ def test_a_tyre_that_repeats_badly_is_no_error_of_the_rig(make, scatter):
     assert told <= 1
     assert max(worst) < 0.01
     # Gains within two uncertainties are common to all tests of a campaign: as if it had two numbers.
-    assert np.mean(squares) < 1 + 4 * np.sqrt(2 / 16)
+    assert np.mean(squares) < 1 + 4 * np.sqrt(2 / 8)
 
 
 @pytest.mark.statistical
@@ -56,6 +57,7 @@ def test_k_of_each_test_is_its_own(make):
 
 
 @pytest.mark.parametrize("drift", [0.01, 0.05, -0.05, 0.02 + 0.02j])
+@pytest.mark.sampled(2)
 def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
     made = make(USUAL, masses=THREE, spread=3e-3, families=1, frequencies=8, drift=drift, scatter=5e-4, within=2.0)
     joint = made.identify(specimen=["radial"] * made.family.size)
@@ -91,6 +93,7 @@ def test_honest_campaigns_have_neither_scatter_nor_drift(make):
 
 
 @pytest.mark.parametrize("channel", [0, 1, 2])
+@pytest.mark.sampled(3)
 def test_one_test_in_fifteen_whose_gain_is_far_off_is_found(make, channel):
     made = make(USUAL, masses=THREE, spread=3e-3, families=1, frequencies=5, within=2.0)
     amplitudes = made.phasors.amplitudes.copy()
@@ -129,6 +132,7 @@ def _recordings(seed, *, count=8, lines=16, scatter=0.01):
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(2)
 def test_the_scatter_of_recordings_with_many_lines_is_that_of_few_values():
     """The lines of a recording do not average a scatter that they share: the gain keeps its uncertainty."""
     rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.01, "preload_stiffness": 10.0})

@@ -28,6 +28,8 @@ _MOST_KEPT = 64
 _LONGEST = 3.0
 #: The search ends at a step below this share of every standard uncertainty of the shared values.
 _SMALL = 1e-3
+#: The search is lost if the most probable K* is further than this from that of the solution, in standard uncertainties.
+_LOST = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,11 @@ class Around(ByValue):
     def relative(self) -> ComplexArray:
         """`shared` as complex numbers (n, p)."""
         return np.asarray(self.shared[:, 0] + 1j * self.shared[:, 1])
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard uncertainty (n,) of K*, relative."""
+        return np.sqrt(np.trace(self.own, axis1=1, axis2=2) + np.sum(np.abs(self.relative) ** 2, axis=1))
 
     def part(self, rows: slice) -> Around:
         """The likelihood of some of the given conditions."""
@@ -84,6 +91,9 @@ class Likelihood(ByValue):
     def around(self, given: np.ndarray, value: ComplexArray) -> Around:
         """The likelihood of K* of some conditions, linear about given values; K* of the others is free.
 
+        Where no search of the shared values leads from there to K* of the tests, as from a model that is far from them,
+        the likelihood is linear about K* of the solution.
+
         Parameters
         ----------
         given : (n,) int array
@@ -106,17 +116,26 @@ class Likelihood(ByValue):
             z, stiffness, step = moved_on
             if small:
                 break
+        found = _around(z, step.own_step - step.slope @ step.dz, step, given)
+        if np.any(np.abs(value * (1 + found.change @ [1, 1j]) / self.stiffness[given] - 1) > _LOST * found.std):
+            off = self.stiffness / np.where(np.isin(np.arange(stiffness.size), given), stiffness, self.stiffness) - 1
+            step = sweep(problem, self.z, self.stiffness, sweep(problem, self.z, self.stiffness).slope)
+            return _around(self.z, np.stack([off.real, off.imag], axis=1), step, given)
         if len(self._last) > _MOST_KEPT:
             self._last.clear()
         self._last[given.tobytes()] = (z, stiffness, step.slope)
-        change = step.own_step - step.slope @ step.dz
-        root = np.linalg.inv(step.triangle) if step.triangle.size else step.triangle
-        return Around(z, change[given], step.own[given], -(step.slope @ root)[given])
+        return found
 
     def _start(self, given: np.ndarray) -> tuple[FloatArray, ComplexArray, FloatArray]:
         """Shared values, K* and its slopes to begin with: those found last for the same conditions."""
         kept = self._last.get(given.tobytes())
         return kept or (self.z, self.stiffness, sweep(self.problem, self.z, self.stiffness).slope)
+
+
+def _around(z: FloatArray, change: FloatArray, step: Step, given: np.ndarray) -> Around:
+    """The likelihood about the point of a step, whose most probable K* is off by `change` (c, 2)."""
+    root = np.linalg.inv(step.triangle) if step.triangle.size else step.triangle
+    return Around(z, change[given], step.own[given], -(step.slope @ root)[given])
 
 
 def _stepped(

@@ -17,10 +17,11 @@ from fourpole.core.joint.asking import GAIN, Group, gain_of, volume, widened
 from fourpole.core.joint.conditions import JointConditions
 from fourpole.core.joint.misfit import residuals
 from fourpole.core.joint.model import Observed, whitened
+from fourpole.core.joint.scatter import deviations, robust_scatter
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import Problem, Solution, moved, solve, solve_either, sweep
 from fourpole.core.sources import Kind, Source
-from fourpole.core.specimen import Body, Form, Specimen
+from fourpole.core.specimen import BLOCK, Body, Form, Specimen
 
 #: Standard uncertainty of a mass of which nothing is stated, over the moving mass.
 _UNSTATED = 0.5
@@ -28,6 +29,8 @@ _UNSTATED = 0.5
 _EXPONENT = 0.6
 #: First values of a mass, over the moving mass: from a mass of zero the search ends in a wrong minimum.
 _STARTS = (0.1, 0.3, 0.6)
+#: Noise of each amplitude, relative, with which the search begins, one after the other: the stated values count then.
+_NOISES = (0.03, 3e-3, 3e-4)
 #: A first mass that leaves no more than this of a test needs no other one. A test has four numbers.
 _GOOD = 8.0
 #: Steps in which a small mass shows.
@@ -85,17 +88,21 @@ def _of_springs(kind: Kind, name: str, index: int, stated: tuple[float, float]) 
 
 
 def explained(problem: Problem, bodies: Mapping[str, Body], stiffness: ComplexArray) -> tuple[Problem, Solution] | None:
-    """The most probable belts or rods of all specimens, from several first masses; None if no search converges."""
-    known, made = any(body.frequency for body in bodies.values()), []
-    for rod in (False,) if known else (False, True):
+    """The most probable belts or rods of all specimens, from several first masses; None if no search converges.
+
+    A rod explains the tests of a light belt too, with fewer unknowns and another moving mass: no tyre is one.
+    """
+    may_be_rods = all(body.share == BLOCK and not body.frequency for body in bodies.values())
+    made, good = [], False
+    for rod in (False, True) if may_be_rods else (False,):  # rods are searched once if belts leave nothing
+        wide = with_belts(problem, bodies, stiffness, rod=rod)
         for share in _STARTS:
-            wide = with_belts(problem, bodies, stiffness, rod=rod)
-            z = _first(wide, share * problem.shared.rig.moving_mass)
-            wide, solution = solve_either(wide, own_stiffness(wide, z), z)
+            found, solution = _searched(wide, _first(wide, share * problem.shared.rig.moving_mass))
             if solution.converged:
-                made.append((wide, solution))
-                if solution.objective < _GOOD * problem.observed.omega.size:
-                    break
+                made.append((found, solution))
+                good |= solution.objective < _GOOD * problem.observed.omega.size
+            if good:
+                break
     return max(made, key=lambda one: one[1].evidence, default=None)
 
 
@@ -106,6 +113,17 @@ def explains_more(problem: Problem, solution: Solution, bodies: Mapping[str, Bod
     z[: solution.z.size] = solution.z
     after = solve(wide, solution.stiffness, z, _FEW_STEPS)
     return after.evidence > solution.evidence
+
+
+def _searched(problem: Problem, z: FloatArray) -> tuple[Problem, Solution]:
+    """The solution from shared values z, first with more noise than there is: else the springs go astray at once."""
+    observed, stiffness = problem.observed, own_stiffness(problem, z)
+    size = observed.whiten * np.abs(np.repeat(observed.amplitudes, 2, axis=1))[:, None, :]
+    for noise in _NOISES:
+        before = solve(problem.widened(noise * size), stiffness, z)
+        stiffness, z = before.stiffness, before.z
+    scatter = robust_scatter(problem, deviations(problem, z, stiffness))
+    return solve_either(replace(problem, scatter=scatter), stiffness, z)
 
 
 def _first(problem: Problem, mass: float) -> FloatArray:

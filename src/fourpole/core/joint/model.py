@@ -30,6 +30,8 @@ _INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "in
 _SUPPORT = ("preload_stiffness", "preload_damping", "preload_loss_factor", "frame_stiffness")
 #: Least relative uncertainty of an amplitude, which is the resolution of single precision.
 FLOOR = 1e-7
+#: Largest logarithm of a gain: of a search that went astray.
+_LARGE = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +117,8 @@ class Observed(ByRows):
 
     def gains(self, shared: Shared, z: FloatArray) -> ComplexArray:
         """Complex gains of F1, V1, V2 in each test, measured over true: exp(a + j phi), (N, 3)."""
-        return np.asarray(np.exp(self.turns @ shared.of_channels(z, self.turns.shape[-1])))
+        turned = self.turns @ shared.of_channels(z, self.turns.shape[-1])
+        return np.asarray(np.exp(np.clip(turned.real, -_LARGE, _LARGE) + 1j * turned.imag))
 
     def block(self, shared: Shared) -> np.ndarray:
         """Number of the block of each test (N,): its specimen and its added mass; -1 without a mass."""

@@ -7,15 +7,16 @@ import io
 import json
 import uuid
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 from fourpole.core.specimen import Specimen
 from fourpole.errors import ModelError
 from fourpole.export.fmi.csource import NoBinaryError, binary_place, common_source, compiled, model_source
 from fourpole.export.fmi.description import Model, build_description, model_description
-from fourpole.export.fmi.variables import Point, is_belted
+from fourpole.export.fmi.variables import Draw, Point, draws_in, is_belted
 from fourpole.export.source import identifiers
 from fourpole.export.systems import Points, System, belt_words, systems_of
 from fourpole.fitting.accuracy import Accuracy
@@ -23,6 +24,8 @@ from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel
 from fourpole.io.write import write_bytes
 from fourpole.models.belted import belt_modes, weight
+from fourpole.models.draws import COUNT, alike, drawn_systems
+from fourpole.models.realised import Realised
 from fourpole.version import VERSION
 
 #: Largest number of operating points of an FMU.
@@ -45,6 +48,8 @@ def write(
     if len(systems) > _MOST:
         raise ModelError(f"{len(systems)} operating points are more than {_MOST} of an FMU: state --at, or --tyre")
     found = [_point(one) for one in systems]
+    if not draws_in(found):
+        notes = (*notes, "the FMU has no draws: systems of the model as uncertain as it is differ in their structure")
     content, more = fmu(*_described([one.placed for one in systems], systems[0].source), found, version)
     write_bytes(path.with_suffix(path.suffix or ".fmu"), content)
     return (*notes, *more)
@@ -56,17 +61,31 @@ write_fmi3 = partial(write, version=3)
 
 def _point(one: System) -> Point:
     """The operating point of a system."""
-    label = _plain(one.placed.label)
+    label, band = _plain(one.placed.label), one.placed.band
     discrepancy = one.placed.accuracy.discrepancy
+    drawn = drawn_systems(one.placed.map, one.placed.point, one.realised)
     if not one.belted:
-        return Point(label, one.realised, discrepancy=discrepancy)
-    return Point(
-        f"{label}, {belt_words(one.belt)}",
-        one.realised,
-        belt_modes(one.realised, one.belt, one.placed.band),
-        weight(one.belt),
-        discrepancy,
-    )
+        return Point(label, one.realised, discrepancy=discrepancy, draws=_kept((each, None) for each in drawn))
+    belt = belt_modes(one.realised, one.belt, band)
+    draws = _kept(_with_belts(drawn, belt, one.belt, band))
+    return Point(f"{label}, {belt_words(one.belt)}", one.realised, belt, weight(one.belt), discrepancy, draws)
+
+
+def _with_belts(
+    drawn: Iterable[Realised], like: Realised, belt: Specimen, band: tuple[float, float]
+) -> Iterator[tuple[Realised, Realised]]:
+    """Drawn systems, each with that of its belt, where this has the structure of the estimate's."""
+    for each in drawn:
+        try:
+            yield each, alike(belt_modes(each, belt, band), like)
+        except ModelError:
+            continue
+
+
+def _kept(draws: Iterable[Draw]) -> tuple[Draw, ...]:
+    """As many draws as an FMU has, or none."""
+    found = tuple(islice(draws, COUNT))
+    return found if len(found) == COUNT else ()
 
 
 def _described(placed: Sequence[PlacedModel], source: str) -> tuple[str, str]:

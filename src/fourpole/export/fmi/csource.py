@@ -8,10 +8,11 @@ import re
 import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
-from fourpole.export.fmi.variables import Point, Variable, is_belted, states_of_part, variables_of
+from fourpole.export.fmi.variables import Point, Variable, draws_in, is_belted, states_of_part, variables_of
 from fourpole.io.processes import output_of, program_path
 
 #: Files that are compiled and headers, by version of FMI; the headers of FMI are those of the standard, unchanged.
@@ -57,7 +58,9 @@ def model_source(points: Sequence[Point], token: str) -> dict[str, str]:
     parameters = parameters_of(variables)
     last = variables.index(parameters[-1]) + 1
     systems = [one.system for one in points] + [one.force_on_belt for one in points] * is_belted(points)
+    draws = [_drawn(points, at) for at in range(draws_in(points))]
     sizes = {"POINTS": len(systems), "STATES": states_of_part(points), "PARAMETERS": len(parameters)}
+    sizes["DRAWS"] = len(draws)
     header = ["/* Sizes of this model, and its token. */", "#ifndef MODEL_H", "#define MODEL_H", ""]
     header += [f"#define TOKEN {json.dumps(token)}", *(f"#define {name} {value}" for name, value in sizes.items())]
     header += ["#define BELT"] * is_belted(points)
@@ -71,6 +74,9 @@ def model_source(points: Sequence[Point], token: str) -> dict[str, str]:
         _array("int", "model_pairs[POINTS]", (str(m) for _, m in counts)),
         _array("int", "model_first[POINTS]", map(str, firsts)),
         _array("double", "model_defaults[ROOM(PARAMETERS)]", (repr(one.start) for one in parameters)),
+        _array(
+            "double", "model_draws[ROOM(DRAWS * PARAMETERS)]", (repr(one) for row in draws or [[0.0]] for one in row)
+        ),
         _array("double", "model_least[ROOM(PARAMETERS)]", (repr(one.least) for one in parameters)),
         _array("char *const", "model_names[VARIABLES]", (json.dumps(one.name) for one in variables[:last])),
     ]
@@ -84,6 +90,12 @@ def model_source(points: Sequence[Point], token: str) -> dict[str, str]:
 def parameters_of(variables: Sequence[Variable]) -> list[Variable]:
     """The parameters of the operating points, without the point and the preload."""
     return [one for one in variables if one.name.startswith(("points[", "belts["))]
+
+
+def _drawn(points: Sequence[Point], at: int) -> list[float]:
+    """The numbers of one draw, in the order of the parameters."""
+    there = [replace(one, system=one.draws[at][0], belt=one.draws[at][1]) for one in points]
+    return [float(one.start or 0.0) for one in parameters_of(variables_of(there))]
 
 
 def _array(kind: str, name: str, values: Iterable[str]) -> str:

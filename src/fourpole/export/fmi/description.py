@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from fourpole.export.fmi.csource import compiled_files
 from fourpole.export.fmi.variables import (
+    FIRST_STATE,
     NOMINAL,
     UNITS,
     Point,
@@ -20,7 +21,7 @@ from fourpole.export.fmi.variables import (
 from fourpole.version import VERSION
 
 _INPUTS = range(1, 5)
-_FORCE, _POINT, _FIRST_STATE = 5, 6, 8
+_FORCE = 5
 _TWO = 2
 #: What an FMU can do by version of FMI, and what it can besides in co-simulation.
 _CAN = {
@@ -98,7 +99,6 @@ def _interfaces(root: ET.Element, model: Model, version: int) -> None:
 
 def _variables(listed: ET.Element, model: Model, version: int) -> None:
     """A variable is an element of its type in FMI 3.0, and in FMI 2.0 one that holds its type, which counts from 1."""
-    most = str(len(model.points))
     for place, variable in enumerate(variables_of(model.points)):
         common = {"name": variable.name, "valueReference": str(place), "causality": variable.causality}
         words = {"description": variable.about, "initial": variable.initial}
@@ -108,12 +108,9 @@ def _variables(listed: ET.Element, model: Model, version: int) -> None:
             value["derivative"] = str(variable.derivative + (1 if version == _TWO else 0))
         if version == _TWO:
             scalar = _child(listed, "ScalarVariable", **common)
-            if place == _POINT:
-                _child(scalar, "Integer", start="1", min="1", max=most)
-            else:
-                _child(scalar, "Real", **value)
-        elif place == _POINT:
-            _child(listed, "Int32", **common, min="1", max=most, start="1")
+            _child(scalar, "Real" if variable.most is None else "Integer", **value)
+        elif variable.most is not None:
+            _child(listed, "Int32", **common, **value)
         else:
             _child(listed, "Float64", **common, **value)
 
@@ -140,6 +137,8 @@ def _structure(structure: ET.Element, model: Model, version: int) -> None:
 
 def _value(one: Variable) -> dict[str, str]:
     """Unit, bounds, size and start of a variable."""
+    if one.most is not None:
+        return {"start": f"{one.start:.0f}", "min": f"{one.least:.0f}", "max": str(one.most)}
     found = {"unit": one.unit}
     if one.least == 0.0:
         found["min"] = "0"
@@ -153,7 +152,7 @@ def _value(one: Variable) -> dict[str, str]:
 def _places(points: Sequence[Point]) -> tuple[list[int], list[int], list[int]]:
     """Places of the forces, of the states, and of their derivatives in the same order."""
     count, last = states_of_part(points), len(variables_of(points))
-    firsts = [_FIRST_STATE] + [last - 2 * count] * is_belted(points)
+    firsts = [FIRST_STATE] + [last - 2 * count] * is_belted(points)
     forces = [_FORCE] + [last - 2 * count - 1] * is_belted(points)
     states = [first + at for first in firsts for at in range(count)]
     return forces, states, [one + count for one in states]

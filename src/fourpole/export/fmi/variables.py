@@ -30,6 +30,16 @@ NOMINAL = 1e-3
 #: The least positive number, which stands for "above zero".
 _ABOVE_ZERO = sys.float_info.min
 _ANY = -sys.float_info.max
+#: Place of the first state.
+FIRST_STATE = 9
+_DRAW = (
+    "0: the estimate, the parameters of points; from 1 on a draw from the uncertainty of the model, to which these "
+    "parameters do not apply; its static load is that of the estimate"
+)
+
+
+#: A system and, with a belt, that of the belt.
+Draw = tuple[Realised, Realised | None]
 
 
 @dataclass(frozen=True)
@@ -37,7 +47,8 @@ class Point:
     """An operating point of an FMU: its words, and the model there as a linear system.
 
     With a belt, `belt` is the force Q on it over the mean motion of both ends, in which the contact has `weight` [1].
-    `discrepancy` [1] is the relative error of K* of the model.
+    `discrepancy` [1] is the relative error of K* of the model. `draws` are the system and the belt drawn from the
+    uncertainty of the model, with as many numbers each.
     """
 
     label: str
@@ -45,6 +56,7 @@ class Point:
     belt: Realised | None = None
     weight: float = 0.0
     discrepancy: float = 0.0
+    draws: tuple[Draw, ...] = ()
 
     @property
     def force_on_belt(self) -> Realised:
@@ -78,6 +90,8 @@ class Variable:
     start : float or None
     least : float
         Least value of a parameter.
+    most : int, optional
+        Greatest value of an integer.
     derivative : int or None
         Place of the state whose time derivative it is.
     """
@@ -90,13 +104,14 @@ class Variable:
     initial: str = ""
     start: float | None = None
     least: float = _ANY
+    most: int | None = None
     derivative: int | None = None
 
 
 def variables_of(points: Sequence[Point]) -> list[Variable]:
     """All variables, each at the place that is its value reference."""
     states, belted = states_of_part(points), is_belted(points)
-    first = 8
+    first = FIRST_STATE
     found = [
         Variable("time", "Time", "s", "independent", "continuous"),
         _input("contact.displacement", "Displacement of the contact towards the wheel, zero at rest under", "m"),
@@ -108,8 +123,9 @@ def variables_of(points: Sequence[Point]) -> list[Variable]:
             "Force on the wheel, away from the contact: preload plus what the deflection adds; positive in compression",
             "N", "output", "continuous", "calculated",
         ),
-        Variable("point", f"Operating point: {_listed(points)}", "", "parameter", "fixed", "exact", 1, 1),
+        Variable("point", f"Operating point: {_listed(points)}", "", "parameter", "fixed", "exact", 1, 1, len(points)),
         Variable("preload", "Static load: the force at zero deflection", "N", "parameter", "fixed", "exact", 0.0),
+        Variable("draw", _DRAW, "", "parameter", "fixed", "exact", 0, 0, draws_in(points)),
         *(
             Variable(f"states[{at + 1}]", "Deflection that has relaxed", "m", "local", "continuous", "calculated")
             for at in range(states)
@@ -141,6 +157,11 @@ def variables_of(points: Sequence[Point]) -> list[Variable]:
         for at, one in enumerate(names)
     ]
     return found
+
+
+def draws_in(points: Sequence[Point]) -> int:
+    """Number of draws: none unless all points have as many."""
+    return min(len(one.draws) for one in points)
 
 
 def states_of_part(points: Sequence[Point]) -> int:

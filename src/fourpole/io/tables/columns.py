@@ -172,7 +172,7 @@ def _fitting(column: Column, role: str, letter: str) -> Taken | None:
     if column.words or not np.isfinite(column.values).any():
         return None
     if column.unit is None:
-        other = {"f": ("force", "load"), "F": ("frequency",)}
+        other = {"f": ("force", "load"), "F": ("frequency",), "T": ("time",)}
         if role in other.get(column.name, ()):
             return None
         return Taken(
@@ -280,7 +280,7 @@ def chosen(cells: Cells, candidates: Sequence[Taken]) -> Taken:
 
 def unread(cells: Cells) -> str:
     """What to do about columns that are known by their heads but hold words, such as 1.234,5; empty without any."""
-    lost = [one for one in cells.columns if one.words and {role for role, _ in readings(one.name)} - {"tyre"}]
+    lost = [one for one in cells.columns if one.words and {role for role, _ in readings(one.name)} - {"tyre", "time"}]
     if not lost:
         return ""
     cell = next(one for one in lost[0].words if not is_missing(one))

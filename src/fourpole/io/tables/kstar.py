@@ -32,6 +32,7 @@ from fourpole.io.tables.columns import (
 )
 from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
 from fourpole.io.tables.responses import MeasuredResponse, read_response
+from fourpole.io.tables.vocabulary import readings
 from fourpole.models.shape import Shape
 from fourpole.units import shown
 
@@ -40,7 +41,8 @@ _CONDITIONS = {"temperature": q.TEMPERATURE, "pressure": q.PRESSURE, "preload": 
                "amplitude": q.DEFLECTION_AMPLITUDE}  # fmt: skip
 _STD = {"u(storage)": q.STORAGE.u_head, "u(loss)": q.LOSS.u_head}
 _ROLES = ("frequency", *QUANTITIES, *_CONDITIONS, *_STD, "coherence", "tyre")
-_FACTOR = (
+#: What to state where a modulus has no shape.
+NO_SHAPE = (
     'state --shape-factor "0.05 m" (K* per modulus), or --mode shear --height "10 mm" --area "5 cm^2" for K = G A/h, '
     'or --mode compression for K = E A/h; --shape-factor "1 m" keeps the numbers of the modulus'
 )
@@ -235,14 +237,14 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     said = said_of(cells, used)
     factor = 1.0
     if form.letter in ("G", "E", "M"):
-        factor, text = _factor(cells, form, options)
+        factor, text = factor_of(cells, form, options)
         values = factor * values
         said.append(text)
     elif form.letter == "K" and (options.factor is not None or options.shape is not None):
         raise TableError(f"{cells.where}: holds a stiffness, not a modulus; leave out the shape")
     std, spoken = _std(cells, found, options)
     of_form = [one for one in found if one.letter in ("", form.letter)]
-    further, kept, notes = _further(cells, of_form, used, factor)
+    further, kept, notes = further_of(cells, of_form, used, factor)
     remarks += [*_rows(cells, [*used, *kept], frequency, values), *spoken, *notes]
     return KStarTable(
         frequency=frequency,
@@ -281,6 +283,8 @@ def _of_response(found: MeasuredResponse, options: TableOptions, name: str) -> K
 def _no_frequency(cells: Cells) -> str:
     numbered = [one for one in cells.remarks if one.endswith(BY_NUMBER)]
     because = "" if not numbered else f"; {numbered[0]}"
+    if any(role == "time" for one in cells.columns for role, _ in readings(one.name)):
+        because += "; relaxation and creep over time are for fourpole fit, with a column E(t), K(t) or J(t)"
     return (
         f"no column is understood as the frequency among {cells.heads}: name it 'frequency [Hz]', or state "
         f'--column "frequency=NAME [Hz]"{because}{unread(cells)}'
@@ -308,7 +312,7 @@ def _ways(moduli: Sequence[Form], ratios: Sequence[Form]) -> str:
     ways = []
     if moduli:
         names = " and ".join(shown(one.column.name) for one in moduli[0].columns.values())
-        ways.append(f"{names} give a modulus, which becomes K* by the shape: {_FACTOR}")
+        ways.append(f"{names} give a modulus, which becomes K* by the shape: {NO_SHAPE}")
     if ratios:
         names = ", ".join(shown(one.column.name) for one in ratios[0].columns.values())
         ways.append(f"{names} give V1/F1: {_RIG}")
@@ -324,7 +328,7 @@ def _one_modulus(cells: Cells, moduli: Sequence[Form], options: TableOptions) ->
     return wanted[0]
 
 
-def _factor(cells: Cells, form: Form, options: TableOptions) -> tuple[float, str]:
+def factor_of(cells: Cells, form: Form, options: TableOptions) -> tuple[float, str]:
     """K* per modulus [m], and how it came about."""
     if options.factor is not None:
         return options.factor, f"K* = {options.factor:.6g} m times the modulus"
@@ -360,7 +364,7 @@ def _of_coherence(coherence: FloatArray, averages: float, where: str) -> FloatAr
     return coherence_std(np.minimum(coherence, 1.0), averages)
 
 
-def _further(
+def further_of(
     cells: Cells, found: Sequence[Taken], used: Sequence[Taken], factor: float
 ) -> tuple[pl.DataFrame, list[Taken], list[str]]:
     """Conditions and uncertainties in SI and columns of no role; the columns in a role; what is left out."""

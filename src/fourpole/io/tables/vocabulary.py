@@ -47,6 +47,11 @@ ROLES: dict[str, Role] = {
     "motion": Role("motion amplitude", "x", "mm", _MOTIONS),
     "u(storage)": Role("standard uncertainty of K'", "u(K')", "N/m", _LEVEL),
     "u(loss)": Role("standard uncertainty of K''", "u(K'')", "N/m", _LEVEL),
+    "time": Role("time after the step", "t", "s", ("time",)),
+    "relaxation": Role("K(t), or the relaxation modulus", "K(t)", "kN/m", _LEVEL),
+    "compliance": Role("creep compliance J(t)", "J(t)", "mm/N", ("receptance", "compliance")),
+    "u(relaxation)": Role("standard uncertainty of K(t)", "u(K(t))", "N/m", _LEVEL),
+    "u(compliance)": Role("standard uncertainty of J(t)", "u(J(t))", "mm/N", ("receptance", "compliance")),
     "coherence": Role("coherence of force and motion", "coherence", "1", ("ratio",), "1"),
     "temperature": Role("temperature", "T", "°C", ("temperature",)),
     "pressure": Role("inflation pressure", "p", "bar", ("pressure",)),
@@ -83,6 +88,10 @@ _WORDS = {
         v1 v velocity velocityamplitude x1 x displacement displacementamplitude amplitude deflection s s1 u1 weg
         wegamplitude a1 a acceleration accelerationamplitude déplacement 位移 位移振幅 振幅 変位 変位振幅""",
     "coherence": "coherence coh γ² γ2 γ^2 kohärenz cohérence 相干 相干函数 相干系数 コヒーレンス",
+    "time": "time t zeit temps 时间 時間",
+    "compliance": """
+        j(t) d(t) jcreep creepcompliance compliance kriechnachgiebigkeit nachgiebigkeit compliancedefluage 蠕变柔量
+        クリープコンプライアンス""",
     "temperature": """
         temperature temp t temperatur probentemperatur sampletemperature température temperature degc 温度 试样温度
         試料温度""",
@@ -127,11 +136,18 @@ _LEVELS = {
         "G": "complexshearmodulus komplexerschubmodul 复数剪切模量 複素せん断弾性率",
         "E": "",
     },
+    "relaxation": {
+        "K": "relaxationstiffness relaxationssteifigkeit",
+        "M": "relaxationmodulus stressrelaxationmodulus relaxationsmodul modulederelaxation 松弛模量 緩和弾性率",
+        "G": "shearrelaxationmodulus",
+        "E": "",
+    },
 }
 _SYMBOLS = {
     "storage": "{}' re{}* re{} re({}*) re({}) {}*' real{}*",
     "loss": "{}'' im{}* im{} im({}*) im({}) {}*'' imag{}*",
     "magnitude": "|{}*| |{}| {}* abs{}* abs({}*) {}*abs mag{}*",
+    "relaxation": "{}(t) {}relax",
 }
 #: Heads that may mean more than one quantity.
 _UNCLEAR = """
@@ -183,7 +199,8 @@ _READINGS = _readings()
 def readings(name: str) -> list[tuple[str, str]]:
     """The roles that a head may have, each with its letter: K, G, E, M for a modulus of either, or empty.
 
-    A word and a symbol together, as in "Storage modulus G'", are the symbol; u() around a head is its uncertainty.
+    A word and a symbol together, as in "Storage modulus G'" or "relaxation modulus E(t)", are the symbol; u() around a
+    head is its uncertainty.
 
     Examples
     --------
@@ -193,19 +210,19 @@ def readings(name: str) -> list[tuple[str, str]]:
     text = plain(name)
     if text.startswith("u(") and text.endswith(")"):
         inner = _READINGS.get(text[2:-1], [])
-        return [(f"u({role})", letter) for role, letter in inner if role in ("storage", "loss")]
+        return [(f"u({role})", letter) for role, letter in inner if f"u({role})" in ROLES]
     if text in _READINGS:
         return _READINGS[text]
     bare = re.sub(r"[()\[\]]", "", text)
     if bare in _READINGS:
         return _READINGS[bare]
-    return _word_and_symbol(bare)
+    return _word_and_symbol(text if text.endswith("(t)") else bare)
 
 
 def _word_and_symbol(text: str) -> list[tuple[str, str]]:
     """The roles of a word and a symbol together, each with the letter of the symbol."""
     for symbol, found in _READINGS.items():
-        if len(symbol) < 2 or not re.search(r"['*δ|]", symbol):
+        if len(symbol) < 2 or not re.search(r"['*δ|]", symbol.replace("(t)", "'")):
             continue
         for rest in (text.removesuffix(symbol), text.removeprefix(symbol)):
             roles = {role for role, _ in _READINGS.get(rest, [])} if rest != text else set()

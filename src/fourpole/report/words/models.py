@@ -17,6 +17,7 @@ from fourpole.findings.trends import Trend, trend_of
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
 from fourpole.fitting.modelparts import VerdictFile
 from fourpole.models.families import by_amplitude
+from fourpole.models.inertial import Of
 from fourpole.models.ladder import Lie, Rung, Verdict
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import number, spread
@@ -98,6 +99,12 @@ def kind_that_holds(verdict: Verdict) -> str:
             mass = f"{verdict.mass:.3g} ± {2 * verdict.mass_std:.2g} kg"
             return f"possible with a mass of {mass} at the specimen: is a plate not stated?"
         case Rung.RESONANT:
+            if verdict.of is Of.BLOCKED_TRANSFER:
+                return (
+                    f"possible for relaxing springs about a mass, at {verdict.resonances[0]:.3g} Hz with both ends held"
+                )
+            if (belt := verdict.belt) is not None:
+                return f"possible for relaxing springs about a mass of {belt.mass:.3g} ± {2 * belt.mass_std:.2g} kg"
             places = " and ".join(f"{one:.3g}" for one in np.sort(verdict.resonances))
             return f"possible for a specimen with a resonance at {places} Hz, as a belt or a hydromount has"
     return "NOT possible for a passive specimen, relaxing, with a mass at its end or with resonances"
@@ -124,7 +131,11 @@ def _kinds(judged: Sequence[tuple[ConditionFile, VerdictFile]]) -> str:
         mass = f"{low:.3g}" if high - low < 0.01 * high else f"{low:.3g} to {high:.3g}"
         return f"A relaxing specimen with a mass of {mass} kg at its driven end, which is taken off K* before the fit,"
     places = [one for _, verdict in judged for one in verdict.resonances]
-    return f"A specimen with a resonance near {np.median(places):.3g} Hz, which no model here has,"
+    if all(one.inertia is not None for one, verdict in judged if verdict.resonances):
+        return (
+            f"A specimen with a belt, whose resonance near {np.median(places):.3g} Hz is taken off K* before the fit,"
+        )
+    return f"A specimen with a resonance near {np.median(places):.3g} Hz"
 
 
 def _listed(bad: Sequence[ConditionFile]) -> str:

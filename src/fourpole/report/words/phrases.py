@@ -13,10 +13,14 @@ from fourpole.report.digits import number as digits_of
 from fourpole.report.digits import shown_as
 from fourpole.words import first_of
 
-#: Sentences of the report as data, by their table; words.toml says what each is.
-SENTENCES: dict[str, Any] = tomllib.loads(
-    resources.files("fourpole.report.words").joinpath("words.toml").read_text(encoding="utf-8")
-)
+
+def sentences_of(package: str) -> dict[str, Any]:
+    """Sentences as data, by their table; words.toml of the package says what each is."""
+    return tomllib.loads(resources.files(package).joinpath("words.toml").read_text(encoding="utf-8"))
+
+
+#: Sentences of the report.
+SENTENCES = sentences_of("fourpole.report.words")
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
 

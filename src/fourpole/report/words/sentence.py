@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
-from fourpole.findings.claims import Claim, NoCommonState
 from fourpole.findings.finding import Finding, Holds, Topic
 from fourpole.findings.inertia import Inertia
 from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
@@ -16,7 +16,6 @@ from fourpole.findings.verdicts import Reason, Tally
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import in_units
 from fourpole.report.words import resonances
-from fourpole.report.words.claims import claim, claims_summary, no_common_state
 from fourpole.report.words.inertia import inertia
 from fourpole.report.words.levels import comparison, cycle_loss, level, linearity, trend
 from fourpole.report.words.phrases import counted, some
@@ -26,9 +25,7 @@ __all__ = ["Sentence", "headline", "sentences"]
 
 #: Tests that one sentence names; more are counted.
 _MOST_NAMED = 10
-_HEADLINE = (
-    Topic.INERTIA, Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY,
-)  # fmt: skip
+_HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
 _MOST_IN_HEADLINE = 8
 
 
@@ -70,9 +67,11 @@ _TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
     ResonanceOrder: resonances.order,
     Crossings: resonances.crossings,
     Prediction: resonances.prediction,
-    Claim: claim,
-    NoCommonState: no_common_state,
 }
+#: Modules of rooms above with `TEMPLATES` of their findings and a `summary` for the headline, which may be empty.
+_FURTHER = [import_module(name) for name in ("fourpole.paper1982.words",)]
+for _module in _FURTHER:
+    _TEMPLATES |= _module.TEMPLATES
 
 
 @dataclass(frozen=True)
@@ -148,8 +147,8 @@ def headline(findings: Sequence[Finding]) -> list[str]:
     texts = [made[0].text]
     for topic in _HEADLINE:
         texts += [each.text for each in made if each.topic == topic][:1]
-    summary = claims_summary(findings)
-    return [*texts, *([summary] if summary else [])][:_MOST_IN_HEADLINE]
+    summaries = (module.summary(findings) for module in _FURTHER)
+    return [*texts, *filter(None, summaries)][:_MOST_IN_HEADLINE]
 
 
 def _named(finding: Finding) -> tuple[str, ...]:

@@ -85,15 +85,9 @@ def _shown(site: Site, place: Place, request: Request) -> dict[str, Any]:
         "pictures": _figures(site, shown),
         "fitted": results.models is not None,
         "mapped": results.maps is not None,
-        "families": _families(),
+        "families": [one.removesuffix("[:N]") for one in FAMILIES],
         "exports": _exports(shown),
     }
-
-
-def _families() -> list[str]:
-    """Names of models; of one that needs a size, the small ones."""
-    found = [one.removesuffix("[:N]") for one in FAMILIES]
-    return [name for one in found for name in ([one.replace("N", size) for size in "234"] if ":N" in one else [one])]
 
 
 def _figures(site: Site, shown: Shown) -> list[LinkedFigure]:

@@ -44,6 +44,7 @@ void belt_follow(Instance *instance) {
     memcpy(instance->started, from->inputs, sizeof from->inputs);
     instance->sloped = from->sloped;
     values->point = first->point + POINTS / 2;
+    values->draw = first->draw;
     values->mode = first->mode;
     now->time = from->time;
     now->updated = from->updated;

@@ -3,6 +3,7 @@
 /* The arithmetic: see branches.h. Nothing but a C99 compiler is needed, no mathematics library. */
 #include "branches.h"
 
+#include <stddef.h>
 #include <string.h>
 
 /* Coefficients of the deflection over a step, x = x0 + c1 s + c2 s^2 + c3 s^3 with s from 0 to 1. */
@@ -22,7 +23,9 @@ static double size(double value) { return value < 0.0 ? -value : value; }
 static double larger(double one, double other) { return one > other ? one : other; }
 
 static const double *parameters(const Model *model) {
-    return model->values.parameters + model_first[model->values.point - 1];
+    const Values *values = &model->values;
+    const double *numbers = values->draw ? model_draws + (size_t)(values->draw - 1) * PARAMETERS : values->parameters;
+    return numbers + model_first[values->point - 1];
 }
 
 static int branches(const Model *model) { return model_branches[model->values.point - 1]; }
@@ -235,9 +238,28 @@ void model_initialise(Model *model, int next) {
     model->values.mode = next;
 }
 
-const char *model_point(Model *model, double value) {
+const char *model_get_integer(const Model *model, unsigned int reference, int *value) {
+    if (reference != POINT && reference != DRAW) {
+        return "is no integer";
+    }
+    *value = reference == POINT ? model->values.point : model->values.draw;
+    return 0;
+}
+
+const char *model_set_integer(Model *model, unsigned int reference, double value) {
+    if (reference != POINT && reference != DRAW) {
+        return "is no integer";
+    }
     if (!(model->values.mode & (INSTANTIATED | INITIALIZATION))) {
         return "is a parameter: it can be set before the end of the initialization only";
+    }
+    if (reference == DRAW) {
+        if (!(value >= 0.0 && value <= DRAWS)) {
+            return "is the number of a draw that this model does not have";
+        }
+        model->values.draw = (int)value;
+        model->factors.step = 0.0;
+        return 0;
     }
 #ifdef BELT
     if (!(value >= 1.0 && value <= POINTS / 2)) { /* behind them are those of the belt */
@@ -256,7 +278,7 @@ const char *model_set(Model *model, unsigned int reference, double value) {
     if (reference >= VARIABLES) {
         return "is no variable of this model";
     }
-    if (reference == POINT) {
+    if (reference == POINT || reference == DRAW) {
         return "is an integer";
     }
     if (!model_number(value)) {
@@ -292,8 +314,8 @@ const char *model_set(Model *model, unsigned int reference, double value) {
 const char *model_get(Model *model, unsigned int reference, double *value) {
     const Values *values = &model->values;
     double x, v, states[ROOM(STATES)];
-    if (reference >= VARIABLES || reference == POINT) {
-        return reference == POINT ? "is an integer" : "is no variable of this model";
+    if (reference >= VARIABLES || reference == POINT || reference == DRAW) {
+        return reference >= VARIABLES ? "is no variable of this model" : "is an integer";
     }
     if (reference == TIME) {
         *value = values->now.time;
@@ -433,7 +455,8 @@ const char *model_restore(Model *model, const Values *saved) {
         known = known && saved->parameters[at] >= model_least[at];
         sum += saved->parameters[at];
     }
-    if (!known || !model_number(sum) || !(now->step >= 0.0) || saved->point < 1 || saved->point > POINTS) {
+    if (!known || !model_number(sum) || !(now->step >= 0.0) || saved->point < 1 || saved->point > POINTS ||
+        saved->draw < 0 || saved->draw > DRAWS) {
         return "the saved state is not one of this model";
     }
     model->values = *saved;

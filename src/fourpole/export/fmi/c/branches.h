@@ -27,6 +27,7 @@ enum {
     FORCE,
     POINT,
     PRELOAD,
+    DRAW,
     FIRST_STATE,
     FIRST_DERIVATIVE = FIRST_STATE + STATES,
     FIRST_PARAMETER = FIRST_DERIVATIVE + STATES,
@@ -39,6 +40,7 @@ enum {
 /* The numbers of this model, in model.c: counts per operating point; parameters, their least values, and all names. */
 extern const int model_branches[POINTS], model_pairs[POINTS], model_first[POINTS];
 extern const double model_defaults[ROOM(PARAMETERS)], model_least[ROOM(PARAMETERS)];
+extern const double model_draws[ROOM(DRAWS * PARAMETERS)]; /* draw by draw, in the order of the parameters */
 extern const char *const model_names[VARIABLES];
 
 /* What a step changes. */
@@ -61,6 +63,7 @@ typedef struct {
     double preload;                  /* [N] */
     double parameters[ROOM(PARAMETERS)];
     int point;                       /* operating point, from 1 */
+    int draw;                        /* draw from the uncertainty, from 1; 0: the parameters */
     int mode;                        /* what the importer may call; see below */
     int bounded;                     /* whether the experiment has an end */
 } Values;
@@ -83,7 +86,8 @@ typedef struct {
 const char *model_set(Model *model, unsigned int reference, double value);
 const char *model_get(Model *model, unsigned int reference, double *value);
 const char *model_slope(Model *model, unsigned int reference, double value);
-const char *model_point(Model *model, double value);
+const char *model_set_integer(Model *model, unsigned int reference, double value);
+const char *model_get_integer(const Model *model, unsigned int reference, int *value);
 const char *model_step(Model *model, double time, double step);
 const char *model_change(Model *model, unsigned int *unknown, const unsigned int *knowns, size_t count,
                          const double *seed, double *change); /* if wrong, `unknown` becomes the wrong variable */

@@ -96,11 +96,10 @@ fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference references[]
         return fmi2Error;
     }
     for (at = 0; at < count; at++) {
-        if (references[at] != POINT) {
-            instance_said_of(c, __func__, references[at], "is no integer");
+        const char *wrong = model_get_integer(&((Instance *)c)->model, references[at], &values[at]);
+        if (!instance_said_of(c, __func__, references[at], wrong)) {
             return fmi2Error;
         }
-        values[at] = ((Instance *)c)->model.values.point;
     }
     return fmi2OK;
 }
@@ -113,7 +112,7 @@ fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference references[]
     }
     for (at = 0; at < count; at++) {
         Model *model = &((Instance *)c)->model;
-        const char *wrong = references[at] == POINT ? model_point(model, values[at]) : "is no integer";
+        const char *wrong = model_set_integer(model, references[at], values[at]);
         if (!instance_said_of(c, __func__, references[at], wrong)) {
             return fmi2Error;
         }

@@ -155,10 +155,12 @@ fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference references[], s
         return fmi3Error;
     }
     for (at = 0; at < count; at++) {
-        if (!instance_said_of(c, __func__, references[at], references[at] == POINT ? 0 : "is no Int32")) {
+        int found;
+        if (!instance_said_of(c, __func__, references[at],
+                              model_get_integer(&((Instance *)c)->model, references[at], &found))) {
             return fmi3Error;
         }
-        values[at] = ((Instance *)c)->model.values.point;
+        values[at] = found;
     }
     return fmi3OK;
 }
@@ -171,7 +173,7 @@ fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference references[], s
     }
     for (at = 0; at < count; at++) {
         Model *model = &((Instance *)c)->model;
-        const char *wrong = references[at] == POINT ? model_point(model, values[at]) : "is no Int32";
+        const char *wrong = model_set_integer(model, references[at], values[at]);
         if (!instance_said_of(c, __func__, references[at], wrong)) {
             return fmi3Error;
         }

@@ -1,30 +1,89 @@
-"""Figures of K*: the Nyquist plot, the routes, and the mobility."""
+"""Figures that go with those of the paper: TR measured and predicted, the Nyquist plot, the routes, the mobility."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import product
 
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.rig import PARAMETERS, Rig
+from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fourpole.core.rig import Rig
 from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
 from fourpole.core.tyre import zener_stiffness
-from fourpole.errors import RigError
-from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, look
-from fourpole.plot.marks import line_of, load_key, points_of, pressure_key, rejected_of, tyre_look, zero_line
-from fourpole.plot.sheet import IntArray, Sheet, few, leading, means, present, read_sheet, tests_said, texts
+from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, Tone, look
+from fourpole.plot.marks import line_of, points_of, zero_line
+from fourpole.plot.sheet import (
+    Groups,
+    Sheet,
+    few,
+    leading,
+    means,
+    phasors,
+    present,
+    read_sheet,
+    rigs_stated,
+    spread,
+    tests_said,
+    texts,
+)
 from fourpole.quantities import Quantity
-from fourpole.study.record import section
 from fourpole.study.study import Study
 
 _MOST_LOADS, _MOST_TYRES, _MOST_COLUMNS = 2, 12, 4
 #: Rank of the marker and of the line style of each route.
 _ROUTE_RANKS = {"mobility": (0, 0), "relative": (2, 1), "transmissibility": (1, 2)}
+#: Number of pressures in the key of a figure.
+MOST_NAMED = 8
+
+
+def rejected_of(results: Study, rows: BoolArray, values: tuple[FloatArray, FloatArray]) -> list[Series]:
+    """The rejected tests of a mask."""
+    return points_of(results, rows, values, look(Role.REJECTED))
+
+
+def curve_of(
+    results: Study,
+    rows: BoolArray,
+    values: tuple[FloatArray, FloatArray],
+    std: FloatArray,
+    keys: IntArray,
+    like: Series,
+) -> list[Series]:
+    """The tests of a mask with bars, and the line through the means of those of equal key."""
+    x, y = values
+    line = line_of(x[rows], y[rows], keys[rows], like, std[rows])
+    return [*line, *points_of(results, rows, values, like, stds=(None, std))]
+
+
+def tyre_look(tyre: int, pressure: int, load: int) -> Series:
+    """Colour, marker and line style of a specimen at a pressure and a preload, by their numbers."""
+    return look(tyre=tyre, marker=pressure, dash=load)
+
+
+def pressure_key(sheet: Sheet, which: Sequence[int]) -> list[tuple[Series, str]]:
+    """The markers of pressures; of many pressures, some."""
+    shown = [which[at] for at in spread(len(which), MOST_NAMED)] if _is_stated(sheet.pressures) else []
+    return [(look(marker=rank), _named("pressure", sheet.pressures.labels[rank])) for rank in shown]
+
+
+def load_key(sheet: Sheet, which: Sequence[int]) -> list[tuple[Series, str]]:
+    """The line styles of preloads."""
+    shown = which if _is_stated(sheet.loads) else []
+    return [(look(Role.LINE, dash=rank), _named("preload", sheet.loads.labels[rank])) for rank in shown]
+
+
+def _is_stated(groups: Groups) -> bool:
+    """False if the only group is that of the tests that state no value."""
+    return len(groups) > 1 or groups.stated() > 0
+
+
+def _named(name: str, label: str) -> str:
+    """A label with its number, or "not stated" with the name of the axis before it."""
+    return label if label[0].isdigit() else f"{name} {label}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,34 +219,6 @@ def _frequency_range(sheet: Sheet, used: BoolArray, tyre: int) -> str:
     return first if first == last else f"{first.removesuffix(' Hz')} to {last}"
 
 
-def rig_stated(stated: Mapping[str, Any]) -> Rig | None:
-    """A rig from its statement in study.json; None if the statement is not valid."""
-    try:
-        values: dict[str, Any] = {name: float(stated[name]["value"]) for name in PARAMETERS if stated.get(name)}
-        return Rig(**values, blocked=stated.get("output") == "blocked")
-    except (RigError, AttributeError, KeyError, TypeError, ValueError):
-        return None
-
-
-def rigs_stated(results: Study, sheet: Sheet) -> dict[str, Rig | None]:
-    """The stated rig of each name in dynamic.csv; None if there is no valid statement."""
-    stated = section(results.record, "stated", "rigs")
-    return {name: rig_stated(stated[name]) if name in stated else None for name in set(sheet.rigs)}
-
-
-def phasors(sheet: Sheet, rig: Rig | None, at: IntArray) -> tuple[ComplexArray, FloatArray, ComplexArray]:
-    """F1 at the contact [N], V1 and V2 [m/s] of some tests; V1 has the phase 0.
-
-    The force transducer also accelerates the input mass of the rig, so its inertia force is subtracted.
-    """
-    omega, v1 = 2 * np.pi * sheet.values(q.FREQUENCY.head)[at], sheet.values(q.V1.head)[at]
-    cell, v2 = (
-        (sheet.values(size.head) * np.exp(1j * sheet.values(phase.head)))[at]
-        for size, phase in ((q.F1, q.PHASE_F1), (q.V2, q.PHASE_V2))
-    )
-    return cell - 1j * omega * v1 * (rig.input_mass if rig else 0.0), v1, v2
-
-
 def route_stiffness(results: Study, sheet: Sheet) -> dict[str, ComplexArray]:
     """K* [N/m] of every test by each route; not-a-number if the test lacks a phasor or the rig that a route needs."""
     every = 2 * np.pi * sheet.values(q.FREQUENCY.head)
@@ -274,5 +305,43 @@ def _fullest(sheet: Sheet, own: BoolArray) -> tuple[int, int]:
     return lowest[len(lowest) // 2], alike[0][0]
 
 
+def measured_against_predicted(results: Study) -> FigureData | None:
+    """TR measured against TR predicted from K* and the rig; beside it their difference against frequency."""
+    sheet = read_sheet(results)
+    measured, _ = sheet.shown(q.TR_MEASURED)
+    predicted, std = sheet.shown(q.TR_PREDICTED)
+    frequency, _ = sheet.shown(q.FREQUENCY)
+    visible = np.isfinite(measured) & np.isfinite(predicted) & (predicted > 0)
+    if not np.any(visible):
+        return None
+    used, lost = visible & ~sheet.rejected, visible & sheet.rejected
+    with np.errstate(divide="ignore", invalid="ignore"):
+        difference, difference_std = 100 * (measured / predicted - 1), 100 * std / predicted
+    tyres, pressures = list(present(sheet.tyre, visible)), list(present(sheet.pressure, visible))
+    shown = used if np.any(used) else visible
+    every = np.concatenate([measured[shown], predicted[shown]])
+    ends = np.array([every.min(), every.max()])
+    left, right = [Series(Role.LINE, ends, ends, tone=Tone.INK)], [zero_line(frequency[shown])]
+    for tyre, pressure in product(tyres, pressures):
+        mask, marks = used & sheet.where(tyre=tyre, pressure=pressure), tyre_look(tyre, pressure, 0)
+        left += points_of(results, mask, (predicted, measured), marks)
+        right += points_of(results, mask, (frequency, difference), marks, stds=(None, difference_std))
+    left += rejected_of(results, lost, (predicted, measured))
+    right += rejected_of(results, lost, (frequency, difference))
+    notes = tests_said(sheet.rejected, visible, "TR measured and predicted")
+    if len(pressures) > MOST_NAMED:
+        notes.append("the key names some of the pressures")
+    panels = (
+        Panel(AxisData.of(q.TR_PREDICTED), AxisData.of(q.TR_MEASURED), tuple(left)),
+        Panel(AxisData.of(q.FREQUENCY), AxisData("difference from predicted", "%", signed=True), tuple(right)),
+    )
+    return FigureData(
+        panels, 2, sheet.labels, keyed=tuple(tyres), key=tuple(pressure_key(sheet, pressures)),
+        notes=tuple(notes), panel_height=2.75, shared=False,
+    )  # fmt: skip
+
+
 #: The figures of this module by their keys in catalogue.toml.
-FIGURES = {"nyquist": nyquist, "routes": routes, "mobility": mobility}
+FIGURES = {
+    "tr-measured-predicted": measured_against_predicted, "nyquist": nyquist, "routes": routes, "mobility": mobility,
+}  # fmt: skip

@@ -1,12 +1,23 @@
 """Tielking's tyre: the shell against rings, beams, plates and other theories; the model against itself in time."""
 
+import json
+from functools import cache
+
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.paper1982.ring import ring as chain
 
 from fourpole.errors import ModelError
-from fourpole.models.shell import (
+from fourpole.fitting.measured import measured_of
+from fourpole.fitting.modelfile import read_model_file
+from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
+from fourpole.fitting.query import Query, ask
+from fourpole.io.seal import sealed
+from fourpole.models.step import simulate
+from fourpole.paper1982.cylinder import (
     Cylinder,
     elasticity,
     enough_terms,
@@ -16,8 +27,7 @@ from fourpole.models.shell import (
     radial_answer,
     shares,
 )
-from fourpole.models.step import simulate
-from fourpole.models.tyre_shell import CROSS_PLY, RADIAL_PLY, Shell
+from fourpole.paper1982.shell import CROSS_PLY, RADIAL_PLY, Shell
 
 pytestmark = pytest.mark.thorough
 
@@ -516,6 +526,70 @@ def test_the_usual_numbers_of_harmonics_do(values):
     omega = 2 * np.pi * np.array([50.0, 300.0])
     error = np.abs(usual.stiffness(values, omega) / all_move.stiffness(values, omega) - 1)
     assert np.all(error < [1e-5, 4e-4])
+
+
+RUBBER = np.array([8e6, 16.0, 6e-4])  # k [N/m³], mu [kg/m²], tau [s]
+WIDE = 2 * np.pi * np.linspace(8.0, 45.0, 10)
+
+
+@cache
+def simulated(pressure):
+    """K* over `WIDE` and static stiffness [N/m] of a ring that is simulated without shell theory."""
+    return chain(WIDE, pressure, 0.28, 0.11, 1e7, 10.0, *RUBBER, 0.06)
+
+
+@pytest.mark.parametrize("pressure", [1.0e5, 2.5e5])
+def test_it_has_the_stiffness_of_the_chain_within_their_discretisations(pressure):
+    values = [0.28, 0.11, 1e7, 10.0, pressure, *RUBBER, 0.06, 1.0]
+    clean, rest = simulated(pressure)
+    assert np.abs(Shell().stiffness(values, WIDE) / clean - 1).max() < 3e-4
+    assert Shell().static_stiffness(values) == pytest.approx(rest, rel=3e-4)
+
+
+def chain_table(pressures):
+    """K* of the simulated ring with noise of 0.1 %, and K1 known to 0.3 %."""
+    rng, rows = np.random.default_rng(5), []
+    for pressure in pressures:
+        clean, rest = simulated(pressure)
+        for omega, one in zip(WIDE, clean, strict=True):
+            seen, std = one + 1e-3 * abs(one) * complex(*rng.standard_normal(2)), 1e-3 * abs(one)
+            names = {"test": f"D{len(rows)}", "tyre": "a", "pressure [Pa]": pressure, "preload [N]": 1000.0}
+            names |= {"frequency [Hz]": omega / (2 * np.pi), "Re K* [N/m]": seen.real, "Im K* [N/m]": seen.imag}
+            names |= {"u(Re K*) [N/m]": std, "u(Im K*) [N/m]": std, "K1 [N/m]": rest, "u(K1) [N/m]": 0.003 * rest}
+            rows.append(names)
+    return measured_of(pl.DataFrame(rows))
+
+
+def test_a_fit_at_one_pressure_finds_springs_mass_and_loss_of_the_chain():
+    (found,) = fit_tyres(chain_table([2.0e5]), "shell", given={"beta": 1.0})
+    (fit,) = found.chosen.fits
+    assert fit.values[4] == 2.0e5  # the pressure of the test
+    assert np.all(np.abs(fit.values[5:8] - RUBBER) < 3.5 * fit.std[5:8] + 3e-4 * RUBBER)  # 3e-4: two discretisations
+    assert np.all(fit.std[5:8] < [1e5, 1.0, 1e-5])
+
+
+@pytest.mark.parametrize("make", [fit_tyres, map_tyres])
+def test_several_pressures_are_refused_with_what_replaces_them(make):
+    with pytest.raises(ModelError, match="the shell model is for one condition: for several, as over pressure"):
+        make(chain_table([1.0e5, 2.5e5]), "shell")
+
+
+def test_a_former_fit_over_pressures_still_loads_and_answers_at_its_conditions(tmp_path):
+    """A file of an earlier version, with the record of what the pressures shared, which is not written any more."""
+    measured = chain_table([1.0e5])
+    file = model_file(measured, fit_tyres(measured, "shell", given={"beta": 1.0}))
+    content = json.loads(json.dumps(file.document))
+    (entry,) = content["models"]
+    entry["conditions"].append({**entry["conditions"][0], "state": [
+        {**one, "value": 2.5e5} if one["name"] == "pressure" else one for one in entry["conditions"][0]["state"]
+    ]})  # fmt: skip
+    entry["pressures"] = [{"conditions": [0, 1], "shared": ["k", "mu", "tau"], "chi2": 1.0}]
+    (tmp_path / "model.json").write_text(json.dumps(sealed(content)), encoding="utf-8")
+    read = read_model_file(tmp_path / "model.json")
+    assert len(ask(read, Query([12.0], {"pressure [Pa]": 2.5e5}))) == 1
+    with pytest.raises(ModelError, match=r"no condition is the same.*make a map of the results with fourpole map"):
+        ask(read, Query([12.0], {"pressure [Pa]": 2.0e5}))
+    assert "pressures" not in read.document["models"][0]
 
 
 def test_an_undamped_tyre_may_be_asked_too():

@@ -6,9 +6,13 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from fourpole.findings.claims import (
+from fourpole.findings.evidence import Effect
+from fourpole.findings.finding import Finding, Holds
+from fourpole.findings.trends import Trend
+from fourpole.paper1982.claims import (
     CROSS,
     RADIAL,
+    Above,
     ApartAt,
     Claim,
     Evidence,
@@ -22,12 +26,8 @@ from fourpole.findings.claims import (
     Order,
     Turning,
 )
-from fourpole.findings.evidence import Above, Effect
-from fourpole.findings.finding import Finding, Holds
-from fourpole.findings.trends import Trend
 from fourpole.report.words.levels import over, span
 from fourpole.report.words.phrases import (
-    SENTENCES,
     bar,
     combinations,
     condition,
@@ -37,11 +37,13 @@ from fourpole.report.words.phrases import (
     percent,
     percents,
     ranged,
+    sentences_of,
 )
 
+_SENTENCES = sentences_of("fourpole.paper1982")
 #: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.
-STATEMENTS: dict[int, str] = {int(number): text for number, text in SENTENCES["statements"].items()}
-_NEEDS: dict[Need, str] = {Need[name]: text for name, text in SENTENCES["needs"].items()}
+STATEMENTS: dict[int, str] = {int(number): text for number, text in _SENTENCES["statements"].items()}
+_NEEDS: dict[Need, str] = {Need[name]: text for name, text in _SENTENCES["needs"].items()}
 Labels = Mapping[str, str]
 
 
@@ -68,7 +70,7 @@ def no_common_state(finding: Finding, _: NoCommonState) -> str:
     )
 
 
-def claims_summary(findings: Sequence[Finding]) -> str:
+def summary(findings: Sequence[Finding]) -> str:
     """The number of the paper's claims that hold, as a sentence; empty where none was examined."""
     numbers: dict[Holds, list[str]] = {}
     for finding in findings:
@@ -198,3 +200,7 @@ def _figures(found: Evidence, labels: Labels) -> str:
         first = "averaged over frequency, " if isinstance(found[0], OptimumAt) else ""
         return first + "; ".join(_WORDS[type(one)](one, labels) for one in found)
     return _WORDS[type(found)](found, labels)
+
+
+#: The sentence of each kind of finding of this room.
+TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {Claim: claim, NoCommonState: no_common_state}

@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import Enum
 from functools import cached_property
 from itertools import product
 from typing import ClassVar
 
 import numpy as np
 
-from fourpole.findings.evidence import Above, Effect, between, mean_effect
+from fourpole.findings.evidence import Effect, between, mean_effect
 from fourpole.findings.facts import Curve, Estimate, Facts, Values, common
 from fourpole.findings.finding import Finding, FindingConditions, Holds, Key, Topic
 from fourpole.findings.levels import differences
@@ -47,19 +47,10 @@ _BANDS: tuple[Callable[[float], bool], ...] = (
 _TIMES = 3.0
 
 
-class Need(StrEnum):
-    """The measurements that a campaign lacks where a claim cannot be examined."""
-
-    BOTH = "values of both tyres at a condition in common"
-    CURVES = "load-deflection curves of both tyres at a pressure in common"
-    THREE_PRESSURES = "three pressures or more"
-    THREE_FREQUENCIES = "three frequencies or more"
-    OPTIMUM = "three pressures or more on both sides of the optimum"
-    LOADS = "two loads and two pressures or more"
-    CORNERS = "the lowest and highest load at the lowest and highest pressure"
-    BANDS = "frequencies in all three bands"
-    SIDES = "TR of both tyres on both sides of the crossing"
-    PEAKS = "TR of both tyres at three frequencies or more"
+#: The measurements that a campaign may lack, by the names of their sentences in words.toml.
+Need = Enum(
+    "Need", "BOTH CURVES THREE_PRESSURES THREE_FREQUENCIES OPTIMUM LOADS CORNERS BANDS SIDES PEAKS", module=__name__
+)
 
 
 @dataclass(frozen=True)
@@ -105,6 +96,19 @@ class Ply:
             for key, curve in self.curves.items()
             for f, tr, std in zip(curve.frequency, curve.tr, curve.std, strict=True)
         }
+
+
+@dataclass(frozen=True)
+class Above:
+    """Relative difference of one tyre less the other, by condition."""
+
+    axes: tuple[str, ...]
+    effects: Mapping[Key, Effect]
+
+    @property
+    def against(self) -> list[Key]:
+        """Conditions at which the first tyre is not above the second."""
+        return [key for key, effect in self.effects.items() if effect.value <= 0.0]
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from fourpole.core.condition import AXES
-from fourpole.findings import claims as readings
-from fourpole.findings.claims import Lack, LackError, Need
 from fourpole.findings.facts import Curve, Estimate, _nominal
+from fourpole.paper1982 import claims as readings
+from fourpole.paper1982.claims import Lack, LackError, Need
 from fourpole.quantities import K1, K2, NONLINEARITY, C
 
 LOADS, BAND = (1000.0, 2000.0), (14.0, 17.5, 22.0)

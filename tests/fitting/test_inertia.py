@@ -1,0 +1,116 @@
+"""Fits of specimens with inertia, from a table to an answer; the truth is networks that are solved by hand."""
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+from fourpole.app.cli import app
+from fourpole.fitting.measured import read_measured
+from fourpole.fitting.modelfile import read_model_file
+from fourpole.fitting.modelling import fit_tyres, model_file
+from fourpole.fitting.query import Query, ask
+
+NOISE = 0.003
+
+
+def springs(w):
+    return 2e5 * (1j * w / 60) ** 0.06
+
+
+def track(w):
+    """A hydromount whose K' is negative above the resonance of its fluid, at 20 Hz."""
+    inner = -(w**2) * 60.0 + 1j * w * 250.0
+    return springs(w) + 9e5 * inner / (9e5 + inner)
+
+
+def driven(w, belt=7.0):
+    return 1 / (1 / (6 * springs(w)) + 1 / (1.2 * springs(w) - w**2 * belt))
+
+
+def transfer(w, belt=7.0):
+    return 6 * 1.2 * springs(w) ** 2 / (7.2 * springs(w) - w**2 * belt)
+
+
+def table(folder, truth, low, high, count, seed=1):
+    """A table of K* with noise and its uncertainty."""
+    hertz = np.linspace(low, high, count)
+    exact, rng = truth(2 * np.pi * hertz), np.random.default_rng([7, seed])
+    std = NOISE * np.abs(exact)
+    k = exact + std * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    heads = ("frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]", "u(Re K*) [N/m]", "u(Im K*) [N/m]")
+    pl.DataFrame(dict(zip(heads, (hertz, k.real, k.imag, std, std), strict=True))).write_csv(folder / "k.csv")
+    return folder / "k.csv"
+
+
+def errors(rows, truth):
+    """Errors of an answer over their standard uncertainties, K' and K''."""
+    exact = truth(2 * np.pi * np.array([row["frequency [Hz]"] for row in rows]))
+    pairs = (("Re K* [N/m]", "u(Re K*) [N/m]", exact.real), ("Im K* [N/m]", "u(Im K*) [N/m]", exact.imag))
+    return np.array([[(row[k] - one) / row[u] for row, one in zip(rows, part, strict=True)] for k, u, part in pairs])
+
+
+def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):
+    path = table(tmp_path, track, 1, 40, 40)
+    measured = read_measured(path)
+    assert measured.conditions[0].own.count == 40
+    assert measured.conditions[0].own.stiffness.real.min() < 0
+    (found,) = fit_tyres(measured)
+    assert found.model.name == "resonant:1"
+    assert found.discrepancy == 0
+    made = model_file(measured, [found])
+    made.write(tmp_path / "model.json")
+    rows = ask(read_model_file(tmp_path / "model.json"), Query(frequency=np.linspace(1.7, 39.0, 30).tolist()))
+    assert np.mean(np.abs(errors(rows, track)) < 1.96) > 0.85
+    (verdict,) = json.loads(run("causality", str(path), "--json").stdout)["conditions"]
+    assert (verdict["holds"], verdict["possible"]) == ("resonant", True)
+    assert verdict["resonances [Hz]"] == pytest.approx([np.sqrt(9e5 / 60) / 2 / np.pi], rel=0.01)
+
+
+@pytest.mark.parametrize(("truth", "of"), [(driven, "driving point"), (transfer, "blocked transfer")])
+def test_a_belt_is_taken_off_and_the_springs_are_fitted(tmp_path, run, truth, of):
+    path = table(tmp_path, truth, 5, 60, 30)
+    done = run("fit", str(path), "--of", of, "--out", str(tmp_path / "model.json"))
+    assert done.exit_code == 0
+    entry = read_model_file(tmp_path / "model.json").models[0]
+    assert not entry.model.startswith("resonant")
+    assert entry.discrepancy == 0
+    body = entry.conditions[0].inertia
+    through = 7.0 * 6 * 1.2 / 7.2**2 * (springs(1.0) / springs(1.0)).real  # m12, which both ways show
+    assert body.mass / (body.share + 2 + 1 / body.share) == pytest.approx(through, rel=0.02)
+    if of == "driving point":
+        assert (body.mass, body.share) == pytest.approx((7.0, 5.0), rel=0.05)
+    rows = ask(read_model_file(tmp_path / "model.json"), Query(frequency=[6.0, 12.0, 24.0, 40.0]))
+    assert np.all(np.abs(errors(rows, lambda w: 1.0 * springs(w))) < 4)
+
+
+def test_what_k_is_of_is_asked_for_by_its_name(tmp_path, run):
+    done = run("fit", str(table(tmp_path, springs, 5, 60, 12)), "--of", "tyre")
+    assert done.exit_code == 2
+    assert "none of springs, driving point, blocked transfer" in done.stderr
+
+
+def test_beyond_the_band_the_interval_is_that_of_all_relaxing_specimens(tmp_path):
+    """Three arms, of which the band shows two: 60 draws, 95 % intervals, at least 90 % asked for."""
+
+    def arms(w):
+        parts = [(30e3, 0.1), (50e3, 0.01), (60e3, 0.001)]
+        return 150e3 + sum(k * 1j * w * t / (1 + 1j * w * t) for k, t in parts)
+
+    inside = []
+    for seed in range(20):
+        measured = read_measured(table(tmp_path, arms, 5, 40, 12, seed))
+        found = model_file(measured, fit_tyres(measured))
+        rows = ask(found, Query(frequency=[1.25, 2.5, 80.0, 160.0], beyond=True))
+        inside.append(np.abs(errors(rows, arms)) < 1.96)
+        assert "all massless, relaxing specimens" in rows[0]["remarks"]
+    assert np.mean(inside) > 0.85  # 90 % less twice the scatter of 20 independent draws
+
+
+@pytest.fixture
+def run():
+    from typer.testing import CliRunner
+
+    runner = CliRunner()
+    return lambda *arguments: runner.invoke(app, list(arguments))
