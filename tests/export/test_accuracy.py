@@ -121,7 +121,7 @@ def test_the_accuracy_is_the_worst_of_all_conditions():
     joined = Accuracy.joined([one, other, Accuracy("the springs of a", (9.0, 21.0), 0.02, 0.01)])
     assert joined == Accuracy("the springs of a", (8.0, 24.0), 0.02, 0.05, Rung.MASS)
     assert joined.text.endswith(
-        "specimen with a mass at its driven end can have K* as measured; the model has no mass."
+        "specimen with a mass at its driven end can have K* as measured; the mass was taken off."
     )
 
 

@@ -44,6 +44,8 @@ from fourpole.core.sources import Kind
 _SMALL = 1e-3
 #: Largest logarithm of a share, and least logarithm of the stiffness at the rim over K*: of a search that went astray.
 _LARGE, _SOFTER = 12.0, 0.05
+#: Logarithm of a share, of a search that went astray, below which it is nothing.
+_FARTHEST = 500.0
 _PARTS = ("spring", "contact", "wheel")
 
 
@@ -160,7 +162,7 @@ def _share(
     whole = 1 + first
     rise = exponent * bend / whole
     most = np.log(np.abs(whole / first)) - _SOFTER
-    rise = np.minimum(rise.real, most) + 1j * rise.imag
+    rise = np.clip(rise.real, -_FARTHEST, most) + 1j * rise.imag
     share = 1 / (whole / first * np.exp(-rise) - 1)
     slope = (1 + share) / whole
     return share, (exponent * slope, slope * (1 - rise * first), bend * slope)
