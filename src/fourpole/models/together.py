@@ -321,8 +321,8 @@ class LeaveOneOut:
         Leave-one-out error: root mean square difference between measured and predicted K*, relative.
     density : float
         Log predictive density, summed over the conditions: that of K* as measured under the map of the others. Its
-        covariance is that of the map, of the scatter, of the data and of the shared errors. It is -inf for a map of a
-        file.
+        covariance is that of the map, of the scatter, of the data and of the shared errors, whose own density is added.
+        It is -inf for a map of a file.
     inside : float [1]
         Fraction of all K' and K'' that are inside the predicted 95 % intervals.
     conditions : float [1]
@@ -344,6 +344,7 @@ class LeaveOneOut:
             errors[:, part] = 0.0
             columns = slice(size + part.start, size + part.stop)
             covariance[:, columns] = covariance[:, :, columns] = 0.0
+        precision = found.conditions.precision(found.scatter.variances)
         variances = found.scatter.summed.variances
         moved = found.linked + change[:, :size], errors
         squares, scores, middle, density = [], [], [], 0.0
@@ -358,7 +359,7 @@ class LeaveOneOut:
             error=float(np.sqrt(np.mean(np.concatenate(squares)))),
             inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
             conditions=float(np.mean(np.concatenate(middle) < NORMAL_95)),
-            density=density,
+            density=density - 0.5 * float(found.errors @ (precision * found.errors)),
         )
 
 
@@ -380,15 +381,17 @@ def _remainder(normal: Normal, spread: FloatArray) -> FloatArray:
 def density_without_each(normal: Normal) -> float:
     """Log density of each condition under the fit of the others, summed, of linear equations.
 
-    That of the residuals themselves, `Weights.log_density`, is left out.
+    That of the shared errors is added: as linear equations have it, a large gain could stand for missing terms. That of
+    the residuals themselves, `Weights.log_density`, is left out.
     """
-    whole, _, local = normal.solved()
+    whole, step, local = normal.solved()
     spread = normal.local_covariance(whole)
     remainder = _remainder(normal, spread)
     gradient = normal.right - (normal.gram @ local[..., None])[..., 0]
     local = local - np.linalg.solve(remainder, spread @ gradient[..., None])[..., 0]
     moved = (normal.gram @ local[..., None])[..., 0]
-    chi2 = float(np.sum(local * (moved - 2 * normal.right)))
+    (_, precision), size = normal.laws.prior, normal.laws.coefficients
+    chi2 = float(np.sum(local * (moved - 2 * normal.right)) + precision[size:] @ (normal.unknowns + step)[size:] ** 2)
     return _gain(normal.right - moved, normal.gram, np.linalg.solve(remainder, spread)) - 0.5 * chi2
 
 
