@@ -42,8 +42,6 @@ MOST_TERMS, _ROUNDS = 64, 8
 _CLOSE, _SMALL = 0.01, 1e-7
 #: Chi-square that fits may leave: those about which surfaces are compared, and those of the map.
 _ROUGHLY, _CLOSE_FIT = 0.1, 1e-6
-#: Number of the best surfaces that are compared with further scatters.
-_COMPARED = 12
 #: Number of the best surfaces in which each parameter in turn is given fewer terms.
 _LESSENED = 3
 #: A larger surface is chosen only if its log predictive density exceeds that of a smaller one by this; twice that is 6,
@@ -138,32 +136,22 @@ class SurfaceChoice(ByValue):
         every = [scatter, *more]
         densities = [self._density(rows, found, one) for one in every]
         plans: list[Plan] = [(one,) * self.middle.size for one in self.bases]
-        tried = [(plan, 0, densities[0](plan)) for plan in plans]
-        near = sorted(tried, key=lambda one: -one[2])[:_COMPARED]
-        tried += [(plan, at, density(plan)) for plan, _, _ in near for at, density in enumerate(densities) if at]
-        for plan, at, value in sorted(tried, key=lambda one: -one[2])[:_LESSENED]:
-            tried.append(self._lessened(plan, at, value, densities[at]))
-        plan, at, value = tried[place_of_simplest([one[2] for one in tried], [len(sum(one[0], ())) for one in tried])]
-        return plan, every[at], value
+        each = np.array([[density(plan) for density in densities] for plan in plans])
+        best = each.argmax(axis=1).tolist()
+        tried = [(plan, at, float(row[at])) for plan, row, at in zip(plans, each, best, strict=True)]
+        for place in np.argsort(-each.max(axis=1))[:_LESSENED].tolist():
+            plan, at, _ = tried[place]
+            plan = self._lessened(plan, densities[at])
+            tried.append((plan, at, densities[at](plan)))
+        plan, at, density = tried[place_of_simplest([one[2] for one in tried], [len(sum(one[0], ())) for one in tried])]
+        return plan, every[at], density
 
-    def _lessened(self, plan: Plan, at: int, value: float, density: Callable[[Plan], float]) -> tuple[Plan, int, float]:
-        """The plan in which each parameter in turn has the fewest terms that it needs, and its density."""
+    def _lessened(self, plan: Plan, density: Callable[[Plan], float]) -> Plan:
+        """The plan in which each parameter in turn has the fewest terms that it needs."""
         for place in range(len(plan)):
-            greatest = value
-            while inner := self._smaller(plan[place]):
-                plans = [(*plan[:place], one, *plan[place + 1 :]) for one in inner]
-                values = [density(one) for one in plans]
-                best = int(np.argmax(values))
-                greatest = max(greatest, values[best])
-                if values[best] < greatest - BETTER:
-                    break
-                plan, value = plans[best], values[best]
-        return plan, at, value
-
-    def _smaller(self, terms: Terms) -> list[Terms]:
-        """The largest candidates that are parts of one."""
-        inner = [one for one in self.bases if set(one) < set(terms)]
-        return [one for one in inner if not any(set(one) < set(other) for other in inner)]
+            inner = [(*plan[:place], one, *plan[place + 1 :]) for one in self.bases if set(one) <= set(plan[place])]
+            plan = inner[place_of_simplest([density(one) for one in inner], [len(one[place]) for one in inner])]
+        return plan
 
     def _density(self, rows: Sequence[Rows], found: Together, scatter: Scatter) -> Callable[[Plan], float]:
         """The log predictive density of a plan about a fit, whose rows are about zero, with a scatter."""
@@ -199,9 +187,9 @@ class SurfaceChoice(ByValue):
     def widened(self, plan: Plan, found: Together) -> Together:
         """The fit with the scatter of conditions widened by Student's t over 1.96.
 
-        Its degrees of freedom are the conditions in excess of the terms.
+        Its degrees of freedom are the conditions in excess of the terms, less one for the choice of these.
         """
-        dof = max(self.conditions.count - max(map(len, plan)), 1)
+        dof = max(self.conditions.count - max(map(len, plan)) - 1, 1)
         if not any(found.scatter.condition):
             return found
         along, across = (stats.t.ppf(LEVELS[-1], dof) / NORMAL_95 * np.array(found.scatter.condition)).tolist()
