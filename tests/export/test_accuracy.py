@@ -106,7 +106,7 @@ def test_a_query_remarks_on_it_from_a_limit_on(files, tmp_path, share, remarked)
 def test_a_map_has_the_scatter_about_it(files, tmp_path):
     file = read_model_file(files / "map.json")
     (entry,) = file.maps
-    file.model_copy(update={"maps": [entry.model_copy(update={"scatter": (0.03, 0.04, 0.01)})]}).write(
+    file.model_copy(update={"maps": [entry.model_copy(update={"scatter": [0.03, 0.04, 0.01]})]}).write(
         tmp_path / "map.json"
     )
     exported = export_results(tmp_path / "map.json", "modelica", points=[AT])
