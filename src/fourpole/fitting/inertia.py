@@ -12,7 +12,7 @@ from pydantic import Field
 
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, axis_of
-from fourpole.core.specimen import Form, Specimen
+from fourpole.core.specimen import TYRE, Form, Specimen
 from fourpole.errors import UnitError
 from fourpole.fitting.measuredtable import as_frame
 from fourpole.fitting.modelparts import Strict
@@ -22,7 +22,7 @@ from fourpole.io.published import Published
 SPECIMENS = "specimens.csv"
 _FORM, _MASS, _SHARE = q.FORM.head, q.BELT_MASS.head, q.BELT_SHARE.head
 #: Share of a car's tyre, where none is stated [1].
-USUAL_SHARE = 0.2
+USUAL_SHARE = TYRE
 
 
 class InertiaFile(Strict):

@@ -17,7 +17,7 @@ from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart
 from fourpole.fitting.byresiduals import by_residuals, misfit_of
-from fourpole.fitting.inertia import USUAL_SHARE, InertiaFile, mean_inertia
+from fourpole.fitting.inertia import InertiaFile, mean_inertia
 from fourpole.fitting.mapping import best_map, map_axes, map_of_model, map_text
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
@@ -41,7 +41,6 @@ from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
 from fourpole.models.families import by_amplitude, check_several, for_maps, has_inertia, model_named, sizes_of
 from fourpole.models.fit import Fit
-from fourpole.models.inertial import Of
 from fourpole.models.interface import Model
 from fourpole.models.ladder import Rung, Verdict, verdict_of, without_inertia
 from fourpole.models.operating import OperatingMap
@@ -259,10 +258,8 @@ def with_belt(measured: Measured, verdict: Verdict) -> Measured:
     """The condition with the belt that its verdict found, if any."""
     if verdict.belt is None:
         return measured
-    share = USUAL_SHARE if verdict.of is Of.BLOCKED_TRANSFER else verdict.belt.share
-    # A blocked transfer shows m12 alone: the mass is that of a belt with the usual share.
-    mass = verdict.belt.mass * (share + 2 + 1 / share) / (verdict.belt.share + 2 + 1 / verdict.belt.share)
-    return replace(measured, inertia=InertiaFile(form="belt", mass=mass, share=share))
+    belt = InertiaFile(form="belt", mass=verdict.belt.mass, share=verdict.belt.share)
+    return replace(measured, inertia=belt)
 
 
 def _not_compared(choice: Choice) -> list[str]:

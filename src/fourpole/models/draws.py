@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.arrays import FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, spring_and_arms
+from fourpole.models.data import StiffnessData
 from fourpole.models.fit import fit
-from fourpole.models.nonnegative import least_squares
+from fourpole.models.fractional import arms_at
 from fourpole.models.operating import OperatingMap
 from fourpole.models.realised import Realised, realised
+from fourpole.models.shift_law import root_of
+from fourpole.models.surface import design
 
 #: Number of draws that an export keeps, of those made, some of which may have another structure; their seed.
 COUNT, _MADE, SEED = 64, 96, 1
@@ -54,14 +57,13 @@ def drawn_values(found: OperatingMap, point: FloatArray, count: int = _MADE, see
     array([0.01, 0.02])
     """
     rng = np.random.default_rng(seed)
-    size, vectors = np.linalg.eigh(found.covariance)
-    root = vectors * np.sqrt(np.maximum(size, 0.0))
-    moves = rng.standard_normal((count, len(root))) @ root.T
+    moves = rng.standard_normal((count, len(found.covariance))) @ root_of(found.covariance).T
     spread = np.hypot(max(found.scatter.condition), max(found.scatter.frequency))
     factor = np.exp(spread * rng.standard_normal(count))
     omega = 2 * np.pi * np.geomspace(*found.band, _FREQUENCIES)
-    best = _parameters(found, np.zeros(len(root)), point)
-    ends = [np.array([_parameters(found, side * _STEP * move, point) for move in moves]) for side in (1, -1)]
+    basis = design(found.terms, found.axes.scaled(point[None]))[0]
+    linked, moved = found.coefficients @ basis, moves.reshape(count, *found.coefficients.shape) @ basis
+    best, *ends = (found.model.unlink(one)[0] for one in (linked, linked + _STEP * moved, linked - _STEP * moved))
     above, below = (found.model.stiffness(one, omega) for one in ends)
     target = (found.model.stiffness(best, omega) + (above - below) / (2 * _STEP)) * factor[:, None]
     still = np.all(ends[0] == ends[1], axis=0)
@@ -72,21 +74,24 @@ def drawn_values(found: OperatingMap, point: FloatArray, count: int = _MADE, see
     return fit(found.model, data, np.tile(best, (count, 1)), fixed=held).values
 
 
-def drawn_systems(found: OperatingMap, point: FloatArray, like: Realised) -> list[Realised]:
+def drawn_systems(found: OperatingMap, point: FloatArray, like: Realised) -> Iterator[Realised]:
     """Draws of the model as linear systems with as many branches and pairs as that of the estimate; see `drawn_values`.
 
-    There are more than `COUNT` of them, but for those that have no such system.
+    More than `COUNT` draws are made, for some may have no such system.
     """
     least = _FAST / (2 * np.pi * found.band[1])
-    systems = []
+    rates = 1.0 / like.times if like.times.size else np.ones(1)
+    omega = np.geomspace(rates.min(), rates.max(), 3 * rates.size)
     for values in drawn_values(found, point):
         try:
-            one = _at_times(found.model.stiffness(values, _over(like)), like) if like.error else None
-            one = _slowed(realised(found.model, values, found.band), least) if one is None else one
-            systems.append(alike(one, like))
-        except ModelError:
+            if like.error and not like.pair_springs.size:  # an approximation by arms keeps their times
+                rest, *springs = arms_at(omega, found.model.stiffness(values, omega), like.times)
+                one = replace(like, rest=float(rest), springs=np.array(springs))
+            else:
+                one = _slowed(realised(found.model, values, found.band), least)
+            yield alike(one, like)
+        except (ModelError, RuntimeError):
             continue
-    return systems
 
 
 def alike(system: Realised, like: Realised) -> Realised:
@@ -103,25 +108,3 @@ def _slowed(system: Realised, least: float) -> Realised:
     """The system with times of at least `least` [s]; faster branches keep their damping."""
     slow = np.maximum(system.times, least)
     return replace(system, springs=system.springs * system.times / slow, times=slow)
-
-
-def _parameters(found: OperatingMap, move: FloatArray, point: FloatArray) -> FloatArray:
-    """Parameters (P,) at a point with moved coefficients."""
-    moved = replace(found, coefficients=found.coefficients + move.reshape(found.coefficients.shape))
-    return np.asarray(moved.parameters(point[None])[0])
-
-
-def _over(like: Realised) -> FloatArray:
-    """Angular frequencies (N,) [rad/s] over the times of a system, three for each."""
-    rates = 1.0 / like.times
-    return np.geomspace(rates.min(), rates.max(), 3 * rates.size)
-
-
-def _at_times(stiffness: ComplexArray, like: Realised) -> Realised | None:
-    """The arms with the times of another system that are nearest to K* over these; None for one with pairs."""
-    if like.pair_springs.size or like.damper:
-        return None
-    terms = spring_and_arms(_over(like), like.times) / stiffness[:, None]
-    rows, target = np.concatenate([terms.real, terms.imag]), np.repeat([1.0, 0.0], stiffness.size)
-    weights, _ = least_squares(rows, target)
-    return replace(like, rest=float(weights[0]), springs=weights[1:])

@@ -169,10 +169,8 @@ def rational(
         times = 1.0 / np.geomspace(low / 10, high * 10, arms)
         if own is not None:  # an order of nearly 1 needs an arm with exactly this relaxation time
             times[int(np.argmin(np.abs(np.log(times / own))))] = own
-        rows = np.concatenate([spring_and_arms(omega, times), target[:, None]], axis=1) / np.abs(target)[:, None]
-        real = np.concatenate([rows.real, rows.imag])
         try:
-            springs, _ = scipy.optimize.nnls(real[:, :-1], real[:, -1])
+            springs = arms_at(omega, target, times)
         except RuntimeError:  # so many arms are nearly dependent, and the iteration does not end
             continue
         parameters = np.concatenate([springs, times])
@@ -184,6 +182,17 @@ def rational(
         f"{_MOST_ARMS} arms have an error of {worst:.2g} of K* from {band[0]:g} to {band[1]:g} Hz, not {accuracy:g}: "
         "state a narrower band or a larger error"
     )
+
+
+def arms_at(omega: FloatArray, stiffness: ComplexArray, times: FloatArray) -> FloatArray:
+    """Stiffnesses (T + 1,) >= 0 at rest and of arms with times (T,) [s] whose K* is nearest to K* (N,), relatively.
+
+    RuntimeError if the search does not end, as for arms that are nearly dependent.
+    """
+    rows = np.concatenate([spring_and_arms(omega, times), stiffness[:, None]], axis=1) / np.abs(stiffness)[:, None]
+    real = np.concatenate([rows.real, rows.imag])
+    springs: FloatArray = scipy.optimize.nnls(real[:, :-1], real[:, -1])[0]
+    return springs
 
 
 def _one_time(model: Model, values: ArrayLike, low: float, high: float) -> float | None:

@@ -30,7 +30,8 @@ class Belt(ByValue):
     natural : float [rad/s]
         Its angular frequency with both ends held.
     share : float [1]
-        Stiffness of the spring at the driven end over that of the other; 1 where a blocked transfer does not tell it.
+        Stiffness of the spring at the driven end over that of the other; a tyre's, where a blocked transfer does not
+        tell it.
     mass, mass_std : float [kg]
     covariance : (k, k) float array
         Of log `natural` and, for a driving point, of log `share`.

@@ -27,6 +27,7 @@ import scipy
 from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
+from fourpole.core.specimen import TYRE
 from fourpole.models.causality import Possible, check_possible, grid_of, terms_of
 from fourpole.models.data import MASTER_DECADES, StiffnessData
 from fourpole.models.inertial import Belt, Of, carried, inertia_of, springs_of, turned
@@ -270,15 +271,15 @@ class Ladder:
 
     def with_pairs(self, places: FloatArray) -> _Best:
         """The best specimen with a mass, and with resonances at `places` (n, 2): frequency [rad/s], damping ratio."""
-        pairs = [pair_of(self.data.omega, *place) for place in places]
-        weights, chi2 = least_squares(self._with(np.concatenate([self.mass, *pairs], axis=1)), self.target)
+        weights, chi2 = least_squares(
+            self._with(np.concatenate([self.mass, *self._pairs(places)], axis=1)), self.target
+        )
         scale = float(self.data.omega.max()) ** -2
         free = int(np.count_nonzero(weights)) + 2 * len(places)
         return _Best(chi2, free, self.count, float(weights[self.terms.shape[1]]) * scale, places)
 
     def climbed(self, of: Of) -> Iterator[tuple[Rung, _Best]]:
         """The rungs above the lowest, from below, as far as the frequencies are enough for them."""
-        enough = self.data.count >= _FEWEST + _EACH
         if of is Of.BLOCKED_TRANSFER:
             yield Rung.RESONANT, self.with_belt(transfer=True)
         if of is not Of.DRIVING_POINT:
@@ -288,27 +289,28 @@ class Ladder:
         for count in range(1, _MOST + 1):
             if self.data.count < _FEWEST + _EACH * count:
                 return
-            if count == 1 and enough:
+            if count == 1:
                 yield Rung.RESONANT, self.with_belt()
             found = self.with_another(found)
             yield Rung.RESONANT, found
             if found.chi2 > _HOPELESS * found.dof:
                 return
 
+    def _pairs(self, places: FloatArray) -> list[ComplexArray]:
+        """Terms of the resonances at `places`."""
+        return [pair_of(self.data.omega, *place) for place in places]
+
     def numerators(self, places: FloatArray) -> FloatArray:
         """The best numerators (n, 3) of the resonances at `places`: factors of s, s² and s³ over d."""
-        pairs = [pair_of(self.data.omega, *place) for place in places]
-        weights, _ = least_squares(self._with(np.concatenate(pairs, axis=1)), self.target)
+        weights, _ = least_squares(self._with(np.concatenate(self._pairs(places), axis=1)), self.target)
         split = np.split(weights[self.terms.shape[1] :], len(places))
-        tops = [np.abs(_unscaled(self.data.omega, *place)).max(axis=0) for place in places]
-        rows = zip(places, split, tops, strict=True)
-        return np.array([(each / top) @ numerators_of(*place) for place, each, top in rows])
+        return np.array([each @ numerators_of(*place) for place, each in zip(places, split, strict=True)])
 
     def mass_std(self, found: _Best) -> float:
         """Standard uncertainty of a mass [kg] at given resonances: half the interval where chi-square rises by 1."""
         top = float(self.data.omega.max()) ** 2
         column = self._with(self.mass)[:, -1]
-        pairs = [pair_of(self.data.omega, *place) for place in found.places]
+        pairs = self._pairs(found.places)
         rows = self._with(np.concatenate(pairs, axis=1)) if pairs else self.rows
 
         def height(value: float) -> float:
@@ -336,10 +338,7 @@ class Ladder:
         return self.with_pairs(np.exp(np.clip(moved.x.reshape(-1, 2), *limits)))
 
     def with_belt(self, *, transfer: bool = False) -> _Best:
-        """The best relaxing springs about a mass, by the force and the motion of one end, or of both; see `springs_of`.
-
-        With the belt its K* follows from each measured value, so that the test is that of a massless specimen.
-        """
+        """The best relaxing springs about a mass, by the force and the motion of one end, or of both; see `carried`."""
         omega = self.data.omega
         hertz = np.log(np.geomspace(_BELOW * omega.min(), _ABOVE * omega.max(), _BELT_HERTZ))
         starts = [(one,) for one in hertz] if transfer else [(one, np.log(share)) for one in hertz for share in _SHARES]
@@ -393,7 +392,7 @@ class Ladder:
             scale = np.log(np.abs(drawn.data.stiffness[0] / self.data.stiffness[0])) / 2
             off.append(np.array(there) - best - np.array([scale, 0.0])[: best.size])
         covariance = np.transpose(off) @ np.array(off) / _DRAWS
-        natural, share = float(np.exp(best[0])), float(np.exp(best[1])) if best.size > 1 else 1.0
+        natural, share = float(np.exp(best[0])), float(np.exp(best[1])) if best.size > 1 else TYRE
         mass = float(np.abs(self.data.stiffness[0])) / natural**2 * (share + 2 + 1 / share)
         by = np.array([-2.0, (share - 1 / share) / (share + 2 + 1 / share)])[: best.size]
         std = mass * float(np.sqrt(by @ covariance @ by))
@@ -434,7 +433,7 @@ class Ladder:
 
 
 def pair_of(omega: FloatArray, natural: float, ratio: float) -> ComplexArray:
-    r"""K* (N, k) of the extreme terms of a resonance at `natural` [rad/s], each over its largest modulus.
+    r"""K* (N, k) of the extreme terms of a resonance at `natural` [rad/s].
 
     .. math::
 
@@ -444,18 +443,13 @@ def pair_of(omega: FloatArray, natural: float, ratio: float) -> ComplexArray:
 
     The last is the biquadratic that is just positive real, for each q > 0; at q = 1 it is a damper.
     """
-    pair = _unscaled(omega, natural, ratio)
-    return np.asarray(pair / np.abs(pair).max(axis=0))
-
-
-def numerators_of(natural: float, ratio: float) -> FloatArray:
-    """Factors (k, 3) of s, s² and s³ in the numerators over d of the terms of `pair_of`, before they are scaled."""
-    q = np.exp(ratio * _QS)
-    biquads = np.stack([(q * natural) ** 2, (q - 1) ** 2 * natural / (2 * ratio), np.ones_like(q)], axis=1)
-    return np.concatenate([[[0.0, 1.0, 0.0], [2 * ratio * natural, 1.0, 0.0]], biquads])
-
-
-def _unscaled(omega: FloatArray, natural: float, ratio: float) -> ComplexArray:
     s = 1j * omega[:, None]
     powers = np.concatenate([s, s**2, s**3], axis=1)
     return np.asarray(powers @ numerators_of(natural, ratio).T / (s**2 + 2 * ratio * natural * s + natural**2))
+
+
+def numerators_of(natural: float, ratio: float) -> FloatArray:
+    """Factors (k, 3) of s, s² and s³ in the numerators over d of the terms of `pair_of`."""
+    q = np.exp(ratio * _QS)
+    biquads = np.stack([(q * natural) ** 2, (q - 1) ** 2 * natural / (2 * ratio), np.ones_like(q)], axis=1)
+    return np.concatenate([[[0.0, 1.0, 0.0], [2 * ratio * natural, 1.0, 0.0]], biquads])

@@ -166,7 +166,8 @@ def draws_in(points: Sequence[Point]) -> int:
 
 def states_of_part(points: Sequence[Point]) -> int:
     """Number of states of the springs, and as many of the belts: that of the point with the most."""
-    return max(len(one.space.a) for point in points for one in (point.system, point.force_on_belt))
+    systems = (one for point in points for one in (point.system, point.force_on_belt))
+    return max(one.springs.size + 2 * one.pair_springs.size for one in systems)
 
 
 def states_in(points: Sequence[Point]) -> int:
