@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from fourpole.app.cli import app
+from fourpole.errors import ModelError
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, model_file
@@ -49,6 +50,25 @@ def errors(rows, truth):
     exact = truth(2 * np.pi * np.array([row["frequency [Hz]"] for row in rows]))
     pairs = (("Re K* [N/m]", "u(Re K*) [N/m]", exact.real), ("Im K* [N/m]", "u(Im K*) [N/m]", exact.imag))
     return np.array([[(row[k] - one) / row[u] for row, one in zip(rows, part, strict=True)] for k, u, part in pairs])
+
+
+def test_a_belt_that_is_known_is_looked_for_where_a_smaller_kind_would_do(tmp_path):
+    measured = read_measured(table(tmp_path, lambda w: driven(w, 0.8), 8, 24, 24))
+    assert fit_tyres(measured)[0].measured[0].inertia is None
+    (found,) = fit_tyres(measured, "belt")
+    belt = found.verdicts[0].belt
+    assert abs(belt.mass - 0.8) < 2.5 * belt.mass_std
+    assert found.measured[0].inertia.mass == belt.mass
+    row = ask(model_file(measured, [found]), Query(frequency=[15.0]))
+    assert np.abs(errors(row, springs)).max() < 3
+    few = read_measured(table(tmp_path, driven, 8, 24, 9))
+    with pytest.raises(ModelError, match="a belt needs 10 frequencies or more, not 9"):
+        fit_tyres(few, "belt")
+
+
+def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
+    (found,) = fit_tyres(read_measured(table(tmp_path, track, 1, 40, 40)), "inertia track")
+    assert found.model.name == "resonant:1"
 
 
 def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):

@@ -30,7 +30,7 @@ from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
 from fourpole.io.folders import results_in
 from fourpole.io.published import published_beside, publishing
-from fourpole.models.families import automatic, by_amplitude, model_named, sizes_of
+from fourpole.models.families import BELT, automatic, by_amplitude, model_named, sizes_of
 from fourpole.models.inertial import Of
 from fourpole.models.ladder import Rung, Verdict, verdict_of
 from fourpole.quantities import ShownUnits
@@ -290,7 +290,7 @@ def axis_values(texts: Sequence[str]) -> dict[str, float]:
 
 def _fixed(texts: Sequence[str], model: str) -> dict[str, float]:
     """Fixed parameters by symbol, in SI; only one without dimension may be a bare number."""
-    names = automatic() if model == "auto" else (model,)
+    names = automatic() if model in ("auto", BELT) else (model,)
     largest = [f"{name}:{sizes[-1]}" if (sizes := sizes_of(name)) else name for name in names]
     known = {one.symbol: one.unit for name in largest for one in model_named(name).parameters}
     kinds = {units.si_unit(kind): kind for kind in reversed(list(units.KINDS))}  # the first kind of a unit

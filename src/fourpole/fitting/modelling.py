@@ -39,7 +39,7 @@ from fourpole.models.causality import near_passive
 from fourpole.models.choice import STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
 from fourpole.models.discrepancy import model_discrepancy, with_error
-from fourpole.models.families import by_amplitude, check_several, for_maps, has_inertia, model_named, sizes_of
+from fourpole.models.families import BELT, by_amplitude, check_several, for_maps, has_inertia, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
 from fourpole.models.ladder import Rung, Verdict, verdict_of, without_inertia
@@ -180,7 +180,8 @@ def fit_tyres(
     ----------
     measured : MeasuredSet
     model : str
-        Name of a model, `maxwell` for as many arms as help, or `auto` for a choice among all families.
+        Name of a model, `maxwell` for as many arms as help, `auto` for a choice among all families, or `belt` for this
+        choice for the springs about a belt.
     given : mapping of str to float, optional
         Values of known parameters, by symbol; they are not fitted.
     share : sequence of str
@@ -193,8 +194,10 @@ def fit_tyres(
     ModelError
         If a tyre cannot be fitted, or has several conditions for a model that is for one only.
     """
-    if model != "auto" and not sizes_of(model):
+    if model not in ("auto", BELT) and not sizes_of(model):
         model_named(model)
+    if model == BELT and not measured.known:
+        raise ModelError("a belt is found by the uncertainty of K*, which the table does not state: state --std")
     done = count()
 
     def step() -> None:
@@ -219,7 +222,8 @@ def fit_tyres(
 def _fit_tyre(
     tyre: str, every: MeasuredSet, model: str, given: Mapping[str, float], share: Sequence[str], step: _Step
 ) -> TyreFit:
-    measured, told = every.of(tyre), ""
+    measured, told, belted = every.of(tyre), "", model == BELT
+    model = "auto" if belted else model
     if len(measured) > 1:
         check_several(model)
     if by_amplitude(model):
@@ -227,7 +231,8 @@ def _fit_tyre(
     stated = [one.data if told else near_passive(one.data) for one in measured]
     verdicts: tuple[Verdict, ...] = ()
     if every.known and not told:
-        verdicts = tuple(verdict_of(data, one.of) for data, one in zip(stated, measured, strict=True))
+        pairs = zip(stated, measured, strict=True)
+        verdicts = tuple(verdict_of(data, one.of, belted=belted) for data, one in pairs)
         if not has_inertia(model):
             stated = [without_inertia(*pair) for pair in zip(stated, verdicts, strict=True)]
             measured = tuple(with_belt(*pair) for pair in zip(measured, verdicts, strict=True))

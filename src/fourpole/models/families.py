@@ -33,8 +33,12 @@ NAMED = {
     "gehman:N": "fourpole.paper1982.models.GehmanLaw",
     "shell": "fourpole.paper1982.shell.Shell",
 }
+#: A relaxing specimen about a mass: the belt is found in K* and taken off, then the springs are fitted by `auto`.
+BELT = "belt"
+#: Other names of models, by what a specimen has.
+ALSO = {"inertia track": "resonant:1"}
 #: Names of all families, as help and messages list them.
-NAMES = ", ".join([*FAMILIES, *NAMED])
+NAMES = ", ".join([*FAMILIES, BELT, *ALSO, *NAMED])
 _PLACES = {
     key.partition(":")[0].rstrip("["): (key, place)
     for key, place in [*((key, f"fourpole.models.{place}") for key, place in FAMILIES.items()), *NAMED.items()]
@@ -54,7 +58,7 @@ def model_named(name: str) -> Model:
     >>> model_named("maxwell:3").name
     'maxwell:3'
     """
-    family, mark, size = name.partition(":")
+    family, mark, size = ALSO.get(name, name).partition(":")
     key = _PLACES.get(family, ("", ""))[0]
     # The bare name of a family with an optional size is a model, of the size that the class has by default.
     usual = "[:N]" in key and not _class(family).sizes

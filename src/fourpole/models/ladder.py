@@ -28,6 +28,7 @@ from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.specimen import TYRE
+from fourpole.errors import ModelError
 from fourpole.models.causality import Possible, check_possible, grid_of, terms_of
 from fourpole.models.data import MASTER_DECADES, StiffnessData
 from fourpole.models.inertial import Belt, Of, carried, inertia_of, springs_of, turned
@@ -155,7 +156,7 @@ class _Best(ByValue):
         return float(stats.chi2.sf(self.chi2, self.dof))
 
 
-def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT) -> Verdict:
+def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT, *, belted: bool = False) -> Verdict:
     """The smallest kind of passive linear specimen that can have K* of one condition.
 
     Parameters
@@ -164,6 +165,8 @@ def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT) -> Verdict:
         Data of one condition, with K1 if it is known.
     of : Of
         What K* is of: springs have no inertia; a blocked transfer has that of a mass between two springs.
+    belted : bool
+        Whether the specimen is known to have a belt, so that no smaller kind is asked.
 
     Returns
     -------
@@ -172,7 +175,7 @@ def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT) -> Verdict:
     Raises
     ------
     ModelError
-        If the data are of several conditions.
+        If the data are of several conditions, or a belt is asked for that they cannot show.
 
     References
     ----------
@@ -192,6 +195,8 @@ def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT) -> Verdict:
     """
     relaxing = check_possible(data, SEARCH_CHANCE)
     lowest = _Best(relaxing.chi2, _free(data, relaxing), _count(data), 0.0, np.zeros((0, 2)))
+    if belted:
+        return _with_belt(data, relaxing, of)
     if lowest.chance > SEARCH_CHANCE or data.omega.max() > 10.0**MASTER_DECADES * data.omega.min():
         rung = Rung.RELAXING if relaxing.possible else Rung.NONE  # inertia does not shift with temperature
         return _verdict(rung, relaxing, lowest, ())
@@ -210,6 +215,18 @@ def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT) -> Verdict:
         return _verdict(Rung.RELAXING if relaxing.possible else Rung.NONE, relaxing, lowest, lies, of=of)
     found = _verdict(rung, relaxing, best, lies, of=of)
     return replace(found, mass_std=ladder.mass_std(best) if best.mass else 0.0, belt=ladder.belt_of(best))
+
+
+def _with_belt(data: StiffnessData, relaxing: Possible, of: Of) -> Verdict:
+    """The verdict on a specimen that is known to have a belt."""
+    if of is Of.SPRINGS:
+        raise ModelError("K* of springs is without the belt: fit another model, or say --of 'driving point'")
+    if data.count < _FEWEST + _EACH:
+        raise ModelError(f"a belt needs {_FEWEST + _EACH} frequencies or more, not {data.count}: measure at more")
+    ladder = Ladder(data.at(relaxing.best))
+    best = ladder.with_belt(transfer=of is Of.BLOCKED_TRANSFER)
+    holds = Rung.RESONANT if best.chance > SEARCH_CHANCE else Rung.NONE
+    return replace(_verdict(holds, relaxing, best, (), of=of), belt=ladder.belt_of(best))
 
 
 def _verdict(holds: Rung, relaxing: Possible, rung: _Best, lies: tuple[Lie, ...], of: Of = Of.DRIVING_POINT) -> Verdict:
