@@ -6,7 +6,10 @@ import subprocess
 import sys
 
 import pytest
+from typer.testing import CliRunner
 
+from fourpole import __main__ as main
+from fourpole.app.cli import app
 from fourpole.version import VERSION
 
 #: What the reduction of a recording has no use for.
@@ -45,7 +48,34 @@ def test_a_worker_loads_what_reading_and_demodulation_need():
 @pytest.mark.parametrize("arguments", ["analyse", "fit", "report", "rig", "query --frequency=10Hz", "check", "verify"])
 @pytest.mark.sampled(2)
 def test_a_missing_file_is_said_before_anything_slow_is_loaded(arguments):
-    assert not loaded_by(run(*arguments.split(), "no-such-file", code=2)) & SLOW
+    words = arguments.split()
+    loaded = loaded_by(run(words[0], "no-such-file", *words[1:], code=2))
+    assert not loaded & (SLOW | {"typer", "numpy", "pathlib", "re"})
+
+
+#: What a command asks for besides its first argument.
+MORE = {
+    "query": ["--frequency", "10 Hz"],
+    "static": ["--load", "3 kN"],
+    "export": ["--to", "xlsx"],
+    "convert": ["a.csv"],
+}
+
+
+@pytest.mark.parametrize("command", [name for names in main._NOT_THERE.values() for name in names])
+@pytest.mark.sampled(4)
+def test_a_missing_file_is_said_as_the_command_says_it(command):
+    words = [command, "no-such-file", *MORE.get(command, [])]
+    ended = CliRunner().invoke(app, words)
+    assert ended.exit_code == main._UNREADABLE
+    assert ended.stderr == f"error: {main.missing_argument(words)}\n"
+
+
+@pytest.mark.parametrize(
+    "words", [["rig"], ["rig", "--help"], ["rig", "no", "--help"], ["analyse", "no", "."], ["rig", "."], ["no", "no"]]
+)
+def test_what_may_be_there_is_left_to_the_command_line(words):
+    assert not main.missing_argument(words)
 
 
 def test_the_version_is_printed_without_the_command_line():

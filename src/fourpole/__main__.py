@@ -2,19 +2,60 @@
 
 from __future__ import annotations
 
+import os
 import sys
+
+#: Commands whose first argument must be there, by what is said where it is not; of a file by its name alone.
+_NOT_THERE = {
+    "there is no such folder": ("analyse", "check", "init", "plan", "twoport", "watch"),
+    "there is no such folder of results": ("export", "plot", "report", "rig"),
+    "there is no such file; check its name": (
+        "causality", "convert", "fit", "identify", "info", "map", "query", "ride", "shift", "static", "verify",
+    ),
+}  # fmt: skip
+#: The exit code of an input that cannot be read; see `fourpole.app.console`.
+_UNREADABLE = 2
 
 
 def main() -> None:
-    """Run the command; its version is printed without loading the command line."""
-    if sys.argv[1:] == ["--version"]:
+    """Run the command; its version, and a first argument that is not there, are told without the command line."""
+    words = sys.argv[1:]
+    if words == ["--version"]:
         from fourpole.version import VERSION
 
         sys.stdout.write(f"fourpole {VERSION}\n")
         return
+    if missing := missing_argument(words):
+        shown = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
+        mark = "\x1b[31merror:\x1b[0m" if shown else "error:"
+        sys.stderr.write(f"{mark} {missing}\n")
+        sys.exit(_UNREADABLE)
     from fourpole.app.cli import main as run
 
     run()
+
+
+def missing_argument(words: list[str]) -> str:
+    """What is missing, where the first argument of a command is a path that is not there; empty where it may be.
+
+    A command with further paths, of which one may be there, is left to the command line, and so is one of a program
+    that asked for events.
+
+    Examples
+    --------
+    >>> missing_argument(["rig", "no-such-campaign"])
+    'no-such-campaign: there is no such folder of results'
+    """
+    if len(words) < 2 or "FOURPOLE_EVENTS" in os.environ:
+        return ""
+    command, path, *rest = words
+    several = rest and not rest[0].startswith("-") if command != "convert" else False
+    asked = any(word in ("-h", "--help") for word in rest)
+    if asked or several or path.startswith("-") or not path.isprintable() or os.path.lexists(path):
+        return ""
+    said = next((text for text, commands in _NOT_THERE.items() if command in commands), "")
+    name = path.rpartition(os.sep)[2] if "file" in said else path
+    return f"{name}: {said}" if said and name else ""
 
 
 if __name__ == "__main__":

@@ -254,13 +254,14 @@ def test_models_that_flow_and_that_rest_are_compared_on_the_same_data(monkeypatc
 
 
 def test_the_docs_and_the_help_name_every_family():
-    from fourpole.app import model_commands
+    from fourpole.app import model_commands, options
 
     which = (DOCS / "which-model.md").read_text(encoding="utf-8")
     for key in (*FAMILIES, *NAMED):
         name = key.partition("[")[0].partition(":")[0]
         assert re.search(rf"^\| `{name}\b", which, re.MULTILINE), name
-    option = inspect.signature(model_commands.fit, eval_str=True).parameters["model"].annotation.__metadata__[0]
+    fit = inspect.signature(model_commands.fit, eval_str=True, locals=vars(options))
+    option = fit.parameters["model"].annotation.__metadata__[0]
     assert option.help.startswith(NAMES)
 
 

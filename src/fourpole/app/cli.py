@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,25 +12,26 @@ import fourpole.app.model_commands  # noqa: F401 - which registers its commands
 from fourpole.app.console import end_in_order, out, progress, rising, say, show_warnings, warn
 from fourpole.app.events import end_with_caller
 from fourpole.app.group import Group, registered
-from fourpole.app.options import (
-    BareRig,
-    CampaignFolder,
-    InfoOptions,
-    JsonFlag,
-    NamePatterns,
-    PlanOptions,
-    PlotOptions,
-    PointOptions,
-    RemoteFlag,
-    ResultsFolder,
-    RunOptions,
-    ShapeOptions,
-    Wanted,
-    allow_remote,
-)
 from fourpole.errors import CampaignError
-from fourpole.export.kinds import ABOUT
 from fourpole.version import VERSION
+
+if TYPE_CHECKING:  # a command's annotations find these when it is built
+    from fourpole.app.options import (
+        BareRig,
+        CampaignFolder,
+        InfoOptions,
+        JsonFlag,
+        NamePatterns,
+        PlanOptions,
+        PlotOptions,
+        PointOptions,
+        RemoteFlag,
+        ResultsFolder,
+        RunOptions,
+        ShapeOptions,
+        Wanted,
+    )
+    from fourpole.export.kinds import ABOUT
 
 Recording = Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")]
 _ROUTES = (
@@ -146,6 +147,7 @@ def analyse(
     of several campaigns has its own results, and one that cannot be read does not stop the others.
     """
     from fourpole.app.campaigns import run_each
+    from fourpole.app.options import allow_remote
     from fourpole.app.standing import results_of, settings_of, show, standing
 
     settings = settings_of(route, monte_carlo, wanted)

@@ -6,22 +6,18 @@ import functools
 import inspect
 import tomllib
 from collections.abc import Callable
-from importlib import resources
+from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 import typer
 from typer.core import TyperGroup
 
-from fourpole.app.options import allow_remote, command
-
 Run = TypeVar("Run", bound=Callable[..., int | None])
 #: Functions of the commands by name.
 _RUNS: dict[str, Callable[..., int | None]] = {}
 #: An example of each command by the heading of its group and its name.
-GROUPS: dict[str, dict[str, str]] = tomllib.loads(
-    resources.files("fourpole.app").joinpath("commands.toml").read_text(encoding="utf-8")
-)
+GROUPS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
 
 
@@ -41,6 +37,8 @@ def registered(place: str = "") -> Callable[[Run], Run]:
     def register(stated: Run) -> Run:
         @functools.wraps(stated)
         def run(**given: Any) -> int | None:
+            from fourpole.app.options import allow_remote
+
             allow_remote(given.pop("remote", False))
             code: int | None = resolve_name(f"fourpole.app.{place}")(**given)
             return code
@@ -80,7 +78,9 @@ class Group(TyperGroup):
 
 
 def _built(name: str, run: Callable[..., int | None]) -> Any:
-    """The command of a function, for the command line."""
+    """The command of a function, for the command line. The options are imported here, for the list needs none."""
+    from fourpole.app.options import command
+
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     example = f"\b\nExample:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
     alone.command(name, epilog=example)(command(run))

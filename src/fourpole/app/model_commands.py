@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from fourpole.app.console import frequencies
 from fourpole.app.group import registered
-from fourpole.app.options import (
-    DataOptions,
-    FitOptions,
-    JsonFlag,
-    OutFile,
-    RemoteFlag,
-    RideOptions,
-    RigOptions,
-    Selection,
-    ShiftOptions,
-    TableChoice,
-    allow_remote,
-    amount,
-)
-from fourpole.models.families import NAMES
+
+if TYPE_CHECKING:  # a command's annotations find these when it is built
+    from fourpole.app.options import (
+        DataOptions,
+        FitOptions,
+        JsonFlag,
+        OutFile,
+        RemoteFlag,
+        RideOptions,
+        RigOptions,
+        Selection,
+        ShiftOptions,
+        StaticStiffness,
+        TableChoice,
+        amount,
+    )
+    from fourpole.models.families import NAMES
 
 #: As `fourpole.models.operating.Purpose`, which loads numpy.
 Purpose = Literal["mean", "next", "specimen"]
-StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
 
 @registered("reduced.run_identify")
@@ -236,6 +237,7 @@ def verify(
     from fourpole.io.folders import model_in, results_in
 
     if copy is None and (path.is_dir() or path.name == "study.json"):
+        from fourpole.app.options import allow_remote
         from fourpole.app.verify_results import run_verify_results
         from fourpole.study.verified import folder_of
 

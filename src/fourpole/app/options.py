@@ -17,6 +17,8 @@ import typer
 
 from fourpole.app.console import Sign, fail, option, run_to_exit
 from fourpole.errors import RigError, UnitError
+from fourpole.export.kinds import ABOUT  # noqa: F401 - named in the help of export
+from fourpole.models.families import NAMES  # noqa: F401 - named in the help of fit
 
 if TYPE_CHECKING:
     from fourpole.core.rig import Rig
@@ -79,6 +81,9 @@ def _reader(kind: str, name: str, sign: Sign) -> Callable[[str], float]:
     return quantity
 
 
+StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
+
+
 def answered_in(units: ShownUnits, *asked: float | None) -> ShownUnits:
     """The units of an answer: those of the question, and otherwise the given ones."""
     from fourpole.quantities import ShownUnits
@@ -97,9 +102,9 @@ def command(run: Callable[..., int | None]) -> Callable[..., None]:
     Parameters
     ----------
     run : callable
-        The command. It returns its exit code; None stands for 0.
+        The command. It returns its exit code; None stands for 0. Its annotations may name what this module defines.
     """
-    signature = inspect.signature(run, eval_str=True)
+    signature = inspect.signature(run, eval_str=True, locals=globals())
     groups: dict[str, Any] = {
         n: one.annotation for n, one in signature.parameters.items() if is_dataclass(one.annotation)
     }
@@ -116,6 +121,7 @@ def command(run: Callable[..., int | None]) -> Callable[..., None]:
             given[name] = group(**{one.name: given.pop(one.name) for one in fields(group)})
         run_to_exit(run, **given)
 
+    grouped.__annotations__ = {one.name: one.annotation for one in parameters}
     grouped.__signature__ = signature.replace(parameters=parameters, return_annotation=None)  # type: ignore[attr-defined]
     return grouped
 
