@@ -7,6 +7,7 @@ from tests.fitting.test_shifting import table
 
 from fourpole.app.options import ShiftOptions
 from fourpole.app.shift import run_shift
+from fourpole.app.show import show
 from fourpole.errors import CampaignError, ModelError, UnitError
 
 FILES = {"master.csv", "covariance.parquet", "temperature.json", "shifts.csv", "overlaps.csv", "shift.svg", "shift.png"}
@@ -19,7 +20,7 @@ def isotherms(tmp_path_factory):
 
 def test_the_folder_has_every_file_and_the_text_has_shifts_overlaps_and_laws(isotherms, tmp_path, capsys):
     folder = tmp_path / "new" / "master"
-    run_shift([isotherms], ShiftOptions(reference=20.0, folder=folder, constants_at=0.0), as_json=False)
+    show(run_shift([isotherms], ShiftOptions(reference=20.0, folder=folder, constants_at=0.0)), as_json=False)
     said = capsys.readouterr()
     assert {path.name for path in folder.iterdir()} == FILES
     for text in (
@@ -36,14 +37,16 @@ def test_the_folder_has_every_file_and_the_text_has_shifts_overlaps_and_laws(iso
 
 
 def test_the_document_for_programs_is_json_alone(isotherms, capsys):
-    run_shift([isotherms], ShiftOptions(reference=20.0), as_json=True)
+    show(run_shift([isotherms], ShiftOptions(reference=20.0)), as_json=True)
     document = json.loads(capsys.readouterr().out)
     assert [one["temperature"]["law"] for one in document["laws"]] == ["WLF"]
     assert {one["verdict"] for one in document["overlaps"]} == {"one curve"}
 
 
 def test_a_gap_is_told_with_what_to_measure(tmp_path, capsys):
-    run_shift([table(tmp_path / "gap.csv", (-40.0, 10.0, 20.0, 35.0))], ShiftOptions(reference=20.0), as_json=False)
+    show(
+        run_shift([table(tmp_path / "gap.csv", (-40.0, 10.0, 20.0, 35.0))], ShiftOptions(reference=20.0)), as_json=False
+    )
     (line,) = [
         part for part in " ".join(capsys.readouterr().err.split()).split("warning: ") if "no shift factor" in part
     ]
@@ -62,12 +65,12 @@ def test_a_gap_is_told_with_what_to_measure(tmp_path, capsys):
 )
 def test_a_mistake_is_one_sentence(isotherms, options, error, message):
     with pytest.raises(error, match=message):
-        run_shift([isotherms], options, as_json=False)
+        show(run_shift([isotherms], options), as_json=False)
 
 
 def test_a_figure_of_an_unknown_format_writes_nothing(isotherms, tmp_path):
     with pytest.raises(CampaignError, match="no format"):
-        run_shift([isotherms], ShiftOptions(reference=20.0, figure=tmp_path / "shift.gif"), as_json=False)
+        show(run_shift([isotherms], ShiftOptions(reference=20.0, figure=tmp_path / "shift.gif")), as_json=False)
     assert not list(tmp_path.iterdir())
 
 
@@ -77,7 +80,7 @@ def test_the_figure_has_every_specimen(isotherms, tmp_path):
     both.write_text(
         "\n".join([f"{rows[0]},tyre", *(f"{row},{name}" for name in ("first", "second") for row in rows[1:])])
     )
-    run_shift([both], ShiftOptions(reference=20.0, figure=tmp_path / "shift.svg"), as_json=False)
+    show(run_shift([both], ShiftOptions(reference=20.0, figure=tmp_path / "shift.svg")), as_json=False)
     drawn = (tmp_path / "shift.svg").read_text()
     assert "first" in drawn
     assert "second" in drawn

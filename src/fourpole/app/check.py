@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from fourpole.answer import Answer, Part, Table
 from fourpole.app.alike import gathered_alike
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, print_table, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict
@@ -20,16 +21,13 @@ _MOST_LISTED = 60
 _MOST_OWN = 12
 
 
-def run_check(campaign: Path, route: str, workers: int | None, *, as_json: bool) -> int:
-    """Print what the analysis would reject; the exit code is the same as that of the analysis."""
+def run_check(campaign: Path, route: str, workers: int | None) -> Answer:
+    """What the analysis would reject; the exit code is the same as that of the analysis."""
     stated = read_campaign(campaign)
     with progress("checking") as advance:
         checked = check_campaign(stated, route=route, workers=workers, progress=advance)
-    if as_json:
-        print_json(_document(checked))
-    else:
-        _list(checked)
-    return SOME_REJECTED if checked.counts[Verdict.REJECTED] else OK
+    code = SOME_REJECTED if checked.counts[Verdict.REJECTED] else OK
+    return Answer(_list(checked), lambda: _document(checked), code=code)
 
 
 def _document(checked: Checked) -> dict[str, object]:
@@ -43,8 +41,8 @@ def _document(checked: Checked) -> dict[str, object]:
     }
 
 
-def _list(checked: Checked) -> None:
-    """Print one row for each kind of problem, with the tests that have it."""
+def _list(checked: Checked) -> Iterator[Part]:
+    """One row for each kind of problem, with the tests that have it."""
     for doubt in checked.campaign.doubts:
         warn(doubt)
     own = [name for name in checked.campaign.extra_columns if name != DOUBTS]
@@ -57,14 +55,14 @@ def _list(checked: Checked) -> None:
         say(f"note: {note}")
     rows = list(_rows(checked.problems))
     if rows:
-        print_table(
+        yield Table(
             ("verdict", "tests", "rows of tests.csv", "about", "what is wrong, and what to do"), rows[:_MOST_LISTED]
         )
         if len(rows) > _MOST_LISTED:
-            out(f"... and {len(rows) - _MOST_LISTED} more; --json lists all")
-        out()
+            yield f"... and {len(rows) - _MOST_LISTED} more; --json lists all"
+        yield ""
     counts = counted_tests(checked.counts, "would be rejected")
-    out(f"{counts} (route: {checked.route}); nothing was analysed or written")
+    yield f"{counts} (route: {checked.route}); nothing was analysed or written"
 
 
 def _guessed(campaign: Campaign) -> Iterator[str]:

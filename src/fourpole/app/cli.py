@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import fourpole.app.model_commands  # noqa: F401 - which registers its commands
+from fourpole.answer import Answer
 from fourpole.app.console import end_in_order, out, progress, rising, say, show_warnings, warn
 from fourpole.app.events import end_with_caller
 from fourpole.app.group import Group, registered
@@ -285,8 +286,8 @@ def report(
     standard: Annotated[
         str, typer.Option(metavar="NAME", help="Hold the results against sae-j1085, iso-7626-2 or iso-10846-2 instead.")
     ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="With --standard: print one JSON document.")] = False,
-) -> None:
+    as_json: Annotated[bool, typer.Option("--json", help="With --standard: print one JSON document.")] = False,  # noqa: ARG001
+) -> Answer | None:
     """Make the figures and report.html again from the result tables, without reading the recordings.
 
     The report has the models and maps that fit and map have made of these tables since. With --standard, each
@@ -300,11 +301,11 @@ def report(
     if standard:
         from fourpole.app.standard import run_standard
 
-        run_standard(results, folder, standard, as_json=as_json)
-        return
+        return run_standard(results, folder, standard)
     from fourpole.app.report import run_report
 
     run_report(results, folder, theme, png=png, paper=paper, pdf=pdf)
+    return None
 
 
 @registered()

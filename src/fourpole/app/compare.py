@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fourpole.app.console import out, print_json, print_table, say
+from fourpole.answer import Answer, Part, Table
 from fourpole.errors import CampaignError
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Comparison, compare
 from fourpole.io.write import write_table, write_text
@@ -23,9 +24,8 @@ def run_compare(
     page: Path | None,
     *,
     independent: bool,
-    as_json: bool,
-) -> None:
-    """Print the differences, the largest first; write all rows and the page where they are wanted."""
+) -> Answer:
+    """The differences, the largest first; all rows and the page are written where they are wanted."""
     if file is not None and file.suffix.lower() != ".csv":
         raise CampaignError(f"--out {file}: the file of all rows is CSV: name it FILE.csv; --page is the HTML page")
     compared = compare(first, second, specimens=specimens, independent=independent)
@@ -33,32 +33,26 @@ def run_compare(
         write_table(file, compared.rows)
     if page is not None:
         write_text(page, render_compared(compared))
-    if as_json:
-        print_json(_document(compared))
-    else:
-        _show(compared)
-    for what, path in (("rows", file), ("page", page)):
-        if path is not None:
-            (say if as_json else out)(f"{what}: {path}")
+    files = [(what, path) for what, path in (("rows", file), ("page", page)) if path is not None]
+    return Answer(_show(compared), lambda: _document(compared), files)
 
 
-def _show(compared: Comparison) -> None:
+def _show(compared: Comparison) -> Iterator[Part]:
     rows = shown_rows(compared)
-    out(f"{compared.names[1]} less {compared.names[0]}; ± is U (k = 2), z the difference over u")
+    yield f"{compared.names[1]} less {compared.names[0]}; ± is U (k = 2), z the difference over u"
     for seen, heading in ((True, DIFFERS), (False, NOT_SEEN)):
         part = [row for row in rows if row.seen is seen]
         if part:
-            out()
-            out(f"{heading} ({len(part)} of {len(rows)}):")
+            yield ""
+            yield f"{heading} ({len(part)} of {len(rows)}):"
             cells = [(row.where, row.quantity, row.first, row.second, row.difference, row.z) for row in part[:_MOST]]
             heads = ("condition", "of", *map(_short, compared.names), "difference", "z")
-            print_table(heads, cells, right=heads[2:])
+            yield Table(heads, cells, right=heads[2:])
             if len(part) > _MOST:
-                out(f"... and {len(part) - _MOST} more with smaller ratios: --out FILE.csv, --page FILE.html")
-    out()
-    out(outcome(compared))
-    for sentence in compared.common:
-        out(sentence)
+                yield f"... and {len(part) - _MOST} more with smaller ratios: --out FILE.csv, --page FILE.html"
+    yield ""
+    yield outcome(compared)
+    yield from compared.common
 
 
 def _short(name: str) -> str:

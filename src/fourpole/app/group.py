@@ -13,7 +13,10 @@ from typing import Any, TypeVar
 import typer
 from typer.core import TyperGroup
 
-Run = TypeVar("Run", bound=Callable[..., int | None])
+from fourpole.answer import Answer
+from fourpole.app.show import show
+
+Run = TypeVar("Run", bound=Callable[..., "Answer | int | None"])
 #: Functions of the commands by name.
 _RUNS: dict[str, Callable[..., int | None]] = {}
 #: An example of each command by the heading of its group and its name.
@@ -32,6 +35,7 @@ def registered(place: str = "") -> Callable[[Run], Run]:
 
     With `place`, the function is the signature and the help alone: the function at this place in the room takes the
     same arguments by their names, but for `remote`, and does the work. Its module is loaded when the command runs.
+    An `Answer` is shown as `as_json` says; a function that prints by itself takes this argument, too.
     """
 
     def register(stated: Run) -> Run:
@@ -40,10 +44,12 @@ def registered(place: str = "") -> Callable[[Run], Run]:
             from fourpole.app.options import allow_remote
 
             allow_remote(given.pop("remote", False))
-            code: int | None = resolve_name(f"fourpole.app.{place}")(**given)
-            return code
+            work = resolve_name(f"fourpole.app.{place}") if place else stated
+            asked = inspect.signature(work).parameters
+            found = work(**{name: value for name, value in given.items() if name in asked})
+            return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
 
-        _RUNS[stated.__name__.rstrip("_")] = run if place else stated
+        _RUNS[stated.__name__.rstrip("_")] = run
         return stated
 
     return register

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from fourpole.app.console import out, print_json, progress, table_width
+from fourpole.answer import Answer, Part
+from fourpole.app.console import progress, table_width
 from fourpole.app.options import InfoOptions
 from fourpole.io.child import read_apart
 from fourpole.io.look import ChannelSummary, look_at
@@ -81,8 +82,8 @@ def _time_faults(found: ChannelSummary) -> Iterator[str]:
         yield f"  ! the time repeats itself or goes back {'once' if found.stops == 1 else f'{found.stops} times'}"
 
 
-def run_info(file: Path, options: InfoOptions, *, as_json: bool) -> None:
-    """Print format, channels, units and times of a file, and a summary of the samples of each channel."""
+def run_info(file: Path, options: InfoOptions) -> Answer:
+    """Format, channels, units and times of a file, and a summary of the samples of each channel."""
     found: FileInfo = read_apart(survey, file, classes=(FileInfo, SignalInfo))
     shown = chosen_of(found, options.group, [options.channel] if options.channel else [], file.name)
     some = shown if options.channel or options.group else shown[:_MOST]
@@ -94,16 +95,19 @@ def run_info(file: Path, options: InfoOptions, *, as_json: bool) -> None:
     for at in shown:
         one = seen.get(at)
         rows.append(_Row(found.signals[at], *((None, one) if isinstance(one, str) else (one,))))
-    if as_json:
-        signals = [_plain(row) for row in rows]
-        print_json({"file": file.name, "format": found.format, "notes": found.notes, "signals": signals})
-        return
-    out(f"{file.name}: {found.format}")
+    head = {"file": file.name, "format": found.format, "notes": found.notes}
+    read = len(shown) if options.quick else len(some)
+    return Answer(_shown(file, found, rows, options, read), lambda: {**head, "signals": [_plain(row) for row in rows]})
+
+
+def _shown(file: Path, found: FileInfo, rows: Sequence[_Row], options: InfoOptions, read: int) -> Iterator[Part]:
+    """The file, its channels, and how many of them were read."""
+    yield f"{file.name}: {found.format}"
     for note in found.notes:
-        out(f"  {note}")
-    _print_rows(rows, options)
-    if len(some) < len(shown) and not options.quick:
-        out(f"\nonly the first {len(some)} of {len(shown)} channels were read; name others with --group or --channel")
+        yield f"  {note}"
+    yield from _print_rows(rows, options)
+    if read < len(rows):
+        yield f"\nonly the first {read} of {len(rows)} channels were read; name others with --group or --channel"
 
 
 def _plain(row: _Row) -> dict[str, Any]:
@@ -118,10 +122,10 @@ def _plain(row: _Row) -> dict[str, Any]:
     return document | dict(zip(("count", "rate", "start", "duration"), row.times, strict=True))
 
 
-def _print_rows(rows: Sequence[_Row], options: InfoOptions) -> None:
-    """Print the channels, those with equal times together below a line with these times."""
+def _print_rows(rows: Sequence[_Row], options: InfoOptions) -> Iterator[Part]:
+    """The channels, those with equal times together below a line with these times."""
     if not rows:
-        out("  no channels")
+        yield "  no channels"
     plot = not (options.no_plot or options.quick)
     layout = _Layout(
         name=min(max([len("channel"), *(cell_len(row.info.name) for row in rows)]), _LONGEST_NAME),
@@ -132,24 +136,24 @@ def _print_rows(rows: Sequence[_Row], options: InfoOptions) -> None:
         dots=draws_dots(),
     )
     for _, members in groupby(rows, key=lambda row: row.base):
-        _print_group(list(members), layout)
+        yield from _print_group(list(members), layout)
 
 
-def _print_group(rows: Sequence[_Row], layout: _Layout) -> None:
-    """Print channels with equal times; a note that all of them have is printed once."""
+def _print_group(rows: Sequence[_Row], layout: _Layout) -> Iterator[Part]:
+    """Channels with equal times; a note that all of them have is printed once."""
     notes = {row.info.note for row in rows}
     shared = rows[0].info.note if len(rows) > 1 and len(notes) == 1 else ""
-    out()
+    yield ""
     for text in rows[0].time_lines():
-        out(text)
+        yield text
     if shared:
-        out(f"each: {shared}")
-    out(layout.head(quick=rows[0].summary is None))
+        yield f"each: {shared}"
+    yield layout.head(quick=rows[0].summary is None)
     for row in rows:
         for text in layout.lines(row, note=row.info.note != shared):
-            out(text)
+            yield text
         for text in _picture(row, layout.width, dots=layout.dots) if layout.large else ():
-            out(text)
+            yield text
 
 
 @dataclass(frozen=True)

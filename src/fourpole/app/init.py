@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from fourpole import quantities as q
-from fourpole.app.console import out, print_json, print_table, progress
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import progress
 from fourpole.campaign import read_campaign
 from fourpole.core.condition import FREQUENCY
 from fourpole.errors import CampaignError
@@ -27,28 +28,29 @@ _ROLES = {
 }
 
 
-def run_init(folder: Path, pattern: Sequence[str] | None, *, force: bool, as_json: bool) -> None:
-    """Guess a campaign, write it, and print the guess with its doubts."""
+def run_init(folder: Path, pattern: Sequence[str] | None, *, force: bool) -> Answer:
+    """Guess a campaign, write it, and show the guess with its doubts."""
     if not force:
         keep_existing(folder)
     with progress("reading") as advance:
         guess = guess_campaign(folder, patterns=pattern or (), progress=advance)
     guess.write(force=force)
     following = _following(folder)
-    if as_json:
-        print_json(_document(guess, following))
-        return
-    _tests(guess.rows)
-    _channels(guess)
+    return Answer(_parts(folder, guess, following), lambda: _document(guess, following))
+
+
+def _parts(folder: Path, guess: GuessedCampaign, following: str) -> Iterator[Part]:
+    yield from _tests(guess.rows)
+    yield from _channels(guess)
     if guess.doubts:
-        out(f"{len(guess.doubts)} doubt{'s' if len(guess.doubts) > 1 else ''}, also written beside what they concern:")
+        yield f"{len(guess.doubts)} doubt{'s' if len(guess.doubts) > 1 else ''}, also written beside what they concern:"
     for number, doubt in enumerate(guess.doubts, 1):
-        out(f"{number:>3}. {doubt.text}")
-        out(f"     -> {doubt.remedy}")
+        yield f"{number:>3}. {doubt.text}"
+        yield f"     -> {doubt.remedy}"
     if guess.moving:
-        out(f"question: what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states {WEIGHT}")
-    out(f"written: campaign.toml and tests.csv in {folder}, {len(guess.rows)} tests")
-    out(following)
+        yield f"question: what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states {WEIGHT}"
+    yield f"written: campaign.toml and tests.csv in {folder}, {len(guess.rows)} tests"
+    yield following
 
 
 def _following(folder: Path) -> str:
@@ -91,8 +93,8 @@ def _document(guess: GuessedCampaign, following: str) -> dict[str, object]:
     }
 
 
-def _tests(rows: Sequence[Row]) -> None:
-    """Print a row for each kind, tyre, pressure, preload and added mass, with its number of tests and frequencies."""
+def _tests(rows: Sequence[Row]) -> Iterator[Part]:
+    """A row for each kind, tyre, pressure, preload and added mass, with its number of tests and frequencies."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         cells: tuple[str, ...] = (
@@ -105,10 +107,10 @@ def _tests(rows: Sequence[Row]) -> None:
         groups.setdefault(cells, []).append(row)
     lines = [(*cells, str(len(members)), _frequencies(members)) for cells, members in groups.items()]
     heads = ("kind", "tyre", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies")
-    print_table(heads, lines[:_MOST_LISTED], right=heads[2:-1])
+    yield Table(heads, lines[:_MOST_LISTED], right=heads[2:-1])
     if len(groups) > _MOST_LISTED:
-        out(f"... and {len(groups) - _MOST_LISTED} more conditions; see tests.csv")
-    out()
+        yield f"... and {len(groups) - _MOST_LISTED} more conditions; see tests.csv"
+    yield ""
 
 
 def _frequencies(rows: Sequence[Row]) -> str:
@@ -121,7 +123,7 @@ def _shown(value: float | None, scale: float) -> str:
     return "" if value is None else f"{value / scale:.4g}"
 
 
-def _channels(guess: GuessedCampaign) -> None:
+def _channels(guess: GuessedCampaign) -> Iterator[Part]:
     rows = []
     if guess.clock is not None:
         rows.append(("time", *guess.clock[:2], "", ""))
@@ -132,5 +134,5 @@ def _channels(guess: GuessedCampaign) -> None:
         if role in guess.roles:
             one = guess.roles[role]
             rows.append((symbol, one.column, one.unit or "not known", one.quantity, "inverted" if one.invert else ""))
-    print_table(("channel", "column", "unit", "taken as", "sign"), rows)
-    out()
+    yield Table(("channel", "column", "unit", "taken as", "sign"), rows)
+    yield ""

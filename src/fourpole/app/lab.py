@@ -5,21 +5,19 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from fourpole.app.console import OK, SOME_REJECTED, out, print_json, progress, warn
+from fourpole.answer import Answer
+from fourpole.app.console import OK, SOME_REJECTED, progress, warn
 from fourpole.lab import Gathered, gather
 
 
-def run_lab(folder: Path, place: Path | None, *, as_json: bool) -> int:
+def run_lab(folder: Path, place: Path | None) -> Answer:
     """Gather results into a data set; the exit code is `SOME_REJECTED` if some were not taken."""
     with progress("gathering") as advance:
         made = gather(folder, place, progress=advance)
     for problem in made.problems:
         warn(problem)
-    if as_json:
-        print_json({**asdict(made), "folder": str(made.folder)})
-    else:
-        out(_summary(made))
-    return SOME_REJECTED if made.left_out else OK
+    code = SOME_REJECTED if made.left_out else OK
+    return Answer([_summary(made)], lambda: {**asdict(made), "folder": str(made.folder)}, code=code)
 
 
 def _summary(made: Gathered) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from fourpole.answer import Answer
 from fourpole.app.console import frequencies
 from fourpole.app.group import registered
 
@@ -63,8 +64,8 @@ def static(
         list[str] | None, typer.Option(metavar="ROLE=NAME", help='Which column is what, as "load=ch7 [kN]".')
     ] = None,
     group: Annotated[str, typer.Option(help="The sheet or group of the file, if several hold a curve.")] = "",
-    as_json: JsonFlag = False,
-) -> None:
+    as_json: JsonFlag = False,  # noqa: ARG001 - of the answer
+) -> Answer:
     """Static stiffness K1 at a load from a load-deflection curve, with secant, loss and non-linearity.
 
     K1 is the tangent of the mean of the loading and unloading branches over the last complete cycle.
@@ -73,7 +74,7 @@ def static(
 
     named = {"load": load_column, "deflection": deflection_column}
     columns = [*(column or ()), *(f"{role}={name}" for role, name in named.items() if name is not None)]
-    run_static(table, load, columns, group, as_json=as_json)
+    return run_static(table, load, columns, group)
 
 
 @registered()
@@ -90,14 +91,14 @@ def predict(
         float | None, amount("--preload-damping", "damping", 'Damper c3 beside it, as "20 N s/m".')
     ] = None,
     file: OutFile = None,
-    as_json: JsonFlag = False,
-) -> None:
+    as_json: JsonFlag = False,  # noqa: ARG001 - of the answer
+) -> Answer:
     """K*, R, I and TR that a tyre of known K1, K2 and C has on a rig."""
     from fourpole.app.reduced import run_predict
     from fourpole.core.rig import Rig
 
     rig = Rig(mass, preload_stiffness, preload_damping or 0.0)
-    run_predict((k1, k2, c), rig, frequencies(frequency), file, as_json=as_json)
+    return run_predict((k1, k2, c), rig, frequencies(frequency), file)
 
 
 Study = Annotated[
@@ -175,7 +176,7 @@ def query(
     ] = False,
     file: OutFile = None,
     as_json: JsonFlag = False,
-) -> None:
+) -> Answer:
     """K*, K1, K2, C and TR at an operating point and frequency, each with its uncertainty.
 
     TR is of the rig of the tests, or of another rig if --mass and --preload-stiffness state one. The uncertainty is
@@ -191,7 +192,7 @@ def query(
     stated[q.DEFLECTION_AMPLITUDE.head] = amplitude
     state = {column: value for column, value in stated.items() if value is not None} | axis_values(at or [])
     asked = Query(frequencies(frequency), state, tyre, above.rig, beyond, purpose=purpose)
-    run_query(model_in(model), asked, file, as_json=as_json)
+    return run_query(model_in(model), asked, file, as_json=as_json)
 
 
 @registered("shift.run_shift")
@@ -227,7 +228,7 @@ def verify(
     ] = None,
     remote: RemoteFlag = False,
     as_json: JsonFlag = False,
-) -> int | None:
+) -> Answer:
     """Check that results, or a model file, are as they were written, and that the analysis gives the same again.
 
     Of results: the recordings and statements by the hashes of study.json, the tables and models by theirs, and every
@@ -243,7 +244,7 @@ def verify(
 
         allow_remote(remote)
         folder = folder_of(path) or results_in(path)
-        return run_verify_results(folder, campaign, quick=quick, workers=workers, as_json=as_json)
+        return run_verify_results(folder, campaign, quick=quick, workers=workers)
     from fourpole.app.verify import run_verify
 
     return run_verify(model_in(path), copy, as_json=as_json)

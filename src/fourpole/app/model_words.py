@@ -1,13 +1,14 @@
-"""Printed results of the commands on models: comparisons, parameters, maps and answers."""
+"""Results of the commands on models: comparisons, parameters, maps and answers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fourpole import quantities as q
-from fourpole.app.console import out, print_table, say, warn
+from fourpole.answer import Part, Table
+from fourpole.app.console import say, warn
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.fitting.query import INTERVAL, PURPOSE
@@ -39,10 +40,10 @@ _COMPARED = (
 _MAPPED = ("terms", "log density - best", "leave-one-out error [%]", "inside 95 % [%]", "scatter [%]")
 
 
-def show_fit(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> None:
-    """Print the compared models, the verdict and the parameters of a tyre; `shared` if conditions share some."""
+def show_fit(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> Iterator[Part]:
+    """The compared models, the verdict and the parameters of a tyre; `shared` if conditions share some."""
     if entry.tyre:
-        out(f"Tyre {entry.tyre}")
+        yield f"Tyre {entry.tyre}"
     least = min(one.bic for one in entry.candidates)
     rows = [
         (
@@ -60,39 +61,38 @@ def show_fit(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> None:
         )
         for one in entry.candidates
     ]
-    print_table(("model", "causal", *_COMPARED), rows, right=_COMPARED)
-    out(entry.choice)
+    yield Table(("model", "causal", *_COMPARED), rows, right=_COMPARED)
+    yield entry.choice
     if entry.discrepancy:
-        out(discrepancy(entry))
-    for line in verdicts(entry):
-        out(line)
-    _show_parameters(entry, units, shared=shared)
+        yield discrepancy(entry)
+    yield from verdicts(entry)
+    yield from _show_parameters(entry, units, shared=shared)
 
 
-def _show_parameters(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> None:
+def _show_parameters(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> Iterator[Part]:
     fixed = [at for at in range(len(entry.parameters)) if _is_fixed(entry, at)]
     heads = {at: _head(entry, at, units) for at in range(len(entry.parameters)) if at not in fixed}
     if len(heads) > _MOST_COLUMNS:
-        _show_down(entry, list(heads), units)
+        yield from _show_down(entry, list(heads), units)
         fixed = [at for at in fixed if not entry.parameters[at].symbol.startswith("tau_")]
     else:
         shown = entry.conditions[:_MOST_ROWS]
         rows = [(_condition(one, units), *("\n".join(_cell(entry, one, at, units)) for at in heads)) for one in shown]
-        print_table(("condition", *heads.values()), rows, right=list(heads.values()))
+        yield Table(("condition", *heads.values()), rows, right=list(heads.values()))
     if fixed:
         named = (f"{entry.parameters[at].symbol} = {_fixed_value(entry, at, units)}" for at in fixed)
-        out(f"fixed, not fitted: {', '.join(named)}")
+        yield f"fixed, not fitted: {', '.join(named)}"
     how = "from the covariance" if entry.pressures or shared else "by profile likelihood"
-    out(f"{PLUS_MINUS}, below it the 95 % interval {how}; (bound): on a bound, or without influence")
+    yield f"{PLUS_MINUS}, below it the 95 % interval {how}; (bound): on a bound, or without influence"
     if len(entry.conditions) > _MOST_ROWS and len(heads) <= _MOST_COLUMNS:
-        out(f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file")
+        yield f"... and {len(entry.conditions) - _MOST_ROWS} more conditions, in the model file"
     alone = [_condition(one, units) for one in entry.conditions if not one.converged]
     if alone:
         warn(f"{len(alone)} fits did not converge: {first_of(alone, _MOST_NAMED)}")
 
 
-def _show_down(entry: ModelEntry, places: Sequence[int], units: ShownUnits) -> None:
-    """Print many parameters of a tyre one below the other, a table for each condition."""
+def _show_down(entry: ModelEntry, places: Sequence[int], units: ShownUnits) -> Iterator[Part]:
+    """Many parameters of a tyre one below the other, a table for each condition."""
     symbols = [one.symbol for one in entry.parameters]
     for one in entry.conditions[:_MOST_TABLES]:
         rows = []
@@ -102,13 +102,13 @@ def _show_down(entry: ModelEntry, places: Sequence[int], units: ShownUnits) -> N
             arm = f"{one.values[symbols.index(time)]:.4g}" if time != symbol and time in symbols else ""
             value, ends = _cell(entry, one, at, units)
             rows.append((_head(entry, at, units), arm, value, ends))
-        print_table(
+        yield Table(
             (_condition(one, units), "relaxation time [s]", "value", "95 %"),
             rows,
             right=("relaxation time [s]", "value", "95 %"),
         )
     if len(entry.conditions) > _MOST_TABLES:
-        out(f"... and {len(entry.conditions) - _MOST_TABLES} more conditions, in the model file")
+        yield f"... and {len(entry.conditions) - _MOST_TABLES} more conditions, in the model file"
 
 
 def _is_fixed(entry: ModelEntry, at: int) -> bool:
@@ -155,17 +155,17 @@ def _is_given(one: ConditionFile, at: int) -> bool:
     return one.covariance[at][at] == 0 and low is not None and low == high
 
 
-def show_map(found: TyreMap) -> None:
-    """Print the compared surfaces and the chosen one."""
+def show_map(found: TyreMap) -> Iterator[Part]:
+    """The compared surfaces and the chosen one."""
     if found.tyre:
-        out(f"Tyre {found.tyre}")
-    print_table(
+        yield f"Tyre {found.tyre}"
+    yield Table(
         ("model", "causal", "link", *_MAPPED), [_map_row(name, one, found) for name, one in found.others], right=_MAPPED
     )
     for name, one in found.others:
         if isinstance(one, str):
-            out(f"{name}: none, for {one}")
-    out(found.text)
+            yield f"{name}: none, for {one}"
+    yield found.text
 
 
 def _map_row(name: str, one: OperatingMap | str, found: TyreMap) -> tuple[str, ...]:
@@ -180,8 +180,8 @@ def _map_row(name: str, one: OperatingMap | str, found: TyreMap) -> tuple[str, .
     return name + mark, "yes" if one.model.causal else "no", one.link, str(len(one.terms)), less, *shown
 
 
-def show_row(row: Mapping[str, Any], units: ShownUnits) -> None:
-    """Print one answer of a model file in lines."""
+def show_row(row: Mapping[str, Any], units: ShownUnits) -> Iterator[Part]:
+    """One answer of a model file in lines."""
     for head, value in row.items():
         if (
             head in (q.REMARKS.head, q.OUTSIDE.head, PURPOSE, INTERVAL)
@@ -190,7 +190,7 @@ def show_row(row: Mapping[str, Any], units: ShownUnits) -> None:
         ):
             continue
         name, _, si = head.removesuffix("]").partition(" [")
-        out(f"{name:<12} {cell(row, head, units)} {units.unit(si)[0]}".rstrip())
-    out(f"{PLUS_MINUS}. {row[INTERVAL]}")
+        yield f"{name:<12} {cell(row, head, units)} {units.unit(si)[0]}".rstrip()
+    yield f"{PLUS_MINUS}. {row[INTERVAL]}"
     for line in lacking(row):
         say(line)

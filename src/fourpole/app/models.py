@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +14,11 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole import units
-from fourpole.app.console import option, out, print_json, progress, say, warn
-from fourpole.app.deliver import deliver
+from fourpole.answer import Answer, Part
+from fourpole.app.console import option, progress, say, warn
 from fourpole.app.model_words import show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions, Selection, answered_in
+from fourpole.app.show import rows_answer
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
@@ -118,11 +120,11 @@ def _band(text: str) -> tuple[float, float]:
         raise UnitError(f"--band: {error}") from None
 
 
-def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) -> None:
+def run_fit(results: Path, model: str, options: FitOptions) -> Answer:
     """Fit or choose a model for each tyre; write the model file."""
     path = results_in(results)
-    if path.is_file() and _fit_over_time(path, model, options, as_json=as_json):
-        return
+    if path.is_file() and (answer := _fit_over_time(path, model, options)):
+        return answer
     measured = _with_static(_read(path, options, model=model), path, options)
     _notes(measured)
     with progress("fitting") as advance:
@@ -133,38 +135,38 @@ def run_fit(results: Path, model: str, options: FitOptions, *, as_json: bool) ->
         warn(note)
     made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path, measured, options))
     files = _written(path, measured, made, options.file, options.figure)
-    _show_written(made, files, units_beside(path), as_json=as_json)
-    _renew_report(path, options.file, as_json=as_json)
-    if any(one.stopped for one in fits):
-        raise KeyboardInterrupt  # the exit code says so; what was found is written
+
+    def then() -> Iterator[Part]:
+        yield from _renew_report(path, options.file)
+        if any(one.stopped for one in fits):
+            raise KeyboardInterrupt  # the exit code says so; what was found is written
+
+    return Answer(_shown(made, files, units_beside(path)), lambda: made.document, then=then)
 
 
-def _fit_over_time(path: Path, model: str, options: FitOptions, *, as_json: bool) -> bool:
-    """Fit a table of relaxation or creep and write the model file; False for another table."""
+def _fit_over_time(path: Path, model: str, options: FitOptions) -> Answer | None:
+    """Fit a table of relaxation or creep and write the model file; None for another table."""
     std = None if options.std is None else option(options.std, "ratio", "--std", "positive")
     settings = _settings(model, options)
     made = fit_over_time(path, model, options.table(), std=std, tyre=options.tyre, settings=settings)
     if made is None:
-        return False
+        return None
     if given := [name for name in _NOT_OVER_TIME if getattr(options, name)]:
         raise UnitError(f"{path.name} is over time: leave out {', '.join(f'--{name}' for name in given)}")
     for note in made.provenance.notes:
         say(f"note: {note}")
     if options.file is not None:
         made.write(options.file)
-    _show_written(made, [] if options.file is None else [options.file], ShownUnits(), as_json=as_json)
-    return True
+    files = [] if options.file is None else [options.file]
+    return Answer(_shown(made, files, ShownUnits()), lambda: made.document)
 
 
-def _show_written(made: ModelFile, files: Sequence[Path], wanted: ShownUnits, *, as_json: bool) -> None:
-    """Print the content of a model file and the files written."""
-    if as_json:
-        print_json(made.document)
-        return
+def _shown(made: ModelFile, files: Sequence[Path], wanted: ShownUnits) -> Iterator[Part]:
+    """The content of a model file and the files written."""
     for entry in made.models:
-        show_fit(entry, wanted, shared="share" in made.provenance.settings)
+        yield from show_fit(entry, wanted, shared="share" in made.provenance.settings)
     for place in files:
-        out(f"written: {place}")
+        yield f"written: {place}"
 
 
 def fitted(results: Study, folder: Path) -> Study:
@@ -188,8 +190,8 @@ def fitted(results: Study, folder: Path) -> Study:
     return replace(results, models=made)
 
 
-def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
-    """The smallest kind of passive linear specimen that can have K* of each condition: print the verdicts."""
+def run_causality(results: Path, data: DataOptions) -> Answer:
+    """The smallest kind of passive linear specimen that can have K* of each condition."""
     path = results_in(results)
     measured = _read(path, data)
     if measured.known:
@@ -198,16 +200,21 @@ def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
         warn(f"the table states no uncertainty of K*: taken as {100 * _ASSUMED:g} %; state --std")
         measured = _read(path, data, _ASSUMED)
     found = [(one, verdict_of(one.data, one.of)) for one in measured.conditions]
-    if as_json:
+
+    def document() -> dict[str, Any]:
         rows = [{"tyre": one.tyre, "state": one.state, **_verdict(one, verdict)} for one, verdict in found]
-        print_json({"source": measured.source, "conditions": rows})
-        return
-    wanted = units_beside(path)
+        return {"source": measured.source, "conditions": rows}
+
+    return Answer(_verdicts_shown(found, measured.source, units_beside(path)), document)
+
+
+def _verdicts_shown(found: Sequence[tuple[Measured, Verdict]], source: str, wanted: ShownUnits) -> Iterator[Part]:
+    """The verdict on each condition, and what to do where K* is not possible."""
     for one, verdict in found:
-        where = " at ".join(part for part in (one.tyre, one.in_words(wanted)) if part) or measured.source
-        _show_verdict(where, one, verdict)
+        where = " at ".join(part for part in (one.tyre, one.in_words(wanted)) if part) or source
+        yield from _show_verdict(where, one, verdict)
     bad = sum(not verdict.possible for _, verdict in found)
-    out(f"{len(found) - bad} of {len(found)} conditions are possible")
+    yield f"{len(found) - bad} of {len(found)} conditions are possible"
     if bad:
         say(
             "either the tests are at fault (a gain, a resonance, a tyre that had not settled), or their uncertainty is "
@@ -218,18 +225,18 @@ def run_causality(results: Path, data: DataOptions, *, as_json: bool) -> None:
             say(hint)
 
 
-def _show_verdict(where: str, one: Measured, verdict: Verdict) -> None:
+def _show_verdict(where: str, one: Measured, verdict: Verdict) -> Iterator[Part]:
     chi2 = f"(chi-square {number(verdict.chi2)} for {verdict.dof} degrees of freedom, p-value {verdict.chance:.2g})"
-    out(f"{where}: {kind_that_holds(verdict)} {chi2}")
+    yield f"{where}: {kind_that_holds(verdict)} {chi2}"
     if verdict.holds is Rung.NONE:
-        out(f"  {_contradicting(verdict, one.own.count)}")
+        yield f"  {_contradicting(verdict, one.own.count)}"
         error = 100 * lacking_error(one, verdict)
-        out(f"  K* would be possible with an uncertainty of {error:.2g} % at each frequency")
+        yield f"  K* would be possible with an uncertainty of {error:.2g} % at each frequency"
     for lie in verdict.lies:
-        out(f"  {lie_in_words(lie)}")
+        yield f"  {lie_in_words(lie)}"
 
 
-def run_map(results: Path, model: str, data: Selection, file: Path | None, *, as_json: bool) -> None:
+def run_map(results: Path, model: str, data: Selection, file: Path | None) -> Answer:
     """Make the operating map of each tyre, and write the map."""
     path, chosen = results_in(results), DataOptions(**asdict(data))
     measured = _read(path, chosen, model=model)
@@ -238,14 +245,11 @@ def run_map(results: Path, model: str, data: Selection, file: Path | None, *, as
         maps = map_tyres(measured, model, data.over or (), progress=advance)
     made = model_file(measured, maps=maps, settings=_settings(model, chosen), **_stated(path, measured, chosen))
     files = _written(path, measured, made, file if file is not None or path.is_dir() else Path("map.json"), None)
-    if not as_json:
-        for one in maps:
-            show_map(one)
-    _show_written(made, files, units_beside(path), as_json=as_json)
-    _renew_report(path, file, as_json=as_json)
+    parts = chain(*map(show_map, maps), _shown(made, files, units_beside(path)))
+    return Answer(parts, lambda: made.document, then=lambda: _renew_report(path, file))
 
 
-def _renew_report(path: Path, file: Path | None, *, as_json: bool) -> None:
+def _renew_report(path: Path, file: Path | None) -> Iterator[Part]:
     """Make the report of a folder again, if it has one and the model went into the folder."""
     if file is not None or not (path / "report.html").is_file():
         return
@@ -254,24 +258,23 @@ def _renew_report(path: Path, file: Path | None, *, as_json: bool) -> None:
 
     with _kept("renewed report"):
         renew_report(read_results(path), path)
-        if not as_json:
-            out(f"report: {path / 'report.html'}, renewed with this")
+        yield f"report: {path / 'report.html'}, renewed with this"
 
 
-def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> None:
-    """Evaluate a model file; one row is printed in lines, several as a table."""
+def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> Answer:
+    """Evaluate a model file; one row is shown in lines, several as a table."""
     wanted = answered_in(units_beside(path), *query.state.values())
     rows = ask(read_model_file(path), replace(query, units=wanted))
     for remark in dict.fromkeys(row["remarks"] for row in rows if row["remarks"]):
         warn(remark)
-    if len(rows) == 1 and file is None and not as_json:
-        show_row(rows[0], wanted)
-    else:
-        frame = pl.DataFrame(rows, infer_schema_length=None)
-        inside = [] if any(row[q.OUTSIDE.head] for row in rows) else [q.OUTSIDE.head]
-        deliver(frame, file, wanted, as_json=as_json, leave_out=(*inside, q.REMARKS.head, INTERVAL))
-        if file is not None or not as_json:
-            say(str(rows[0][INTERVAL]))
+    frame = pl.DataFrame(rows, infer_schema_length=None)
+    if len(rows) == 1 and file is None:
+        return Answer(show_row(rows[0], wanted), lambda: {"rows": frame.to_dicts()})
+    inside = [] if any(row[q.OUTSIDE.head] for row in rows) else [q.OUTSIDE.head]
+    answer = rows_answer(frame, file, wanted, leave_out=(*inside, q.REMARKS.head, INTERVAL))
+    if file is not None or not as_json:
+        say(str(rows[0][INTERVAL]))
+    return answer
 
 
 def axis_values(texts: Sequence[str]) -> dict[str, float]:

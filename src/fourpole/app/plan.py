@@ -10,7 +10,8 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.app.console import frequencies, out, print_json, print_table, say
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import frequencies, say
 from fourpole.app.options import BareRig, PlanOptions
 from fourpole.campaign import read_campaign
 from fourpole.core.plan import MASSES, Advice, Outcome, advise
@@ -25,8 +26,8 @@ from fourpole.planning.runsheet import run_sheet
 from fourpole.report.words.plan import AdviceInWords, advice_in_words, expected_tables
 
 
-def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder: Path | None, *, as_json: bool) -> None:
-    """Print the uncertainty to expect; write table and figure, and the run sheet if one is wanted."""
+def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder: Path | None) -> Answer:
+    """The uncertainty to expect; table and figure are written, and the run sheet if one is wanted."""
     if options.repeats < 1:
         raise UnitError(f"--repeats: {options.repeats} must be 1 or more")
     added = tuple(dict.fromkeys(options.added_mass or ()))
@@ -40,24 +41,23 @@ def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder:
     if sheet is not None:
         files.append(sheet if sheet.suffix else sheet.with_suffix(".csv"))
         write_table(files[-1], run_sheet(planned, masses=added, repeats=options.repeats, seed=options.seed))
-    if as_json:
-        print_json(_document(planned, frame, advice, files, options.seed))
-    else:
-        _show(planned, frame, advice, files, None if sheet is None else options.seed)
+    seed = None if sheet is None else options.seed
+    return Answer(
+        _show(planned, frame, advice, files, seed), lambda: _document(planned, frame, advice, files, options.seed)
+    )
 
 
 def _show(
     planned: CampaignPlan, frame: pl.DataFrame, advice: Sequence[Advice], files: Sequence[Path], seed: int | None
-) -> None:
-    """Print notes, tables, advice and the files written; the last file is the run sheet if a seed is given."""
+) -> Iterator[Part]:
+    """Notes, tables, advice and the files written; the last file is the run sheet if a seed is given."""
     for note in planned.notes:
         say(f"note: {note}")
-    _show_tables(frame)
+    yield from _show_tables(frame)
     for found in advice_in_words(planned, advice):
-        for line in _advice(found):
-            out(line)
+        yield from _advice(found)
     for path in files:
-        out(f"{'run sheet' if path == files[-1] and seed is not None else 'written'}: {path}")
+        yield f"{'run sheet' if path == files[-1] and seed is not None else 'written'}: {path}"
     if seed is not None:
         say(f"random order with seed {seed}; keep the run sheet as tests.csv of the campaign")
 
@@ -109,15 +109,14 @@ def _written(frame: pl.DataFrame, folder: Path, wanted: float | None) -> list[Pa
     return [folder / f"plan.{form}" for form in ("csv", "svg", "png")]
 
 
-def _show_tables(frame: pl.DataFrame) -> None:
-    """Print a table for each of K*, K2 and C: a row per frequency, a column per route and added mass."""
+def _show_tables(frame: pl.DataFrame) -> Iterator[Part]:
+    """A table for each of K*, K2 and C: a row per frequency, a column per route and added mass."""
     found = expected_tables(frame)
-    out(found.heading)
+    yield found.heading
     for one in found.tables:
-        out()
-        print_table(one.heads, one.rows, right=one.heads)
-    for note in found.notes:
-        out(note)
+        yield ""
+        yield Table(one.heads, one.rows, right=one.heads)
+    yield from found.notes
 
 
 def _advice(found: AdviceInWords) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ import polars as pl
 import polars.selectors as cs
 
 from fourpole import quantities as q
-from fourpole.app.console import OK, SOME_REJECTED, out, print_json, say, warn
-from fourpole.app.deliver import deliver
+from fourpole.answer import Answer, Part
+from fourpole.app.console import OK, SOME_REJECTED, say, warn
 from fourpole.app.options import RigOptions, TableChoice, answered_in
+from fourpole.app.show import rows_answer
 from fourpole.core.checks import Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.loadcurve import LoadCurve
@@ -29,9 +30,7 @@ from fourpole.study.static import branch_check
 from fourpole.words import remark_of
 
 
-def run_identify(
-    table: Path, k1: float | None, above: RigOptions, choice: TableChoice, file: Path | None, *, as_json: bool
-) -> int:
+def run_identify(table: Path, k1: float | None, above: RigOptions, choice: TableChoice, file: Path | None) -> Answer:
     """Identify a reduced table; the exit code is `SOME_REJECTED` if rows were rejected."""
     rig = above.rig
     if choice.no_rig and rig is not None:
@@ -46,13 +45,14 @@ def run_identify(
         )
     faults = [_fault(measured, found, row, rig, armed=k1 is not None) for row in range(found.frequency.size)]
     frame = _frame(found, faults).hstack(_beside(measured, found, rig))
-    deliver(frame, file, answered_in(ShownUnits(), k1), as_json=as_json)
     rejected = sum(bool(fault) for fault in faults)
+    code = SOME_REJECTED if rejected else OK
+    answer = rows_answer(frame, file, answered_in(ShownUnits(), k1), code=code)
     what = "K2 and C" if k1 is not None else "K*"
     say(f"{len(faults)} rows: {len(faults) - rejected} with {what}, {rejected} rejected, each with its reason")
     if k1 is None:
         say("K2 and C need the static stiffness: state --k1")
-    return SOME_REJECTED if rejected else OK
+    return answer
 
 
 def _read_as(understood: Iterable[str], remarks: Iterable[str]) -> None:
@@ -120,7 +120,7 @@ def _columns(found: ReducedResult) -> dict[str, Any]:
     }
 
 
-def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, as_json: bool) -> None:
+def run_static(path: Path, load: float, columns: Sequence[str], group: str) -> Answer:
     """Evaluate one load-deflection curve at one load."""
     table = read_curve(path, columns=columns, group=group)
     try:
@@ -130,37 +130,41 @@ def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, a
         raise LoadCurveError(f"{path.name}: {error}") from None
     branch = [] if curve.measured == "mean" else [remark_of(branch_check(curve.measured))]
     remarks = [*table.warnings, *branch, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
-    if as_json:
-        print_json(
-            {
-                q.LOAD.head: load,
-                q.K1.head: tangent.stiffness,
-                q.K1.u_head: tangent.std,
-                "u(K1) from fit [N/m]": tangent.fit,
-                "u(K1) from cycles [N/m]": tangent.cycles,
-                "u(K1) from zero [N/m]": tangent.zero,
-                q.K1_OF.head: curve.measured,
-                q.K1_LOADING.head: tangent.loading,
-                q.K1_UNLOADING.head: tangent.unloading,
-                q.GAP.head: tangent.gap,
-                q.SECANT.head: secant.stiffness,
-                q.CYCLE_LOSS.head: curve.hysteresis_loss,
-                q.CYCLE_LOSS.u_head: curve.loss_std,
-                q.NONLINEARITY.head: curve.nonlinearity,
-                "order [1]": curve.order,
-                "cycles [1]": curve.cycles,
-                "understood": table.understood,
-                "remarks": remarks,
-            }
-        )
-        return
-    _read_as(table.understood, remarks)
+    document = {
+        q.LOAD.head: load,
+        q.K1.head: tangent.stiffness,
+        q.K1.u_head: tangent.std,
+        "u(K1) from fit [N/m]": tangent.fit,
+        "u(K1) from cycles [N/m]": tangent.cycles,
+        "u(K1) from zero [N/m]": tangent.zero,
+        q.K1_OF.head: curve.measured,
+        q.K1_LOADING.head: tangent.loading,
+        q.K1_UNLOADING.head: tangent.unloading,
+        q.GAP.head: tangent.gap,
+        q.SECANT.head: secant.stiffness,
+        q.CYCLE_LOSS.head: curve.hysteresis_loss,
+        q.CYCLE_LOSS.u_head: curve.loss_std,
+        q.NONLINEARITY.head: curve.nonlinearity,
+        "order [1]": curve.order,
+        "cycles [1]": curve.cycles,
+        "understood": table.understood,
+        "remarks": remarks,
+    }
+    return Answer(_static_shown(path.name, load, curve, table.understood, remarks), lambda: document)
+
+
+def _static_shown(
+    name: str, load: float, curve: LoadCurve, understood: Sequence[str], remarks: Sequence[str]
+) -> Iterator[Part]:
+    """K1 at a load, and what else a curve says, in lines."""
+    _read_as(understood, remarks)
+    tangent, secant = curve.tangent(load), curve.secant(load)
     loss = "" if np.isnan(curve.hysteresis_loss) else f"{with_u(curve.hysteresis_loss, curve.loss_std)} J"
     units = answered_in(ShownUnits(), load)
     unit, scale = units.unit(q.K1.unit)
     parts = ", ".join(
-        f"{name} {number(COVERAGE_FACTOR * u / scale, 2)}"
-        for name, u in (("fit", tangent.fit), ("cycles", tangent.cycles), ("zero", tangent.zero))
+        f"{part} {number(COVERAGE_FACTOR * u / scale, 2)}"
+        for part, u in (("fit", tangent.fit), ("cycles", tangent.cycles), ("zero", tangent.zero))
     )
     rows = (
         ("tangent K1", f"{with_u(tangent.stiffness, tangent.std, scale)} {unit}; {PLUS_MINUS}"),
@@ -170,15 +174,13 @@ def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, a
         ("non-linearity", f"{100 * curve.nonlinearity:.2f} % of the load span"),
         ("curve", f"order {curve.order}, {curve.cycles} complete cycles, {curve.load.size} points"),
     )
-    out(f"{path.name} at {units.text(q.PRELOAD, load)}")
-    for name, text in rows:
-        out(f"{name:<16} {text}")
+    yield f"{name} at {units.text(q.PRELOAD, load)}"
+    for head, text in rows:
+        yield f"{head:<16} {text}"
 
 
-def run_predict(
-    arm: tuple[float, float, float], rig: Rig, frequency: list[float], file: Path | None, *, as_json: bool
-) -> None:
+def run_predict(arm: tuple[float, float, float], rig: Rig, frequency: list[float], file: Path | None) -> Answer:
     """Table of K*, R, I and TR of a tyre on a rig."""
     found = predict(frequency, *arm, rig)
     units = answered_in(ShownUnits(), *arm)
-    deliver(pl.DataFrame(_columns(found)), file, units, as_json=as_json)
+    return rows_answer(pl.DataFrame(_columns(found)), file, units)

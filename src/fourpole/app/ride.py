@@ -11,7 +11,8 @@ import numpy as np
 import polars as pl
 
 from fourpole import units
-from fourpole.app.console import option, out, print_json, print_table, progress, say, warn
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import option, progress, say, warn
 from fourpole.app.options import RideOptions
 from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
@@ -77,8 +78,8 @@ class _Road:
     after: float = 0.0
 
 
-def run_ride(models: Sequence[Path], road: str, speed: float | None, options: RideOptions, *, as_json: bool) -> None:
-    """Drive one vehicle over one road on the tyres of all models; print the table and write the files."""
+def run_ride(models: Sequence[Path], road: str, speed: float | None, options: RideOptions) -> Answer:
+    """Drive one vehicle over one road on the tyres of all models, and write the files."""
     speed = _SPEED if speed is None else speed
     check_speed(speed)
     stated, way = vehicle_named(options.vehicle), _road(road, _columns(options, of_road=True))
@@ -97,14 +98,16 @@ def run_ride(models: Sequence[Path], road: str, speed: float | None, options: Ri
     found = _ridden(asked, way, step, options)
     notes = list(_notes(asked, found))
     files = _written(options.folder, asked, found, notes) if options.folder is not None else []
-    if as_json:
-        print_json({**_document(asked, found, notes), "written": [str(path) for path in files]})
-        return
-    _show(asked, found)
+    written = {"written": [str(path) for path in files]}
+    return Answer(_shown(asked, found, notes, files), lambda: {**_document(asked, found, notes), **written})
+
+
+def _shown(asked: _Asked, found: RideComparison, notes: Sequence[str], files: Sequence[Path]) -> Iterator[Part]:
+    yield from _show(asked, found)
     for note in notes:
         warn(note)
     for path in files:
-        out(f"written: {path}")
+        yield f"written: {path}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,9 +319,9 @@ def _sentences(asked: _Asked, found: RideComparison) -> Iterator[str]:
             yield f"{label} is {less} comfortable than {first}: a_w differs by {with_u(100 * apart, 100 * std)} %"
 
 
-def _show(asked: _Asked, found: RideComparison) -> None:
-    """Print the measures with U, the differences from the first tyre, and what a constant damper gets wrong."""
-    out(f"Ride: {asked.said}")
+def _show(asked: _Asked, found: RideComparison) -> Iterator[Part]:
+    """The measures with U, the differences from the first tyre, and what a constant damper gets wrong."""
+    yield f"Ride: {asked.said}"
     columns = [
         (found.names.index(name), asked.units.of(RIDE_MEASURES[name])) for name in _PRINTED if name in found.names
     ]
@@ -327,20 +330,19 @@ def _show(asked: _Asked, found: RideComparison) -> None:
         [label, *(with_u(values[at], std[at], one.scale) for at, one in columns)]
         for label, values, std in zip(asked.labels, found.values, found.std, strict=True)
     ]
-    print_table(heads, rows, right=heads[1:])
+    yield Table(heads, rows, right=heads[1:])
     if len(asked.labels) > 1:
-        out()
-        out(f"Difference from {asked.labels[0]}, in %")
+        yield ""
+        yield f"Difference from {asked.labels[0]}, in %"
         rows = [
             [label, *(with_u(100 * values[at], 100 * std[at]) for at, _ in columns)]
             for label, values, std in list(zip(asked.labels, found.difference, found.difference_std, strict=True))[1:]
         ]
-        print_table(_percent(heads), rows, right=_percent(heads)[1:])
-    out(PLUS_MINUS)
-    for line in _sentences(asked, found):
-        out(line)
-    out()
-    out("Error of a spring and a constant damper instead of the model, with K* of the model at one frequency, in %")
+        yield Table(_percent(heads), rows, right=_percent(heads)[1:])
+    yield PLUS_MINUS
+    yield from _sentences(asked, found)
+    yield ""
+    yield "Error of a spring and a constant damper instead of the model, with K* of the model at one frequency, in %"
     spring, damper = asked.units.of(K1), asked.units.of(C)
     head = ["tyre", f"at [{FREQUENCY.unit}]", f"K [{spring.shown}]", f"C [{damper.shown}]", *_percent(heads)[1:]]
     rows = [
@@ -355,7 +357,7 @@ def _show(asked: _Asked, found: RideComparison) -> None:
             asked.labels, asked.matched, found.damper.tolist(), found.with_damper, strict=True
         )
     ]
-    print_table(head, rows, right=head[1:])
+    yield Table(head, rows, right=head[1:])
 
 
 def _signed(value: float) -> str:

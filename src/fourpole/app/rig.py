@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.text import Text
 
-from fourpole.app.console import out, print_json, print_table, table_width, without_controls
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import table_width, without_controls
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
@@ -27,8 +28,8 @@ _GAP = 2
 _STYLES = {RigFinding.FOUND: "green", RigFinding.CONTRADICTED: "bold red", RigFinding.NOT_CALIBRATED: "yellow"}
 
 
-def run_rig(folder: Path, *, as_json: bool) -> None:
-    """Print each value of rig and sensors as stated and as found, the fit, and the limits of K2 and C."""
+def run_rig(folder: Path) -> Answer:
+    """Each value of rig and sensors as stated and as found, the fit, and the limits of K2 and C."""
     folder = results_in(folder)
     results = read_results(folder)
     found = rigs_in_words(results)
@@ -39,61 +40,63 @@ def run_rig(folder: Path, *, as_json: bool) -> None:
             f"{folder}: holds no rig.csv, {made}only the joint route finds the rig's "
             "values and the channels' gains: run fourpole analyse CAMPAIGN --route joint, with V1 and V2 measured"
         )
-    if as_json:
-        print_json(_document(results, found))
-        return
+    return Answer(_shown(results, found), lambda: _document(results, found))
+
+
+def _shown(results: Study, found: list[RigInWords]) -> Iterator[Part]:
     for at, about in enumerate(found):
         if at:
-            out()
-        _show(about)
-    _listed("What limits me", [f"{f'rig {limit.rig}: ' if limit.rig else ''}{limit.text}" for limit in limits(results)])
+            yield ""
+        yield from _show(about)
+    limited = [f"{f'rig {limit.rig}: ' if limit.rig else ''}{limit.text}" for limit in limits(results)]
+    yield from _listed("What limits me", limited)
 
 
-def _show(about: RigInWords) -> None:
-    """Print one rig and its sensors as found."""
+def _show(about: RigInWords) -> Iterator[Part]:
+    """One rig and its sensors as found."""
     if about.estimate.rig:
-        out(f"Rig {about.estimate.rig}")
+        yield f"Rig {about.estimate.rig}"
     if about.values:
-        _print_values(about.values)
-    out(about.fit)
-    out(about.summary)
+        yield from _print_values(about.values)
+    yield about.fit
+    yield about.summary
     if about.gain:
-        out(about.gain)
+        yield about.gain
     outliers = [f"{item.test} (variance enlarged {item.factor:.2g} times)" for item in about.outliers]
-    _listed("The rig as stated does not fit", about.misfit)
-    _listed("What explains the tests, the best first", about.candidates)
-    _listed("Tests that do not agree with the others", outliers)
-    _listed("Remarks", about.remarks)
-    _listed("What these data cannot show", about.unseen)
+    yield from _listed("The rig as stated does not fit", about.misfit)
+    yield from _listed("What explains the tests, the best first", about.candidates)
+    yield from _listed("Tests that do not agree with the others", outliers)
+    yield from _listed("Remarks", about.remarks)
+    yield from _listed("What these data cannot show", about.unseen)
 
 
-def _listed(heading: str, lines: Sequence[str]) -> None:
+def _listed(heading: str, lines: Sequence[str]) -> Iterator[Part]:
     if lines:
-        out(f"{heading}:")
+        yield f"{heading}:"
     for line in lines:
-        out(f"  - {line}")
+        yield f"  - {line}"
 
 
-def _print_values(values: Sequence[ShownValue]) -> None:
-    """Print the values in groups, each with its finding below it."""
+def _print_values(values: Sequence[ShownValue]) -> Iterator[Part]:
+    """The values in groups, each with its finding below it."""
     rows = [_cells(value) for value in values]
     widths = [max(map(len, column)) for column in zip(_HEADS, *rows, strict=True)]
     if sum(widths) + _GAP * (len(widths) - 1) > table_width():
         findings = [
             Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, "")) for value in values
         ]
-        print_table((*_HEADS, "finding"), [(*row, said) for row, said in zip(rows, findings, strict=True)])
+        yield Table((*_HEADS, "finding"), [(*row, said) for row, said in zip(rows, findings, strict=True)])
     else:
-        out(_line(_HEADS, widths))
+        yield _line(_HEADS, widths)
         group = None
         for value, row in zip(values, rows, strict=True):
             if value.group != group:
                 group = value.group
-                out(f"\n{GROUPS[group]}")
-            out(_line(row, widths))
-            out(f"    {value.value.remark}")
-        out()
-    out(f"{PLUS_MINUS}; pull: found less stated, over u of it; seen from: smallest error that would show")
+                yield f"\n{GROUPS[group]}"
+            yield _line(row, widths)
+            yield f"    {value.value.remark}"
+        yield ""
+    yield f"{PLUS_MINUS}; pull: found less stated, over u of it; seen from: smallest error that would show"
 
 
 def _cells(value: ShownValue) -> tuple[str, ...]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fourpole.app.console import OK, SOME_REJECTED, out, print_json, print_table, progress, warn
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import OK, SOME_REJECTED, progress, warn
 from fourpole.errors import FileError
 from fourpole.io.write import beside, write_text
 from fourpole.report.selftest.compared import Compared
@@ -17,18 +19,14 @@ _HEADS = ("check", "values", "difference over tolerance", "verdict")
 _MOST_NAMED = 12
 
 
-def run_selftest(file: Path | None, laboratory: str, operator: str, *, as_json: bool) -> int:
-    """Run the self-test, print its checks and write page and table; exit code `SOME_REJECTED` if a value fails."""
+def run_selftest(file: Path | None, laboratory: str, operator: str) -> Answer:
+    """Run the self-test and write page and table; exit code `SOME_REJECTED` if a value fails."""
     if file is not None and file.suffix.lower() not in _PAGES:
         raise FileError(f"{file}: the page is HTML: name a file that ends in .html; a table is written beside it")
     with progress("checking") as advance:
         test = self_test(advance)
     files = _written(test, file, laboratory, operator) if file is not None else []
-    if as_json:
-        print_json(_document(test, files))
-    else:
-        _show(test, files)
-    return OK if test.good else SOME_REJECTED
+    return Answer(_show(test, files), lambda: _document(test, files), code=OK if test.good else SOME_REJECTED)
 
 
 def _written(test: SelfTest, page: Path, laboratory: str, operator: str) -> list[Path]:
@@ -40,19 +38,19 @@ def _written(test: SelfTest, page: Path, laboratory: str, operator: str) -> list
     return [page, table]
 
 
-def _show(test: SelfTest, files: list[Path]) -> None:
+def _show(test: SelfTest, files: list[Path]) -> Iterator[Part]:
     rows = [(one.check, str(one.count), shown_share(one.largest), verdict_of(not one.bad)) for one in test.summaries]
-    print_table(_HEADS, rows, right=_HEADS[1:3])
+    yield Table(_HEADS, rows, right=_HEADS[1:3])
     bad = [one for one in test.values if not one.good]
     for one in bad[:_MOST_NAMED]:
         warn(f"{one.check}: {one.function}, {one.value}: {_difference(one)}")
     if len(bad) > _MOST_NAMED:
         warn(f"... and {len(bad) - _MOST_NAMED} more")
-    out()
+    yield ""
     passed = f"{len(test.values)} values, all pass" if test.good else f"{len(bad)} of {len(test.values)} values fail"
-    out(f"Fourpole {test.origin.text}: {passed}")
+    yield f"Fourpole {test.origin.text}: {passed}"
     for path in files:
-        out(f"written: {path}")
+        yield f"written: {path}"
 
 
 def _difference(one: Compared) -> str:

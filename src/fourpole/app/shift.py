@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from fourpole.app.console import out, print_json, print_table, progress, say, warn
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import progress, say, warn
 from fourpole.app.options import ShiftOptions
 from fourpole.errors import UnitError
 from fourpole.fitting.measured import MASTER, NO_STD
@@ -38,8 +39,8 @@ _DECADE = np.log(10.0)
 _MOST_ROWS = 60
 
 
-def run_shift(tables: Sequence[Path], options: ShiftOptions, *, as_json: bool) -> None:
-    """Shift the isotherms of each specimen onto a master curve; print and write it."""
+def run_shift(tables: Sequence[Path], options: ShiftOptions) -> Answer:
+    """Shift the isotherms of each specimen onto a master curve, and write it."""
     if options.std is not None and not 0 < options.std < 1:
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")
     measured = read_isotherms(tables, apart=_kelvin(options.apart), std=options.std, options=options.table())
@@ -53,15 +54,15 @@ def run_shift(tables: Sequence[Path], options: ShiftOptions, *, as_json: bool) -
         found = shift_tyres(measured, options.reference, vertical=options.vertical, progress=advance)
     for one in found:
         _warn(one)
-    if as_json:
-        print_json(_document(found))
-    else:
-        for one in found:
-            _show(one, options.constants_at)
     written = _written(found, options)
-    for path in written:
-        (say if as_json else out)(f"written: {path}")
-    if not written and not as_json:
+    files = [("written", path) for path in written]
+    return Answer(_shown(found, options), lambda: _document(found), files)
+
+
+def _shown(found: Sequence[TyreShift], options: ShiftOptions) -> Iterator[Part]:
+    for one in found:
+        yield from _show(one, options.constants_at)
+    if options.folder is None and options.figure is None:
         say("state --out FOLDER to write the master curve and its law, for fourpole fit and query")
 
 
@@ -117,10 +118,10 @@ def _warn(one: TyreShift) -> None:
         )
 
 
-def _show(one: TyreShift, constants_at: float | None) -> None:
-    """Print the overlaps, the shift factors and the laws of a specimen."""
+def _show(one: TyreShift, constants_at: float | None) -> Iterator[Part]:
+    """The overlaps, the shift factors and the laws of a specimen."""
     if one.tyre:
-        out(f"Specimen {one.tyre}")
+        yield f"Specimen {one.tyre}"
     found, law = one.found, one.choice.best
     heads = ["T [degC]", "log10 aT", "u", f"{law.name}", "bT", "u(bT)"][: 6 if found.vertical else 4]
     rows = []
@@ -131,26 +132,26 @@ def _show(one: TyreShift, constants_at: float | None) -> None:
             b = float(np.exp(found.log_b[at]))
             cells += [f"{b:.4f}", f"{b * found.vertical_std[at]:.2g}"]
         rows.append(tuple(cells))
-    print_table(tuple(heads), rows[:_MOST_ROWS], right=heads)
-    out("Overlaps of neighbouring isotherms")
+    yield Table(tuple(heads), rows[:_MOST_ROWS], right=heads)
+    yield "Overlaps of neighbouring isotherms"
     names = ("T [degC]", "decades", "points", "p-value", "K' [%]", "loss factor [%]", "verdict")
-    print_table(names, [_pair(each) for each in one.overlaps], right=names[1:-1])
+    yield Table(names, [_pair(each) for each in one.overlaps], right=names[1:-1])
     for each in one.choice.laws:
-        out(_law_words(each))
+        yield _law_words(each)
     if len(one.choice.laws) > 1:
         other = one.choice.laws[1].name
-        out(
+        yield (
             f"{law.name} describes the shift factors better than {other}"
             if one.choice.decided
             else f"the shift factors do not decide between {law.name} and {other}; {law.name} is taken"
         )
     ends = found.temperatures[[0, -1]]
-    out(f"{PLUS_MINUS}; u is a standard uncertainty")
+    yield f"{PLUS_MINUS}; u is a standard uncertainty"
     known = f"from {ends[0]:.4g} to {ends[1]:.4g} degC fourpole query interpolates the shift factors found"
-    out(f"{known}; beyond, with --beyond, the {law.name} law continues them")
+    yield f"{known}; beyond, with --beyond, the {law.name} law continues them"
     if constants_at is not None and law.name == "WLF":
         moved = law.at_reference(constants_at)
-        out(
+        yield (
             f"WLF with the reference {constants_at:.4g} degC: "
             f"C1 = {with_u(float(moved.values[0]), float(moved.std[0]))}, "
             f"C2 = {with_u(float(moved.values[1]), float(moved.std[1]))} K"

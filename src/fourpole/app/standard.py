@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from fourpole.app.console import out, print_json, print_table
+from fourpole.answer import Answer, Part, Table
 from fourpole.io.published import write_result
 from fourpole.report.standards import PAGES, standard_named
 from fourpole.report.standards.requirement import NOTE, Found, Requirement, Standard, answered, counts, render_standard
@@ -14,21 +14,21 @@ from fourpole.study.study import Study
 _HEADS = ("requirement", "clause", "measured", "limit", "answer")
 
 
-def run_standard(results: Study, folder: Path, name: str, *, as_json: bool) -> None:
-    """Print the requirements of a standard with their answers, and write its page beside the report."""
+def run_standard(results: Study, folder: Path, name: str) -> Answer:
+    """The requirements of a standard with their answers; writes its page beside the report."""
     standard = standard_named(name)
     found, page = answered(standard, results), folder / PAGES[standard.key]
     write_result(page, render_standard(standard, results).encode(), basis=results.dynamic_sha256)
-    if as_json:
-        print_json(_document(standard, found, results, page))
-        return
-    out(standard.title)
-    print_table(_HEADS, [(one.text, one.place, item.text, one.limit, item.answer.value) for one, item in found])
-    out()
-    out(", ".join(f"{count} {answer.value}" for answer, count in counts(found).items()))
-    for line in (*standard.terms, NOTE):
-        out(line)
-    out(f"page: {page}")
+    parts: list[Part] = [
+        standard.title,
+        Table(_HEADS, [(one.text, one.place, item.text, one.limit, item.answer.value) for one, item in found]),
+        "",
+        ", ".join(f"{count} {answer.value}" for answer, count in counts(found).items()),
+        *standard.terms,
+        NOTE,
+        f"page: {page}",
+    ]
+    return Answer(parts, lambda: _document(standard, found, results, page))
 
 
 def _document(standard: Standard, found: list[tuple[Requirement, Found]], results: Study, page: Path) -> dict[str, Any]:

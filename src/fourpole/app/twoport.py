@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from math import hypot, nan
 from pathlib import Path
@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.app.console import out, print_json, print_table, progress, say, warn
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import progress, say, warn
 from fourpole.campaign import read_campaign
 from fourpole.core.condition import AXES
 from fourpole.core.confidence import COVERAGE_FACTOR
@@ -31,8 +32,8 @@ from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 _SHOWN = {"k11": 0, "k12": 1, "k22": 3}
 
 
-def run_twoport(campaign: Path, folder: Path | None, workers: int | None, *, as_json: bool) -> None:
-    """Print and write the four poles of each specimen and condition."""
+def run_twoport(campaign: Path, folder: Path | None, workers: int | None) -> Answer:
+    """Find and write the four poles of each specimen and condition."""
     stated = read_campaign(campaign)
     with progress("reducing") as advance:
         cache = campaign / "results" / "cache" if (campaign / "results").is_dir() else None
@@ -42,22 +43,24 @@ def run_twoport(campaign: Path, folder: Path | None, workers: int | None, *, as_
     known = _masses_of(campaign / "results")
     held = [_against(two_port, known) for two_port in found]
     files = _written(found, stated.stated.title or stated.folder.name, make_folder(folder or campaign / "twoport"))
-    if as_json:
-        print_json(
-            {
-                "rows": two_port_table(found).to_dicts(),
-                "lacks": lacks,
-                "masses": held,
-                "written": [str(path) for path in files],
-            }
-        )
-        return
+    return Answer(
+        _shown(found, held),
+        lambda: {
+            "rows": two_port_table(found).to_dicts(),
+            "lacks": lacks,
+            "masses": held,
+            "written": [str(path) for path in files],
+        },
+        [("written", path) for path in files],
+    )
+
+
+def _shown(found: Sequence[TwoPort], held: Sequence[str]) -> Iterator[Part]:
     for two_port, said in zip(found, held, strict=True):
-        _show(two_port)
-        out(said) if said else None
-    out(f"poles are in kN/m, Re and Im; {PLUS_MINUS}, of the worse part")
-    for path in files:
-        out(f"written: {path}")
+        yield from _show(two_port)
+        if said:
+            yield said
+    yield f"poles are in kN/m, Re and Im; {PLUS_MINUS}, of the worse part"
 
 
 def _masses_of(results: Path) -> list[FoundBody]:
@@ -100,11 +103,11 @@ def _written(found: Sequence[TwoPort], title: str, folder: Path) -> list[Path]:
     return [folder / name for name in names]
 
 
-def _show(two_port: TwoPort) -> None:
-    """Print the poles of one condition, what reciprocity says, and the form that describes them."""
+def _show(two_port: TwoPort) -> Iterator[Part]:
+    """The poles of one condition, what reciprocity says, and the form that describes them."""
     for note in two_port.notes:
         say(f"note: {two_port.name}: {note}")
-    out(two_port.name)
+    yield two_port.name
     poles = two_port.poles
     values, reach = poles.stiffness.reshape(-1, 4) / 1e3, COVERAGE_FACTOR * poles.std.max(axis=2) / 1e3
     heads = ["f [Hz]", *(head for pole in _SHOWN for head in (f"Re {pole}", f"Im {pole}", "±"))]
@@ -114,10 +117,10 @@ def _show(two_port: TwoPort) -> None:
         for at in _SHOWN.values():
             cells += [number(values[row, at].real), number(values[row, at].imag), number(reach[row, at], 2)]
         rows.append(cells)
-    print_table(heads, rows, right=heads)
-    out(_reciprocity(two_port))
+    yield Table(heads, rows, right=heads)
+    yield _reciprocity(two_port)
     if two_port.form is not None:
-        out(_form(two_port))
+        yield _form(two_port)
 
 
 def _reciprocity(two_port: TwoPort) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from fourpole.app.console import UNREADABLE, out, print_json, say, warn
+from fourpole.answer import Answer, Part
+from fourpole.app.console import UNREADABLE, say, warn
 from fourpole.errors import FourpoleError
 from fourpole.fitting.modelfile import MapEntry, ModelEntry, ModelFile
 from fourpole.fitting.modelparts import EARLIER
@@ -21,8 +23,8 @@ _TABLES = {
 }
 
 
-def run_verify(path: Path, copy: Path | None, *, as_json: bool) -> int | None:
-    """Verify a model file and print what it holds; with `copy`, seal a file that has no seal first."""
+def run_verify(path: Path, copy: Path | None, *, as_json: bool) -> Answer:
+    """Verify a model file and say what it holds; with `copy`, seal a file that has no seal first."""
     if copy is not None:
         seal_later(path, copy)
         say(f"written: {copy}")
@@ -32,13 +34,9 @@ def run_verify(path: Path, copy: Path | None, *, as_json: bool) -> int | None:
     except FourpoleError as error:
         if not as_json:
             raise
-        print_json({"file": str(path), "good": False, "error": str(error)})
-        return UNREADABLE
-    if as_json:
-        print_json(_document(path, found))
-    else:
-        _show(path, found)
-    return None
+        said = str(error)
+        return Answer((), lambda: {"file": str(path), "good": False, "error": said}, code=UNREADABLE)
+    return Answer(_show(path, found), lambda: _document(path, found))
 
 
 def _document(path: Path, found: Verified) -> dict[str, Any]:
@@ -84,31 +82,31 @@ def _band(one: ModelEntry | MapEntry) -> tuple[float, float] | None:
     return (min(low for low, _ in bands), max(high for _, high in bands)) if bands else None
 
 
-def _show(path: Path, found: Verified) -> None:
+def _show(path: Path, found: Verified) -> Iterator[Part]:
     origin = found.file.provenance
     when = f" on {found.written.replace('T', ' ').replace('Z', ' UTC')}" if found.written else ""
-    out(f"{path}: as it was written{when}, by Fourpole {origin.fourpole}")
+    yield f"{path}: as it was written{when}, by Fourpole {origin.fourpole}"
     for one in _entries(found.file):
         count, band = _conditions(one), _band(one)
         what = "map" if isinstance(one, MapEntry) else "model"
         many = f"{count} condition{'s' * (count != 1)}"
         over = f", over {first_of([axis.name for axis in one.axes], _MOST_NAMED)}" if isinstance(one, MapEntry) else ""
         where = f", {band[0]:.4g} to {band[1]:.4g} Hz" if band else ""
-        out(f"{what:<9} {' '.join(filter(None, (one.tyre, one.model)))}: {many}{over}{where}")
+        yield f"{what:<9} {' '.join(filter(None, (one.tyre, one.model)))}: {many}{over}{where}"
     if found.table is TableState.CHANGED:
-        out(f"table     {origin.source}: another one is beside it now")
+        yield f"table     {origin.source}: another one is beside it now"
         warn(f"{origin.source} has changed since the model was made: fit or map again for a model of it")
     elif origin.source:
-        out(f"table     {origin.source}: {_TABLES[found.table]}")
+        yield f"table     {origin.source}: {_TABLES[found.table]}"
     if origin.sha256:
-        out(f"SHA-256   {origin.sha256} of that table")
+        yield f"SHA-256   {origin.sha256} of that table"
     own = {name: value for name, value in origin.settings.items() if name != EARLIER}
     if own:
-        out(f"settings  {_in_words(own)}")
+        yield f"settings  {_in_words(own)}"
     for tyre, settings in list(origin.earlier.items())[:_MOST_NAMED]:
-        out(f"earlier   {shown(tyre)}: {_in_words(settings)}")
+        yield f"earlier   {shown(tyre)}: {_in_words(settings)}"
     for note in origin.notes:
-        out(f"note      {note}")
+        yield f"note      {note}"
 
 
 def _in_words(settings: Any) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, out, print_json, progress, warn
+from fourpole.answer import Answer, Part
+from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, progress, warn
 from fourpole.findings import findings, findings_table
 from fourpole.io.origin import origin
 from fourpole.study.repeated import Difference
@@ -23,8 +24,8 @@ _WRONG = {
 }
 
 
-def run_verify_results(folder: Path, campaign: Path | None, *, quick: bool, workers: int | None, as_json: bool) -> int:
-    """Verify results and print what was found; the exit code says whether all, a part or nothing of it is good."""
+def run_verify_results(folder: Path, campaign: Path | None, *, quick: bool, workers: int | None) -> Answer:
+    """Verify results and say what was found; the exit code says whether all, a part or nothing of it is good."""
     with progress("analysing again") as advance:
         found = verify_results(
             folder,
@@ -34,31 +35,32 @@ def run_verify_results(folder: Path, campaign: Path | None, *, quick: bool, work
             further=lambda study: {"findings": findings_table(findings(study))},
             progress=advance,
         )
-    if as_json:
-        print_json(_document(found))
-    else:
-        _show(found)
-    return UNREADABLE if not found.good else OK if found.complete else SOME_REJECTED
+    code = UNREADABLE if not found.good else OK if found.complete else SOME_REJECTED
+    return Answer(_show(found), lambda: _document(found), code=code)
 
 
-def _show(found: VerifiedResults) -> None:
+def _show(found: VerifiedResults) -> Iterator[Part]:
     by = f"Fourpole {found.made_by}" if found.made_by else "a Fourpole that does not say its version"
     commit = f" (commit {found.commit[:12]})" if found.commit else ""
-    out(f"{found.folder}: results of {by}{commit}")
-    _show_files("inputs", found.inputs, "as it was read", "as they were read", named=found.campaign is not None)
-    _show_files("results", found.results, "as it was written", "as they were written")
-    _show_files("models", found.models, "as it was written, of these tables", "as they were written, of these tables")
-    _show_repeated(found)
-    out()
+    yield f"{found.folder}: results of {by}{commit}"
+    yield from _show_files(
+        "inputs", found.inputs, "as it was read", "as they were read", named=found.campaign is not None
+    )
+    yield from _show_files("results", found.results, "as it was written", "as they were written")
+    yield from _show_files(
+        "models", found.models, "as it was written, of these tables", "as they were written, of these tables"
+    )
+    yield from _show_repeated(found)
+    yield ""
     if found.good and found.complete:
-        out("Verified." if not found.quick else "Verified by hashes alone; without --quick the analysis is run again.")
+        yield "Verified." if not found.quick else "Verified by hashes alone; without --quick the analysis is run again."
     elif found.good:
-        out(f"Nothing contradicts the results, but not all could be checked: {_unknown(found)}.")
+        yield f"Nothing contradicts the results, but not all could be checked: {_unknown(found)}."
     else:
-        out("Not verified.")
+        yield "Not verified."
 
 
-def _show_files(head: str, files: Sequence[Proof], one: str, many: str, *, named: bool = True) -> None:
+def _show_files(head: str, files: Sequence[Proof], one: str, many: str, *, named: bool = True) -> Iterator[Part]:
     """The state of all files of a kind in one line, and of each that is not as it was in one more, if `named`."""
     if not files:
         return
@@ -66,7 +68,7 @@ def _show_files(head: str, files: Sequence[Proof], one: str, many: str, *, named
     good = count[Match.SAME]
     parts = [f"{good} of {counted(len(files), 'file')} {one if good == 1 else many}"] if good else []
     parts += [f"{number} {state.value}" for state, number in count.items() if state is not Match.SAME]
-    out(f"{head:<10}{', '.join(parts)}")
+    yield f"{head:<10}{', '.join(parts)}"
     for state, text in _WRONG.items() if named else ():
         _warn_of([file for file in files if file.state is state], text)
 
@@ -78,9 +80,9 @@ def _warn_of(files: Sequence[Proof], text: str) -> None:
         warn(f"... and {len(files) - _MOST_NAMED} more: {text}")
 
 
-def _show_repeated(found: VerifiedResults) -> None:
+def _show_repeated(found: VerifiedResults) -> Iterator[Part]:
     if found.not_run:
-        out(f"run again not done: {found.not_run}")
+        yield f"run again not done: {found.not_run}"
         return
     bad = [one for one in found.repeated if one.differences]
     bits = sum(one.bits for one in found.repeated)
@@ -88,7 +90,7 @@ def _show_repeated(found: VerifiedResults) -> None:
     parts = [f"{counted(bits, 'table')} the same to the last bit"] if bits else []
     parts += [f"{rounded} the same within round-off"] if rounded else []
     parts += [f"{len(bad)} not the same"] if bad else []
-    out(f"run again {', '.join(parts)}, by Fourpole {origin().text}")
+    yield f"run again {', '.join(parts)}, by Fourpole {origin().text}"
     for one in bad:
         for each in one.differences[:_MOST_NAMED]:
             warn(f"{one.name}: {_sentence(each)}")

@@ -285,6 +285,8 @@ def _discrepancy(
     stated: Sequence[StiffnessData], model: str, held: Sequence[Mapping[str, float]], *, known: bool
 ) -> float:
     """The discrepancy [1] to add before models are compared: that of the best passive tyre, or of the only model."""
+    if known and has_inertia(model):
+        return 0.0  # no relaxing tyre has K* of it
     if model == "auto" or sizes_of(model):
         return model_discrepancy(stated, always=not known)
     if known:

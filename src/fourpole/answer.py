@@ -1,0 +1,119 @@
+"""What a command answers: lines and tables for a reader, and the document of the same for programs.
+
+A command makes an `Answer` and prints nothing of it. The terminal, ``--json``, the app and a notebook show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+if TYPE_CHECKING:
+    import polars as pl
+    from rich.text import Text
+
+    from fourpole.quantities import ShownUnits
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A table of cells in words.
+
+    Attributes
+    ----------
+    heads : sequence of str
+    rows : sequence of sequence of str
+        A row with one cell is the name of a group.
+    right : collection of str
+        Heads of columns that are aligned at the right and not folded: those of numbers.
+    """
+
+    heads: Iterable[str]
+    rows: Iterable[Sequence[str | Text]]
+    right: Collection[str] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of a result table: CSV in SI, or on a screen a table in the units that people use.
+
+    Attributes
+    ----------
+    frame : DataFrame
+    units : ShownUnits
+    leave_out : sequence of str
+        Heads of columns that a screen does not show.
+    """
+
+    frame: pl.DataFrame
+    units: ShownUnits
+    leave_out: Sequence[str] = ()
+
+    @property
+    def table(self) -> Table:
+        """The rows in words, each value with its uncertainty, without columns that are blank."""
+        from fourpole.report.digits import cell
+
+        rows = self.frame.to_dicts()
+        heads = [one for one in self.frame.columns if one not in self.leave_out and not one.startswith(("u(", "corr("))]
+        used = [head for head in heads if any(row[head] not in (None, "") for row in rows)]
+        labels = {head: _label(head, self.units) for head in used}
+        numbers = [labels[head] for head in used if any(isinstance(row[head], float) for row in rows)]
+        return Table(labels.values(), [[cell(row, head, self.units) for head in used] for row in rows], numbers)
+
+    @property
+    def note(self) -> str:
+        """What a number after a sign of plus and minus is; empty where the rows have no uncertainty."""
+        from fourpole.report.digits import PLUS_MINUS
+
+        return PLUS_MINUS if any(head.startswith("u(") for head in self.frame.columns) else ""
+
+
+def _label(head: str, units: ShownUnits) -> str:
+    """Head of a column with the unit shown."""
+    name, _, si = head.removesuffix("]").partition(" [")
+    unit, _ = units.unit(si)
+    return f"{name} [{unit}]" if unit else name
+
+
+#: A line or a paragraph, a table, or rows of numbers.
+Part: TypeAlias = str | Table | Rows
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The answer of a command.
+
+    Attributes
+    ----------
+    parts : iterable of Part
+        What a reader sees, in its order; made when it is shown, and once.
+    document : callable
+        Makes the document for programs, in SI.
+    files : sequence of (str, Path)
+        The files that were written, each after what is said of it.
+    code : int
+        Exit code.
+    then : callable
+        Does what is left when the answer is shown, such as drawing a report, and gives further parts.
+
+    Examples
+    --------
+    >>> answer = Answer(iter(["K1 = 180 kN/m"]), lambda: {"K1 [N/m]": 180e3})
+    >>> answer.shown, answer.document()
+    (['K1 = 180 kN/m'], {'K1 [N/m]': 180000.0})
+    """
+
+    parts: Iterable[Part] = ()
+    document: Callable[[], Any] = field(default=dict)
+    files: Sequence[tuple[str, Path]] = ()
+    code: int = 0
+    then: Callable[[], Iterable[Part]] = field(default=tuple)
+
+    @cached_property
+    def shown(self) -> list[Part]:
+        """The parts, made once."""
+        return list(self.parts)
