@@ -29,11 +29,17 @@ class Table:
         A row with one cell is the name of a group.
     right : collection of str
         Heads of columns that are aligned at the right and not folded: those of numbers.
+    remarks : sequence of str
+        A sentence for each row that is no group; empty for a table without.
+    remark : str
+        Head of the remarks.
     """
 
     heads: Iterable[str]
     rows: Iterable[Sequence[str | Text]]
     right: Collection[str] = ()
+    remarks: Sequence[str | Text] = ()
+    remark: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,3 +123,18 @@ class Answer:
     def shown(self) -> list[Part]:
         """The parts, made once."""
         return list(self.parts)
+
+    def plain(self) -> list[str | dict[str, Any]]:
+        """The parts as texts, and as tables of texts, for a page that another process makes."""
+        plain: list[str | dict[str, Any]] = []
+        for part in self.shown:
+            one = part.table if isinstance(part, Rows) else part
+            if isinstance(one, str):
+                plain.append(one)
+                continue
+            rows = [[str(cell) for cell in row] for row in one.rows]
+            remarks = [str(remark) for remark in one.remarks]
+            plain.append({"heads": list(one.heads), "rows": rows, "right": list(one.right), "remarks": remarks})
+            if isinstance(part, Rows) and part.note:
+                plain.append(part.note)
+        return plain

@@ -130,6 +130,7 @@ def run_app(folder: Path, host: str, port: int, *, no_browser: bool, no_token: b
     try:
         import uvicorn
 
+        from fourpole.app.catalogue import catalogue
         from fourpole.served.application import application
         from fourpole.served.guard import PatientProtocol
     except ImportError as error:
@@ -142,8 +143,9 @@ def run_app(folder: Path, host: str, port: int, *, no_browser: bool, no_token: b
     say("Ctrl-C ends it; what is saved stays")
     if not no_browser and not shown_in_browser(address):
         say("no browser could be started: open this address in one")
+    served = application(folder, host=host, token=token, commands=catalogue())
     settings = uvicorn.Config(
-        application(folder, host=host, token=token), http=PatientProtocol, limit_concurrency=_MOST_CONNECTIONS,
+        served, http=PatientProtocol, limit_concurrency=_MOST_CONNECTIONS,
         log_level="warning", timeout_graceful_shutdown=_FAREWELL, server_header=False, date_header=False,
     )  # fmt: skip
     with suppress(KeyboardInterrupt):

@@ -199,7 +199,7 @@ def watch(campaign: CampaignFolder, remote: RemoteFlag = False, as_json: JsonFla
     """
 
 
-@registered("check.run_check")
+@registered("check.run_check", browser=True)
 def check(
     campaign: CampaignFolder,
     route: Annotated[str, typer.Option(help="Route of the analysis to come; see analyse.")] = "joint",
@@ -343,7 +343,7 @@ def export(
     out(f"{kind}: {exported.path}")
 
 
-@registered("rig.run_rig")
+@registered("rig.run_rig", browser=True)
 def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
     """The rig as found by the joint route: values of rig and sensors, as stated and as found, and what limits you.
 
@@ -375,7 +375,7 @@ def compare(
     """
 
 
-@registered("twoport.run_twoport")
+@registered("twoport.run_twoport", browser=True)
 def twoport(
     campaign: CampaignFolder,
     folder: Annotated[

@@ -19,6 +19,8 @@ from fourpole.app.show import show
 Run = TypeVar("Run", bound=Callable[..., "Answer | int | None"])
 #: Functions of the commands by name.
 _RUNS: dict[str, Callable[..., int | None]] = {}
+#: Names of the commands that a page of the app may start on a campaign.
+BROWSER: list[str] = []
 #: An example of each command by the heading of its group and its name.
 GROUPS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
@@ -30,12 +32,13 @@ def groups_of(names: list[str]) -> dict[str, list[str]]:
     return {**found, "Further commands": [name for name in names if name not in EXAMPLES]}
 
 
-def registered(place: str = "") -> Callable[[Run], Run]:
+def registered(place: str = "", *, browser: bool = False) -> Callable[[Run], Run]:
     """Make a function a command of its name.
 
     With `place`, the function is the signature and the help alone: the function at this place in the room takes the
     same arguments by their names, but for `remote`, and does the work. Its module is loaded when the command runs.
-    An `Answer` is shown as `as_json` says; a function that prints by itself takes this argument, too.
+    An `Answer` is shown as `as_json` says; a function that prints by itself takes this argument, too. With `browser`,
+    the app asks it of a campaign, whose folder is its argument.
     """
 
     def register(stated: Run) -> Run:
@@ -49,7 +52,10 @@ def registered(place: str = "") -> Callable[[Run], Run]:
             found = work(**{name: value for name, value in given.items() if name in asked})
             return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
 
-        _RUNS[stated.__name__.rstrip("_")] = run
+        name = stated.__name__.rstrip("_")
+        _RUNS[name] = run
+        if browser:
+            BROWSER.append(name)
         return stated
 
     return register
@@ -80,7 +86,7 @@ class Group(TyperGroup):
         for head, names in groups_of(list(_RUNS)).items():
             if names:
                 with formatter.section(head):
-                    formatter.write_dl([(name, _about(_RUNS[name])) for name in names])
+                    formatter.write_dl([(name, about(name)) for name in names])
 
 
 def _built(name: str, run: Callable[..., int | None]) -> Any:
@@ -93,6 +99,13 @@ def _built(name: str, run: Callable[..., int | None]) -> Any:
     return typer.main.get_command(alone)
 
 
-def _about(run: Callable[..., int | None]) -> str:
-    """The first paragraph of a docstring, on one line."""
-    return " ".join((inspect.getdoc(run) or "").partition("\n\n")[0].split())
+def about(name: str) -> str:
+    """The first paragraph of the docstring of a command, on one line."""
+    return " ".join((inspect.getdoc(_RUNS[name]) or "").partition("\n\n")[0].split())
+
+
+def signature_of(name: str) -> inspect.Signature:
+    """The signature of a command, with each option of its groups."""
+    from fourpole.app.options import command
+
+    return inspect.signature(command(_RUNS[name]))

@@ -123,7 +123,7 @@ def fit(
     """
 
 
-@registered("models.run_causality")
+@registered("models.run_causality", browser=True)
 def causality(results: Study, *, data: DataOptions, as_json: JsonFlag = False) -> None:
     """The smallest passive, linear specimen that can have K*: relaxing, with a mass, with resonances, or none of these.
 
@@ -212,7 +212,7 @@ def shift(
     """
 
 
-@registered()
+@registered(browser=True)
 def verify(
     path: Annotated[Path, typer.Argument(metavar="PATH", help="Results folder, campaign's folder, or a model file.")],
     quick: Annotated[bool, typer.Option("--quick", help="Compare hashes only; do not run the analysis again.")] = False,

@@ -9,7 +9,7 @@ from typing import Any
 from rich.text import Text
 
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import table_width, without_controls
+from fourpole.app.console import without_controls
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
@@ -23,8 +23,6 @@ from fourpole.study.rig_estimate import RigFinding
 from fourpole.study.study import Study
 
 _HEADS = ("value", "as stated", "as found", "pull", "seen from")
-#: Blanks between columns.
-_GAP = 2
 _STYLES = {RigFinding.FOUND: "green", RigFinding.CONTRADICTED: "bold red", RigFinding.NOT_CALIBRATED: "yellow"}
 
 
@@ -79,23 +77,15 @@ def _listed(heading: str, lines: Sequence[str]) -> Iterator[Part]:
 
 def _print_values(values: Sequence[ShownValue]) -> Iterator[Part]:
     """The values in groups, each with its finding below it."""
-    rows = [_cells(value) for value in values]
-    widths = [max(map(len, column)) for column in zip(_HEADS, *rows, strict=True)]
-    if sum(widths) + _GAP * (len(widths) - 1) > table_width():
-        findings = [
-            Text(without_controls(value.value.remark), style=_STYLES.get(value.finding, "")) for value in values
-        ]
-        yield Table((*_HEADS, "finding"), [(*row, said) for row, said in zip(rows, findings, strict=True)])
-    else:
-        yield _line(_HEADS, widths)
-        group = None
-        for value, row in zip(values, rows, strict=True):
-            if value.group != group:
-                group = value.group
-                yield f"\n{GROUPS[group]}"
-            yield _line(row, widths)
-            yield f"    {value.value.remark}"
-        yield ""
+    rows: list[Sequence[str]] = []
+    group = None
+    for value in values:
+        if value.group != group:
+            group = value.group
+            rows.append([GROUPS[group]])
+        rows.append(_cells(value))
+    findings = [Text(without_controls(one.value.remark), style=_STYLES.get(one.finding, "")) for one in values]
+    yield Table(_HEADS, rows, _HEADS[1:], remarks=findings, remark="finding")
     yield f"{PLUS_MINUS}; pull: found less stated, over u of it; seen from: smallest error that would show"
 
 
@@ -109,14 +99,6 @@ def _cells(value: ShownValue) -> tuple[str, ...]:
         value.pull_words,
         value.detection_number,
     )
-
-
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    first, *others = (
-        cell.rjust(width) if at else cell.ljust(width)
-        for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    )
-    return (" " * _GAP).join([first, *others]).rstrip()
 
 
 def _document(results: Study, found: list[RigInWords]) -> dict[str, Any]:

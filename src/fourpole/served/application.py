@@ -12,18 +12,19 @@ from starlette.middleware import Middleware
 from starlette.routing import Route
 
 from fourpole.errors import FourpoleError
+from fourpole.served.asked import Asked
 from fourpole.served.guard import Guard
 from fourpole.served.jobs import Jobs
-from fourpole.served.pages import compare, explore, home, model, plan, recording, run, statement, watch
+from fourpole.served.pages import ask, compare, explore, home, model, plan, recording, run, statement, watch
 from fourpole.served.site import Site, static
 from fourpole.served.uploads import Uploads
 from fourpole.served.workspace import Workspace
 from fourpole.study.workers import processors
 
-_PAGES = (home, run, recording, statement, explore, model, plan, compare, watch)
+_PAGES = (home, run, recording, statement, explore, model, plan, ask, compare, watch)
 
 
-def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Starlette:
+def application(root: Path, *, host: str = "127.0.0.1", token: str = "", commands: tuple[Asked, ...] = ()) -> Starlette:
     """The application for the campaigns below a folder.
 
     Parameters
@@ -34,9 +35,11 @@ def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Star
         The address that the server listens at.
     token : str
         What a caller must show; empty for none.
+    commands : tuple of Asked
+        Commands that the page Ask may start.
     """
     workspace = Workspace(root)
-    site = Site(workspace, Jobs(processors()), Uploads(workspace))
+    site = Site(workspace, Jobs(processors()), Uploads(workspace), commands)
 
     @asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
@@ -44,6 +47,7 @@ def application(root: Path, *, host: str = "127.0.0.1", token: str = "") -> Star
         site.uploads.close()
         site.collector.close()
         await site.watches.close()
+        await site.answers.close()
         await site.jobs.close()
 
     return Starlette(

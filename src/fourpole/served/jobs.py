@@ -56,6 +56,8 @@ class Job:
         What the command said on standard error.
     document : dict
         The JSON document that it printed.
+    answer : list
+        Its answer for a reader: lines, and tables with heads, rows and the heads of numbers.
     code : int or None
         Its exit code.
     """
@@ -70,6 +72,7 @@ class Job:
     error: str = ""
     messages: deque[str] = field(default_factory=lambda: deque(maxlen=_MOST_MESSAGES))
     document: Any = None
+    answer: list[Any] = field(default_factory=list)
     code: int | None = None
     _changed: asyncio.Condition = field(default_factory=asyncio.Condition, repr=False)
     _process: asyncio.subprocess.Process | None = field(default=None, repr=False)
@@ -208,6 +211,8 @@ def _take(job: Job, event: dict[str, Any]) -> None:
         job.task = event
     elif "judged" in event:
         job.judged.append(event["judged"])
+    elif "answer" in event:
+        job.answer = list(event["answer"])
     elif "watching" in event:
         job.task = event
     elif "together" in event:

@@ -24,6 +24,7 @@ from starlette.routing import Route
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.report.html import environment, fit
 from fourpole.report.page import PARTS
+from fourpole.served.asked import Asked
 from fourpole.served.collecting import Collector
 from fourpole.served.editing import ConflictError
 from fourpole.served.guard import ASKED_BY
@@ -35,7 +36,7 @@ from fourpole.units import shown
 from fourpole.version import VERSION
 
 #: Scripts of the app: what its pages share, and that of each page that has one.
-_SCRIPTS = ("app", "home", "run", "recording", "statement", "watch", "explore", "model", "plan")
+_SCRIPTS = ("app", "home", "run", "recording", "statement", "watch", "explore", "model", "plan", "ask")
 #: Files that pages load, with the package that has them and their kind.
 STATIC = {
     "page.css": ("fourpole.report", "text/css"),
@@ -57,10 +58,14 @@ class Site:
     workspace: Workspace
     jobs: Jobs
     uploads: Uploads
+    #: Commands that the page Ask may start.
+    commands: tuple[Asked, ...] = ()
     held: Held = field(default_factory=Held)
     collector: Collector = field(default_factory=Collector)
     #: Watches, which run beside the other jobs.
     watches: Jobs = field(default_factory=lambda: Jobs(MOST_WATCHES))
+    #: Questions, which run beside the other jobs, one at a time.
+    answers: Jobs = field(default_factory=lambda: Jobs(1))
     #: Figures are drawn one at a time: their style is a setting of matplotlib.
     drawing: threading.Lock = field(default_factory=threading.Lock)
     #: Reports are printed one at a time: each takes a browser.

@@ -1,0 +1,70 @@
+"""The page Ask: a command with its options, started by the page, and its answer."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from urllib.parse import quote
+
+import pytest
+from tests.served.server import Server
+
+
+def page(server: Server) -> str:
+    """The address of the page of the one campaign."""
+    (campaign,) = set(re.findall('href="(/c/[^/"]+)"', server.ask("/")[1].decode()))
+    return f"{campaign}/ask"
+
+
+def asked(server: Server, command: str, **stated: str) -> str:
+    """The page with the answer of a command."""
+    address = page(server)
+    status, content, _ = server.ask(address, "POST", {"command": command, **stated})
+    assert status == 204, content
+    query = "&".join(f"{name}={quote(value)}" for name, value in {"command": command, **stated}.items())
+    for _ in range(600):
+        _, content, _ = server.ask(f"{address}?{query}")
+        if b"At work" not in content:
+            return content.decode()
+        time.sleep(0.1)
+    raise AssertionError("no answer")
+
+
+def test_a_question_is_answered_as_the_terminal_answers_it(server: Server) -> None:
+    shown = asked(server, "rig")
+    assert "moving mass m [kg]" in shown
+    assert '<th scope="rowgroup"' in shown
+    assert "conditions are possible" in asked(server, "causality", tyre="radial-ply", std="1 %")
+
+
+def test_a_mistake_is_a_message_on_the_page(server: Server) -> None:
+    assert "no test of a tyre &#39;none&#39;" in asked(server, "causality", tyre="none")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"command": "analyse"},
+        {"command": "plot", "out": "/tmp/x.svg"},
+        {"command": "causality", "std": "1\n--out=x"},
+        {"command": "causality", "std": "1" * 300},
+        ["rig"],
+    ],
+)
+def test_nothing_else_is_started(server: Server, body: object) -> None:
+    status, content, _ = server.ask(page(server), "POST", body)
+    assert status == 400
+    assert "error" in json.loads(content)
+
+
+def test_an_option_that_is_not_one_of_the_command_is_left_out(server: Server) -> None:
+    assert "moving mass" in asked(server, "rig", out="x.csv")
+
+
+def test_the_page_lists_what_may_be_asked(server: Server) -> None:
+    status, content, _ = server.ask(page(server))
+    assert status == 200
+    for name in (b"rig", b"causality", b"check", b"verify", b"twoport"):
+        assert b"?command=" + name in content
+    assert server.ask(f"{page(server)}?command=analyse")[0] == 400
