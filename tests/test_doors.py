@@ -87,6 +87,7 @@ def is_write(call: ast.Call) -> bool:
     return any(isinstance(mode, str) and set(mode) & set("wxa") and set(mode) <= set("wxab+t") for mode in modes)
 
 
+@pytest.mark.sampled(3)
 def test_only_the_door_opens_files() -> None:
     found = {}
     for path in sorted(SOURCE.rglob("*.py")):

@@ -23,6 +23,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Corpus]:
         yield made
 
 
+@pytest.mark.sampled(3)
 def test_every_command_ends_with_a_message_and_changes_nothing_outside(folders: Corpus) -> None:
     before = state_of(folders.template)
     said = [folders.complaint(case) for case in cases(every=False)]

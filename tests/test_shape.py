@@ -53,6 +53,7 @@ def test_a_circle_is_seen():
     assert not circles({"a": ["b", "c"], "b": ["c"], "c": []})
 
 
+@pytest.mark.sampled(2)
 def test_imports_run_in_no_circle():
     assert not circles({module: list(imports_of(tree)) for module, tree in modules().items()})
 

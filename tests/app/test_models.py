@@ -134,6 +134,7 @@ def shown_as(results):
     return ("query", results / "map.json", "--pressure", "1.85 bar", "--preload", "1400 N", "--frequency", "13.7 Hz")
 
 
+@pytest.mark.sampled(3)
 def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output

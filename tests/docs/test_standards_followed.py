@@ -47,6 +47,7 @@ def test_the_table_is_read():
     assert {"JCGM 100", "IEEE Std 1057", "ISO/IEC 17025", "ILAC-G8", "TYDEX", "SAE J2704"} <= set(rows())
 
 
+@pytest.mark.sampled(2)
 def test_every_standard_in_the_code_has_a_row():
     known = set(rows())
     named = {path.relative_to(PACKAGE).as_posix(): set(NUMBER.findall(text)) for path, text in texts().items()}

@@ -268,6 +268,7 @@ WIDE = {"sensors": (1e-2, radians(0.5)), "rig_error": ERRORS["rig_error"]}
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(2)
 def test_runs_with_other_sensors_of_equal_text_seldom_differ(tmp_path):
     """4 pairs of 4 frequencies: all true values are equal, and the sensors of each run are drawn anew."""
     rng, seen = np.random.default_rng(1), []

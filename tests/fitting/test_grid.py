@@ -18,6 +18,7 @@ def study(tmp_path_factory):
 
 
 @pytest.mark.thorough
+@pytest.mark.sampled(3)
 def test_a_point_between_the_tests(study):
     found = study.map(at={"pressure": [1.85e5, 3.0e5], "preload": 1400.0, "frequency": [13.7, 40.0]})
     assert dict(found.sizes) == {"tyre": 2, "pressure": 2, "preload": 1, "frequency": 2}
@@ -51,6 +52,7 @@ def test_a_whole_grid_of_one_tyre_survives_a_file(study, tmp_path):
         np.testing.assert_array_equal(back.K2, found.K2)
 
 
+@pytest.mark.sampled(2)
 def test_what_it_cannot(study):
     with pytest.raises(ModelError, match="no axis 'camber'"):
         study.map("zener", at={"camber": [1.0]})

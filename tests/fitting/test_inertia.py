@@ -92,6 +92,7 @@ def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):
 
 
 @pytest.mark.parametrize(("truth", "of"), [(driven, "driving point"), (transfer, "blocked transfer")])
+@pytest.mark.sampled(2)
 def test_a_belt_is_taken_off_and_the_springs_are_fitted(tmp_path, run, truth, of):
     path = table(tmp_path, truth, 5, 60, 30)
     done = run("fit", str(path), "--of", of, "--out", str(tmp_path / "model.json"))
@@ -114,6 +115,7 @@ def test_what_k_is_of_is_asked_for_by_its_name(tmp_path, run):
     assert "none of springs, driving point, blocked transfer" in done.stderr
 
 
+@pytest.mark.sampled(3)
 def test_beyond_the_band_the_interval_is_that_of_all_relaxing_specimens(tmp_path):
     """Three arms, of which the band shows two: 60 draws, 95 % intervals, at least 90 % asked for."""
 

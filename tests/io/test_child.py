@@ -81,6 +81,7 @@ def test_a_sound_file_is_read_on_a_busy_machine(work):
             loop.wait()
 
 
+@pytest.mark.sampled(2)
 def test_the_limit_begins_anew_with_each_piece_of_work(work):
     assert [answer(work, "compute", 0.7, seconds=1.0) for _ in range(4)] == ["done"] * 4
     with pytest.raises(Late, match=r"took more than 1 s of processor time"):
@@ -89,6 +90,7 @@ def test_the_limit_begins_anew_with_each_piece_of_work(work):
 
 
 @pytest.mark.thorough
+@pytest.mark.sampled(2)
 def test_work_that_stands_still_is_ended_and_slow_work_is_not(work, monkeypatch):
     monkeypatch.setattr(children, "STALLED", 3.0)
     assert answer(work, "trickle", 6.0) == "done"

@@ -46,6 +46,7 @@ def drawn(measured, seed, noise=0.003):
     return StiffnessData.of(OMEGA, truth + std * (rng.normal(size=30) + 1j * rng.normal(size=30)), std)
 
 
+@pytest.mark.sampled(3)
 def test_a_belt_is_found_with_its_mass_and_taken_off_with_its_uncertainty():
     off, left = [], []
     for seed in range(40):

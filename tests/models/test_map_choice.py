@@ -87,6 +87,7 @@ def test_an_automatic_map_is_of_the_right_causal_model():
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(3)
 def test_an_interval_holds_what_it_is_for():
     """1 % from mounting to mounting: 24 maps, of which each has one set of 9 mountings; 95 % within 5 % or so."""
     inside = {"next": [], "specimen": []}

@@ -40,6 +40,7 @@ def test_a_tyre_that_is_not_possible_is_found_with_one_mass(std):
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(2)
 def test_intervals_of_a_fit_hold_the_truth():
     inside, model = [], model_named("zener")
     for seed in range(30):

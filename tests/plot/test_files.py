@@ -107,6 +107,7 @@ def test_each_theme_draws_on_its_paper(study, theme):
 
 
 @pytest.mark.thorough
+@pytest.mark.sampled(2)
 def test_all_figures_are_written_and_light(tmp_path):
     calls = []
     results = against(study_with_models(), "kelvin")

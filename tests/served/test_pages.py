@@ -58,6 +58,7 @@ def campaign(page: Page) -> str:
     return str(page.locator("tbody th a").first.get_attribute("href"))
 
 
+@pytest.mark.sampled(2)
 def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, tmp_path: Path) -> None:
     with serving(tmp_path) as server, opened(browser, server) as window, visiting(window) as page:
         page.goto("/")
@@ -224,6 +225,7 @@ def test_a_recording_is_looked_at_closer(window: Page) -> None:
         expect(page.locator("#card svg")).not_to_have_count(0)
 
 
+@pytest.mark.sampled(2)
 def test_a_recording_is_judged_while_the_page_is_open(window: Page, server: Server) -> None:
     table = next(server.root.rglob("tests.csv"))
     before, recordings = table.read_text(), table.parent / "recordings"
@@ -298,6 +300,7 @@ def test_an_address_of_nothing_is_not_found(server: Server) -> None:
     assert server.ask("/c/nowhere")[0] == 404
 
 
+@pytest.mark.sampled(3)
 def test_sessions_do_not_disturb_each_other(analysed: Path, tmp_path: Path) -> None:
     for number in range(2):
         shutil.copytree(analysed, tmp_path / f"campaign {number}", ignore=shutil.ignore_patterns("results"))

@@ -121,6 +121,7 @@ def test_an_image_or_a_response_on_a_server_is_never_asked_for(noisy, user, aske
     assert asked == []
 
 
+@pytest.mark.sampled(3)
 def test_with_the_option_the_server_is_asked(elsewhere, user, asked):
     """So the tests above can fail."""
     done = run("check", elsewhere.path, "--remote")

@@ -92,6 +92,7 @@ def bucket(client, monkeypatch):
         client.delete_object(Bucket="rig", Key=one["Key"])
 
 
+@pytest.mark.sampled(2)
 def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
     before = noisy.analyse(route="mobility")
     for name in ("D2", "S1"):
@@ -166,6 +167,7 @@ def uploaded(noisy, bucket, monkeypatch):
     return noisy, before
 
 
+@pytest.mark.sampled(2)
 def test_the_argument_allows_it_for_the_call_alone(uploaded):
     noisy, before = uploaded
     assert noisy.analyse(route="mobility", remote=True).dynamic.equals(before.dynamic)

@@ -76,6 +76,7 @@ SAYS = {
 
 
 @pytest.mark.parametrize("what", ["hang", "sleep", "abort", "bomb"])
+@pytest.mark.sampled(2)
 def test_a_file_that_hurts_its_reader_is_one_rejected_row(hurting, what, monkeypatch):
     monkeypatch.setattr(children, "SPARE", 600_000_000)  # filling the usual 3 GB takes long
     monkeypatch.setattr(children, "STALLED", 3.0)
@@ -88,6 +89,7 @@ def test_a_file_that_hurts_its_reader_is_one_rejected_row(hurting, what, monkeyp
     assert time.monotonic() - began < 120  # `hang` and `sleep` would go on for ever
 
 
+@pytest.mark.sampled(3)
 def test_the_same_rows_come_from_processes_and_from_threads(hurting):
     folder = hurting("crash")
     found = [
@@ -103,6 +105,7 @@ def test_the_same_rows_come_from_processes_and_from_threads(hurting):
     assert found[0].sha256 == found[2].sha256
 
 
+@pytest.mark.sampled(2)
 def test_a_worker_that_is_killed_once_costs_nothing(noisy, monkeypatch):
     """The recording in its hands is run again."""
     with Workers(2) as pool:
@@ -146,6 +149,7 @@ def test_few_files_need_no_process_and_many_are_shared(noisy, monkeypatch):
     assert made == [2]
 
 
+@pytest.mark.sampled(2)
 def test_a_plain_script_needs_no_main(noisy, tmp_path):
     """The workers do not import the script, so its last line is reached once."""
     script = tmp_path / "script.py"
@@ -222,6 +226,7 @@ def test_check_names_a_crash(hurting):
     assert "reader" in ran.stdout
 
 
+@pytest.mark.sampled(3)
 def test_all_routes_to_a_file_limit_the_time_of_its_reader(hurting, monkeypatch):
     monkeypatch.setattr(children, "SECONDS", 1.0)
     folder = hurting("hang")

@@ -142,6 +142,7 @@ def test_a_campaign_of_a_cars_tyre_is_found(car):
     assert car[1]["u(Re K*) [N/m]"].max() < 0.005 * 290e3
 
 
+@pytest.mark.sampled(3)
 def test_a_belt_is_found_though_k_star_scatters_from_repeat_to_repeat(tmp_path):
     """With one mass; the scatter of 0.1 % is ten times what the noise makes of K*."""
     made = simulate_campaign(

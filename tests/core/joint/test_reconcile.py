@@ -168,6 +168,7 @@ def test_noise_larger_than_stated_is_taken_as_it_is(make):
     assert np.abs(errors(made, joint)).max() < 5
 
 
+@pytest.mark.sampled(2)
 def test_noise_three_times_as_large_as_stated_is_a_misfit(make):
     joint = understated(make, 1 / 3)[1]
     assert not joint.misfit.fits

@@ -170,6 +170,7 @@ def test_memory_is_asked_for_before_it_is_used(tmp_path: Path) -> None:
         FORMAT.read(asked(tmp_path / "a.mat", "F1", most=2_000_000))
 
 
+@pytest.mark.sampled(2)
 def test_a_variable_that_unpacks_to_zeros(tmp_path: Path, outcome: Outcome) -> None:
     savemat(tmp_path / "a.mat", {"F1": np.zeros(200)}, do_compression=True)
     bomb = zlib.compress(bytes(200_000_000), 9)

@@ -202,6 +202,7 @@ def lies(path: Path) -> Iterator[bytes]:
     yield patched(whole, (0, b"UnFinMF "), (60, b"\x01\0"))
 
 
+@pytest.mark.sampled(2)
 def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, outcome: Outcome) -> None:
     other = tmp_path / "b.mf4"
     for content in lies(example(tmp_path / "a.mf4")):
