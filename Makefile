@@ -120,12 +120,12 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 	@$(BIN)/ruff format
 
 # What it holds: each function of a library that the package calls is there in the lowest version and does the same. So
-# each test runs with its first case alone (--first), except where the cases differ in the library that they call
-# (tests/selection.py). Left out are examples, for they show numbers as today's numpy prints them; warnings, for those of
-# an old library are nobody's to mend; the commands', the report's and the pages' own tests, which hold exact output of
-# the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many times,
-# which ask of our formulas, not of a library; core/joint and models, algebra on numpy and scipy, which the analyses and
-# fits of the other tests run.
+# every other test, by turns, runs with its first case alone (--first), except where the cases differ in the library that
+# they call (tests/selection.py). Left out are examples, for they show numbers as today's numpy prints them; warnings, for
+# those of an old library are nobody's to mend; the commands', the report's and the pages' own tests, which hold exact
+# output of the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many
+# times, which ask of our formulas, not of a library; core/joint and models, algebra on numpy and scipy, which the analyses
+# and fits of the other tests run.
 lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
 		-W default $(TWO_AT_A_TIME) --first -m "not statistical and not thorough" tests \

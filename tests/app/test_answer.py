@@ -56,7 +56,7 @@ def test_an_added_command_is_on_the_terminal_in_json_in_the_help_and_in_the_app(
 
 
 def test_the_app_gets_the_parts_as_events(added, monkeypatch):
-    monkeypatch.setenv("FOURPOLE_EVENTS", "1")
+    monkeypatch.setenv("FOURPOLE_EVENTS", "answer")
     said = CliRunner().invoke(app, ["greet", "rig", "--json"])
     (event,) = (json.loads(line[1:]) for line in said.stderr.split("\n") if line.startswith("\x1e"))
     assert event == {"answer": ["hello rig"]}

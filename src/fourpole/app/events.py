@@ -1,8 +1,9 @@
 """What a command says to a program that runs it: one JSON document a line on standard error, after a record separator.
 
-A program that sets FOURPOLE_EVENTS=1 gets the progress of each task, and each test as its recording is reduced. Lines
-without the separator are the messages that a person would see. If it gives the command a pipe as standard input, the
-end of that pipe ends the command as Ctrl-C does: so no command stays behind when the program is killed.
+A program that sets FOURPOLE_EVENTS=1 gets the progress of each task, and each test as its recording is reduced; with
+FOURPOLE_EVENTS=answer also what the command would print for a reader. Lines without the separator are the messages that
+a person would see. If it gives the command a pipe as standard input, the end of that pipe ends the command as Ctrl-C
+does: so no command stays behind when the program is killed.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ VARIABLE = "FOURPOLE_EVENTS"
 _EVERY = 0.2
 
 
-def wanted() -> bool:
-    """Whether a program asked for events."""
-    return os.environ.get(VARIABLE) == "1"
+def wanted(*, answer: bool = False) -> bool:
+    """Whether a program asked for events, or for those with the `answer`."""
+    return os.environ.get(VARIABLE) in (("answer",) if answer else ("1", "answer"))
 
 
 def end_with_caller() -> None:

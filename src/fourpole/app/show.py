@@ -24,7 +24,7 @@ def show(answer: Answer, *, as_json: bool) -> int:
     """Print an answer, or its document and, on standard error, the files; returns its exit code."""
     if as_json:
         print_json(answer.document())
-    if events.wanted():
+    if events.wanted(answer=True):
         events.tell(answer=answer.plain())
     for part in () if as_json else answer.shown:
         _print(part)

@@ -112,10 +112,13 @@ class Job:
 
 
 class Jobs:
-    """The jobs of a server: as many at a time as it has processors, the others wait their turn."""
+    """The jobs of a server: as many at a time as it has processors, the others wait their turn.
 
-    def __init__(self, at_once: int) -> None:
-        self._turn = asyncio.Semaphore(at_once)
+    `events` are those that the commands tell; see fourpole.app.events.
+    """
+
+    def __init__(self, at_once: int, events: str = "1") -> None:
+        self._turn, self._events = asyncio.Semaphore(at_once), events
         self._jobs: dict[str, Job] = {}
         self._running: set[asyncio.Task[None]] = set()
 
@@ -154,16 +157,16 @@ class Jobs:
             if job.phase is Phase.WAITING:
                 job.phase = Phase.RUNNING
                 await job.tell()
-                await _run(job)
+                await _run(job, self._events)
         await job.tell()
 
 
-async def _run(job: Job) -> None:
-    """Run the command of a job to its end."""
+async def _run(job: Job, events: str) -> None:
+    """Run the command of a job to its end, with these events."""
     words = (*job.words, str(job.place.folder.absolute()), "--json")
     try:
         async with running_module(
-            "fourpole", *words, variables={_EVENTS: "1", "NO_COLOR": "1"}, limit=_LINE
+            "fourpole", *words, variables={_EVENTS: events, "NO_COLOR": "1"}, limit=_LINE
         ) as process:
             job._process = process  # noqa: SLF001 - the job is this module's own
             if job._asked:  # noqa: SLF001 - while the process was made, and has done nothing yet

@@ -65,7 +65,7 @@ class Site:
     #: Watches, which run beside the other jobs.
     watches: Jobs = field(default_factory=lambda: Jobs(MOST_WATCHES))
     #: Questions, which run beside the other jobs, one at a time.
-    answers: Jobs = field(default_factory=lambda: Jobs(1))
+    answers: Jobs = field(default_factory=lambda: Jobs(1, "answer"))
     #: Figures are drawn one at a time: their style is a setting of matplotlib.
     drawing: threading.Lock = field(default_factory=threading.Lock)
     #: Reports are printed one at a time: each takes a browser.
