@@ -11,11 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from fourpole.answer import Answer
 from fourpole.app import events
 from fourpole.app.alike import gathered_alike
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, out, print_json, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
 from fourpole.app.options import RunOptions, Wanted
-from fourpole.app.standing import STATEMENT, Outcome, forget, identities, note_standing, results_of, settings_of, show
+from fourpole.app.standing import (
+    STATEMENT,
+    Outcome,
+    answer_of,
+    forget,
+    identities,
+    note_standing,
+    results_of,
+    settings_of,
+)  # fmt: skip
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.checks import Code, Verdict, worst_verdict
 from fourpole.core.phasor import CHANNELS
@@ -53,11 +63,14 @@ def run_analysis(
     wanted: Wanted,
     *,
     as_json: bool,
-) -> int:
-    """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected."""
+) -> Answer:
+    """Analyse a campaign and write its results; the exit code is `SOME_REJECTED` if tests were rejected.
+
+    Doubts about the statement are printed before the work, but for programs.
+    """
     settings = settings_of(route, monte_carlo, wanted)
     study, outcome = _outcome(campaign, results_of(campaign, folder), settings, options, wanted, silent=as_json)
-    return show(outcome, as_json=as_json, said=len(study.campaign_there().doubts))
+    return answer_of(outcome, said=len(study.campaign_there().doubts))
 
 
 def _outcome(
@@ -117,8 +130,8 @@ def _files_of(campaign: Campaign) -> list[str]:
     )
 
 
-def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> int:
-    """Simulate a campaign, analyse it, and print the findings; exit code `SOME_REJECTED` if tests were rejected.
+def run_demo(folder: Path, seed: int, workers: int | None) -> Answer:
+    """Simulate a campaign and analyse it: its findings; exit code `SOME_REJECTED` if tests were rejected.
 
     The results stand for an analysis with default settings, which keeps the models of the folder.
     """
@@ -133,15 +146,14 @@ def run_demo(folder: Path, seed: int, workers: int | None, *, as_json: bool) -> 
     options, wanted = RunOptions(workers=workers), Wanted(models=True)
     study, outcome = _outcome(folder, results_of(folder, None), settings, options, wanted)
     found = headline(findings(study))
-    if as_json:
-        print_json({**outcome.document, "found": found})
-    else:
-        out(f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}.")
-        for line in (*found[1:], *outcome.lines):  # the first finding repeats the number of tests
-            out(line)
-        out("The virtual tyres have belts, and the paper's conclusions hold by design; they are not its data.")
-        out("The rubber mount relaxes; no relaxing springs can be like those of the two tyres: the report says why.")
-    return outcome.code
+    lines = [
+        f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}.",
+        *found[1:],  # the first one repeats the number of tests
+        *outcome.lines,
+        "The virtual tyres have belts, and the paper's conclusions hold by design; they are not its data.",
+        "The rubber mount relaxes; no relaxing springs can be like those of the two tyres: the report says why.",
+    ]
+    return Answer(lines, lambda: {**outcome.document, "found": found}, code=outcome.code)
 
 
 def _demo_settings() -> dict[str, Any]:

@@ -8,19 +8,9 @@ from typing import Any
 
 import typer
 
-from fourpole.app.console import (
-    OK,
-    SOME_REJECTED,
-    STOPPED,
-    TERMINATED,
-    UNREADABLE,
-    one_of_several,
-    out,
-    print_json,
-    print_table,
-    run_to_exit,
-    say,
-)
+from fourpole.answer import Answer, Table
+from fourpole.app.console import OK, SOME_REJECTED, STOPPED, TERMINATED, UNREADABLE, one_of_several, run_to_exit, say
+from fourpole.app.show import show
 from fourpole.core.checks import VERDICTS
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.folders import resolved
@@ -29,10 +19,8 @@ from fourpole.io.folders import resolved
 _ORDER = (OK, SOME_REJECTED, UNREADABLE)
 
 
-def run_each(
-    campaigns: Sequence[Path], folder: Path | None, run: Callable[[Path], int | None], *, as_json: bool
-) -> int:
-    """Run an analysis for each campaign, and print a summary of all; the exit code is the worst.
+def run_each(campaigns: Sequence[Path], folder: Path | None, run: Callable[[Path], Answer], *, as_json: bool) -> Answer:
+    """Run an analysis for each campaign: its answer, or of several a summary with the worst exit code.
 
     Parameters
     ----------
@@ -41,11 +29,11 @@ def run_each(
     folder : Path or None
         The folder that --out names.
     run : callable
-        Analyses one campaign and returns its exit code.
+        Analyses one campaign. Of several, each answer is shown when it is there.
     """
     named = list({resolved(campaign): campaign for campaign in reversed(campaigns)}.values())[::-1]
     if len(named) == 1:
-        return run(named[0]) or OK
+        return run(named[0])
     if folder is not None:
         raise CampaignError("--out is for one campaign: the results of several are in CAMPAIGN/results of each")
     rows: list[dict[str, Any]] = []
@@ -53,35 +41,31 @@ def run_each(
         rows.append(_one(campaign, f"{at} of {len(named)}: {campaign}", run, as_json=as_json))
         if rows[-1]["exit code"] in (STOPPED, TERMINATED):
             break
-    if as_json:
-        print_json({"campaigns": rows})
-    else:
-        _show(rows)
-    return max((row["exit code"] for row in rows), key=lambda code: _ORDER.index(code) if code in _ORDER else code + 99)
+    codes = (row["exit code"] for row in rows)
+    worst = max(codes, key=lambda code: _ORDER.index(code) if code in _ORDER else code + 99)
+    return Answer(["", _table(rows)], lambda: {"campaigns": rows}, code=worst)
 
 
-def _one(campaign: Path, head: str, run: Callable[[Path], int | None], *, as_json: bool) -> dict[str, Any]:
+def _one(campaign: Path, head: str, run: Callable[[Path], Answer], *, as_json: bool) -> dict[str, Any]:
     """Analyse one campaign; an error becomes its message and its exit code."""
-    said: list[str] = []
-    documents: list[Any] = []
+    row: dict[str, Any] = {"campaign": str(campaign), "exit code": OK}
 
     def told() -> int | None:
         try:
-            return run(campaign)
+            answer = run(campaign)
         except FourpoleError as error:
-            said.append(str(error))
+            row["error"] = str(error)
             raise
+        row.update(answer.document() if as_json else _counted(campaign, answer.code))
+        return answer.code if as_json else show(answer, as_json=False)
 
     say(head)
-    code = OK
     try:
-        with one_of_several(head, documents):
+        with one_of_several(head):
             run_to_exit(told)
     except typer.Exit as end:
-        code = end.exit_code
-    document = documents[0] if documents and isinstance(documents[0], dict) else {}
-    row = {"campaign": str(campaign), "exit code": code, **(document if as_json else _counted(campaign, code))}
-    return {**row, **({"error": said[0]} if said else {})}
+        row["exit code"] = end.exit_code
+    return row
 
 
 def _counted(campaign: Path, code: int) -> dict[str, Any]:
@@ -94,12 +78,11 @@ def _counted(campaign: Path, code: int) -> dict[str, Any]:
     return {"verdicts": record["verdicts"]}
 
 
-def _show(rows: Sequence[dict[str, Any]]) -> None:
+def _table(rows: Sequence[dict[str, Any]]) -> Table:
     """A line for each campaign."""
-    out()
     lines = []
     for row in rows:
         counts = row.get("verdicts", {})
         result = row.get("error") or (f"{row['campaign']}/results" if counts else "not analysed")
         lines.append([row["campaign"], *(str(counts.get(name, "-")) for name in VERDICTS), result])
-    print_table(["campaign", *VERDICTS, "results, or why there are none"], lines, right=VERDICTS)
+    return Table(["campaign", *VERDICTS, "results, or why there are none"], lines, VERDICTS)

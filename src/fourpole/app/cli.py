@@ -141,7 +141,7 @@ def analyse(
     wanted: Wanted,
     options: RunOptions,
     as_json: JsonFlag = False,
-) -> int:
+) -> Answer:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
 
     Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Each
@@ -149,15 +149,15 @@ def analyse(
     """
     from fourpole.app.campaigns import run_each
     from fourpole.app.options import allow_remote
-    from fourpole.app.standing import results_of, settings_of, show, standing
+    from fourpole.app.standing import answer_of, results_of, settings_of, standing
 
     settings = settings_of(route, monte_carlo, wanted)
     allow_remote(options.remote)
 
-    def run(campaign: Path) -> int:
+    def run(campaign: Path) -> Answer:
         former = standing(campaign, results_of(campaign, folder), settings, verify=options.verify)
         if former is not None:
-            return show(former, as_json=as_json, stands=True)
+            return answer_of(former, stands=True)
         from fourpole.app.analysis import run_analysis
 
         return run_analysis(campaign, folder, route, monte_carlo, options, wanted, as_json=as_json)

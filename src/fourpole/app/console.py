@@ -44,8 +44,6 @@ _STOPPED_TEXT = "stopped; no file is half-written; give the same command again: 
 
 #: What a progress bar is part of; empty for a command with one task.
 _PART: ContextVar[str] = ContextVar("_PART", default="")
-#: Where JSON documents go in place of standard output.
-_DOCUMENTS: ContextVar[list[Any] | None] = ContextVar("_DOCUMENTS", default=None)
 
 
 class Terminated(KeyboardInterrupt):
@@ -242,24 +240,17 @@ def _print_marked(mark: str, text: str) -> None:
 
 def print_json(document: Any) -> None:
     """Print one JSON document; a number that is not finite is null."""
-    if (documents := _DOCUMENTS.get()) is not None:
-        documents.append(document)
-        return
     out(json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 @contextmanager
-def one_of_several(part: str, documents: list[Any]) -> Iterator[None]:
-    """Let progress bars say what they are part of, as "2 of 3: campaign", and `print_json` append to a list.
-
-    A command for several campaigns prints one document only.
-    """
-    tokens = _PART.set(part), _DOCUMENTS.set(documents)
+def one_of_several(part: str) -> Iterator[None]:
+    """Let progress bars say what they are part of, as "2 of 3: campaign"."""
+    token = _PART.set(part)
     try:
         yield
     finally:
-        _PART.reset(tokens[0])
-        _DOCUMENTS.reset(tokens[1])
+        _PART.reset(token)
 
 
 def _plain(value: Any) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import fourpole
-from fourpole.app.console import out, print_json, say
+from fourpole.answer import Answer, Part
+from fourpole.app.console import say
 from fourpole.app.options import Wanted
 from fourpole.io.door import check_name, read_bytes, sha256_of
 from fourpole.io.folders import is_for_keeping
@@ -56,18 +58,17 @@ def settings_of(route: str, monte_carlo: int, wanted: Wanted) -> dict[str, Any]:
     return {"route": route, "monte_carlo": monte_carlo, **vars(wanted)}
 
 
-def show(outcome: Outcome, *, as_json: bool, stands: bool = False, said: int = 0) -> int:
-    """Print what an analysis said, but for the first notes, which are said; returns its exit code."""
-    if as_json:
-        print_json(outcome.document)
-        return outcome.code
-    for note in outcome.notes[said:]:
-        say(note)
-    if stands:
-        say("nothing has changed since the last analysis: its results stand")
-    for line in outcome.lines:
-        out(line)
-    return outcome.code
+def answer_of(outcome: Outcome, *, stands: bool = False, said: int = 0) -> Answer:
+    """What an analysis said, as an answer; its first notes are `said` before."""
+
+    def parts() -> Iterator[Part]:
+        for note in outcome.notes[said:]:
+            say(note)
+        if stands:
+            say("nothing has changed since the last analysis: its results stand")
+        yield from outcome.lines
+
+    return Answer(parts(), lambda: outcome.document, code=outcome.code)
 
 
 def standing(campaign: Path, results: Path, settings: dict[str, Any], *, verify: bool = False) -> Outcome | None:
