@@ -60,7 +60,8 @@ class _Known(dict[str, Any]):
         path, *arguments = call
         named = {key: one for part in arguments if isinstance(part, dict) for key, one in self.result(part).items()}
         if path == "of":
-            found = [getattr(self.result(arguments[0]), name) for name in arguments[1:]]
+            owner = self.result(arguments[0])
+            found = [getattr(owner, name) for name in arguments[1:]]
             return found if len(found) > 1 else found[0]
         given = [self.result(part) for part in arguments if not isinstance(part, dict)]
         if path == "list":
