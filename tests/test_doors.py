@@ -51,7 +51,6 @@ MAY = {
     "report/words/phrases.py": "sentences",
     "report/selftest/run.py": "the reference data",
     "report/selftest/cases.py": "the reference data",
-    "report/selftest/calculated.py": "the calls of the reference cases",
     "served/site.py": "scripts and styles",
     "export/fmi/csource.py": "the source of FMUs, and what the compiler made",
     "plot/catalogue.py": "names and captions of figures",

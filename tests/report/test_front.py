@@ -10,7 +10,8 @@ from fourpole.findings.conformity import judged
 from fourpole.quantities import K1, ShownUnits
 from fourpole.report.digits import in_units
 from fourpole.report.front import conformity_table, front_page, load_of_index, verdict_line
-from fourpole.report.page import render_report
+from fourpole.report.html import rendered
+from fourpole.report.page import PARTS, render_report
 from fourpole.report.rows import condition, words
 from fourpole.report.words.phrases import bar, newton, shown
 from fourpole.study.study import Study
@@ -50,6 +51,11 @@ def test_load_indices_have_the_loads_of_the_standard(index, kilograms):
     assert load_of_index(index) == pytest.approx(kilograms * 9.80665)
 
 
+def shown_page(results):
+    """The first page as the template shows it."""
+    return rendered({**PARTS, "page": PARTS["front"]}, front=front_page(results, []), front_figures=[], title="")
+
+
 def test_twelve_conditions_have_a_row_each_and_more_are_ranges():
     twelve = front_page(campaign(1e5 + 1e4 * np.arange(12)), [])
     assert (len(twelve.table.rows), twelve.all_conditions) == (12, None)
@@ -62,9 +68,10 @@ def test_twelve_conditions_have_a_row_each_and_more_are_ranges():
 
 
 def test_the_table_never_has_more_than_twelve_rows_and_says_what_it_leaves_out():
-    page = front_page(campaign((1e5, 2e5), [f"S{n:02}" for n in range(40)]), [])
+    results = campaign((1e5, 2e5), [f"S{n:02}" for n in range(40)])
+    page = front_page(results, [])
     assert len(page.table.rows) == 12
-    assert "28 more specimens" in page.note
+    assert "28 more specimens stand on the second page." in shown_page(results)
     assert len(page.all_conditions.rows) == 80
 
 
@@ -91,7 +98,7 @@ def test_the_worst_result_is_named_with_its_limit():
     assert said in line.text
     table = conformity_table(results, judged(results))
     assert [row.outcome for row in table.rows] == ["fail", "pass"]
-    assert "ILAC-G8" in table.rule
+    assert "(guard band w = U; ILAC-G8:09/2019, 4.2.3)" in shown_page(results)
 
 
 def test_equipment_that_ran_out_is_marked():

@@ -201,7 +201,7 @@ class Check:
     channel : str
         F1, V1 or V2 for a check of one channel; else empty.
     values : mapping of str to object
-        What the sentence names beside them: numbers in the units of `fourpole.words.UNITS`, names of tests,
+        What the sentence names beside them: numbers in the units of `fourpole.words.units`, names of tests,
         channels and files, enums, what an error says, other checks, or tuples of them.
     """
 

@@ -21,7 +21,7 @@ from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.digits import in_unit, number, with_interval
 from fourpole.report.words.inertia import short_lines
 from fourpole.report.words.limits import Limit, limits
-from fourpole.report.words.phrases import counted, joined, percent, some
+from fourpole.report.words.phrases import SENTENCES, counted, joined, percent, some
 from fourpole.report.words.rig import rigs_in_words
 from fourpole.report.words.sentence import Sentence
 from fourpole.report.words.sources import source_in_words
@@ -35,6 +35,7 @@ _MOST_JUDGED = 200
 _MOST_WARNED = 3
 #: The badge of each outcome.
 _KINDS = {Conformity.PASS: Verdict.OK, Conformity.UNDECIDED: Verdict.WARNING, Conformity.FAIL: Verdict.REJECTED}
+_SAID: dict[str, Any] = SENTENCES["front"]
 _AXES = {"pressure": q.PRESSURE, "preload": q.PRELOAD, "temperature": q.TEMPERATURE, "frequency": q.FREQUENCY}
 
 
@@ -71,22 +72,14 @@ def _against_limits(row: SimpleNamespace) -> str:
 
 
 def conformity_table(results: Study, held: Sequence[Decision]) -> SimpleNamespace | None:
-    """The limits with their results, and the rule of the decision; None without limits."""
+    """The limits with their results, by ILAC-G8:09/2019, 4.2.3, and JCGM 106, and their number; None without limits."""
     if not held:
         return None
-    rule = (
-        "Decision rule: a result passes if it lies within the limits by at least its U (k = 2), fails if it lies "
-        "beyond one by more than its U, and is undecided in between (guard band w = U; ILAC-G8:09/2019, 4.2.3). "
-        "A skewed interval stands in place of ± U. “Within” is the probability that the true value is within the "
-        "limits (JCGM 106)."
-    )
-    left_out = f" The first {_MOST_JUDGED} of {len(held)} rows are shown, the worst first."
-    left_out = left_out if len(held) > _MOST_JUDGED else ""
     order = sorted(held, key=lambda one: -list(Conformity).index(one.outcome))
     return SimpleNamespace(
         specification=str(section(results.record, "stated").get("specification") or ""),
         rows=[_judged_row(one, results.shown) for one in order[:_MOST_JUDGED]],
-        rule=rule + left_out,
+        count=len(held),
     )
 
 
@@ -131,20 +124,6 @@ _DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
 _PLACES = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
 #: A model that departs from the data by this share of |K*| is not to be trusted.
 _POOR = 0.01
-#: What a report says of a specimen on its first page, by the key in campaign.toml.
-_OF_SPECIMEN = (
-    ("size", "size"), ("load_index", "load index"), ("serial", "serial"), ("rim", "rim"),
-    ("condition", "condition"),
-)  # fmt: skip
-#: The particulars in the order of the page, by their key in [report].
-_PARTICULARS = (
-    ("replaces", "Replaces"), ("customer", "Customer"), ("received", "Received"), ("tested", "Tested"),
-    ("issued", "Issued"),
-    ("location", "Place"),
-    ("method", "Method"), ("deviations", "Deviations"), ("sampling", "Sampling"), ("environment", "Environment"),
-    ("conditioning", "Conditioning"), ("break_in", "Break-in"), ("external", "By others"),
-    ("from_customer", "Customer’s data"), ("operator", "Operator"), ("approved", "Approved"),
-)  # fmt: skip
 
 
 def front_page(results: Study, said: Sequence[Sentence]) -> SimpleNamespace:
@@ -154,20 +133,18 @@ def front_page(results: Study, said: Sequence[Sentence]) -> SimpleNamespace:
     logo = stated.get("logo")
     every = summary(results, most=None)
     rows = bounded(every, MOST_CONDITIONS)
-    shown, more = rows[:MOST_CONDITIONS], len(rows) - MOST_CONDITIONS
-    table, held = summary_table(results, shown), judged(results)
+    held = judged(results)
     return SimpleNamespace(
         laboratory=str(stated.get("laboratory") or section(record, "stated").get("laboratory") or ""),
         address=str(stated.get("address") or ""),
         number=str(stated.get("number") or ""),
         logo=logo if isinstance(logo, str) and logo.startswith("data:image/") else "",  # no image outside the record
-        particulars=[(name, str(stated[key])) for key, name in _PARTICULARS if stated.get(key)],
+        particulars=[(name, str(stated[key])) for key, name in _SAID["particulars"] if stated.get(key)],
         specimens=_specimens(results),
         verdict=verdict_line(results, held),
         inertia=short_lines(results),
-        heading=_heading(table),
-        note=_note(table) + (f" {more} more specimens stand on the second page." if more > 0 else ""),
-        table=table,
+        table=summary_table(results, rows[:MOST_CONDITIONS]),
+        more=len(rows) - MOST_CONDITIONS,
         all_conditions=summary_table(results, every) if len(every) > MOST_CONDITIONS else None,
         conformity=conformity_table(results, held),
         equipment=_equipment(stated),
@@ -188,7 +165,9 @@ def _specimens(results: Study) -> list[SimpleNamespace]:
 
 def _described(stated: Mapping[str, Any]) -> str:
     parts = [str(stated["construction"])] if stated.get("construction") else []
-    return ", ".join([*parts, *(f"{words} {stated[key]}" for key, words in _OF_SPECIMEN if stated.get(key))])
+    return ", ".join(
+        [*parts, *(f"{words} {stated[key]}" for key, words in _SAID["specimen"].items() if stated.get(key))]
+    )
 
 
 def summary_table(results: Study, rows: Sequence[SummaryRow]) -> SimpleNamespace:
@@ -270,23 +249,6 @@ def _cell(row: SummaryRow, quantity: Quantity) -> SimpleNamespace:
         return SimpleNamespace(text=text, about=about)
     text, about = in_unit(low, quantity)
     return SimpleNamespace(text=text, about=f"± {about}" if about else "")
-
-
-def _heading(table: SimpleNamespace) -> str:
-    at = f" at {table.frequency}" if table.frequency else ""
-    return f"Results{at}: lowest to highest of all conditions" if table.ranges else f"Results{at}"
-
-
-def _note(table: SimpleNamespace) -> str:
-    """How the numbers of the table are to be read."""
-    u = "± is the expanded uncertainty U, coverage factor k = 2, about 95 %"
-    parts = [f"{u}; of a range, the largest" if table.ranges else u]
-    if table.skewed:
-        parts.append("“a to b” below a value is its 95 % interval, where that is skewed")
-        if table.ranges:
-            parts[-1] += "; below a range, the ends of all intervals"
-    parts.append("amplitudes of the deflection are 0 to peak, in brackets peak to peak")
-    return f"{'; '.join(parts)}. K* = K′ + jK″; K1 is the static stiffness at the preload; δ the loss angle."
 
 
 def _equipment(stated: Mapping[str, Any]) -> list[SimpleNamespace]:
@@ -379,15 +341,9 @@ def _scale(results: Study) -> list[str]:
     return [f"{one[:1].upper()}{one[1:].rstrip('.')}." for one in found][:_MOST_SAID]
 
 
-#: Load [kg] of the load indices 60 to 139; 80 more stand for ten times the load.
-_LOADS = (
-    250, 257, 265, 272, 280, 290, 300, 307, 315, 325, 335, 345, 355, 365, 375, 387, 400, 412, 425, 437,
-    450, 462, 475, 487, 500, 515, 530, 545, 560, 580, 600, 615, 630, 650, 670, 690, 710, 730, 750, 775,
-    800, 825, 850, 875, 900, 925, 950, 975, 1000, 1030, 1060, 1090, 1120, 1150, 1180, 1215, 1250, 1285, 1320, 1360,
-    1400, 1450, 1500, 1550, 1600, 1650, 1700, 1750, 1800, 1850, 1900, 1950, 2000, 2060, 2120, 2180, 2240, 2300, 2360,
-    2430,
-)  # fmt: skip
-_FIRST, _DECADE, _HIGHEST = 60, 80, 279
+#: Load [kg] of the load indices from 60 on, and the highest index.
+_LOADS: list[int] = SENTENCES["load_index"]["loads"]
+_FIRST, _DECADE, _HIGHEST = 60, len(_LOADS), 279
 _GRAVITY = 9.80665
 
 

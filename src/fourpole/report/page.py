@@ -153,11 +153,13 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         _remarks([*_remarked(results, dynamic_keys), *static.rows], checks_by_test(results.checks)),
     )
     shown = {key: figure for key, figure in figures.items() if key not in FRONT}
+    models = results.models.models if results.models else ()
     return {
         "title": str(record.get("title") or "") or "Campaign without a title",
         "front": front_page(results, findings),
         "front_figures": [figures[key] for key in FRONT if key in figures],
-        "folded": folded(results, topics=len(topics), findings=len(findings), remarks=len(remarks), figures=len(shown)),
+        "counted": counted,
+        "counts": verdict_counts(results.static, results.dynamic),
         "cards": cards,
         "tables": [
             {"key": key, "name": name, "table": table}
@@ -179,6 +181,7 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         "rigs_found": [_rig_as_found(found, where) for found in rigs_in_words(results)],
         "limits": limits(results),
         "models": models_section(results),
+        "chosen": joined(f"{one.model} for {one.tyre}" if one.tyre else one.model for one in models),
         "lacks_models": results.models is None and results.dynamic.height > 0,
         "faults": list(results.faults),
         "assumptions": texts(record.get("assumptions")),
@@ -278,33 +281,3 @@ def _versions(record: Mapping[str, Any]) -> dict[str, str]:
         changed = ", files changed since" if made.get("changed") else ""
         found["commit of fourpole"] = f"{str(made['commit'])[:12]}{changed}"
     return found
-
-
-def folded(results: Study, *, topics: int, findings: int, remarks: int, figures: int) -> dict[str, str]:
-    """What each part holds, by the key of the part; the counts are those of the page."""
-    counts = verdict_counts(results.static, results.dynamic)
-    tests = sum(counts.values())
-    specimens = {*results.static["tyre"].to_list(), *results.dynamic["tyre"].to_list()}
-    assumed = len(texts(results.record.get("assumptions")))
-    misfits = [rig for rig in results.rigs if not rig.fits]
-    models = results.models.models if results.models else ()
-    chosen = [f"{one.model} for {one.tyre}" if one.tyre else one.model for one in models]
-    hashes = len(section(results.record, "sha256"))
-    files = f"; {counted(hashes, 'file')} with their SHA-256" if hashes else ""
-    notes = f", with {counted(assumed, 'note')}" if assumed else ""
-    return {
-        "tested": f"{counted(tests, 'test')} on {counted(len(specimens), 'specimen')}, with their conditions.",
-        "findings": f"{counted(findings, 'sentence')} on {counted(topics, 'topic')}, the largest effects first.",
-        "inertia": "Belt masses, their frequencies and springs, with U.",
-        "rig": f"As campaign.toml states them{notes}.",
-        "rig-as-found": "The rig as stated does not fit these tests."
-        if misfits
-        else "Rig and sensors fit these tests; each value as stated and as found.",
-        "limits": "The largest sources of uncertainty, and the cheapest remedy of each.",
-        "results": "All results of each test, to sort and to filter.",
-        "remarks": f"{counted(remarks, 'remark')} on {counted(counts['warning'] + counts['rejected'], 'test')}.",
-        "models": f"Chosen: {joined(chosen)}." if chosen else "None is fitted, or it could not be used.",
-        "figures": f"{counted(figures, 'figure')}.",
-        "cards": "Signals, hysteresis loop and numbers of each recording.",
-        "run": f"Settings and versions{files}.",
-    }

@@ -15,6 +15,7 @@ from fourpole.core.checks import worst_verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
 from fourpole.quantities import DERIVED, RIG_VALUES, Quantity
 from fourpole.report.digits import known, number, shown_as, spread, with_std
+from fourpole.report.words.phrases import SENTENCES
 from fourpole.study.record import section
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
@@ -102,13 +103,7 @@ def condition(row: Mapping[str, Any], *, dynamic: bool) -> str:
     return ", ".join(said)
 
 
-_ROLES = {
-    "force_in": "force F1",
-    "motion_in": "motion at the contact V1",
-    "motion_out": "motion of the mass V2",
-    "load": "static load",
-    "deflection": "static deflection",
-}
+_SAID: dict[str, dict[str, Any]] = SENTENCES["channels"]
 _STATIC_ROLES = {"load", "deflection"}
 
 
@@ -198,7 +193,7 @@ def _channel_row(role: str, stated: dict[str, Any]) -> SimpleNamespace:
     more += _chain(stated)
     gain, phase = known(stated.get("std_gain [1]")), known(stated.get("std_phase [rad]", stated.get("std_phase")))
     return SimpleNamespace(
-        role=_ROLES.get(role, role),
+        role=_SAID["roles"].get(role, role),
         column=str(stated.get("column", "")),
         unit=str(stated.get("unit") or "V"),
         quantity=str(stated.get("quantity", "")),
@@ -208,19 +203,6 @@ def _channel_row(role: str, stated: dict[str, Any]) -> SimpleNamespace:
         if role in _STATIC_ROLES
         else _unknown(stated, "std_phase", None if phase is None else degrees(phase), "°"),
     )
-
-
-#: Keys of the ordinary errors of a channel, in words, with unit and scale; and those whose value is a word.
-_ORDINARY = (
-    ("std_delay", "u(delay)", "ms", 1e3), ("low_cut", "low-cut", "Hz", 1.0), ("std_slope", "u(slope)", "%", 100.0),
-    ("resonance", "resonance", "Hz", 1.0), ("std_mounting", "u(mounting)", "%", 100.0),
-    ("std_remounting", "u(gain with a mass)", "%", 100.0), ("std_crosstalk", "u(cross-talk)", "%", 100.0),
-    ("linearity", "linearity", "%", 100.0),
-)  # fmt: skip
-_WORDS = {
-    "std_low_cut": "u(low-cut)", "coupling": "coupling", "mounted": "mounted on the",
-    "remounted_with_mass": "remounted with a mass:", "serial": "serial number",
-}  # fmt: skip
 
 
 def _chain(stated: dict[str, Any]) -> list[str]:
@@ -236,10 +218,10 @@ def _chain(stated: dict[str, Any]) -> list[str]:
     if "response" in stated:
         more.append(f"calibrated response {stated['response']}")
     more += [f"cross-talk of {source} {text}" for source, text in section(stated, "crosstalk").items()]
-    for key, words, unit, scale in _ORDINARY:
+    for key, (words, unit, scale) in _SAID["errors"].items():
         if (value := known(stated.get(key))) is not None:
             more.append(f"{words} {number(scale * value, 3)} {unit}")
-    return [*more, *(f"{words} {stated[key]}" for key, words in _WORDS.items() if stated.get(key) is not None)]
+    return [*more, *(f"{words} {stated[key]}" for key, words in _SAID["words"].items() if stated.get(key) is not None)]
 
 
 def _unknown(stated: dict[str, Any], name: str, value: float | None, unit: str) -> tuple[str, bool]:

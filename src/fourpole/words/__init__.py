@@ -17,22 +17,6 @@ from fourpole.errors import Message
 if TYPE_CHECKING:
     from fourpole.core.joint.misfit import Candidate
 
-#: Units of the values of checks, by name; other values are ratios, counts, names or enums.
-UNITS = {
-    **dict.fromkeys(("stated", "found", "hertz"), "Hz"),
-    **dict.fromkeys(("mean", "preload", "peak", "without"), "N"),
-    **dict.fromkeys(("k1", "storage", "loss_modulus", "spring", "inertia", "low K2", "high K2"), "N/m"),
-    **dict.fromkeys(("low C", "high C"), "N s/m"),
-    **dict.fromkeys(("length", "before", "after", "delay"), "s"),
-    **dict.fromkeys(("smallest", "largest"), "mm"),
-    **dict.fromkeys(("there", "own"), "degC"),
-    "percent": "%",
-    "phase": "rad",
-    "degrees": "deg",
-    "mass": "kg",
-    "pressures": "Pa",
-    **dict.fromkeys(("decibel", "linear"), "dB"),
-}
 #: Values that say which case of a check it is: codes, and the quantity that it names.
 CASES = ("error", "because", "looks", "branch", "name")
 
@@ -44,6 +28,12 @@ def _texts() -> dict[str, dict[str, Any]]:
         resources.files(__name__).joinpath("words.toml").read_text(encoding="utf-8")
     )
     return content
+
+
+@cache
+def units() -> dict[str, str]:
+    """Units of the values of checks by name; other values are ratios, counts, names or enums."""
+    return {name: unit for unit, names in _texts()["units"].items() for name in names}
 
 
 def _say(group: str, key: str | Enum, /, **values: object) -> str:
@@ -110,7 +100,8 @@ def plain_values(check: Check) -> dict[str, Any]:
     >>> plain_values(Check(Code.K1_BRANCH, Verdict.WARNING, values={"branch": Branch.LOADING, "tests": ("S1",)}))
     {'branch': 'loading', 'tests': ['S1']}
     """
-    return {f"{name} [{UNITS[name]}]" if name in UNITS else name: _plain(value) for name, value in check.values.items()}
+    values = check.values.items()
+    return {f"{name} [{units()[name]}]" if name in units() else name: _plain(value) for name, value in values}
 
 
 def _plain(value: Any) -> Any:
@@ -256,7 +247,7 @@ def _uncertainty(values: _Values) -> dict[str, str]:
     low, high = f"low {values['name']}", f"high {values['name']}"
     if low not in values:
         return {"interval": _say("interval", "not_symmetric")}
-    return {"interval": interval_words(values[low], values[high], UNITS[low])}
+    return {"interval": interval_words(values[low], values[high], units()[low])}
 
 
 def _exchanged_k1(values: _Values) -> dict[str, str]:

@@ -40,11 +40,9 @@ class Compared:
     @property
     def share(self) -> float:
         """Size of the difference over the tolerance [1]; infinite for one that is no number or a wrong text."""
-        if self.difference is None or self.tolerance is None:
+        if self.difference is None or not isfinite(self.difference) or not self.tolerance:
             return 0.0 if self.good else float("inf")
-        if not isfinite(self.difference):
-            return float("inf")
-        return abs(self.difference) / self.tolerance if self.tolerance else (0.0 if self.good else float("inf"))
+        return abs(self.difference) / self.tolerance
 
 
 def number(check: str, function: str, value: str, unit: str, expected: str, found: float, tolerance: float) -> Compared:

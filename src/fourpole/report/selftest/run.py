@@ -11,6 +11,7 @@ import platform
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from importlib.resources.abc import Traversable
 
@@ -75,16 +76,13 @@ def self_test(progress: Callable[[int, int], None] | None = None) -> SelfTest:
     SelfTest
     """
     when = datetime.now(UTC)
-    known, names = cases(), campaign_names()
+    jobs = [partial(compared_case, case) for case in cases()]
+    jobs += [partial(compared_campaign, name) for name in campaign_names()]
     found: list[Compared] = []
-    for done, one in enumerate(known, start=1):
-        found += compared_case(one)
+    for done, job in enumerate(jobs, start=1):
+        found += job()
         if progress is not None:
-            progress(done, len(known) + len(names))
-    for done, name in enumerate(names, start=len(known) + 1):
-        found += compared_campaign(name)
-        if progress is not None:
-            progress(done, len(known) + len(names))
+            progress(done, len(jobs))
     return SelfTest(tuple(found), origin(), when)
 
 

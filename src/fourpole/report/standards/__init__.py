@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
+from functools import partial
 
 from fourpole.errors import CampaignError
-from fourpole.report.html import packaged
-from fourpole.report.standards.measures import MEASURES, VALUES
-from fourpole.report.standards.requirement import Requirement, Standard
+from fourpole.report.standards.measures import MEASURES, value_table
+from fourpole.report.standards.requirement import STATED, Requirement, Standard
 from fourpole.units import shown
 
 #: The standards by their name in the command, from standards.toml, which says what stands in it.
@@ -20,9 +19,9 @@ STANDARDS = {
             Requirement(name, clause, text, limit, stated["sources"][source], MEASURES[measure], tuple(given))
             for name, clause, text, limit, source, measure, *given in stated["requirements"]
         ),
-        VALUES[key],
+        partial(value_table, stated["values"]),
     )
-    for key, stated in tomllib.loads(packaged("standards.toml", "fourpole.report.standards")).items()
+    for key, stated in STATED["standards"].items()
 }
 #: The page of each, in the folder of the results.
 PAGES = {name: f"report-{name}.html" for name in STANDARDS}

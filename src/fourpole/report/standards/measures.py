@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import combinations
-from math import atan2, degrees, floor, hypot, isfinite, log10, pi, tan
+from math import atan2, degrees, floor, hypot, inf, log10, pi, tan
+from operator import itemgetter
 
 import numpy as np
 import polars as pl
@@ -16,26 +18,16 @@ from fourpole.findings.facts import Facts
 from fourpole.findings.summary import SummaryRow, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, QUANTITIES, Quantity, ShownUnits
 from fourpole.report.digits import expanded, number
-from fourpole.report.standards.requirement import Answer, Found, ValueTable
+from fourpole.report.standards.requirement import STATED, Answer, Found, ValueTable
 from fourpole.report.words.phrases import counted
-from fourpole.study.compare import LINEAR
 from fourpole.study.record import section, stated_blocked
 from fourpole.study.study import Study
 
-#: The functions that answer requirements, by the name that standards.toml has; further arguments stand there.
-MEASURES: dict[str, Callable[..., Found]] = {}
-_NOTHING = "no dynamic test in use"
 _QUANTITY = {one.key: one for one in QUANTITIES}
-#: Limits of ISO 10846-2: level difference of a blocked output [dB]; share of the force that accelerates the mass at the
-#: cell [1]; levels that are compared [dB]; frequencies in a one-third-octave band.
-_BLOCKED, _MASS_SHARE, _CHANGE, _PER_BAND = 20.0, 0.06, 10.0, 5
-#: Limits of ISO 7626-2: departure from the mass of a rigid block, and random error [1].
-_BLOCK, _RANDOM = 0.05, 0.05
-
-
-def _measure(run: Callable[..., Found]) -> Callable[..., Found]:
-    MEASURES[run.__name__] = run
-    return run
+#: Difference of the levels of which the stiffness is compared [dB].
+_CHANGE = 10.0
+#: Finite values of what is measured, each with the name of its test or place.
+Measured = list[tuple[float, str]]
 
 
 def _unknown(text: str) -> Found:
@@ -55,25 +47,80 @@ def _used(results: Study) -> pl.DataFrame:
     return table.filter(pl.col(q.VERDICT.head) != Verdict.REJECTED, pl.col(q.STORAGE.head).is_not_null())
 
 
-def _known_values(results: Study, quantity: Quantity) -> list[float]:
-    table = _used(results)
-    if quantity.head not in table.columns:
+def _values(table: pl.DataFrame, value: pl.Expr) -> Measured:
+    """The finite values of an expression with their tests; none where the table lacks a column."""
+    if not {q.TEST.head, *value.meta.root_names()} <= set(table.columns):
         return []
+    return table.select(value.alias("value"), q.TEST.head).filter(pl.col("value").is_finite()).rows()
+
+
+def _of_tests(value: pl.Expr, results: Study) -> Measured:
+    """The values of an expression of the tests in use."""
+    return _values(_used(results), value)
+
+
+def _blocks(results: Study) -> Measured:
+    """Departure of each calibration with a rigid block from the impedance of known masses [1]."""
+    dynamic = results.dynamic
+    specimens = set(dynamic.filter(pl.col(q.TYRE.head) != "")[q.TEST.head]) if dynamic.height else set()
+    share = _size(q.RESIDUAL_RE.head, q.RESIDUAL_IM.head) / _size(*q.ZR.parts)
+    return [one for one in _values(results.residuals, share) if one[1] not in specimens]
+
+
+def _input_masses(results: Study) -> Measured:
+    """The masses between force cell and contact that the rigs state [kg]."""
+    rigs = section(results.record, "stated", "rigs").items()
+    stated = [(section(rig, "input_mass").get("value"), name) for name, rig in rigs]
+    return [(float(value), name) for value, name in stated if isinstance(value, int | float)]
+
+
+def _inertia_over_force(results: Study) -> Measured:
+    """Inertia of the largest mass between force cell and specimen, as a share of the force of each test [1]."""
+    mass = max((mass for mass, _ in _input_masses(results)), default=0.0)
+    inertia = 2 * np.pi * pl.col(q.FREQUENCY.head) * pl.col(q.V1.head) * mass
+    return _of_tests(inertia / pl.col(q.F1.head), results) if mass > 0 else []
+
+
+def _far_side(results: Study) -> Measured:
+    """The tests that measure V2; where none does, the rigs unless one of them is stated as blocked."""
+    rigs = section(results.record, "stated", "rigs")
+    blocked = any(stated_blocked(results.record, name) for name in rigs)
+    return _of_tests(1.0 / pl.col(q.V2.head), results) or ([] if blocked else [(0.0, "")])
+
+
+def _lines_per_band(results: Study) -> Measured:
+    """The number of tested frequencies in each one-third-octave band that a condition touches."""
+    facts = Facts.of(results)
+    groups: dict[tuple[object, ...], list[float]] = {}
+    for row in facts.used_dynamic:
+        groups.setdefault((row[q.TYRE.head], *facts.key(row, ("pressure", "load"))), []).append(row[q.FREQUENCY.head])
+    found: Measured = []
+    for key, frequencies in groups.items():
+        numbers = FREQUENCY.groups(frequencies)
+        distinct = [float(np.mean(np.array(frequencies)[numbers == one])) for one in np.unique(numbers)]
+        bands = [floor(10.0 * log10(one / 1000.0) + 0.5) for one in distinct]
+        found += [
+            (bands.count(band), f"band about {number(1000.0 * 10 ** (band / 10.0), 2)} Hz, {key[0]}")
+            for band in set(bands)
+        ]
+    return found
+
+
+def _linearity(results: Study) -> Measured:
+    """The changes of force over deflection in dB between two levels of one condition that are 10 dB apart."""
+    facts = Facts.of(results)
+    cells: dict[tuple[object, ...], list[tuple[float, float]]] = {}
+    for row in facts.used_dynamic:
+        force, deflection = (row.get(one.head) for one in (q.F1, q.DEFLECTION_AMPLITUDE))
+        if force and deflection:
+            key = (row[q.TYRE.head], *facts.key(row, ("pressure", "load", "frequency")))
+            cells.setdefault(key, []).append((float(deflection), float(force) / float(deflection)))
     return [
-        float(value) for value in table[quantity.head].to_list() if isinstance(value, int | float) and isfinite(value)
+        (abs(_level(b[1] / a[1])), "")
+        for cell in cells.values()
+        for a, b in combinations(cell, 2)
+        if abs(_level(b[0] / a[0])) >= _CHANGE
     ]
-
-
-def _shown(value: float, quantity: Quantity, digits: int = 3) -> str:
-    """An SI value with the usual unit."""
-    usual = ShownUnits().of(quantity)
-    return f"{number(float(f'{value / usual.scale:.{digits}g}'), digits)} {usual.suffix}".rstrip()
-
-
-def _spread(values: Sequence[float], quantity: Quantity) -> str:
-    """Lowest to highest of SI values with the usual unit."""
-    low, high = _shown(min(values), quantity), _shown(max(values), quantity)
-    return low if low == high else f"{low.rpartition(' ')[0] or low} to {high}"
 
 
 def _level(ratio: float) -> float:
@@ -81,22 +128,74 @@ def _level(ratio: float) -> float:
     return 20.0 * log10(ratio)
 
 
-@_measure
+def _size(re: str, im: str) -> pl.Expr:
+    """Modulus of a complex value by the heads of its parts."""
+    return (pl.col(re) ** 2 + pl.col(im) ** 2).sqrt()
+
+
+_MOBILITY = _size(q.R.head, q.I.head)
+#: What is measured, by its name in standards.toml, which has the words for it.
+_MEASURED: dict[str, Callable[[Study], Measured]] = {
+    "tests in use": partial(_of_tests, pl.col(q.FREQUENCY.head)),
+    "preload": partial(_of_tests, pl.col(q.PRELOAD.head)),
+    "force over preload": partial(_of_tests, pl.col(q.F1.head) / pl.col(q.PRELOAD.head)),
+    "mobility": partial(_of_tests, _MOBILITY),
+    "uncertainty of mobility": partial(_of_tests, _size(q.R.u_head, q.I.u_head) / _MOBILITY),
+    "phase of mobility": partial(_of_tests, pl.arctan2(pl.col(q.I.head), pl.col(q.R.head)).degrees()),
+    "V2": _far_side,
+    "level of V1 over V2": partial(_of_tests, 20.0 * (pl.col(q.V1.head) / pl.col(q.V2.head)).log10()),
+    "inertia over force": _inertia_over_force,
+    "input mass": _input_masses,
+    "rigid block": _blocks,
+    "lines per band": _lines_per_band,
+    "linearity": _linearity,
+}
+
+
+def _largest(values: Measured) -> tuple[float, str]:
+    return max(values, key=lambda one: abs(one[0]))
+
+
+#: The worst value of what is measured, and whether it keeps a limit, by the word in standards.toml.
+_BOUNDS: dict[str, tuple[Callable[[Measured], tuple[float, str]], Callable[[float, float], bool]]] = {
+    "at_most": (_largest, lambda worst, limit: abs(worst) <= limit),
+    "below": (_largest, lambda worst, limit: abs(worst) < limit),
+    "at_least": (partial(min, key=itemgetter(0)), lambda worst, limit: worst >= limit),
+    "known": (_largest, lambda *_: True),
+}
+
+
+def bounded(bound: str, results: Study, name: str, limit: float = 0.0) -> Found:
+    """Whether the worst value of what is measured keeps a limit."""
+    said, unknown, *needs = STATED["measured"][name]
+    for needed in needs:
+        if not _MEASURED[needed](results):
+            return _unknown(STATED["measured"][needed][1])
+    values = _MEASURED[name](results)
+    if not values:
+        return _unknown(unknown)
+    worst_of, keeps = _BOUNDS[bound]
+    worst, test = worst_of(values)
+    shown = {"value": worst, "percent": 100 * worst, "two": number(worst, 2), "three": number(worst, 3)}
+    return _judged(said.format(**shown, test=test, pairs=counted(len(values), "pair")), keeps(worst, limit))
+
+
 def not_stated(_: Study, text: str) -> Found:
     """The answer to what no test records and no campaign states."""
     return _unknown(text)
 
 
-@_measure
-def at_most(results: Study, key: str, limit: float) -> Found:
-    """Whether a column does not exceed a limit, in SI."""
-    values = _known_values(results, _QUANTITY[key])
-    if not values:
-        return _unknown(_NOTHING)
-    return _judged(_spread(values, _QUANTITY[key]), max(values) <= limit * (1.0 + 1e-9))
+def _range(values: Sequence[float]) -> str:
+    """Lowest to highest value with three digits; blank without a value."""
+    ends = dict.fromkeys(number(float(f"{value:.3g}"), 3) for value in (min(values), max(values))) if values else ()
+    return " to ".join(ends)
 
 
-@_measure
+def _shown(values: Sequence[float], quantity: Quantity) -> str:
+    """Lowest to highest of SI values with the usual unit."""
+    return f"{_range([value / quantity.scale for value in values])} {quantity.suffix}".rstrip()
+
+
 def nearest_to(
     results: Study, key: str, wanted: float, within: float = 0.0, factor: float = 1.0, name: str = ""
 ) -> Found:
@@ -105,36 +204,33 @@ def nearest_to(
     It is the same `within` a difference, or else as values of this column are the same condition.
     """
     quantity = _QUANTITY[key]
-    values = [factor * value for value in _known_values(results, quantity)]
+    values = [factor * value for value, _ in _of_tests(pl.col(quantity.head), results)]
     if not values:
         return _unknown(f"{quantity.name} is not known")
     own = FREQUENCY if quantity is q.FREQUENCY else axis_of(quantity.head)
     axis = Axis(quantity.head, absolute=within) if within else own
     near = min(values, key=lambda value: abs(value - wanted))
-    text = f"{name or quantity.name} {_spread(values, quantity)}; nearest {_shown(near, quantity)}"
+    text = f"{name or quantity.name} {_shown(values, quantity)}; nearest {_shown([near], quantity)}"
     return _judged(text, axis.same(near, wanted))
 
 
-@_measure
-def stated_in_all(results: Study, key: str) -> Found:
-    """Whether every test states a value."""
-    table = _used(results)
-    if table.is_empty():
-        return _unknown(_NOTHING)
-    values = _known_values(results, _QUANTITY[key])
-    if len(values) < table.height:
-        return _unknown(f"{table.height - len(values)} of {table.height} tests do not state it")
-    return _judged(_spread(values, _QUANTITY[key]), met=True)
+def stated_in_all(results: Study, key: str, most: float = inf) -> Found:
+    """Whether every test states a value, and none is larger than a limit, in SI."""
+    quantity, count = _QUANTITY[key], _used(results).height
+    values = [value for value, _ in _of_tests(pl.col(quantity.head), results)]
+    if not count:
+        return _unknown(STATED["measured"]["tests in use"][1])
+    if len(values) < count:
+        return _unknown(f"{count - len(values)} of {count} tests do not state it")
+    return _judged(_shown(values, quantity), max(values) <= most * (1.0 + 1e-9))
 
 
-@_measure
 def reported(results: Study, key: str) -> Found:
     """Whether [report] of campaign.toml states something; the answer repeats its text."""
     text = section(results.record, "stated", "report").get(key)
     return _judged(str(text), met=True) if text else _unknown(f"[report] of campaign.toml does not state {key}")
 
 
-@_measure
 def calibrated(results: Study) -> Found:
     """Whether [report] lists equipment with certificates."""
     listed = section(results.record, "stated", "report").get("equipment")
@@ -146,274 +242,64 @@ def calibrated(results: Study) -> Found:
     return _judged(text, len(named) == len(items))
 
 
-def _input_masses(results: Study) -> list[float]:
-    """The masses between force cell and contact that the rigs state [kg]."""
-    stated = [section(one, "input_mass").get("value") for one in section(results.record, "stated", "rigs").values()]
-    return [float(value) for value in stated if isinstance(value, int | float)]
-
-
-@_measure
-def no_separation(results: Study) -> Found:
-    """Whether the dynamic force stays below the preload in every test."""
-    table = _used(results)
-    if table.is_empty() or table[q.PRELOAD.head].null_count() == table.height:
-        return _unknown("no preload is stated")
-    row = table.with_columns((pl.col(q.F1.head) / pl.col(q.PRELOAD.head)).alias("share")).filter(
-        pl.col("share").is_finite()
-    )
-    if row.is_empty():
-        return _unknown("the force of no test is known")
-    largest = row.sort("share", descending=True).row(0, named=True)
-    return _judged(
-        f"largest force amplitude {100 * largest['share']:.0f} % of the preload (test {largest[q.TEST.head]})",
-        largest["share"] < 1.0,
-    )
-
-
-@_measure
 def static_curve(results: Study) -> Found:
     """Whether each specimen of a dynamic test has a static test."""
-    dynamic = set(_used(results)[q.TYRE.head]) if not _used(results).is_empty() else set()
-    static = set(results.static[q.TYRE.head]) if q.TYRE.head in results.static.columns else set()
+    dynamic, static = (
+        set(table[q.TYRE.head]) if q.TYRE.head in table.columns else set() for table in (_used(results), results.static)
+    )
     if not dynamic:
-        return _unknown(_NOTHING)
+        return _unknown(STATED["measured"]["tests in use"][1])
     lacking = sorted(dynamic - static)
     if lacking:
         return _unknown(f"no static test of {', '.join(lacking)}")
     return _judged(f"static load-deflection curve of {len(dynamic)} specimens", met=True)
 
 
-def _mobilities(results: Study) -> pl.DataFrame:
-    """The tests in use with R and I."""
-    table = _used(results)
-    return table if table.is_empty() else table.filter(pl.col(q.R.head).is_finite(), pl.col(q.I.head).is_finite())
+#: The functions that answer requirements, by the name that standards.toml has; further arguments stand there.
+MEASURES: dict[str, Callable[..., Found]] = {
+    **{bound: partial(bounded, bound) for bound in _BOUNDS},
+    **{run.__name__: run for run in (not_stated, nearest_to, stated_in_all, reported, calibrated, static_curve)},
+}
 
 
-@_measure
-def one_point(results: Study) -> Found:
-    """Whether force and motion at the contact are measured."""
-    if _mobilities(results).is_empty():
-        return _unknown("no mobility is known")
-    return _judged("F1 and V1 at the contact", met=True)
+def value_table(columns: Sequence[tuple[str, str]], results: Study) -> ValueTable:
+    """The quantities of a standard for each condition at one frequency: that of [report], else the nearest to 15 Hz."""
+    rows = []
+    for row in summary(results, most=None):
+        cells = _cells(results, row) if MODULUS.key in row.values else {}
+        found = [cells.get(name, "") for _, name in columns]
+        if any(found):
+            states = ((row.pressure, q.PRESSURE), (row.preload, q.PRELOAD), (row.temperature, q.TEMPERATURE))
+            state = ", ".join(ShownUnits().text(quantity, ends[0]) for ends, quantity in states if ends is not None)
+            rows.append((row.specimen, state, number(row.at, 3), *found))
+    return ValueTable(("specimen", "condition", q.FREQUENCY.label, *(head for head, _ in columns)), tuple(rows))
 
 
-@_measure
-def rigid_block(results: Study) -> Found:
-    """Departure of calibrations with a rigid block from the impedance of known masses."""
-    table, dynamic = results.residuals, results.dynamic
-    specimens = dynamic.filter(pl.col(q.TYRE.head) != "")[q.TEST.head].to_list() if dynamic.height else []
-    blocks = table.filter(~pl.col(q.TEST.head).is_in(specimens)) if q.TEST.head in table.columns else table
-    if blocks.is_empty():
-        return _unknown("no test with a rigid block (kind = calibration)")
-    worst, test = max(
-        (
-            hypot(row[q.RESIDUAL_RE.head], row[q.RESIDUAL_IM.head]) / hypot(*(row[one] for one in q.ZR.parts)),
-            row["test"],
-        )
-        for row in blocks.rows(named=True)
-    )
-    text = f"F/V departs from that of the stated masses by up to {100 * worst:.2g} % (test {test})"
-    return _judged(text, worst <= _BLOCK)
+def _cells(results: Study, row: SummaryRow) -> dict[str, str]:
+    """The quantities of a condition by the names that standards.toml has; blank where they are not known."""
+    omega, angle = 2.0 * pi * row.at, row.values.get(LOSS_ANGLE.key)
+    tests = _used(results).filter(pl.col(q.TEST.head).is_in(list(row.tests)))
+    cells = {
+        "double amplitude": _range([2e3 * value for value, _ in _values(tests, pl.col(q.DEFLECTION_AMPLITUDE.head))]),
+        "modulus": _with_u(row, MODULUS),
+        "level": f"{_level(row.values[MODULUS.key][0].value):.1f}",
+        "storage": _with_u(row, q.STORAGE),
+        "damping coefficient": _with_u(row, q.LOSS, omega),
+        "loss angle": _with_u(row, LOSS_ANGLE),
+        "tan δ": "" if angle is None else number(tan(angle[0].value), 3),
+    }
+    parts = tests.select(q.R.head, q.I.head).filter(_MOBILITY.is_finite()).mean().row(0)
+    if None not in parts:
+        size, phase = hypot(*parts), degrees(atan2(parts[1], parts[0]))
+        cells |= {"|Y|": number(1e3 * size, 4), "phase": number(phase, 4), "mass": number(1.0 / (omega * size), 4)}
+    return cells
 
 
-@_measure
-def random_error(results: Study) -> Found:
-    """The largest relative standard uncertainty of the mobility, random and systematic together."""
-    table = _mobilities(results)
-    if table.is_empty():
-        return _unknown("no mobility is known")
-    relative = (pl.col(q.R.u_head) ** 2 + pl.col(q.I.u_head) ** 2) / (pl.col(q.R.head) ** 2 + pl.col(q.I.head) ** 2)
-    rows = table.with_columns(relative.sqrt().alias("u")).filter(pl.col("u").is_finite())
-    if rows.is_empty():
-        return _unknown("the uncertainty of no mobility is known")
-    worst = rows.sort("u", descending=True).row(0, named=True)
-    text = f"u(Y)/|Y| up to {100 * worst['u']:.2g} %, calibration included (test {worst[q.TEST.head]})"
-    return _judged(text, worst["u"] < _RANDOM)
-
-
-@_measure
-def phase(results: Study) -> Found:
-    """Whether the phase of the driving-point mobility stays within a quarter turn."""
-    table = _mobilities(results)
-    if table.is_empty():
-        return _unknown("no mobility is known")
-    rows = table.select(q.R.head, q.I.head, q.TEST.head).rows()
-    worst, test = max(((degrees(atan2(im, re)), test) for re, im, test in rows), key=lambda one: abs(one[0]))
-    return _judged(f"largest phase {number(worst, 3)}° (test {test})", abs(worst) <= 90.0)
-
-
-@_measure
-def input_mass(results: Study) -> Found:
-    """Whether the mass between force cell and contact is stated, so that its force is taken off."""
-    known = _input_masses(results)
-    if not known:
-        return _unknown("input_mass of the rig is not stated: taken as none")
-    return _judged(f"input_mass {number(max(known), 3)} kg, taken off", met=True)
-
-
-@_measure
-def output_blocked(results: Study) -> Found:
-    """The least level difference of input and output motion."""
-    table = _used(results)
-    if table.is_empty():
-        return _unknown(_NOTHING)
-    measured = table.filter(pl.col(q.V2.head).is_finite() & (pl.col(q.V2.head) > 0.0))
-    if measured.is_empty():
-        blocked = any(stated_blocked(results.record, name) for name in section(results.record, "stated", "rigs"))
-        return _unknown(f"V2 is not measured{'; the far side is stated as blocked' if blocked else ''}")
-    ratio = (
-        measured.with_columns((pl.col(q.V1.head) / pl.col(q.V2.head)).alias("ratio")).sort("ratio").row(0, named=True)
-    )
-    least = _level(ratio["ratio"])
-    return _judged(f"least 20 lg(V1/V2) is {number(least, 3)} dB (test {ratio[q.TEST.head]})", least >= _BLOCKED)
-
-
-@_measure
-def mass_at_cell(results: Study) -> Found:
-    """The inertia of the mass between force cell and specimen as a share of the force."""
-    masses = [mass for mass in _input_masses(results) if mass > 0]
-    table = _used(results)
-    if not masses or table.is_empty():
-        return _unknown("no mass between specimen and force cell is stated (input_mass of the rig)")
-    inertia = 2 * np.pi * pl.col(q.FREQUENCY.head) * pl.col(q.V1.head) * max(masses) / pl.col(q.F1.head)
-    row = table.with_columns(inertia.alias("share")).sort("share", descending=True).row(0, named=True)
-    text = f"m a / F up to {100 * row['share']:.2g} % at the contact (test {row[q.TEST.head]})"
-    return _judged(text, row["share"] <= _MASS_SHARE)
-
-
-@_measure
-def lines_per_band(results: Study) -> Found:
-    """The least number of tested frequencies in a one-third-octave band that a condition touches."""
-    table = _used(results)
-    if table.is_empty():
-        return _unknown(_NOTHING)
-    facts, least, where = Facts.of(results), 10**9, ""
-    groups: dict[tuple[object, ...], list[float]] = {}
-    for row in facts.used_dynamic:
-        groups.setdefault((row[q.TYRE.head], *facts.key(row, ("pressure", "load"))), []).append(row[q.FREQUENCY.head])
-    for key, frequencies in groups.items():
-        numbers = FREQUENCY.groups(frequencies)
-        distinct = [float(np.mean(np.array(frequencies)[numbers == one])) for one in np.unique(numbers)]
-        bands = [floor(10.0 * log10(one / 1000.0) + 0.5) for one in distinct]
-        for band in set(bands):
-            if bands.count(band) < least:
-                least, where = bands.count(band), f"band about {number(1000.0 * 10 ** (band / 10.0), 2)} Hz, {key[0]}"
-    return _judged(f"{least} in the {where}", least >= _PER_BAND)
-
-
-@_measure
-def linearity(results: Study) -> Found:
-    """The largest change of force over deflection in dB between two levels of one condition that are 10 dB apart."""
-    facts = Facts.of(results)
-    cells: dict[tuple[object, ...], list[tuple[float, float]]] = {}
-    for row in facts.used_dynamic:
-        force, deflection = (row.get(one.head) for one in (q.F1, q.DEFLECTION_AMPLITUDE))
-        if force and deflection:
-            key = (row[q.TYRE.head], *facts.key(row, ("pressure", "load", "frequency")))
-            cells.setdefault(key, []).append((float(deflection), float(force) / float(deflection)))
-    changes = [
-        abs(_level(b[1] / a[1]))
-        for cell in cells.values()
-        for a, b in combinations(cell, 2)
-        if abs(_level(b[0] / a[0])) >= _CHANGE
-    ]
-    if not changes:
-        return _unknown("no condition was tested at two levels 10 dB apart")
-    text = f"force over deflection changes by up to {number(max(changes), 2)} dB in {counted(len(changes), 'pair')}"
-    return _judged(text, max(changes) <= LINEAR)
-
-
-def _rows_of(results: Study) -> tuple[SummaryRow, ...]:
-    """Each condition at one frequency: that of [report], else the tested one nearest to 15 Hz."""
-    return tuple(row for row in summary(results, most=None) if MODULUS.key in row.values)
-
-
-def _place(row: SummaryRow) -> tuple[str, str, str]:
-    """Specimen, state and frequency of a row as texts."""
-    parts = [
-        ShownUnits().text(quantity, ends[0])
-        for ends, quantity in ((row.pressure, q.PRESSURE), (row.preload, q.PRELOAD), (row.temperature, q.TEMPERATURE))
-        if ends is not None
-    ]
-    return row.specimen, ", ".join(parts), number(row.at, 3)
-
-
-def _with_expanded(row: SummaryRow, quantity: Quantity, scale: float | None = None) -> str:
+def _with_u(row: SummaryRow, quantity: Quantity, scale: float | None = None) -> str:
     """A quantity of a row with U (k = 2), over a scale in SI; blank where it has none."""
     found = row.values.get(quantity.key)
     if found is None:
         return ""
-    scale = ShownUnits().of(quantity).scale if scale is None else scale
+    scale = scale or quantity.scale
     value, u = expanded(found[0].value / scale, found[0].std / scale)
     return f"{value} ± {u}" if u else value
-
-
-def _double_amplitude(results: Study, row: SummaryRow) -> str:
-    """Lowest to highest double amplitude of the tests of a row [mm]."""
-    table = results.dynamic.filter(pl.col(q.TEST.head).is_in(list(row.tests)))
-    values = [2e3 * value for value in table[q.DEFLECTION_AMPLITUDE.head].drop_nulls() if isfinite(value)]
-    if not values:
-        return ""
-    low, high = number(min(values), 3), number(max(values), 3)
-    return low if low == high else f"{low} to {high}"
-
-
-def _spring_rates(results: Study) -> ValueTable:
-    """Spring rates, damping coefficient and loss of each condition at one frequency."""
-    heads = (
-        "specimen", "condition", q.FREQUENCY.label, "double amplitude [mm]", "complex spring rate K* [kN/m]",
-        "dynamic spring rate K' [kN/m]", "damping coefficient K''/ω [N s/m]", LOSS_ANGLE.label, "tan δ [1]",
-    )  # fmt: skip
-    rows = []
-    for row in _rows_of(results):
-        angle = row.values.get(LOSS_ANGLE.key)
-        rows.append(
-            (
-                *_place(row),
-                _double_amplitude(results, row),
-                _with_expanded(row, MODULUS),
-                _with_expanded(row, q.STORAGE),
-                _with_expanded(row, q.LOSS, 2.0 * pi * row.at),
-                _with_expanded(row, LOSS_ANGLE),
-                "" if angle is None else number(tan(angle[0].value), 3),
-            )
-        )
-    return ValueTable(heads, tuple(rows))
-
-
-def _mobility_values(results: Study) -> ValueTable:
-    """Driving-point mobility of each condition at one frequency."""
-    heads = (
-        "specimen",
-        "condition",
-        q.FREQUENCY.label,
-        "|Y| [mm/(N s)]",
-        "phase [°]",
-        "free effective mass |F/a| [kg]",
-    )
-    table, rows = _mobilities(results), []
-    for row in _rows_of(results):
-        own = table.filter(pl.col(q.TEST.head).is_in(list(row.tests))) if not table.is_empty() else table
-        if own.is_empty():
-            continue
-        re, im = (float(own[one.head].mean()) for one in (q.R, q.I))  # type: ignore[arg-type]
-        size = hypot(re, im)
-        phase, mass = degrees(atan2(im, re)), 1.0 / (2.0 * pi * row.at * size)
-        rows.append((*_place(row), number(1e3 * size, 4), number(phase, 4), number(mass, 4)))
-    return ValueTable(heads, tuple(rows))
-
-
-def _transfer_values(results: Study) -> ValueTable:
-    """Level of the dynamic transfer stiffness and loss factor of each condition at one frequency."""
-    heads = ("specimen", "condition", q.FREQUENCY.label, "|k2,1| [kN/m]", "level Lk [dB re 1 N/m]", q.LOSS_FACTOR.label)
-    rows = []
-    for row in _rows_of(results):
-        modulus, angle = row.values.get(MODULUS.key), row.values.get(LOSS_ANGLE.key)
-        found = "" if modulus is None else f"{_level(modulus[0].value):.1f}"
-        loss = "" if angle is None else number(np.tan(angle[0].value), 3)
-        rows.append((*_place(row), _with_expanded(row, MODULUS), found, loss))
-    return ValueTable(heads, tuple(rows))
-
-
-#: The quantities of each standard in its own terms, by its name.
-VALUES = {"sae-j1085": _spring_rates, "iso-7626-2": _mobility_values, "iso-10846-2": _transfer_values}

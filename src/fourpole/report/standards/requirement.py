@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -13,6 +14,11 @@ from fourpole.core.checks import Verdict
 from fourpole.report.html import packaged, rendered
 from fourpole.study.study import Study
 from fourpole.version import VERSION
+
+#: What standards.toml says: a note, the words of what is measured, and the standards by their names.
+STATED: dict[str, Any] = tomllib.loads(packaged("standards.toml", "fourpole.report.standards"))
+#: What the answers are worth, in the page and in the terminal.
+NOTE: str = STATED["note"]
 
 
 class Answer(StrEnum):
@@ -118,17 +124,8 @@ def counts(found: Sequence[tuple[Requirement, Found]]) -> dict[Answer, int]:
     return {answer: sum(one.answer is answer for _, one in found) for answer in Answer}
 
 
-#: What the answers are worth, in the page and in the terminal.
-NOTE = (
-    '"Not stated" is an answer: neither a test nor the campaign tells. The wording is ours. A clause marked "not read" '
-    "was not read in the standard itself; hold it against your copy before you rely on it."
-)
 #: Class of the badge of an answer.
-_BADGES = {
-    Answer.MET.value: Verdict.OK,
-    Answer.NOT_MET.value: Verdict.REJECTED,
-    Answer.NOT_STATED.value: Verdict.WARNING,
-}
+_BADGES = dict(zip(Answer, (Verdict.OK, Verdict.REJECTED, Verdict.WARNING), strict=True))
 
 
 def render_standard(standard: Standard, results: Study) -> str:

@@ -23,12 +23,6 @@ from fourpole.report.words.phrases import (
     stretches,
 )
 
-_LINEAR = {
-    Holds.NEARLY_LINEAR: "nearly linear",
-    Holds.NON_LINEAR: "non-linear",
-    Holds.MARKEDLY_NON_LINEAR: "markedly non-linear",
-}
-
 
 def level(finding: Finding, found: Level) -> str:
     """The lowest and the highest value, their conditions and their standard uncertainty, as a sentence."""
@@ -49,7 +43,7 @@ def linearity(finding: Finding, found: Departure) -> str:
     count = len(found.values)
     curves = "curve departs" if count == 1 else "curves depart"
     return (
-        f"Under static load {finding.specimens[0]} is {_LINEAR[finding.holds]}: its load-deflection {curves} from a "
+        f"Under static load {finding.specimens[0]} is {finding.holds}: its load-deflection {curves} from a "
         f"straight line by {percents(found.numbers)} of the load span{_pressures(found)}."
     )
 

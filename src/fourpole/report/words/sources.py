@@ -48,31 +48,9 @@ _NOBODY_STATES = (Kind.CROSSTALK, Kind.FIXTURE, Kind.GAIN_DRIFT, Kind.GAIN_STEP)
 _OVER_FREQUENCY = (Kind.DELAY, Kind.LOW_CUT, Kind.SLOPE)
 #: Kinds of source that a mass makes needless to calibrate.
 _CALIBRATED = (Kind.GAIN, Kind.PHASE, Kind.DELAY, Kind.RESPONSE_GAIN, Kind.RESPONSE_PHASE)
-#: Name, unit shown and its SI value of errors that are 0 where there is none.
-_SIMPLE = {
-    Kind.CROSSTALK: ("cross-talk of {}", "%", 0.01),
-    Kind.FIXTURE: ("compliance between {} and the specimen, over the specimen's", "%", 0.01),
-    Kind.GAIN_DRIFT: ("drift of {}'s gain over the run", "%", 0.01),
-    Kind.DRIFT: ("drift of K* of {} over the run", "%", 0.01),
-    Kind.ANGLE_DRIFT: ("drift of the loss angle of {} over the run", "°", pi / 180),
-    Kind.STEP: ("step of K* of {} during the run", "%", 0.01),
-    Kind.ANGLE_STEP: ("step of the loss angle of {} during the run", "°", pi / 180),
-    Kind.BELT_MASS: ("mass of {} between its ends", "kg", 1.0),
-    Kind.BELT_SHARE: ("logarithm of the share of the springs of {}", "", 1.0),
-    Kind.BELT_ANGLE: ("difference of the loss angles of the springs of {}", "°", pi / 180),
-    Kind.BELT_EXPONENT: ("exponent of the share of the springs of {}", "", 1.0),
-    Kind.AMPLITUDE: ("change of K* with the amplitude of the deflection", "", 1.0),
-    Kind.DELAY: ("delay of {}", "ms", 1e-3),
-    Kind.LOW_CUT: ("low-cut of {}", "Hz", 1.0),
-    Kind.GAIN_STEP: ("step of {}'s gain during the run", "%", 0.01),
-    Kind.SLOPE: ("rise of {}'s gain with frequency", "%", 0.01),
-    Kind.MOUNTING_GAIN: ("gain of {} in one mounting", "%", 0.01),
-    Kind.MOUNTING_PHASE: ("phase of {} in one mounting", "°", pi / 180),
-    Kind.REMOUNTING_GAIN: ("gain of {} with one added mass", "%", 0.01),
-    Kind.REMOUNTING_PHASE: ("phase of {} with one added mass", "°", pi / 180),
-    Kind.BLOCK: ("change of |K*| of {} with the added mass", "%", 0.01),
-    Kind.ANGLE_BLOCK: ("change of the loss angle of {} with the added mass", "°", pi / 180),
-}
+#: Name in a table and unit shown of each kind that needs no more, and SI values of these units other than 1.
+_SHOWN: dict[Kind, tuple[str, str]] = {Kind[name]: texts for name, texts in SENTENCES["shown"].items()}
+_SI = {"%": 0.01, "°": pi / 180, "ms": 1e-3}
 
 
 def source_in_words(source: Source) -> str:
@@ -143,22 +121,15 @@ def in_words(source: Source, unit: str = "", units: ShownUnits | None = None) ->
     (('gain of V1', '%', 0.01, 1.0), 'gain of F1 over V1')
     """
     of, under = source.of, source.under
-    if source.kind in _SIMPLE:
-        name, shown, scale = _SIMPLE[source.kind]
-        return name.format(of or "the specimen"), shown, scale, 0.0
-    match source.kind:
-        case Kind.UNSTATED:
-            _, name, unit, shown, scale = _UNSTATED[of]
-            shown, scale = (units or ShownUnits()).wanted.get(unit, (shown, scale))
-            return name, shown, scale, 0.0
-        case Kind.RIG_VALUE:
-            value = (units or ShownUnits()).of(RIG_VALUES[of])
-            return value.name, value.suffix, value.scale, 0.0
-        case Kind.GAIN:
-            return f"gain of {of} over {under}" if under else f"gain of {of}", "%", 0.01, 1.0
-        case Kind.PHASE:
-            return f"phase of {of} less {under}" if under else f"phase of {of}", "°", pi / 180, 0.0
-        case Kind.RESPONSE_GAIN | Kind.RESPONSE_PHASE:
-            what = "gain" if source.kind is Kind.RESPONSE_GAIN else "phase"
-            return f"calibrated response of {of}, {what}, in its u", "", 1.0, 0.0
+    if source.kind is Kind.UNSTATED:
+        _, name, unit, shown, scale = _UNSTATED[of]
+        return name, *(units or ShownUnits()).wanted.get(unit, (shown, scale)), 0.0
+    if source.kind is Kind.RIG_VALUE:
+        value = (units or ShownUnits()).of(RIG_VALUES[of])
+        return value.name, value.suffix, value.scale, 0.0
+    if source.kind in _SHOWN:
+        name, shown = _SHOWN[source.kind]
+        gain = source.kind is Kind.GAIN
+        what = f"{of} {'over' if gain else 'less'} {under}" if under else of or "the specimen"
+        return name.format(what), shown, _SI.get(shown, 1.0), float(gain)
     return source.text.replace("_", " "), "" if unit == "1" else unit, 1.0, 0.0
