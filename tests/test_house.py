@@ -1,6 +1,7 @@
 """The habits of the house that no linter knows."""
 
 import ast
+import doctest
 import inspect
 import re
 import subprocess
@@ -20,6 +21,7 @@ pytestmark = pytest.mark.thorough
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted((ROOT / "src" / "fourpole").rglob("*.py"))
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LOCKS = [ROOT / "requirements.lock", ROOT / "requirements-lowest.lock"]
 HEAVY = {"matplotlib", "pint", "polars", "pydantic", "rich", "typer"}
 #: Files that are longer than 500 lines still; this list only shrinks.
@@ -226,6 +228,31 @@ def test_processes_are_started_by_one_module(modules):
 )  # fmt: skip
 def test_each_way_to_start_a_process_is_seen(code):
     assert list(starts_of(ast.parse(code)))
+
+
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
+#: A number that ends with its decimal point; the end of a sentence is none.
+BARE_FLOAT = re.compile(r"(?<![\w.])\d+\.(?![\d.]|\s+[A-Z])")
+
+
+def bare_floats(text):
+    """Expected outputs of the examples of a text that have a float without decimals: any other within 1 matches it."""
+    return [one.want for one in doctest.DocTestParser().get_examples(text) if BARE_FLOAT.search(one.want)]
+
+
+@pytest.mark.parametrize("want", ["0.", "array([0.  , 0.05])", "(200000.+0j)", "-1.\n"])
+def test_a_float_without_decimals_is_seen(want):
+    assert bare_floats(f">>> x\n{want}")
+    assert not bare_floats(">>> x\n[0.0, 12, 1e3, 2..12] maxwell:4. The data")
+
+
+def test_examples_have_no_float_without_decimals():
+    """pytest's NUMBER compares to the decimals written: `0.` also matches 0.9; write 0.000 or print a list."""
+    said = {path: path.read_text(encoding="utf-8") for path in PAGES + SOURCES}
+    for path in SOURCES:
+        nodes = [node for node in ast.walk(ast.parse(said[path])) if isinstance(node, _DOCUMENTED)]
+        said[path] = "\n\n".join(ast.get_docstring(node) or "" for node in nodes)
+    assert {in_source(path): found for path, text in said.items() if (found := bare_floats(text))} == {}
 
 
 def test_no_file_is_longer_than_500_lines():

@@ -202,9 +202,8 @@ def reciprocal(measured: AllPoles) -> tuple[AllPoles, float]:
 def real_matrix(matrix: ComplexArray) -> FloatArray:
     """The matrix (..., 2r, 2c) on interleaved Re and Im that acts as a complex one (..., r, c).
 
-    >>> real_matrix(np.array([[1.0 + 2.0j]]))
-    array([[ 1., -2.],
-           [ 2.,  1.]])
+    >>> real_matrix(np.array([[1.0 + 2.0j]])).tolist()
+    [[1.0, -2.0], [2.0, 1.0]]
     """
     matrix = np.asarray(matrix, dtype=complex)
     pairs = np.stack([parts(matrix), parts(1j * matrix)], axis=-1)  # (..., r, c, 2, 2)
@@ -275,9 +274,8 @@ def all_poles(
     >>> zero = np.zeros(4)
     >>> phasors = Phasors(zero + 20.0, np.array(rows), np.zeros((4, 6, 6)), zero, zero + np.inf)
     >>> setups = Setups(np.arange(4) < 2, np.array([5.0, 12.0, 0.0, 10.0]), zero, zero.astype(int))
-    >>> all_poles(phasors, setups).stiffness[0].round(3)
-    array([[ 200000.+20000.j, -200000.-20000.j],
-           [-200000.-20000.j,  200000.+20000.j]])
+    >>> all_poles(phasors, setups).stiffness[0].round(3).tolist()
+    [[(200000+20000j), (-200000-20000j)], [(-200000-20000j), (200000+20000j)]]
     """
     groups = [np.flatnonzero(setups.group == number) for number in np.unique(setups.group)]
     groups.sort(key=lambda rows: float(np.mean(phasors.frequency[rows])))

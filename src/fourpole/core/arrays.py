@@ -25,8 +25,8 @@ def short_repr(instance: Any) -> str:
     Examples
     --------
     >>> from fourpole import Phasors
-    >>> Phasors.from_polar([10.0, 12.0], 1.0, 2e-3, 1.5)  # doctest: +ELLIPSIS
-    Phasors(frequency=[10. 12.], amplitudes=<complex128 2×3>, covariance=<float64 2×6×6>, ...)
+    >>> Phasors.from_polar([10.5, 12.5], 1.0, 2e-3, 1.5)  # doctest: +ELLIPSIS
+    Phasors(frequency=[10.5 12.5], amplitudes=<complex128 2×3>, covariance=<float64 2×6×6>, ...)
     """
     parts = [f"{field.name}={_brief(getattr(instance, field.name))}" for field in fields(instance) if field.repr]
     text = ", ".join(parts)

@@ -162,7 +162,7 @@ def component(kind: Kind) -> Component:
     Examples
     --------
     >>> component(Kind.DELAY).std, component(Kind.DELAY).key
-    (2e-05, 'std_delay')
+    (2.000e-05, 'std_delay')
     """
     return next(row for row in COMPONENTS if row.kind is kind)
 

@@ -100,8 +100,8 @@ def temperature_std(temperature: FloatArray, group: np.ndarray, sensitivity: flo
 
     Examples
     --------
-    >>> temperature_std(np.array([20.0, 24.0, 30.0]), np.array([0, 0, 1]), 0.01)
-    array([0.02, 0.02, 0.  ])
+    >>> temperature_std(np.array([20.0, 24.0, 30.0]), np.array([0, 0, 1]), 0.01).round(9).tolist()
+    [0.02, 0.02, 0.0]
     """
     known = np.isfinite(temperature) & (group >= 0)
     result = np.zeros(temperature.size)

@@ -108,8 +108,8 @@ class Identification(ByValue):
     >>> from fourpole import Phasors, Rig, identify
     >>> phasors = Phasors.from_polar(10.0, 1.0, abs(6.2114469e-5 - 1.0320808256e-3j), 1.5106868)
     >>> found = identify(phasors, Rig(moving_mass=15.0, preload_stiffness=12440.0))
-    >>> found.stiffness.round(-2), found.reasons
-    (array([194200.+38800.j]), ('no static stiffness K1 is known, so K2 and C are left blank',))
+    >>> found.stiffness.round(-2).tolist(), found.reasons
+    ([(194200+38800j)], ('no static stiffness K1 is known, so K2 and C are left blank',))
     """
 
     frequency: FloatArray
@@ -192,8 +192,8 @@ def identify(
     --------
     >>> phasors = Phasors.from_polar(10.0, 1.0, abs(6.2114469e-5 - 1.0320808256e-3j), 1.5106868)
     >>> found = identify(phasors, Rig(moving_mass=15.0, preload_stiffness=12440.0), k1=180e3)
-    >>> found.k2.round(-2), found.c.round(0)
-    (array([120000.]), array([700.]))
+    >>> found.k2.round(-2).tolist(), found.c.round(0).tolist()
+    ([120000.0], [700.0])
     """
     answers = _Answers(
         phasors,

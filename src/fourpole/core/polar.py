@@ -27,9 +27,9 @@ def polar(stiffness: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
     Examples
     --------
-    >>> polar(3.0 + 4.0j)
-    (array([5.        , 0.92729522]), array([[ 0.6 ,  0.8 ],
-           [-0.16,  0.12]]))
+    >>> polar_values, derivatives = polar(3.0 + 4.0j)
+    >>> polar_values.tolist(), derivatives.tolist()
+    ([5.0, 0.92729522], [[0.6, 0.8], [-0.16, 0.12]])
     """
     k = np.asarray(stiffness, dtype=complex)
     size = np.abs(k)

@@ -20,8 +20,8 @@ def outputs_of(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray, input
     Examples
     --------
     >>> one = np.ones((1, 1))
-    >>> outputs_of(0.5 * one, one, one, 0 * one, np.ones((5, 1)))
-    array([[0.   , 1.   , 1.5  , 1.75 , 1.875]])
+    >>> outputs_of(0.5 * one, one, one, 0 * one, np.ones((5, 1))).tolist()
+    [[0.0, 1.0, 1.5, 1.75, 1.875]]
     """
     count, m = inputs.shape
     whole = count // _BLOCK

@@ -74,8 +74,8 @@ def identify_mobility(
     --------
     >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
     >>> found = identify_mobility([10.0], [6.2114469491190663e-5 - 0.001032080825614907j], 180e3, rig)
-    >>> found.k2.round(3), found.c.round(6), found.tr.round(6)
-    (array([120000.]), array([700.]), array([1.299101]))
+    >>> [one.round(6).tolist() for one in (found.k2, found.c, found.tr)]
+    [[120000.0], [700.0], [1.299101]]
     """
     frequency, omega = _turning(frequency)
     mobility = np.atleast_1d(np.asarray(mobility, dtype=complex))
@@ -108,8 +108,8 @@ def identify_stiffness(
 
     Examples
     --------
-    >>> identify_stiffness([10.0], [194211.26530917299 + 38773.596369347214j], 180e3).k2.round(3)
-    array([120000.])
+    >>> identify_stiffness([10.0], [194211.26530917299 + 38773.596369347214j], 180e3).k2.round(3).tolist()
+    [120000.0]
     """
     frequency, omega = _turning(frequency)
     stiffness = np.atleast_1d(np.asarray(stiffness, dtype=complex))

@@ -96,8 +96,8 @@ def fit(
     >>> frequency = np.geomspace(1.0, 100.0, 20)
     >>> k_star = Zener().stiffness([180e3, 120e3, 700.0], 2 * np.pi * frequency)
     >>> found = fit(frequency, k_star, u="0.1 %", model="zener")
-    >>> {symbol: round(value) for symbol, value in found.params.items()}, abs(found.predict([10.0])).round(-3)
-    ({'K1': 180000, 'K2': 120000, 'C': 700}, array([198000.]))
+    >>> {symbol: round(value) for symbol, value in found.params.items()}, abs(found.predict([10.0])).round(-3).tolist()
+    ({'K1': 180000, 'K2': 120000, 'C': 700}, [198000.0])
     """
     hertz, stiffness = np.atleast_1d(np.asarray(frequency, dtype=float)), np.atleast_1d(np.asarray(k_star, complex))
     static = units.quantity(k1, "stiffness") if isinstance(k1, str) else float(k1)

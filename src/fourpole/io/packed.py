@@ -36,8 +36,8 @@ def pack(value: Any) -> bytes:
 
     Examples
     --------
-    >>> unpack(pack({"K1": (1.5, None), "load": np.array([1.0, 2.0])}))
-    {'K1': (1.5, None), 'load': array([1., 2.])}
+    >>> unpack(pack({"K1": (1.5, None), "load": np.array([1.5, 2.5])}))
+    {'K1': (1.5, None), 'load': array([1.5, 2.5])}
     """
     arrays: list[Any] = []
     tree = _plain(value, arrays)

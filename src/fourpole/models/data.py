@@ -214,9 +214,8 @@ class StiffnessData(ByValue):
         Examples
         --------
         >>> data = StiffnessData.of([60.0], [1e5 + 0j], 0.0, shared=[[1e3], [0.0]])
-        >>> data.at(np.array([2e5 + 0j])).covariance
-        array([[4000000.,       0.],
-               [      0.,       0.]])
+        >>> data.at(np.array([2e5 + 0j])).covariance.tolist()
+        [[4000000.0, 0.0], [0.0, 0.0]]
         """
         now = np.asarray(stiffness)
         stale = self._stale(now)

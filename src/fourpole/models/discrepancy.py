@@ -35,9 +35,8 @@ def with_error(data: StiffnessData, error: float) -> StiffnessData:
     Examples
     --------
     >>> data = with_error(StiffnessData.of([60.0], [3e5 + 4e5j], 0.0), 0.01)
-    >>> data.covariance[0].round(0)
-    array([[25000000.,        0.],
-           [       0., 25000000.]])
+    >>> data.covariance[0].round(3).tolist()
+    [[25000000.0, 0.0], [0.0, 25000000.0]]
     """
     if not error:
         return data

@@ -147,8 +147,8 @@ def fit(
     >>> from fourpole.models.maxwell import Zener
     >>> omega = 2 * np.pi * np.arange(5.0, 25.0)
     >>> truth = Zener().stiffness([180e3, 120e3, 700.0], omega)
-    >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3)
-    array([180000., 120000.,    700.])
+    >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3).tolist()
+    [180000.0, 120000.0, 700.0]
     """
     if model.linear and not tied:
         return _fit_nonnegative(model, data, start, fixed)

@@ -233,8 +233,8 @@ class Model(ABC):
         Examples
         --------
         >>> from fourpole.models.maxwell import Zener
-        >>> Zener().with_link("identity").link(np.array([180e3, 120e3, 700.0]))
-        array([180000., 120000.,    700.])
+        >>> Zener().with_link("identity").link(np.array([180e3, 120e3, 700.0])).tolist()
+        [180000.0, 120000.0, 700.0]
         """
         made, straight = copy(self), link == "identity"
         made.parameters = tuple(replace(one, straight=straight and one.unit.startswith("N")) for one in self.parameters)

@@ -63,8 +63,8 @@ class Kraus(Model):
     Examples
     --------
     >>> filled = Kraus().at_amplitude([1e-5, 1e-3, 1e-1])
-    >>> filled.stiffness([150e3, 150.1e3, 1e-3, 0.4, 100e3, 20e3, 1e-3, 0.6, 0.0, 0.0], [60.0]).round(-3)
-    array([250000. +3000.j, 200000.+20000.j, 150000. +3000.j])
+    >>> filled.stiffness([150e3, 150.1e3, 1e-3, 0.4, 100e3, 20e3, 1e-3, 0.6, 0.0, 0.0], [60.0]).round(-3).tolist()
+    [(250000+3000j), (200000+20000j), (150000+3000j)]
     """
 
     name = "kraus"

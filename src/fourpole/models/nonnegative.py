@@ -21,8 +21,9 @@ def least_squares(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, flo
 
     Examples
     --------
-    >>> least_squares(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([2.0, -1.0]))
-    (array([2., 0.]), 1.0)
+    >>> weights, squares = least_squares(np.eye(2), np.array([2.0, -1.0]))
+    >>> weights.tolist(), squares
+    ([2.0, 0.0], 1.0)
     """
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0, size, 1.0)

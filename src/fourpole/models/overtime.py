@@ -178,8 +178,8 @@ def stiffness_of(
     A spring of 100 kN/m parallel to an arm of 50 kN/m and 0.2 s:
 
     >>> arms, _ = stiffness_of(1 / 150e3, np.array([1 / 100e3 - 1 / 150e3]), np.array([0.2 * 150e3 / 100e3]))
-    >>> round(arms.rest), arms.springs.round(), arms.times.round(6)
-    (100000, array([50000.]), array([0.2]))
+    >>> round(arms.rest), arms.springs.round(3).tolist(), arms.times.round(6).tolist()
+    (100000, [50000.0], [0.2])
     """
     order = np.argsort(-times)
     slow, part = times[order], compliances[order]

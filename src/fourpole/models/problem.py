@@ -264,8 +264,8 @@ def start_of(model: Model, data: StiffnessData) -> FloatArray:
     >>> from fourpole.models.maxwell import Zener
     >>> omega = 2 * np.pi * np.arange(5.0, 25.0)
     >>> truth = Zener().stiffness([180e3, 120e3, 700.0], omega)
-    >>> start_of(Zener(), StiffnessData.of(omega, truth, 100.0)).round(3)
-    array([180000., 120000.,    700.])
+    >>> start_of(Zener(), StiffnessData.of(omega, truth, 100.0)).round(3).tolist()
+    [180000.0, 120000.0, 700.0]
     """
     return np.asarray(starts_of(model, data, 1)[0])
 

@@ -84,8 +84,8 @@ def profile_intervals(
     >>> from fourpole.models.fit import fit
     >>> from fourpole.models.springs import Spring
     >>> data = StiffnessData.of([60.0, 90.0], [180e3 + 0j, 180e3 + 0j], 1e3)
-    >>> profile_intervals(fit(Spring(), data, [180e3]), data).round(-1)
-    array([[178610., 181390.]])
+    >>> profile_intervals(fit(Spring(), data, [180e3]), data).round(-1).tolist()
+    [[178610.0, 181390.0]]
     """
     if found.values.ndim > 1:
         raise ModelError("profile intervals are for one condition at a time: choose one")

@@ -82,8 +82,8 @@ class Ramp:
 
         Examples
         --------
-        >>> Ramp(20.0, 3, 0.5).share([0.1, 20.0, 1e6]).round(6)
-        array([0.      , 0.885196, 1.      ])
+        >>> Ramp(20.0, 3, 0.5).share([0.1, 20.0, 1e6]).round(6).tolist()
+        [0.0, 0.885196, 1.0]
         """
         tau = np.asarray(times, dtype=float)[..., None] / self.time
         cycle = min(self.cycle, _MOST_CYCLES)

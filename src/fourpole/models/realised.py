@@ -71,8 +71,8 @@ class Realised(ByValue):
         --------
         >>> from fourpole.models import Zener
         >>> space = realised(Zener(), [180e3, 120e3, 600.0], (5.0, 50.0)).space
-        >>> space.a, space.b, space.c, space.d
-        (array([[-200.]]), array([[200.,   0.]]), array([-120000.]), array([300000.,      0.]))
+        >>> [one.round(6).tolist() for one in (space.a, space.b, space.c, space.d)]
+        [[[-200.0]], [[200.0, 0.0]], [-120000.0], [300000.0, 0.0]]
         """
         count, pairs = self.springs.size, self.pair_springs.size
         a = np.zeros((count + 2 * pairs, count + 2 * pairs))

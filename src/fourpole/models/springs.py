@@ -18,8 +18,8 @@ class Spring(Model):
 
     Examples
     --------
-    >>> Spring().stiffness([180e3], [60.0])
-    array([180000.+0.j])
+    >>> Spring().stiffness([180e3], [60.0]).tolist()
+    [(180000+0j)]
     """
 
     name = "spring"
@@ -49,8 +49,8 @@ class KelvinVoigt(Model):
 
     Examples
     --------
-    >>> KelvinVoigt().stiffness([180e3, 700.0], [60.0])
-    array([180000.+42000.j])
+    >>> KelvinVoigt().stiffness([180e3, 700.0], [60.0]).tolist()
+    [(180000+42000j)]
     """
 
     name = "kelvin"

@@ -41,8 +41,8 @@ def simulate(model: StateSpace, deflection: ArrayLike, rate: ArrayLike, step: fl
     Examples
     --------
     >>> spring = StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array([180e3, 0.0]))
-    >>> simulate(spring, [0.0, 1e-3], [0.0, 0.0], 1e-3)
-    array([  0., 180.])
+    >>> simulate(spring, [0.0, 1e-3], [0.0, 0.0], 1e-3).tolist()
+    [0.0, 180.0]
     """
     x, v = np.asarray(deflection, dtype=float), np.asarray(rate, dtype=float)
     if x.shape != v.shape or x.ndim != 1 or x.size == 0 or not step > 0:

@@ -180,8 +180,8 @@ def superpose(
     >>> omega = np.geomspace(1, 100, 9)
     >>> cold, hot = (1e5 + 2e5 * 1j * omega * t / (1 + 1j * omega * t) for t in (0.1, 0.01))
     >>> found, rest = superpose([Isotherm(20.0, omega, cold), Isotherm(40.0, omega, hot)], 20.0)
-    >>> (found.log_a / np.log(10)).round(2) + 0.0
-    array([ 0., -1.])
+    >>> (found.log_a / np.log(10)).round(2).tolist()
+    [0.0, -1.0]
     """
     ordered = sorted(isotherms, key=lambda one: one.temperature)
     _check(ordered)

@@ -199,8 +199,8 @@ def value_surface(axes: Axes, values: ArrayLike, stds: ArrayLike, link: Link = "
     >>> axes = Axes.of(["pressure [Pa]"], [[1.0e5], [1.5e5], [2.0e5], [2.5e5]])
     >>> found = value_surface(axes, [100e3, 110e3, 121e3, 133.1e3], [1e3, 1.1e3, 1.21e3, 1.331e3])
     >>> value, std = found.at(axes.scaled([[1.75e5]]))
-    >>> value.round(-1), (std / value).round(4)
-    (array([115370.]), array([0.01]))
+    >>> value.round(-1).tolist(), (std / value).round(4).tolist()
+    ([115370.0], [0.01])
     """
     given = np.asarray(values, dtype=float)
     linked, unit = (np.log(given), np.ones(given.size)) if link == "log" else (given, 1.0 / given)
@@ -226,8 +226,8 @@ def design(terms: Terms, scaled: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> design(((0,), (1,), (2,)), np.array([[0.5]]))
-    array([[1.  , 0.5 , 0.25]])
+    >>> design(((0,), (1,), (2,)), np.array([[0.5]])).tolist()
+    [[1.0, 0.5, 0.25]]
     """
     if not terms:
         raise ModelError("a surface needs at least one term")

@@ -189,9 +189,8 @@ def fit_together(
     >>> truth = [[180e3, 120e3, 700.0], [180e3, 150e3, 900.0]]
     >>> data = [StiffnessData.of(omega, Zener().stiffness(one, omega), 100.0) for one in truth]
     >>> found = fit_together(Zener(), data, truth[0], {"K1": np.ones((2, 1))})
-    >>> found.values.round(3)
-    array([[180000., 120000.,    700.],
-           [180000., 150000.,    900.]])
+    >>> found.values.round(3).tolist()
+    [[180000.0, 120000.0, 700.0], [180000.0, 150000.0, 900.0]]
     """
     symbols = model.known(designs or {})
     every = Conditions.of(model, conditions, shared, common=False)

@@ -255,8 +255,8 @@ def mode_shape(
 
     >>> ring = Cylinder(0.3, 0.2, 1e8, 5.0, 0.0, 0.0, 12.0)
     >>> u, v, w = mode_shape(ring, 2, 0, [0.0, np.pi / 4], 0.1)
-    >>> w.round(3), v.round(3)
-    (array([1., 0.]), array([-0. , -0.5]))
+    >>> w.round(3).tolist(), v.round(3).tolist()
+    ([1.0, 0.0], [-0.0, -0.5])
     """
     frequencies = natural_frequencies(cylinder, n, m)
     if frequencies.shape != (3,) or not 0 <= branch < np.sum(np.isfinite(frequencies)):

@@ -30,8 +30,8 @@ class Structural(Model):
 
     Examples
     --------
-    >>> Structural().stiffness([180e3, 0.1], [60.0])
-    array([180000.+18000.j])
+    >>> Structural().stiffness([180e3, 0.1], [60.0]).tolist()
+    [(180000+18000j)]
     """
 
     name = "structural"

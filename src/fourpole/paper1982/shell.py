@@ -126,8 +126,8 @@ class Shell(Model):
     Examples
     --------
     >>> tyre = Shell()
-    >>> tyre.stiffness(RADIAL_PLY, [2 * np.pi * 15.0]).round(-1)
-    array([181580.+10440.j])
+    >>> tyre.stiffness(RADIAL_PLY, [2 * np.pi * 15.0]).round(-1).tolist()
+    [(181580+10440j)]
     """
 
     name = "shell"

@@ -174,8 +174,8 @@ def whitened(off: FloatArray, covariance: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> whitened(np.array([[2.0, 3.0]]), np.array([[[4.0, 0.0], [0.0, 9.0]]]))
-    array([[1., 1.]])
+    >>> whitened(np.array([[2.0, 3.0]]), np.array([[[4.0, 0.0], [0.0, 9.0]]])).tolist()
+    [[1.0, 1.0]]
     """
     std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -137,8 +137,8 @@ def standard(of: Effects, count: int) -> FloatArray:
 
     Examples
     --------
-    >>> standard({"a": np.array([[3.0, 0.0]]), "b": np.array([[4.0, 1.0]])}, 2)
-    array([5., 1.])
+    >>> standard({"a": np.array([[3.0, 0.0]]), "b": np.array([[4.0, 1.0]])}, 2).tolist()
+    [5.0, 1.0]
     """
     return np.sqrt(sum((np.sum(one**2, axis=0) for one in of.values()), np.zeros(count)))
 
@@ -162,8 +162,8 @@ def relative_difference(
     --------
     >>> one, two = np.array([1.0]), np.array([1.1])
     >>> apart, std = relative_difference((one, {"gain": np.array([[0.1]])}), (two, {"gain": np.array([[0.11]])}))
-    >>> apart.round(6), std.round(6)
-    (array([0.1]), array([0.]))
+    >>> apart.round(6).tolist(), std.round(6).tolist()
+    ([0.100000], [0.000000])
     """
     (a, of_a), (b, of_b) = first, second
     a, none = np.where(a == 0, np.nan, a), np.zeros(a.size)

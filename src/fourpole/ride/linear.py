@@ -52,8 +52,8 @@ def driven(system: LinearSystem, inputs: FloatArray, step: float) -> FloatArray:
     --------
     >>> one, none = np.ones((1, 1)), np.zeros((1, 1))
     >>> lag = LinearSystem(-one, one, none, one, none, none)
-    >>> driven(lag, np.array([[0.0, 1.0, 2.0]]), 1.0).round(6)
-    array([[0.      , 0.367879, 1.135335]])
+    >>> driven(lag, np.array([[0.0, 1.0, 2.0]]), 1.0).round(6).tolist()
+    [[0.0, 0.367879, 1.135335]]
     """
     first, steady, moves = inputs[:, :1], np.zeros((len(system.c), 1)), inputs
     if np.any(first):

@@ -143,8 +143,8 @@ class Profile(ByValue):
 
     Examples
     --------
-    >>> Profile(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.01, 0.0])).at([0.5, 5.0])
-    array([0.005, 0.   ])
+    >>> Profile(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.01, 0.0])).at([0.5, 5.0]).tolist()
+    [0.005, 0.000]
     """
 
     distance: FloatArray
@@ -225,7 +225,7 @@ class Profile(ByValue):
         --------
         >>> short = Profile(np.array([0.0, 1.0, 1.001, 1.002, 2.0]), np.array([0.0, 0.0, 0.01, 0.0, 0.0]), "short")
         >>> round(float(np.sum(short.in_time(10.0, 1e-3)) * 1e-3 * 10.0), 9)  # area [m²]
-        1e-05
+        1.000e-05
         """
         check_speed(speed)
         count = samples(self.length / speed + after + step, step)
@@ -259,8 +259,8 @@ def cleat(height: float, length: float, *, before: float = 1.0) -> Profile:
 
     Examples
     --------
-    >>> cleat(0.01, 0.05).at([0.5, 1.025, 2.0])
-    array([0.  , 0.01, 0.  ])
+    >>> cleat(0.01, 0.05).at([0.5, 1.025, 2.0]).tolist()
+    [0.000, 0.010, 0.000]
     """
     if not (length > 0 and np.isfinite(height) and height != 0):
         raise ModelError(f"a cleat of {height:g} m height and {length:g} m length is none: state both, not zero")

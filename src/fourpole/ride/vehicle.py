@@ -57,8 +57,8 @@ class Body(ByValue):
 
         Examples
         --------
-        >>> QuarterCar(250.0, 37.5, 15825.0, 1500.0).body.without(7.0).mass.diagonal()
-        array([250. ,  30.5])
+        >>> QuarterCar(250.0, 37.5, 15825.0, 1500.0).body.without(7.0).mass.diagonal().tolist()
+        [250.0, 30.5]
         """
         if not mass:
             return self

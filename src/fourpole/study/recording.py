@@ -72,8 +72,8 @@ def read_recording(file: str | Path, channels: Mapping[str, str | Mapping[str, A
     ...     for i in range(100):
     ...         _ = file.write(f"{i / 50},{10 * (-1) ** i},{i}\n")
     >>> recording = read_recording(file.name, {"time": "t", "force_in": "F1", "motion_in": "V1"})
-    >>> recording.duration, recording.channels["motion_in"].samples[:3]
-    (2.0, array([0.   , 0.001, 0.002]))
+    >>> recording.duration, recording.channels["motion_in"].samples[:3].tolist()
+    (2.0, [0.0, 0.001, 0.002])
     >>> Path(file.name).unlink()
     """
     if isinstance(channels, Campaign):

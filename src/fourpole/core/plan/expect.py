@@ -290,8 +290,8 @@ def arm_std(tests: PlannedTests, stiffness_covariance: FloatArray | float, k1_st
 
     Examples
     --------
-    >>> arm_std(PlannedTests(10.0, 110e3, 100e3, 800.0), 0.0, 1e3).round(0)
-    array([[2977.,   16.]])
+    >>> arm_std(PlannedTests(10.0, 110e3, 100e3, 800.0), 0.0, 1e3).round(1).tolist()
+    [[2977.3, 16.0]]
     """
     covariance: FloatArray = np.zeros((len(tests), 2, 2)) + stiffness_covariance
     covariance[:, 0, 0] += np.square(k1_std)

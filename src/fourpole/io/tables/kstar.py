@@ -163,8 +163,8 @@ def read_k_star(path: AnyPath, options: TableOptions | None = None, *, label: st
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder, "bench.csv")
     ...     _ = file.write_text("f [Hz],|K*| [N/mm],loss angle [deg]\n10,200,90\n", encoding="utf-8")
-    ...     print(read_k_star(file).stiffness.imag)
-    [200000.]
+    ...     print(read_k_star(file).stiffness.imag.tolist())
+    [200000.0]
     """
     options = TableOptions() if options is None else options
     stated = statements(options.columns)

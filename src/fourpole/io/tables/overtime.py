@@ -74,8 +74,8 @@ def read_over_time(path: AnyPath, options: TableOptions | None = None) -> TimeTa
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder, "relaxation.csv")
     ...     _ = file.write_text("time [s],K(t) [N/mm]\n1,200\n10,180\n")
-    ...     print(read_over_time(file).values)
-    [200000. 180000.]
+    ...     print(read_over_time(file).values.tolist())
+    [200000.0, 180000.0]
     """
     options = TableOptions() if options is None else options
     stated = statements(options.columns)

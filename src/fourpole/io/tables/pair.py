@@ -72,8 +72,8 @@ def read_curve(path: AnyPath, *, columns: Sequence[str] = (), group: str = "", l
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder, "curve.csv")
     ...     _ = file.write_text("deflection [mm],load [kN]\n0,0\n10,1.5\n")
-    ...     print(read_curve(file).load)
-    [   0. 1500.]
+    ...     print(read_curve(file).load.tolist())
+    [0.0, 1500.0]
     """
     return CurveTable(*_read(path, ("deflection", "load"), "a static curve", columns, group, label))
 
@@ -106,8 +106,8 @@ def read_profile(path: AnyPath, *, columns: Sequence[str] = (), label: str | Non
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = pathlib.Path(folder, "road.csv")
     ...     _ = file.write_text("distance [m],height [mm]\n0,0\n0.1,2\n0.2,\n")
-    ...     print(read_profile(file).height)
-    [0.    0.002   nan]
+    ...     print(read_profile(file).height.tolist())
+    [0.0, 0.002, nan]
     """
     if os.fspath(path).lower().endswith(".crg"):
         distance, height, warned = read_crg(path, label)
