@@ -62,7 +62,7 @@ def test_an_unknown_kind_names_the_known_ones(results, kind, said):
 
 
 def test_a_kind_that_was_removed_names_what_replaces_it(results):
-    with pytest.raises(CampaignError, match="kind statespace-mat was removed: statespace has the same matrices as JSON"):
+    with pytest.raises(CampaignError, match="statespace-mat was removed: statespace has the same matrices as JSON"):
         export_results(results, "statespace-mat")
 
 
