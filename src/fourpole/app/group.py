@@ -11,7 +11,9 @@ from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
+
+from fourpole.app.console import fail
 
 Run = TypeVar("Run", bound=Callable[..., int | None])
 #: Functions of the commands by name.
@@ -19,6 +21,16 @@ _RUNS: dict[str, Callable[..., int | None]] = {}
 #: An example of each command by the heading of its group and its name.
 GROUPS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
+
+#: What stands in place of an option that was removed, by command and option.
+REMOVED = {
+    "static --load-column": '--column "load=NAME"',
+    "static --deflection-column": '--column "deflection=NAME"',
+    "shift --figure": "--out FOLDER, where the figure is shift.svg and shift.png",
+    **{f"plan --{old}": f"--{now}" for old, now in (("K1", "k1"), ("K2", "k2"), ("C", "c"))},
+    "plan --moving-mass": "--mass",
+    "plan --frequencies": "--frequency",
+}
 
 
 def groups_of(names: list[str]) -> dict[str, list[str]]:
@@ -47,6 +59,18 @@ def registered(place: str = "") -> Callable[[Run], Run]:
         return stated
 
     return register
+
+
+class Command(TyperCommand):
+    """A command that says what stands in place of an option that was removed."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """The arguments as parameters."""
+        for word in args:
+            name = word.partition("=")[0]
+            if instead := REMOVED.get(f"{self.name} {name}"):
+                fail(f"{name} was removed: state {instead}")
+        return super().parse_args(ctx, args)
 
 
 class Group(TyperGroup):
@@ -83,7 +107,7 @@ def _built(name: str, run: Callable[..., int | None]) -> Any:
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     example = f"\b\nExample:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
-    alone.command(name, epilog=example)(command(run))
+    alone.command(name, cls=Command, epilog=example)(command(run))
     return typer.main.get_command(alone)
 
 

@@ -120,16 +120,16 @@ def _columns(found: ReducedResult) -> dict[str, Any]:
     }
 
 
-def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, as_json: bool) -> None:
+def run_static(table: Path, load: float, column: Sequence[str] | None, group: str, *, as_json: bool) -> None:
     """Evaluate one load-deflection curve at one load."""
-    table = read_curve(path, columns=columns, group=group)
+    found = read_curve(table, columns=column or (), group=group)
     try:
-        curve = LoadCurve(table.deflection, table.load)
+        curve = LoadCurve(found.deflection, found.load)
         tangent, secant = curve.tangent(load), curve.secant(load)
     except LoadCurveError as error:
-        raise LoadCurveError(f"{path.name}: {error}") from None
+        raise LoadCurveError(f"{table.name}: {error}") from None
     branch = [] if curve.measured == "mean" else [remark_of(branch_check(curve.measured))]
-    remarks = [*table.warnings, *branch, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
+    remarks = [*found.warnings, *branch, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
     if as_json:
         print_json(
             {
@@ -149,12 +149,12 @@ def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, a
                 q.NONLINEARITY.head: curve.nonlinearity,
                 "order [1]": curve.order,
                 "cycles [1]": curve.cycles,
-                "understood": table.understood,
+                "understood": found.understood,
                 "remarks": remarks,
             }
         )
         return
-    _read_as(table.understood, remarks)
+    _read_as(found.understood, remarks)
     loss = "" if np.isnan(curve.hysteresis_loss) else f"{with_u(curve.hysteresis_loss, curve.loss_std)} J"
     units = answered_in(ShownUnits(), load)
     unit, scale = units.unit(q.K1.unit)
@@ -170,7 +170,7 @@ def run_static(path: Path, load: float, columns: Sequence[str], group: str, *, a
         ("non-linearity", f"{100 * curve.nonlinearity:.2f} % of the load span"),
         ("curve", f"order {curve.order}, {curve.cycles} complete cycles, {curve.load.size} points"),
     )
-    out(f"{path.name} at {units.text(q.PRELOAD, load)}")
+    out(f"{table.name} at {units.text(q.PRELOAD, load)}")
     for name, text in rows:
         out(f"{name:<16} {text}")
 
