@@ -66,7 +66,7 @@ class ExportKind:
         return writer
 
 
-#: What may be stated for an export, and how messages name it.
+#: What may be stated for an export, in the order of the arguments of `export_results`, and how messages name it.
 OPTIONS = {
     "shape": "the shape of a specimen: leave out its height, area and mode",
     "poisson": "Poisson's ratio: leave out --poisson",
@@ -209,16 +209,8 @@ def export_results(
         hint = f"did you mean {near[0]}? It" if near else "it"
         raise CampaignError(f"no kind of file {shown(kind)}: {hint} is one of {', '.join(KINDS)}")
     chosen, place = KINDS[kind], Path(folder)
-    stated: dict[str, Any] = {
-        "shape": shape,
-        "poisson": poisson,
-        "points": points,
-        "specimen": specimen,
-        "frequency": frequency,
-        "radius": radius,
-    }
-    stated |= {"belt": belt}
-    more = {name: value for name, value in stated.items() if value is not None and value != ()}
+    stated = zip(OPTIONS, (shape, poisson, points, specimen, frequency, radius, belt), strict=True)
+    more: dict[str, Any] = {name: value for name, value in stated if value is not None and value != ()}
     if unused := [name for name in more if name not in chosen.options]:
         raise CampaignError(f"{kind} has no use for {OPTIONS[unused[0]]}")
     place = _source(place, chosen.takes)

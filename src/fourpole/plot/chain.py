@@ -81,19 +81,14 @@ def _chain(
     links += [_mass("", values, "tyre_mass")]
     links += [] if blocked else [_sensor("motion_out", channels)]
     links += [_mass("m", values, "moving_mass", *_added(sheet, own))]
-    if blocked:
-        return (*_there(links), Link(Kind.FIXED, "blocked: V2 = 0"))
+    links += [Link(Kind.FIXED, "blocked: V2 = 0")] if blocked else []
     spring = [values[key] for key in ("preload_stiffness", "preload_damping", "preload_loss_factor") if key in values]
     frame = "frame_stiffness" in values
-    if spring:
+    if spring and not blocked:
         links += [Link(Kind.SPRING, "K3", tuple(spring), damped="preload_damping" in values)]
         links += [Link(Kind.SPRING, "", (values["frame_stiffness"],))] if frame else []
         links += [Link(Kind.FIXED, "foundation")]
-    return tuple(_there(links))
-
-
-def _there(links: list[Link | None]) -> list[Link]:
-    return [one for one in links if one is not None]
+    return tuple(one for one in links if one is not None)
 
 
 def _stated(value: object) -> bool:
