@@ -73,7 +73,7 @@ def test_a_model_is_exported_for_a_vehicle_simulation(run, results, tmp_path):
     ran = run("export", folder, "--to", "tir", "--frequency", "14 Hz", "--radius", "316 mm")
     assert ran.stdout == f"tir: {folder / 'specimen.tir'}\n"
     assert "stiffness and damping are those at 14 Hz" in ran.stderr
-    for kind in ("statespace", "statespace-mat", "modelica", "table"):
+    for kind in ("statespace", "modelica", "table"):
         ran = run("export", folder, "--to", kind)
         assert (ran.exit_code, ran.stdout) == (0, f"{kind}: {folder / KINDS[kind].file}\n")
     ran = run("export", folder, "--to", "modelica", "--at", "pressure 1.7")

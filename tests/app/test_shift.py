@@ -8,7 +8,7 @@ from tests.fitting.test_shifting import table
 from fourpole.app.options import ShiftOptions
 from fourpole.app.shift import run_shift
 from fourpole.app.show import show
-from fourpole.errors import CampaignError, ModelError, UnitError
+from fourpole.errors import ModelError, UnitError
 
 FILES = {"master.csv", "covariance.parquet", "temperature.json", "shifts.csv", "overlaps.csv", "shift.svg", "shift.png"}
 
@@ -68,20 +68,14 @@ def test_a_mistake_is_one_sentence(isotherms, options, error, message):
         show(run_shift([isotherms], options), as_json=False)
 
 
-def test_a_figure_of_an_unknown_format_writes_nothing(isotherms, tmp_path):
-    with pytest.raises(CampaignError, match="no format"):
-        show(run_shift([isotherms], ShiftOptions(reference=20.0, figure=tmp_path / "shift.gif")), as_json=False)
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_figure_has_every_specimen(isotherms, tmp_path):
     rows = isotherms.read_text().splitlines()
     both = tmp_path / "both.csv"
     both.write_text(
         "\n".join([f"{rows[0]},tyre", *(f"{row},{name}" for name in ("first", "second") for row in rows[1:])])
     )
-    show(run_shift([both], ShiftOptions(reference=20.0, figure=tmp_path / "shift.svg")), as_json=False)
-    drawn = (tmp_path / "shift.svg").read_text()
+    show(run_shift([both], ShiftOptions(reference=20.0, folder=tmp_path / "master")), as_json=False)
+    drawn = (tmp_path / "master" / "shift.svg").read_text()
     assert "first" in drawn
     assert "second" in drawn
     assert drawn.count("master curve") == 2

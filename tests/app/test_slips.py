@@ -5,6 +5,8 @@ import shutil
 
 import pytest
 
+from fourpole.app.group import REMOVED
+
 ARM = ("--k2", "120 kN/m", "--c", "700 N s/m", "--mass", "15 kg", "--preload-stiffness", "12 kN/m")
 
 
@@ -162,3 +164,12 @@ def test_the_first_message_leads_to_the_remedy(run, folder, monkeypatch, slip):
     assert said, ran.stdout
     assert remedy in said[0]
     assert "Traceback" not in ran.output
+
+
+@pytest.mark.parametrize("removed", REMOVED)
+def test_an_option_that_was_removed_names_what_stands_in_its_place(run, removed, tmp_path):
+    command, option = removed.split()
+    for more in ([option, "x"], [f"{option}=x"]):
+        ran = run(command, tmp_path, *more)
+        assert (ran.exit_code, ran.stdout) == (2, "")
+        assert ran.stderr == f"error: {option} was removed: state {REMOVED[removed]}\n"

@@ -79,7 +79,7 @@ def test_unusual_columns_are_named_by_options(run, curve):
     assert (lacking.exit_code, lacking.stdout) == (2, "")
     assert '--column "deflection=NAME [mm]"' in lacking.stderr
     for more in (
-        ["--load-column", "channel 7", "--deflection-column", "s_wheel"],
+        ["--column", "load=channel 7", "--column", "deflection=s_wheel"],
         ["--column", "load=2", "--column", "deflection=s_wheel [mm]"],
     ):
         ran = run("static", path, "--load", "1000 N", *more, "--json")
@@ -87,7 +87,7 @@ def test_unusual_columns_are_named_by_options(run, curve):
 
 
 def test_a_wrong_column_is_named_with_those_there_are(run, curve):
-    ran = run("static", curve(), "--load", "1000 N", "--load-column", "laod")
+    ran = run("static", curve(), "--load", "1000 N", "--column", "load=laod")
     assert ran.exit_code == 2
     assert "there is no column 'laod'; did you mean 'load'?" in ran.stderr
 

@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.export.modelica import read_modelica
-from tests.export.test_systems import matrices
 from tests.export.test_tir import read as read_tir
 from tests.export.vehicle import LOAD, PRESSURE, parameters, table
 
@@ -60,7 +59,7 @@ def ends(found, omega=OMEGA):
     return np.array(one)
 
 
-@pytest.mark.parametrize("kind", ["statespace", "statespace-mat", "modelica"])
+@pytest.mark.parametrize("kind", ["statespace", "modelica"])
 def test_both_ends_are_the_two_port_and_their_rigid_body_is_the_belt(kind, model, tmp_path):
     exported = export_results(model, kind, tmp_path / "a.x", belt=BELT)
     if kind == "statespace":
@@ -69,12 +68,10 @@ def test_both_ends_are_the_two_port_and_their_rigid_body_is_the_belt(kind, model
         assert len(document["inputs"]) == 4
         assert (one["belt_mass_kg"], one["belt_share"]) == (7.0, 0.2)
         found = [np.array(one[name]) for name in "ABCD"]
-    elif kind == "modelica":
+    else:
         (block,) = read_modelica(exported.path.read_text("utf-8"))[1].values()
         assert (block.inputs, block.outputs) == (["x1", "v1", "x2", "v2"], ["F1", "F2"])
         found = block.matrices()
-    else:
-        (found,) = matrices(kind, exported.path)
     assert np.abs(ends(found) / EXACT - 1).max() < 1e-6
     slow = np.array([2 * np.pi * 0.01])
     assert -ends(found, slow)[0].sum().real / slow[0] ** 2 == pytest.approx(BELT.mass, rel=1e-5)

@@ -62,6 +62,11 @@ def test_an_unknown_kind_names_the_known_ones(results, kind, said):
         export_results(results, kind)
 
 
+def test_a_kind_that_was_removed_names_what_replaces_it(results):
+    with pytest.raises(CampaignError, match="statespace-mat was removed: statespace has the same matrices as JSON"):
+        export_results(results, "statespace-mat")
+
+
 @pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
 def test_a_folder_without_results_is_said_to_be_none(kind, tmp_path):
     with pytest.raises(CampaignError, match="holds neither results nor a campaign"):
@@ -184,7 +189,7 @@ def test_names_of_columns_are_names_in_matlab_and_each_its_own():
 
 
 def test_the_room_loads_the_packages_it_writes_with_only_to_write():
-    rooms = "charts, kinds, matlab, netcdf, source, tydex, uff, workbook"
+    rooms = "kinds, matlab, netcdf, source, tydex, uff, workbook"
     code = f"import sys; from fourpole.export import {rooms}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert "fourpole.export.netcdf" in loaded

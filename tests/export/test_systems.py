@@ -1,4 +1,4 @@
-"""State space and Modelica, read back by json, scipy's loadmat and a reader of Modelica: K* of the model."""
+"""State space and Modelica, read back by json and a reader of Modelica: K* of the model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 import polars as pl
 import pytest
 import scipy
-from scipy.io import loadmat
 from tests.export.modelica import read_modelica
 from tests.export.vehicle import LOAD, PRESSURE, table
 
@@ -23,7 +22,7 @@ from fourpole.models import FractionalZener, Zener
 from fourpole.models.families import model_named
 from fourpole.models.realised import Realised
 
-KINDS = ("statespace", "statespace-mat", "modelica")
+KINDS = ("statespace", "modelica")
 FREQUENCY = np.geomspace(1e-3, 1e4, 60)
 
 
@@ -36,10 +35,6 @@ def matrices(kind, path):
             n = len(one[0])
             one[0], one[1], one[2] = one[0].reshape(n, n), one[1].reshape(n, 2), one[2].reshape(1, n)
         return found
-    if kind == "statespace-mat":
-        systems = loadmat(path)["systems"]
-        assert systems.shape[0] == 1
-        return [[systems[0, at][name] for name in "ABCD"] for at in range(systems.shape[1])]
     return [one.matrices() for one in read_modelica(path.read_text("utf-8"))[1].values()]
 
 
@@ -171,11 +166,6 @@ def test_the_files_say_what_they_hold(files, tmp_path):
     assert first["state"] == {PRESSURE: 1.7e5, LOAD: 2e3}
     assert first["band_Hz"] == pytest.approx([1.0, 60.0])
     assert first["about"].startswith("tyre, 1.7 bar, 2000 N; model zener of ")
-    systems = loadmat(
-        export_results(files / "model.json", "statespace-mat", tmp_path / "a.mat").path, simplify_cells=True
-    )
-    assert systems["systems"][0]["state"] == {"pressure": 1.7e5, "preload": 2e3}
-    assert systems["systems"][0]["state_names"] == {"pressure": PRESSURE, "preload": LOAD}
     _, blocks = read_modelica(
         export_results(files / "model.json", "modelica", tmp_path / "M.mo").path.read_text("utf-8")
     )

@@ -98,7 +98,7 @@ def test_outside_the_tests_the_command_speaks(mapped: Server) -> None:
 
 
 #: Kinds for vehicle simulations.
-VEHICLE = ("statespace", "statespace-mat", "modelica", "tir", "table", "fmu")
+VEHICLE = ("statespace", "modelica", "tir", "table", "fmu")
 
 
 @pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf", *VEHICLE])

@@ -319,8 +319,8 @@ def export(
 ) -> None:
     """Write the results for another tool, or a model for an FE program or a vehicle simulation.
 
-    Results: a workbook with charts, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV; .tir
-    and look-up tables, of maps too.
+    Results: a workbook, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV; .tir and look-up
+    tables, of maps too.
     """
     from fourpole.export import export_results
     from fourpole.fitting.inertia import belt_stated

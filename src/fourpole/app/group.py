@@ -11,9 +11,10 @@ from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from fourpole.answer import Answer
+from fourpole.app.console import fail
 from fourpole.app.show import show
 
 Run = TypeVar("Run", bound=Callable[..., "Answer | int | None"])
@@ -24,6 +25,16 @@ BROWSER: list[str] = []
 #: An example of each command by the heading of its group and its name.
 GROUPS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
+
+#: What stands in place of an option that was removed, by command and option.
+REMOVED = {
+    "static --load-column": '--column "load=NAME"',
+    "static --deflection-column": '--column "deflection=NAME"',
+    "shift --figure": "--out FOLDER, where the figure is shift.svg and shift.png",
+    **{f"plan --{old}": f"--{now}" for old, now in (("K1", "k1"), ("K2", "k2"), ("C", "c"))},
+    "plan --moving-mass": "--mass",
+    "plan --frequencies": "--frequency",
+}
 
 
 def groups_of(names: list[str]) -> dict[str, list[str]]:
@@ -61,6 +72,18 @@ def registered(place: str = "", *, browser: bool = False) -> Callable[[Run], Run
     return register
 
 
+class Command(TyperCommand):
+    """A command that says what stands in place of an option that was removed."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        """The arguments as parameters."""
+        for word in args:
+            name = word.partition("=")[0]
+            if instead := REMOVED.get(f"{self.name} {name}"):
+                fail(f"{name} was removed: state {instead}")
+        return super().parse_args(ctx, args)
+
+
 class Group(TyperGroup):
     """The group; a command is built when it is called, because to build all takes longer than to load their list."""
 
@@ -95,7 +118,7 @@ def _built(name: str, run: Callable[..., int | None]) -> Any:
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     example = f"\b\nExample:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
-    alone.command(name, epilog=example)(command(run))
+    alone.command(name, cls=Command, epilog=example)(command(run))
     return typer.main.get_command(alone)
 
 

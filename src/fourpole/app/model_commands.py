@@ -52,29 +52,20 @@ def identify(
     """
 
 
-@registered()
+@registered("reduced.run_static")
 def static(
     table: Annotated[Path, typer.Argument(metavar="FILE", help="Table of load and deflection, of any format.")],
     load: Annotated[float, amount("--load", "force", 'Load at which K1 is wanted, as "1000 N".')],
-    load_column: Annotated[str | None, typer.Option(help="Name of the load's column, if it is not recognised.")] = None,
-    deflection_column: Annotated[
-        str | None, typer.Option(help="Name of the deflection's column, if it is not recognised.")
-    ] = None,
     column: Annotated[
         list[str] | None, typer.Option(metavar="ROLE=NAME", help='Which column is what, as "load=ch7 [kN]".')
     ] = None,
     group: Annotated[str, typer.Option(help="The sheet or group of the file, if several hold a curve.")] = "",
-    as_json: JsonFlag = False,  # noqa: ARG001 - of the answer
-) -> Answer:
+    as_json: JsonFlag = False,
+) -> None:
     """Static stiffness K1 at a load from a load-deflection curve, with secant, loss and non-linearity.
 
     K1 is the tangent of the mean of the loading and unloading branches over the last complete cycle.
     """
-    from fourpole.app.reduced import run_static
-
-    named = {"load": load_column, "deflection": deflection_column}
-    columns = [*(column or ()), *(f"{role}={name}" for role, name in named.items() if name is not None)]
-    return run_static(table, load, columns, group)
 
 
 @registered()

@@ -54,10 +54,9 @@ def allow_remote(wanted: bool) -> None:
         allow(EVERY)
 
 
-def amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
-    """Option that takes a quantity with its unit and gives it in SI; messages use the first of its names."""
-    first, *others = names.split()
-    return typer.Option(first, *others, parser=_reader(kind, first, sign), metavar="QUANTITY", help=text)
+def amount(name: str, kind: str, text: str, sign: Sign = "any") -> Any:
+    """Option that takes a quantity with its unit and gives it in SI."""
+    return typer.Option(name, parser=_reader(kind, name, sign), metavar="QUANTITY", help=text)
 
 
 class Amount(float):
@@ -139,10 +138,9 @@ def _given(text: str, *names: str, default: Any = None, **more: Any) -> Any:
     return field(default=default, metadata={"option": typer.Option(default, *names, help=text, **more)})
 
 
-def _amount(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
+def _amount(name: str, kind: str, text: str, sign: Sign = "any") -> Any:
     """Field of a group for a quantity; see `amount`."""
-    first, *others = names.split()
-    return _given(text, first, *others, parser=_reader(kind, first, sign), metavar="QUANTITY")
+    return _given(text, name, parser=_reader(kind, name, sign), metavar="QUANTITY")
 
 
 def _belt() -> tuple[Any, Any]:
@@ -300,7 +298,6 @@ class ShiftOptions(TableChoice):
         "--std", "ratio", 'Relative uncertainty of K*, in place of the table\'s, as "1 %".', "positive"
     )
     folder: Path | None = _given("Folder for the master curve, its law, tables and figure.", "--out")
-    figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -358,9 +355,9 @@ class PlotOptions:
 class PlanOptions:
     """A guessed tyre in SI, how its tests are run, and the advice and run sheet to make."""
 
-    k1: float | None = _amount("--k1 --K1", "stiffness", 'Guessed K1, as "180 kN/m".', "positive")
-    k2: float | None = _amount("--k2 --K2", "stiffness", 'Guessed K2, as "120 kN/m".', "positive")
-    c: float | None = _amount("--c --C", "damping", 'Guessed C, as "700 N s/m".', "positive")
+    k1: float | None = _amount("--k1", "stiffness", 'Guessed K1, as "180 kN/m".', "positive")
+    k2: float | None = _amount("--k2", "stiffness", 'Guessed K2, as "120 kN/m".', "positive")
+    c: float | None = _amount("--c", "damping", 'Guessed C, as "700 N s/m".', "positive")
     wanted: float | None = _amount("--wanted", "ratio", 'Uncertainty of K2 and C to reach, as "1 %".', "positive")
     added_mass: list[float] | None = _amount(
         "--added-mass",
@@ -383,18 +380,18 @@ class PlanOptions:
     )
 
 
-def _bare(names: str, kind: str, text: str, sign: Sign = "any") -> Any:
-    return _amount(names, kind, f"Without a campaign: {text}.", sign)
+def _bare(name: str, kind: str, text: str, sign: Sign = "any") -> Any:
+    return _amount(name, kind, f"Without a campaign: {text}.", sign)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class BareRig:
     """The options of a plan without a campaign, which states the same itself, in SI; None where not given."""
 
-    mass: float | None = _bare("--mass --moving-mass", "mass", 'as "15 kg"')
+    mass: float | None = _bare("--mass", "mass", 'as "15 kg"')
     preload_stiffness: float | None = _bare("--preload-stiffness", "stiffness", 'K3, as "12.44 kN/m"')
     preload_damping: float | None = _bare("--preload-damping", "damping", 'c3, as "20 N s/m"')
-    frequency: str | None = _given('Without a campaign: as "10:24:2 Hz".', "--frequency", "--frequencies")
+    frequency: str | None = _given('Without a campaign: as "10:24:2 Hz".', "--frequency")
     preload: float | None = _bare("--preload", "force", 'load on the tyre, as "1000 N"', "positive")
     std_rig: float | None = _bare("--std-rig", "ratio", 'of each rig value; by default "2 %"', "not negative")
     std_gain: float | None = _bare("--std-gain", "ratio", 'of each gain; by default "1 %"', "not negative")

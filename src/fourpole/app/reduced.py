@@ -120,16 +120,16 @@ def _columns(found: ReducedResult) -> dict[str, Any]:
     }
 
 
-def run_static(path: Path, load: float, columns: Sequence[str], group: str) -> Answer:
+def run_static(table: Path, load: float, column: Sequence[str] | None, group: str) -> Answer:
     """Evaluate one load-deflection curve at one load."""
-    table = read_curve(path, columns=columns, group=group)
+    found = read_curve(table, columns=column or (), group=group)
     try:
-        curve = LoadCurve(table.deflection, table.load)
+        curve = LoadCurve(found.deflection, found.load)
         tangent, secant = curve.tangent(load), curve.secant(load)
     except LoadCurveError as error:
-        raise LoadCurveError(f"{path.name}: {error}") from None
+        raise LoadCurveError(f"{table.name}: {error}") from None
     branch = [] if curve.measured == "mean" else [remark_of(branch_check(curve.measured))]
-    remarks = [*table.warnings, *branch, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
+    remarks = [*found.warnings, *branch, *curve.remarks, *([f"no secant: {secant.reason}"] if secant.reason else [])]
     document = {
         q.LOAD.head: load,
         q.K1.head: tangent.stiffness,
@@ -147,10 +147,10 @@ def run_static(path: Path, load: float, columns: Sequence[str], group: str) -> A
         q.NONLINEARITY.head: curve.nonlinearity,
         "order [1]": curve.order,
         "cycles [1]": curve.cycles,
-        "understood": table.understood,
+        "understood": found.understood,
         "remarks": remarks,
     }
-    return Answer(_static_shown(path.name, load, curve, table.understood, remarks), lambda: document)
+    return Answer(_static_shown(table.name, load, curve, found.understood, remarks), lambda: document)
 
 
 def _static_shown(

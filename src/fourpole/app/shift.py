@@ -54,15 +54,14 @@ def run_shift(tables: Sequence[Path], options: ShiftOptions) -> Answer:
         found = shift_tyres(measured, options.reference, vertical=options.vertical, progress=advance)
     for one in found:
         _warn(one)
-    written = _written(found, options)
-    files = [("written", path) for path in written]
-    return Answer(_shown(found, options), lambda: _document(found), files)
+    written = [] if options.folder is None else _written(found, options.folder)
+    return Answer(_shown(found, options), lambda: _document(found), [("written", path) for path in written])
 
 
 def _shown(found: Sequence[TyreShift], options: ShiftOptions) -> Iterator[Part]:
     for one in found:
         yield from _show(one, options.constants_at)
-    if options.folder is None and options.figure is None:
+    if options.folder is None:
         say("state --out FOLDER to write the master curve and its law, for fourpole fit and query")
 
 
@@ -188,25 +187,19 @@ def _law_words(law: ShiftLaw) -> str:
     return f"{text}; chi-square {number(law.chi2, 3)} for {law.dof} degrees of freedom"
 
 
-def _written(found: Sequence[TyreShift], options: ShiftOptions) -> list[Path]:
-    """Write the files of the master curve into the folder, together, and the figure; the files written."""
+def _written(found: Sequence[TyreShift], folder: Path) -> list[Path]:
+    """Write the files of the master curve and the figure into the folder, together; the files written."""
     from fourpole.plot.shift import shift_figure_bytes
 
-    written: list[Path] = []
-    if options.folder is not None:
-        options.folder.mkdir(parents=True, exist_ok=True)
-        master, covariance = master_tables(found)
-        with staged(options.folder, last=LAW) as new:
-            write_table(new / MASTER, master)
-            write_table(new / COVARIANCE, covariance)
-            sha256 = sha256_of(new / MASTER, max_bytes=MAX_FILE_BYTES)
-            write_text(new / LAW, json.dumps(law_document(found, sha256), indent=1) + "\n")
-            write_table(new / "shifts.csv", shift_table(found))
-            write_table(new / "overlaps.csv", overlap_table(found))
-            for form in ("svg", "png"):
-                write_bytes(new / f"shift.{form}", shift_figure_bytes(found, form))
-        written += [options.folder / name for name in (MASTER, "shifts.csv", "overlaps.csv", LAW, "shift.svg")]
-    if options.figure is not None:
-        write_bytes(options.figure, shift_figure_bytes(found, options.figure.suffix.lstrip(".").lower()))
-        written.append(options.figure)
-    return written
+    folder.mkdir(parents=True, exist_ok=True)
+    master, covariance = master_tables(found)
+    with staged(folder, last=LAW) as new:
+        write_table(new / MASTER, master)
+        write_table(new / COVARIANCE, covariance)
+        sha256 = sha256_of(new / MASTER, max_bytes=MAX_FILE_BYTES)
+        write_text(new / LAW, json.dumps(law_document(found, sha256), indent=1) + "\n")
+        write_table(new / "shifts.csv", shift_table(found))
+        write_table(new / "overlaps.csv", overlap_table(found))
+        for form in ("svg", "png"):
+            write_bytes(new / f"shift.{form}", shift_figure_bytes(found, form))
+    return [folder / name for name in (MASTER, "shifts.csv", "overlaps.csv", LAW, "shift.svg")]

@@ -66,7 +66,7 @@ class ExportKind:
         return writer
 
 
-#: What may be stated for an export, and how messages name it.
+#: What may be stated for an export, in the order of the arguments of `export_results`, and how messages name it.
 OPTIONS = {
     "shape": "the shape of a specimen: leave out its height, area and mode",
     "poisson": "Poisson's ratio: leave out --poisson",
@@ -94,7 +94,7 @@ def _system(file: str, module: str, about: str, *options: str) -> ExportKind:
 
 
 KINDS = {
-    "xlsx": ExportKind("results.xlsx", "workbook", "workbook with all tables and charts", extra="export"),
+    "xlsx": ExportKind("results.xlsx", "workbook", "workbook with all tables", extra="export"),
     "mat": ExportKind("results.mat", "matlab", "MATLAB file, level 5, a struct per table"),
     "tydex": ExportKind("tydex", "tydex", "folder of TYDEX 1.3 files, one per condition"),
     "uff": ExportKind("results.uff", "uff", "UFF 58: V1/F1 and K* of each condition", extra="formats"),
@@ -106,14 +106,13 @@ KINDS = {
     "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
     "fmu": _system("specimen.fmu", "fmi", "of a model or a map: FMU of FMI 2.0, with C source"),
     "fmu3": _system("specimen-fmi3.fmu", "fmi.write_fmi3", "the same of FMI 3.0"),
-    "statespace": _system("statespace.json", "systems.write_json", "of a model or a map: matrices A, B, C, D as JSON"),
-    "statespace-mat": _system(
-        "statespace.mat", "systems.write_matlab", "of a model or a map: matrices A, B, C, D for MATLAB"
-    ),
+    "statespace": _system("statespace.json", "systems", "of a model or a map: matrices A, B, C, D as JSON"),
     "modelica": _system("FourpoleModels.mo", "modelica", "of a model or a map: Modelica source"),
     "tir": _system("specimen.tir", "tir", "of a model or a map: vertical block of a .tir file", "frequency", "radius"),
     "table": _vehicle("lookup.csv", "lookup", "of a model or a map: CSV of K* over frequency and operating point"),
 }
+#: Kinds that are no more, and what replaces each.
+_REMOVED = {"statespace-mat": "statespace has the same matrices as JSON, which MATLAB reads with jsondecode"}
 #: All kinds with their descriptions, for the help.
 ABOUT = "; ".join(f"{name}: {kind.about}" for name, kind in KINDS.items())
 
@@ -204,20 +203,14 @@ def export_results(
     if kind not in KINDS:
         from fourpole.units import shown
 
+        if kind in _REMOVED:
+            raise CampaignError(f"the kind {kind} was removed: {_REMOVED[kind]}")
         near = get_close_matches(kind[:60].lower(), KINDS, n=1)
         hint = f"did you mean {near[0]}? It" if near else "it"
         raise CampaignError(f"no kind of file {shown(kind)}: {hint} is one of {', '.join(KINDS)}")
     chosen, place = KINDS[kind], Path(folder)
-    stated: dict[str, Any] = {
-        "shape": shape,
-        "poisson": poisson,
-        "points": points,
-        "specimen": specimen,
-        "frequency": frequency,
-        "radius": radius,
-    }
-    stated |= {"belt": belt}
-    more = {name: value for name, value in stated.items() if value is not None and value != ()}
+    stated = zip(OPTIONS, (shape, poisson, points, specimen, frequency, radius, belt), strict=True)
+    more: dict[str, Any] = {name: value for name, value in stated if value is not None and value != ()}
     if unused := [name for name in more if name not in chosen.options]:
         raise CampaignError(f"{kind} has no use for {OPTIONS[unused[0]]}")
     place = _source(place, chosen.takes)

@@ -157,10 +157,7 @@ def _sheets(file: ModelFile, specimen: str) -> Iterator[_Sheet]:
 def _side(ends: tuple[float, float, bool], count: int) -> FloatArray:
     """Points of a side, evenly spaced from end to end."""
     low, high, logarithmic = ends
-    if count == 1:
-        return np.array([low])
-    inner = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
-    return np.concatenate([[low], inner[1:-1], [high]])
+    return np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
 
 
 def _mesh(axes: list[FloatArray]) -> FloatArray:

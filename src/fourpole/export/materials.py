@@ -6,11 +6,12 @@ import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from fourpole import quantities as q
-from fourpole.core.arrays import ByValue, FloatArray
+from fourpole.core.arrays import ByValue
 from fourpole.errors import ModelError
 from fourpole.export.source import ascii_line
 from fourpole.fitting.accuracy import accuracy_of
@@ -22,6 +23,48 @@ from fourpole.models.shape import Shape
 _IDLE = 1e-16
 #: Longest name of a material, and longest line of a sentence, which with its mark is within 80 columns.
 _LONGEST_NAME, _LONGEST_LINE = 60, 76
+
+
+class Term(NamedTuple):
+    """A term of a Prony series: the stiffness at rest, or that of an arm, and what follows from it.
+
+    Attributes
+    ----------
+    time, rate : float or None [s], [1/s]
+        Relaxation time and its inverse; at rest there is no time, and the rate is 0.
+    stiffness : float [N/m]
+    share : float or None [1]
+        Normalised modulus g: the stiffness over that of a sudden deflection; None at rest.
+    young, shear, bulk : float or None [Pa]
+        Moduli; None without a shape, or if Poisson's ratio, which they need, is not stated.
+    """
+
+    time: float | None
+    rate: float | None
+    stiffness: float
+    share: float | None
+    young: float | None
+    shear: float | None
+    bulk: float | None
+
+
+def terms_of(arms: Arms, shape: Shape | None) -> list[Term]:
+    """The term at rest, and that of each arm, in the order of the arms."""
+    moduli = [_modulus(shape, name) for name in ("young", "shear", "bulk_modulus")]
+    terms = []
+    for time, stiffness in [(None, arms.rest), *zip(arms.times.tolist(), arms.springs.tolist(), strict=True)]:
+        share = None if time is None else stiffness / arms.instantaneous
+        rate = 0.0 if time is None else 1.0 / time if time else None
+        terms.append(Term(time, rate, stiffness, share, *(one and one * stiffness for one in moduli)))
+    return terms
+
+
+def _modulus(shape: Shape | None, name: str) -> float | None:
+    """A modulus over the stiffness [1/m]; None if it is not known."""
+    try:
+        return None if shape is None else float(getattr(shape, name))
+    except ModelError:  # Poisson's ratio is not stated
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +91,9 @@ class Material(ByValue):
     temperature: float | None
 
     @property
-    def shares(self) -> FloatArray:
-        """Normalised moduli g_i (n,) [1]: K_i over the stiffness of a sudden deflection."""
-        return np.asarray(self.arms.springs / self.arms.instantaneous)
+    def terms(self) -> list[Term]:
+        """The term at rest and those of the arms."""
+        return terms_of(self.arms, self.shape)
 
     @property
     def elastic(self) -> tuple[float, float] | None:
@@ -60,10 +103,9 @@ class Material(ByValue):
         return self.shape.young * self.arms.instantaneous, self.shape.poisson
 
     @property
-    def bulk_shares(self) -> FloatArray:
-        """Normalised bulk moduli k_i (n,) [1]: zero for an elastic bulk modulus."""
-        relaxing = self.shape is not None and self.shape.relaxing_bulk
-        return self.shares if relaxing else np.zeros_like(self.shares)
+    def relaxing_bulk(self) -> bool:
+        """Whether the bulk modulus relaxes as the others do."""
+        return self.shape is not None and self.shape.relaxing_bulk
 
 
 def materials_of(file: ModelFile, shape: Shape | None = None) -> tuple[list[Material], tuple[str, ...]]:
@@ -121,9 +163,9 @@ def check_terms(materials: Sequence[Material], most: int, what: str) -> None:
             raise ModelError(f"{one.name}: {count} arms are more than the {most} that {what} takes: {how}")
 
 
-def number(value: float, digits: int = 15) -> str:
-    """A number with so many significant digits; with 15 it has 20 characters, the most that Abaqus reads."""
-    return f"{value:.{digits - 1}e}"
+def numbers(*values: float, digits: int = 15, between: str = ", ") -> str:
+    """Numbers with so many significant digits; with 15 each has 20 characters, the most that Abaqus reads."""
+    return between.join(f"{value:.{digits - 1}e}" for value in values)
 
 
 def _used(arms: Arms) -> Arms:
@@ -141,16 +183,13 @@ def _material(
     state = {each.column: each.value for each in one.state}
     place = ", ".join(f"{each.name} {each.value:.6g} {each.unit}" for each in one.state)
     where = f"{entry.tyre or 'specimen'}{f' at {place}' if place else ''}, {one.band[0]:.6g} to {one.band[1]:.6g} Hz"
-    about = [
-        f"{where}; model {entry.model} of {file.provenance.source}, by fourpole {file.provenance.fourpole}",
-        f"stiffness: K_0 = {number(arms.instantaneous)} N/m (instantaneous), K_inf = {number(arms.rest)} N/m (at rest)",
-        *([] if shape is None else [_about_shape(shape)]),
-    ]
-    said = [
-        line for text in accuracy_of(entry, one).sentences for line in textwrap.wrap(ascii_line(text), _LONGEST_LINE)
-    ]
-    lines = (ascii_line(about[0]), *said, *map(ascii_line, about[1:]))
-    return Material(name, lines, arms, shape, state.get(q.TEMPERATURE.head))
+    about = [f"{where}; model {entry.model} of {file.provenance.source}, by fourpole {file.provenance.fourpole}"]
+    for text in accuracy_of(entry, one).sentences:
+        about += textwrap.wrap(ascii_line(text), _LONGEST_LINE)
+    sudden, rest = numbers(arms.instantaneous), numbers(arms.rest)
+    about.append(f"stiffness: K_0 = {sudden} N/m (instantaneous), K_inf = {rest} N/m (at rest)")
+    about += [] if shape is None else [_about_shape(shape)]
+    return Material(name, tuple(map(ascii_line, about)), arms, shape, state.get(q.TEMPERATURE.head))
 
 
 def _about_shape(shape: Shape) -> str:

@@ -9,13 +9,15 @@ import numpy as np
 import polars as pl
 
 from fourpole.errors import ModelError
-from fourpole.export.materials import materials_of
+from fourpole.export.materials import materials_of, terms_of
 from fourpole.export.source import accuracy_columns
 from fourpole.fitting.accuracy import accuracy_of
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, model_of
 from fourpole.io.write import write_table
-from fourpole.models.interface import Arms
 from fourpole.models.shape import Shape
+
+#: Columns of a `Term`.
+_HEADS = ("tau [s]", "beta [1/s]", "K [N/m]", "g [1]", "E [Pa]", "G [Pa]", "bulk modulus [Pa]")
 
 
 def write(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[str, ...]:
@@ -30,16 +32,17 @@ def _rows(entry: ModelEntry, one: ConditionFile, shape: Shape | None) -> list[di
     """The rows of one condition; none if its model is no Prony series."""
     model = model_of(entry)
     try:
-        arms = model.prony(one.values)
+        terms = terms_of(model.prony(one.values), shape := shape or entry.shape)
     except ModelError:
         return []
-    symbols, shape = model.symbols, shape or entry.shape
     state = {each.column: each.value for each in one.state}
+    heads = _HEADS[: 4 if shape is None else 7 if shape.relaxing_bulk else 6]
     accuracy = accuracy_columns(accuracy_of(entry, one))
     return [
-        {"specimen": entry.tyre, **state, "arm": at, **_uncertain(one, symbols, at), **_numbers(arms, at, shape)}
+        {"specimen": entry.tyre, **state, "arm": at, **_uncertain(one, model.symbols, at)}
+        | dict(zip(heads, term, strict=False))
         | accuracy
-        for at in range(arms.springs.size + 1)
+        for at, term in enumerate(terms)
     ]
 
 
@@ -52,25 +55,3 @@ def _uncertain(one: ConditionFile, symbols: list[str], at: int) -> dict[str, flo
     low, high = one.intervals[place]
     std = float(np.sqrt(max(one.covariance[place][place], 0.0)))
     return {"u(K) [N/m]": std, "95 % from [N/m]": low, "95 % to [N/m]": high}
-
-
-def _numbers(arms: Arms, at: int, shape: Shape | None) -> dict[str, float | None]:
-    """Relaxation time, rate, stiffness, normalised modulus and moduli of K_inf (arm 0) or of an arm."""
-    stiffness = float(arms.springs[at - 1]) if at else arms.rest
-    time = float(arms.times[at - 1]) if at else None
-    numbers: dict[str, float | None] = {
-        "tau [s]": time,
-        "beta [1/s]": 1.0 / time if time else (0.0 if not at else None),
-        "K [N/m]": stiffness,
-        "g [1]": stiffness / arms.instantaneous if at else None,
-    }
-    if shape is None:
-        return numbers
-    for head, name in (("E [Pa]", "young"), ("G [Pa]", "shear"), ("bulk modulus [Pa]", "bulk_modulus")):
-        try:
-            numbers[head] = float(getattr(shape, name)) * stiffness
-        except ModelError:  # Poisson's ratio is not stated
-            numbers[head] = None
-    if not shape.relaxing_bulk:
-        del numbers["bulk modulus [Pa]"]
-    return numbers

@@ -160,13 +160,13 @@ class ExportTables(ByValue):
         frequency = self.sheet.values(q.FREQUENCY.head)
         return tuple(SheetRow(*key, tuple(sorted(rows[key], key=lambda row: frequency[row]))) for key in sorted(rows))
 
-    def name_of(self, condition: SheetRow, *, load: bool = True) -> str:
-        """Name of a condition, with its preload or without."""
+    def name_of(self, condition: SheetRow) -> str:
+        """Name of a condition."""
         sheet = self.sheet
         parts = [sheet.labels[condition.tyre]]
         if sheet.pressures.stated() or len(sheet.pressures) > 1:
             parts.append(sheet.pressures.labels[condition.pressure])
-        parts += [name for name in (sheet.name_of_load(condition.load),) if name and load]
+        parts += [name for name in (sheet.name_of_load(condition.load),) if name]
         parts += [sheet.settings[condition.setting]] if sheet.settings else []
         parts += [f"repeat {condition.repeat + 1}"] if condition.repeat else []
         return ", ".join(parts)
@@ -262,6 +262,17 @@ def ascii_line(text: str) -> str:
 def accuracy_columns(accuracy: Accuracy) -> dict[str, float | str]:
     """Cells of a table of a model that say how near it is to K* as measured, by column."""
     return {"discrepancy [1]": accuracy.discrepancy, "accuracy": accuracy.text}
+
+
+def filled(template: str, **values: Any) -> str:
+    """A file of the folder `templates` with these values filled in."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("fourpole.export"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )  # fmt: skip
+    return made.get_template(template).render(**values)
 
 
 def need(module: str, extra: str) -> Any:

@@ -1,8 +1,7 @@
-"""The models of a file as linear systems, each with a name of its own, and their matrices as JSON or for MATLAB."""
+"""The models of a file as linear systems, each with a name of its own, and their matrices as JSON."""
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,11 +13,10 @@ import numpy as np
 from fourpole.core.arrays import ByValue
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
-from fourpole.export.matlab import with_head
-from fourpole.export.source import MODEL_FILE, field_names, identifiers
+from fourpole.export.source import MODEL_FILE, identifiers
 from fourpole.fitting.modelfile import ModelFile
 from fourpole.fitting.placed import PlacedModel, placed_models
-from fourpole.io.write import write_bytes, write_text
+from fourpole.io.write import write_text
 from fourpole.models.belted import both_ends
 from fourpole.models.realised import Realised, realised
 
@@ -143,59 +141,27 @@ def _approximated(systems: Sequence[System]) -> list[str]:
     return [note]
 
 
-def write_json(
+def write(
     source: ModelFile, path: Path, points: Points = (), specimen: str | None = None, belt: Specimen | None = None
 ) -> tuple[str, ...]:
     """Write one JSON document with a system per specimen and operating point; returns notes."""
     systems, notes = systems_of(source, points, specimen, belt=belt)
     ends = any(one.belted for one in systems)
-    about, inputs, outputs = _words(ends=ends)
+    about, inputs, outputs = (_ABOUT_ENDS, _INPUTS_ENDS, _OUTPUTS_ENDS) if ends else (_ABOUT, _INPUTS, _OUTPUTS)
     document = {
         "format": "fourpole-state-space",
         "version": 1,
         "about": about,
         "inputs": inputs,
         "outputs": outputs,
-        "systems": [_fields(system, ends=ends, state=system.placed.state) for system in systems],
+        "systems": [_fields(system, ends=ends) for system in systems],
     }
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False, default=np.ndarray.tolist)
     write_text(path, f"{text}\n")
     return notes
 
 
-def _words(*, ends: bool) -> tuple[str, list[str], list[str]]:
-    """What a file says of its systems: about, inputs and outputs."""
-    return (_ABOUT_ENDS, _INPUTS_ENDS, _OUTPUTS_ENDS) if ends else (_ABOUT, _INPUTS, _OUTPUTS)
-
-
-def write_matlab(
-    source: ModelFile, path: Path, points: Points = (), specimen: str | None = None, belt: Specimen | None = None
-) -> tuple[str, ...]:
-    """Write a MAT-file of level 5 with the struct array `systems`; returns notes.
-
-    The fields of `state` have their unit in `state_names`.
-    """
-    from scipy.io import savemat
-
-    systems, notes = systems_of(source, points, specimen, belt=belt)
-    ends = any(one.belted for one in systems)
-    about, inputs, outputs = _words(ends=ends)
-    entries = []
-    for system in systems:
-        fields = field_names(system.placed.state)
-        state = {fields[name]: value for name, value in system.placed.state.items()}
-        names = {field: name for name, field in fields.items()}
-        entries.append(_fields(system, ends=ends, state=state or "", state_names=names or ""))
-    array = np.empty((1, len(entries)), dtype=[(name, object) for name in entries[0]])
-    array[0, :] = [tuple(entry.values()) for entry in entries]
-    buffer = io.BytesIO()
-    content = {"systems": array, "about": about, "inputs": "; ".join(inputs), "outputs": "; ".join(outputs)}
-    savemat(buffer, content, long_field_names=True, do_compression=True)
-    write_bytes(path, with_head(buffer.getvalue(), f"state space of models of {systems[0].source}"))
-    return notes
-
-
-def _fields(system: System, *, ends: bool, **state: Any) -> dict[str, Any]:
+def _fields(system: System, *, ends: bool) -> dict[str, Any]:
     """What a file has of a system: words, its operating point, and A (n, n), B (n, 2), C (1, n), D (1, 2).
 
     With `ends` they are those of both ends: B (n, 4), C (2, n), D (2, 4), and the belt stands beside them.
@@ -215,6 +181,6 @@ def _fields(system: System, *, ends: bool, **state: Any) -> dict[str, Any]:
         "error": system.realised.error,
         "discrepancy": system.placed.accuracy.discrepancy,
         "accuracy": system.placed.accuracy.text,
-        **state,
+        "state": system.placed.state,
         **matrices,
     }

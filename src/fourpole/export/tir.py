@@ -24,7 +24,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.specimen import Form, Specimen
 from fourpole.errors import ModelError
-from fourpole.export.source import MODEL_FILE, ascii_line
+from fourpole.export.source import MODEL_FILE, ascii_line, filled
 from fourpole.export.systems import belt_note, belt_words
 from fourpole.fitting.accuracy import Accuracy
 from fourpole.fitting.byamplitude import depends_on_amplitude
@@ -43,17 +43,6 @@ _ROUNDS = 20
 _SAME = 0.02
 #: Frequencies at which the comments compare the file with the model; width of the columns; longest line of a comment.
 _COMPARED, _WIDTH, _LONGEST = 9, 16, 110
-_UNKNOWN = (
-    "not known from these tests, keep those of your file: TYRESIDE, LONGVL, VXLOW; WIDTH, ASPECT_RATIO, RIM_RADIUS, "
-    "RIM_WIDTH; MASS and inertia; MC_CONTOUR_A, MC_CONTOUR_B, BREFF, DREFF, FREFF, Q_RE0, Q_V1, Q_V2, Q_FCX, Q_FCY, "
-    "Q_CAM, BOTTOM_OFFST, BOTTOM_STIFF; longitudinal, lateral, aligning, overturning, rolling and turn-slip "
-    "coefficients"
-)
-_UNITS = {"LENGTH": "'meter'", "FORCE": "'newton'", "ANGLE": "'radians'", "MASS": "'kg'", "TIME": "'second'"}
-_FORMULA = (
-    "Fz = (1 + PFZ1 dpi) (q1 rho/R0 + Q_FZ2 (rho/R0)^2) FNOMIN + VERTICAL_DAMPING drho/dt, "
-    "q1 = sqrt((VERTICAL_STIFFNESS R0/FNOMIN)^2 - 4 Q_FZ2), dpi = (INFLPRES - NOMPRES)/NOMPRES"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +99,7 @@ def write(
                 "state a frequency inside it"
             )
     file = _File(source, placed[nominal], placed, frequency, radius)
-    write_text(path.with_suffix(path.suffix or ".tir"), "\n".join(file.lines()) + "\n")
+    write_text(path.with_suffix(path.suffix or ".tir"), file.text())
     return tuple(file.notes())
 
 
@@ -223,63 +212,44 @@ class _File:
             load = np.full(load.size, np.nan)
         return vertical(stiffness, load, pressure, at)
 
-    def lines(self) -> Iterator[str]:
-        """The lines of the file."""
-        state, found = self.nominal.state, self.tangent
-        load, pressure = state.get(_LOAD), state.get(_PRESSURE)
-        yield from ("[MDI_HEADER]", "FILE_TYPE = 'tir'", "FILE_VERSION = 3.0", "FILE_FORMAT = 'ASCII'")
-        made = self.source.provenance
-        yield from _comment(
-            f"vertical block of {self.nominal.specimen or 'a specimen'}; model {self.nominal.model.name} of "
-            f"{made.source}, by fourpole {made.fourpole}"
+    def text(self) -> str:
+        """The text of the file."""
+        state, made, found = self.nominal.state, self.source.provenance, self.tangent
+        load, radius = state.get(_LOAD), self.radius
+        model = f"model {self.nominal.model.name} of {made.source}, by fourpole {made.fourpole}"
+        accuracy = Accuracy.joined([one.accuracy for one in self.every]).text
+        ranges = ((_PRESSURE, "INFLATION_PRESSURE_RANGE", "PRES"), (_LOAD, "VERTICAL_FORCE_RANGE", "FZ"))
+        columns = [(block, key, self.column(name)) for name, block, key in ranges]
+        return filled(
+            "specimen.tir",
+            about=_comment(f"vertical block of {self.nominal.specimen or 'a specimen'}; {model}", accuracy),
+            notes=_comment(*self.notes()),
+            compared=list(self._compared()),
+            radius=radius,
+            load=load,
+            pressure=state.get(_PRESSURE),
+            stiffness=found.stiffness,
+            damping=self.damping,
+            load_term=None if load is None or radius is None else found.load_term * radius**2 / (4 * load),
+            pressure_term=found.pressure_term,
+            belt=(self.nominal.belt.mass, *self.belt_mode) if self.nominal.belt.form is Form.BELT else None,
+            ranges=[(block, key, one.min(), one.max()) for block, key, one in columns if np.isfinite(one).all()],
         )
-        yield from _comment(Accuracy.joined([one.accuracy for one in self.every]).text)
-        yield from _comment(_FORMULA)
-        yield from _comment(_UNKNOWN)
-        for note in self.notes():
-            yield from _comment(note)
-        yield from self._compared()
-        yield from _block("UNITS", _UNITS)
-        yield from _block("MODEL", {"FITTYP": "61"})
-        if self.radius is not None:
-            yield from _block("DIMENSION", {"UNLOADED_RADIUS": _number(self.radius)})
-        if pressure is not None:
-            yield from _block("OPERATING_CONDITIONS", {"INFLPRES": _number(pressure), "NOMPRES": _number(pressure)})
-        vertical_block = {} if load is None else {"FNOMIN": _number(load)}
-        vertical_block |= {"VERTICAL_STIFFNESS": _number(found.stiffness), "VERTICAL_DAMPING": _number(self.damping)}
-        if load is not None and self.radius is not None:
-            vertical_block["Q_FZ2"] = _number(found.load_term * self.radius**2 / (4 * load))
-        if pressure is not None:
-            vertical_block["PFZ1"] = _number(found.pressure_term)
-        yield from _block("VERTICAL", vertical_block)
-        if self.nominal.belt.form is Form.BELT:
-            frequency, damping = self.belt_mode
-            yield from _block("INERTIA", {"BELT_MASS": _number(self.nominal.belt.mass)})
-            yield from _block("STRUCTURAL", {"FREQ_LONG": _number(frequency), "DAMP_LONG": _number(damping)})
-        for name, block, low, high in (
-            (_PRESSURE, "INFLATION_PRESSURE_RANGE", "PRESMIN", "PRESMAX"),
-            (_LOAD, "VERTICAL_FORCE_RANGE", "FZMIN", "FZMAX"),
-        ):
-            column = self.column(name)
-            if np.isfinite(column).all():
-                yield from _block(block, {low: _number(column.min()), high: _number(column.max())})
 
     def _compared(self) -> Iterator[str]:
-        """Comments: K* of the nominal point and that of the file over frequency."""
+        """Comments: K* of the nominal point and that of the file over frequency, and C of the model elsewhere."""
         low, high = self.nominal.band
         frequency = np.unique([*np.geomspace(low, high, _COMPARED), self.frequency]) if high > low else np.array([low])
-        yield "! at the nominal point, model and this file:"
         heads = (q.FREQUENCY.head, q.STORAGE.head, "of file", q.LOSS.head, "of file")
-        yield "! " + "".join(one.rjust(_WIDTH) for one in heads)
+        yield "".join(one.rjust(_WIDTH) for one in heads)
         for f, k in zip(frequency, self.stiffness(self.nominal, frequency), strict=True):
             numbers = (f, k.real, self.stated.real, k.imag, 2 * np.pi * f * self.damping)
-            yield "! " + "".join(f"{one:.6g}".rjust(_WIDTH) for one in numbers)
+            yield "".join(f"{one:.6g}".rjust(_WIDTH) for one in numbers)
         if len(self.every) > 1:
-            yield f"! C of the model at {self.frequency:.6g} Hz, of which the file has that of the nominal point alone:"
+            yield f"C of the model at {self.frequency:.6g} Hz, of which the file has that of the nominal point alone:"
             for one in self.every:
                 k = self.stiffness(one, np.array([self.frequency]))[0]
-                damping = k.imag / (2 * np.pi * self.frequency)
-                yield from _comment(f"{one.label}: {damping:.6g} N s/m")
+                yield from _comment(f"{one.label}: {k.imag / (2 * np.pi * self.frequency):.6g} N s/m")
 
     def notes(self) -> Iterator[str]:
         """What the file loses."""
@@ -340,18 +310,6 @@ def _more(ratio: float) -> str:
     return f"{100 * abs(ratio - 1):.2g} % {'more' if ratio >= 1 else 'less'}"
 
 
-def _block(name: str, keys: Mapping[str, str]) -> Iterator[str]:
-    """A block with its keys."""
-    yield f"$----------------------------------------------------------------{name.lower()}"
-    yield f"[{name}]"
-    yield from (f"{key} = {value}" for key, value in keys.items())
-
-
-def _comment(text: str) -> Iterator[str]:
-    """A text as lines of comment, in ASCII."""
-    for line in textwrap.wrap(ascii_line(text), _LONGEST):
-        yield f"! {line}"
-
-
-def _number(value: float) -> str:
-    return repr(float(value))
+def _comment(*texts: str) -> list[str]:
+    """Texts as lines of comment, in ASCII."""
+    return [line for text in texts for line in textwrap.wrap(ascii_line(text), _LONGEST)]

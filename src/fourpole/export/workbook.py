@@ -1,19 +1,19 @@
-"""Workbook: every table as a sheet with all digits of its numbers, and charts that the spreadsheet program draws."""
+"""Workbook: every table as a sheet with all digits of its numbers."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import polars as pl
 
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Verdict
-from fourpole.export.charts import add_charts
 from fourpole.export.source import SIGNS, ExportTables, need
 from fourpole.io.write import write_bytes
 from fourpole.plot.sheet import floats
@@ -26,6 +26,8 @@ _WIDEST = 44
 _ABOUT_WIDTH = 110
 #: First characters of a text that a spreadsheet would take for a formula when the cell is edited.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
+#: Returns the cell format with these properties, which is made once.
+Styles: TypeAlias = Callable[..., Any]
 #: Colours of fill and text of a verdict.
 _VERDICTS: dict[str, tuple[str, str]] = {
     Verdict.OK: ("#DCF1EA", "#00553D"),
@@ -41,42 +43,19 @@ class _Exact(float):
         return repr(float(self))
 
 
-class Styles:
-    """The cell formats of a workbook; each is made once."""
-
-    def __init__(self, book: Any) -> None:
-        self._book = book
-        self._made: dict[tuple[tuple[str, Any], ...], Any] = {}
-
-    def of(self, **properties: Any) -> Any:
-        """The cell format with these properties."""
-        key = tuple(sorted(properties.items()))
-        if key not in self._made:
-            self._made[key] = self._book.add_format(properties)
-        return self._made[key]
-
-    @property
-    def head(self) -> Any:
-        """Format of the head of a table."""
-        return self.of(bold=True, bottom=1, bg_color="#E3E6E9", text_wrap=True, valign="top")
-
-
 def write(source: ExportTables, path: Path) -> tuple[str, ...]:
-    """Write the workbook with all tables; returns notes on what the charts do not show."""
+    """Write the workbook with all tables; returns no notes, as nothing is left out."""
     xlsxwriter = need("xlsxwriter", "export")
     buffer = io.BytesIO()
     with xlsxwriter.Workbook(buffer, {"in_memory": True, "default_date_format": "yyyy-mm-dd"}) as book:
         book.set_properties({"title": source.title, "created": source.made.replace(tzinfo=None), "author": ""})
-        styles = Styles(book)
-        about, charts = book.add_worksheet("about"), book.add_worksheet("charts")
+        styles = cache(lambda **properties: book.add_format(properties))
         sheets = [part for name, table in source.tables.items() for part in _parts(name, table)]
+        _write_about(book.add_worksheet("about"), source, [name for name, _ in sheets], styles)
         for name, table in sheets:
-            write_table(book.add_worksheet(name), table, styles)
-        notes = add_charts(book, charts, source, lambda sheet, table: write_table(sheet, table, styles))
-        _write_about(about, source, [name for name, _ in sheets], styles, notes)
-        about.activate()
+            _write_table(book.add_worksheet(name), table, styles)
     write_bytes(path, buffer.getvalue())
-    return notes
+    return ()
 
 
 def _parts(name: str, table: pl.DataFrame, most: int = _MOST_ROWS) -> Iterator[tuple[str, pl.DataFrame]]:
@@ -85,16 +64,17 @@ def _parts(name: str, table: pl.DataFrame, most: int = _MOST_ROWS) -> Iterator[t
         yield (name if number == 1 else f"{name} ({number})"), table.slice(start, most)
 
 
-def write_table(sheet: Any, table: pl.DataFrame, styles: Styles) -> None:
+def _write_table(sheet: Any, table: pl.DataFrame, styles: Styles) -> None:
     """Write a table from the first cell of a sheet; the head stays visible, and columns are as wide as their texts."""
     sheet.freeze_panes(1, 1)
     sheet.repeat_rows(0)
     sheet.set_row(0, 32)
+    head = styles(bold=True, bottom=1, bg_color="#E3E6E9", text_wrap=True, valign="top")
     for at, name in enumerate(table.columns):
-        _write_text(sheet, 0, at, name, styles.head, styles)
+        _write_text(sheet, 0, at, name, head, styles)
         if table.schema[name].is_numeric():
             values = floats(table, name)
-            number = styles.of(num_format=number_format(values))
+            number = styles(num_format=number_format(values))
             sheet.set_column(at, at, _width(name, [""]))
             for row, value in enumerate(values.tolist(), start=1):
                 if np.isfinite(value):
@@ -119,7 +99,7 @@ def _verdict(name: str, text: str, styles: Styles) -> Any:
     if name != "verdict" or text not in _VERDICTS:
         return None
     fill, ink = _VERDICTS[text]
-    return styles.of(bg_color=fill, font_color=ink)
+    return styles(bg_color=fill, font_color=ink)
 
 
 def _write_text(sheet: Any, row: int, column: int, text: str, style: Any, styles: Styles) -> None:
@@ -129,7 +109,7 @@ def _write_text(sheet: Any, row: int, column: int, text: str, style: Any, styles
     if len(text) > _MOST_SIGNS:
         text = f"{text[: _MOST_SIGNS - 1]}…"
     if style is None and text.startswith(_FORMULA):
-        style = styles.of(quote_prefix=True)
+        style = styles(quote_prefix=True)
     sheet.write_string(row, column, text, style)
 
 
@@ -150,17 +130,17 @@ def number_format(values: FloatArray) -> str:
     return "0.0" if middle >= 1e4 else "0.00" if middle >= 100 else "0.0000"
 
 
-def _write_about(sheet: Any, source: ExportTables, tables: Sequence[str], styles: Styles, notes: Sequence[str]) -> None:
+def _write_about(sheet: Any, source: ExportTables, tables: Sequence[str], styles: Styles) -> None:
     """Write the first sheet: origin, settings, assumptions and a description of each sheet."""
     sheet.set_column(0, 0, 24)
     sheet.set_column(1, 1, _ABOUT_WIDTH + 10)
     sheet.hide_gridlines(2)
     sheet.set_landscape()
     sheet.fit_to_pages(1, 0)
-    sheet.write_string(0, 0, source.title, styles.of(bold=True, font_size=14))
-    name, text = styles.of(bold=True, valign="top"), styles.of(text_wrap=True, valign="top")
+    sheet.write_string(0, 0, source.title, styles(bold=True, font_size=14))
+    name, text = styles(bold=True, valign="top"), styles(text_wrap=True, valign="top")
     row = 2
-    for key, value in _about_rows(source, tables, notes):
+    for key, value in _about_rows(source, tables):
         if key:
             sheet.write_string(row, 0, key, name)
         sheet.write_string(row, 1, value[:_MOST_SIGNS], text)
@@ -170,7 +150,7 @@ def _write_about(sheet: Any, source: ExportTables, tables: Sequence[str], styles
         row += 1
 
 
-def _about_rows(source: ExportTables, tables: Sequence[str], notes: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _about_rows(source: ExportTables, tables: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Name and text of each row of the first sheet; a row that continues another has no name."""
     yield "results of", f"{source.version}, analysed {source.made:%Y-%m-%d %H:%M} UTC"
     yield "route to K*", source.route
@@ -182,12 +162,10 @@ def _about_rows(source: ExportTables, tables: Sequence[str], notes: Sequence[str
     table, rejected = source.dynamic, source.sheet.rejected
     names = zip(table["test"].to_list(), source.texts("remarks"), rejected, strict=True)
     yield from _block("rejected", [f"{test}: {why}" for test, why, is_rejected in names if is_rejected])
-    yield "sheet charts", "K2, C, K', loss factor and TR over frequency, K1 over pressure; one colour per tyre"
+    yield "figures", "in the report of the results, and one by one with fourpole plot"
     for one in tables:
         about = f"each row: {TABLES[one].about}" if one in TABLES else "the rows that did not fit into the sheet before"
         yield f"sheet {one}", about
-    yield "chart data", "data of the charts, without rejected tests; the charts follow changes"
-    yield from _block("charts", notes)
     versions = source.section("versions").items()
     yield "versions", ", ".join(f"{package} {version}" for package, version in versions)
 

@@ -23,7 +23,7 @@ from fourpole.study.study import Study
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fourpole.plot.pen import Pen
+    from fourpole.plot.lineart import Canvas
     from fourpole.plot.style import Style
 
 _MOST_RIGS, _MOST_NAMES = 2, 3
@@ -81,19 +81,14 @@ def _chain(
     links += [_mass("", values, "tyre_mass")]
     links += [] if blocked else [_sensor("motion_out", channels)]
     links += [_mass("m", values, "moving_mass", *_added(sheet, own))]
-    if blocked:
-        return (*_there(links), Link(Kind.FIXED, "blocked: V2 = 0"))
+    links += [Link(Kind.FIXED, "blocked: V2 = 0")] if blocked else []
     spring = [values[key] for key in ("preload_stiffness", "preload_damping", "preload_loss_factor") if key in values]
     frame = "frame_stiffness" in values
-    if spring:
+    if spring and not blocked:
         links += [Link(Kind.SPRING, "K3", tuple(spring), damped="preload_damping" in values)]
         links += [Link(Kind.SPRING, "", (values["frame_stiffness"],))] if frame else []
         links += [Link(Kind.FIXED, "foundation")]
-    return tuple(_there(links))
-
-
-def _there(links: list[Link | None]) -> list[Link]:
-    return [one for one in links if one is not None]
+    return tuple(one for one in links if one is not None)
 
 
 def _stated(value: object) -> bool:
@@ -141,62 +136,44 @@ def _added(sheet: Sheet, own: np.ndarray) -> tuple[str, ...]:
     return (f"in some tests {shown} kg added",) if masses else ()
 
 
+#: Height of each kind of link in links.svg [pt], and of a spring with a damper.
+_HEIGHTS = {Kind.SENSOR: 21.17, Kind.MASS: 37.8, Kind.SPECIMEN: 50.4, Kind.SPRING: 57.96, Kind.FIXED: 15.12}
+#: Distance of what is stated of a link from the middle of the chain, and of two lines of it [pt].
+_BESIDE, _LINE = 68.0, 13.1
+
+
 def own_rig(results: Study, style: Style) -> Figure | None:
     """The chains of the rigs beside each other, from the contact at the bottom to the foundation at the top."""
-    from fourpole.plot.pen import Pen
+    from fourpole.plot.lineart import WIDE, Canvas
 
     found = list(chains(results).items())
     if not found:
         return None
     shown = found[:_MOST_RIGS]
-    high = max(sum(_HEIGHTS[link.kind] for link in links) for _, links in shown) + 0.5
-    pen = Pen(high + (0.5 if len(shown) > 1 else 0.0) + 0.35, style)
+    heads = 25.2 if len(shown) > 1 else 0.0
+    high = heads + 17.6 + max(sum(_HEIGHTS[link.kind] for link in links) for _, links in shown)
+    canvas = Canvas(high + 25.2, style)
     for at, (name, links) in enumerate(shown):
-        x, y = (3.6 if len(shown) == 1 else 1.5 + 5.0 * at), 0.55
+        x, y = (0.36 * WIDE if len(shown) == 1 else (0.15 + 0.5 * at) * WIDE), high - 2.5
         for link in links:
-            _draw(pen, x, y, link)
-            y += _HEIGHTS[link.kind]
-        if len(shown) > 1:
-            pen.text(x, high + 0.4, f"rig {plain_text(name)}" if name else "rig", ha="center")
+            _draw(canvas, x, y, link)
+            y -= _HEIGHTS[link.kind]
+        if heads:
+            canvas.text(x, 22.7, f"rig {plain_text(name)}" if name else "rig", "center", 9.0)
     more = f"; {_MOST_RIGS} of {len(found)} rigs shown" if len(found) > _MOST_RIGS else ""
-    pen.text(0.15, 0.15, f"As campaign.toml states it{more}.", size=7.0)
-    return pen.figure
+    canvas.text(7.6, high + 17.6, f"As campaign.toml states it{more}.", size=7.0)
+    return canvas.figure
 
 
-#: Height of each kind of link in the drawing.
-_HEIGHTS = {Kind.SENSOR: 0.42, Kind.MASS: 0.75, Kind.SPECIMEN: 1.0, Kind.SPRING: 1.15, Kind.FIXED: 0.3}
-_BESIDE = 1.35
-
-
-def _draw(pen: Pen, x: float, y: float, link: Link) -> None:
+def _draw(canvas: Canvas, x: float, y: float, link: Link) -> None:
     """One link from the height y upwards, with what is stated of it on its right."""
-    high = _HEIGHTS[link.kind]
-    top, middle = y + high, y + 0.5 * high
-    if link.kind is Kind.SENSOR:  # a point of the chain with an arrow for what is measured there
-        pen.line([x, x], [y, top])
-        pen.mark(x, middle)
-        pen.line([x, x + 0.55], [middle, middle], 0.6)
-        pen.up(x + 0.55, middle - 0.17, middle + 0.2)
-        pen.text(x + 0.68, middle, link.name)
-    elif link.kind is Kind.FIXED:
-        pen.ground(x - 0.9, x + 0.9, y, up=True)
-        pen.text(x + _BESIDE, y + 0.08, link.name, size=8.0)
-    elif link.kind is Kind.SPRING and link.damped:
-        pen.line([x - 0.4, x + 0.4], [y, y])
-        pen.line([x - 0.4, x + 0.4], [top, top])
-        pen.spring(x - 0.4, y, top)
-        pen.damper(x + 0.4, y, top)
-    elif link.kind is Kind.SPRING:
-        pen.spring(x, y, top)
-    else:  # a body, with lines that join it to its neighbours
-        mass = link.kind is Kind.MASS
-        half, stub = (0.8, 0.1) if mass else (0.95, 0.12)
-        pen.line([x, x], [y, y + stub])
-        pen.line([x, x], [top - stub, top])
-        pen.box(x - half, y + stub, 2 * half, high - 2 * stub, "grid" if mass else "paper")
-        pen.text(x, middle, link.name, "center", 9.0 if mass else 10.0)
+    from fourpole.plot.lineart import drawing_of
+
+    group = "damped" if link.damped else link.kind.value
+    canvas.place(drawing_of("fourpole.plot", "links.svg", group), x, y, {"name": link.name})
+    middle = y - 0.5 * _HEIGHTS[link.kind] - 0.5 * _LINE * (len(link.stated) - 1)
     for row, text in enumerate(link.stated):
-        pen.text(x + _BESIDE, middle + 0.26 * (0.5 * (len(link.stated) - 1) - row), plain_text(text, 60), size=8.0)
+        canvas.text(x + _BESIDE, middle + _LINE * row, plain_text(text, 60))
 
 
 #: The figures of this module by their keys in catalogue.toml.
