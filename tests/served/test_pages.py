@@ -317,9 +317,8 @@ def test_sessions_do_not_disturb_each_other(analysed: Path, tmp_path: Path) -> N
         assert len(addresses) == 2
         for address in addresses:
             assert server.ask(f"{address}/run", "POST", {"command": "analyse", "options": ["--no-models"]})[0] == 204
-        began = time.monotonic()
         assert server.ask("/")[0] == 200
-        assert time.monotonic() - began < 5
+        assert not (tmp_path / "campaign 1" / "results" / "report.html").exists()  # it does not wait for their end
         for number, address in enumerate(addresses):
             wait_for(tmp_path / f"campaign {number}" / "results" / "report.html")
             assert f"number {number}" in server.ask(address)[1].decode()
