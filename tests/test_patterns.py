@@ -19,6 +19,7 @@ OWN = {
     "io/origin._head": "the checkout of Fourpole itself",
     "lab/dataset._unused": "names of files, of at most 255 characters",
     "plot/figure._LINK": "a drawing of our own, in which matplotlib has escaped all names",
+    "plot/lineart._path": "a drawing of our own",
     "report/html._STYLE_SHEET": "a drawing of our own",
     "report/page._compact": "a drawing of our own",
     "served/pages/run.routes": "options of a command, by patterns of two lengths",
