@@ -47,8 +47,6 @@ _BELT_HERTZ, _SHARES = 16, (0.05, 0.2, 1.0, 5.0)
 #: Least and largest damping ratio of a resonance.
 _LEAST_RATIO, _LARGEST_RATIO = 1e-3, 2.0
 _STEPS = 150
-#: Where a resonance leaves a chi-square of this many degrees of freedom, another one does not help.
-_HOPELESS = 100.0
 #: Step in the logarithms of a belt; Gauss-Newton turns about its springs; number of starts that are followed.
 _STEP, _TURNS, _POLISHED = 1e-4, 3, 3
 #: Number of draws from which the scatter of a belt is taken, and their seed.
@@ -310,8 +308,6 @@ class Ladder:
                 yield Rung.RESONANT, self.with_belt()
             found = self.with_another(found)
             yield Rung.RESONANT, found
-            if found.chi2 > _HOPELESS * found.dof:
-                return
 
     def _pairs(self, places: FloatArray) -> list[ComplexArray]:
         """Terms of the resonances at `places`."""
