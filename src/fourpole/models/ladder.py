@@ -34,8 +34,8 @@ from fourpole.models.data import MASTER_DECADES, StiffnessData
 from fourpole.models.inertial import Belt, Of, carried, inertia_of, springs_of, turned
 from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
 
-#: A rung is better than the one below if its BIC is lower by this; a resonance, than every single error by more, be it of
-#: the laboratory or of K* at one frequency.
+#: A rung is better than the one below if its BIC is lower by this; a resonance, than every single error by more, be it
+#: of the laboratory or of K* at one frequency.
 _BETTER, _FAR_BETTER = 6.0, 10.0
 #: Most resonances, and the fewest frequencies at which n of them can be told: the first number plus n times the second.
 _MOST, _FEWEST, _EACH = 3, 4, 6
