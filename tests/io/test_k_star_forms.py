@@ -277,6 +277,23 @@ def test_what_cannot_be_is_refused(tmp_path: Path, header: str, rows: list[str],
     assert said in str(caught.value)
 
 
+@pytest.mark.parametrize("stiffness", [(2, 1, -1, -2), (-1, -2, -3, -4)])
+def test_a_negative_stiffness_is_no_negative_loss(tmp_path: Path, stiffness: tuple[int, ...]) -> None:
+    """A mass at the driven end, in some rows or in all."""
+    path = tmp_path / "k.csv"
+    rows = "".join(f"{at + 1};{real};0.5\n" for at, real in enumerate(stiffness))
+    path.write_text("f [Hz];K' [N/m];K'' [N/m]\n" + rows, encoding="utf-8")
+    measured = read_measured(path, std=0.01)
+    assert "negative" not in " ".join(measured.notes)
+    assert measured.conditions[0].own.stiffness.real.tolist() == list(stiffness)
+
+
+def test_a_negative_loss_is_named_whatever_the_stiffness(tmp_path: Path) -> None:
+    path = tmp_path / "k.csv"
+    path.write_text("f [Hz];K' [N/m];K'' [N/m]\n1;2;0.5\n2;1;0.5\n3;-1;-0.5\n", encoding="utf-8")
+    assert "the loss is negative in row 4" in " ".join(read_measured(path, std=0.01).notes)
+
+
 def test_rows_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     path = tmp_path / "k.csv"
     path.write_text(

@@ -70,6 +70,36 @@ def test_a_resonance_is_named_with_its_frequency(specimen, high, count, hertz):
     assert max(nearest) < 0.05 * hertz
 
 
+@pytest.mark.parametrize("noise", [0.001, 0.005])
+def test_two_resonances_are_named_however_small_the_noise(noise):
+    """With one of them, chi-square is a thousand degrees of freedom or more."""
+
+    def twice(w):
+        return hydromount(w, fluid=47.0, loss=800.0) + hydromount(w, fluid=4.2, loss=250.0, bulge=1.2e5)
+
+    found = verdict_of(drawn(twice, 2, 50, 30, 3, noise))
+    assert found.holds is Rung.RESONANT
+    np.testing.assert_allclose(np.sort(found.resonances), np.sqrt([1.5e5 / 47, 1.2e5 / 4.2]) / 2 / np.pi, rtol=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_wrong_row_is_no_resonance_and_is_named(seed):
+    """Ten standard uncertainties at one frequency, which a sharp resonance would explain."""
+    data = drawn(fractional, 8, 24, 12, seed)
+    k = data.stiffness.copy()
+    k[5] *= 1 + 10 * NOISE
+    found = verdict_of(StiffnessData.of(data.omega, k, NOISE * np.abs(k)))
+    assert found.holds is Rung.NONE
+    np.testing.assert_allclose(found.relaxing.impossible, data.omega[5] / 2 / np.pi)
+
+
+def test_a_sharp_resonance_in_a_few_rows_is_one():
+    sharp = drawn(lambda w: hydromount(w, loss=120.0), 5, 15, 25, 0)
+    found = verdict_of(sharp)
+    assert found.holds is Rung.RESONANT
+    np.testing.assert_allclose(found.resonances, np.sqrt(1.5e5 / 60) / 2 / np.pi, rtol=0.01)
+
+
 @pytest.mark.parametrize("late", [-1e-3, -2e-3])
 def test_an_early_v1_is_no_inertia_and_is_named(late):
     for seed in range(5):

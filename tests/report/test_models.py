@@ -15,10 +15,19 @@ from fourpole import units
 from fourpole.findings.facts import Facts
 from fourpole.fitting.modelparts import VerdictFile
 from fourpole.fitting.query import Query, ask
+from fourpole.models.ladder import Lie
 from fourpole.report.digits import number, with_std
 from fourpole.report.models import models_section
 from fourpole.report.page import render_report
-from fourpole.report.words.models import discrepancy, map_facts, query_command, remarks_on_map, sentences, tyre_option
+from fourpole.report.words.models import (
+    discrepancy,
+    lie_in_words,
+    map_facts,
+    query_command,
+    remarks_on_map,
+    sentences,
+    tyre_option,
+)
 
 HOSTILE = "<script>alert(1)</script>\"'& \x1b"
 #: Options of fourpole query that name an axis: the kind of quantity, and the column.
@@ -27,6 +36,14 @@ OPTIONS = {
     "--preload": ("force", "preload [N]"),
     "--temperature": ("temperature", "temperature [degC]"),
 }
+
+
+def test_a_deflection_that_v1_lacks_is_no_spring_in_series():
+    """A spring in series with a relaxing specimen is one too: it explains no K* that a relaxing one cannot have."""
+    lacking = lie_in_words(Lie("compliance", -1e-6, "m/N", 0.0))
+    assert "V1 too small by the deflection of 1 kN/mm, or less" in lacking
+    assert "in series" not in lacking
+    assert "1 kN/mm, or less, in series" in lie_in_words(Lie("compliance", 1e-6, "m/N", 0.0))
 
 
 @pytest.fixture(scope="module")

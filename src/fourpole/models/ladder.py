@@ -34,7 +34,8 @@ from fourpole.models.data import MASTER_DECADES, StiffnessData
 from fourpole.models.inertial import Belt, Of, carried, inertia_of, springs_of, turned
 from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
 
-#: A rung is better than the one below if its BIC is lower by this; a resonance, than every single error by more.
+#: A rung is better than the one below if its BIC is lower by this; a resonance, than every single error by more, be it
+#: of the laboratory or of K* at one frequency.
 _BETTER, _FAR_BETTER = 6.0, 10.0
 #: Most resonances, and the fewest frequencies at which n of them can be told: the first number plus n times the second.
 _MOST, _FEWEST, _EACH = 3, 4, 6
@@ -44,11 +45,11 @@ _BELOW, _ABOVE = 0.7, 1.4
 _HERTZ, _RATIOS = 24, (0.01, 0.03, 0.1, 0.4)
 #: The same of a belt: number of frequencies, and the ratios m11/m12.
 _BELT_HERTZ, _SHARES = 16, (0.05, 0.2, 1.0, 5.0)
+#: Number of frequencies, those nearest to a resonance, of which each may be the wrong one in its place.
+_SUSPECTS = 12
 #: Least and largest damping ratio of a resonance.
 _LEAST_RATIO, _LARGEST_RATIO = 1e-3, 2.0
 _STEPS = 150
-#: Where a resonance leaves a chi-square of this many degrees of freedom, another one does not help.
-_HOPELESS = 100.0
 #: Step in the logarithms of a belt; Gauss-Newton turns about its springs; number of starts that are followed.
 _STEP, _TURNS, _POLISHED = 1e-4, 3, 3
 #: Number of draws from which the scatter of a belt is taken, and their seed.
@@ -209,7 +210,8 @@ def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT, *, belted: bool =
         good = best is not lowest and best.chance > SEARCH_CHANCE
         if good and rung is Rung.MASS and best is tried:
             break
-        if good and rung is Rung.RESONANT and (best.places.size or best.belt) and best.bic < least:
+        resonant = good and rung is Rung.RESONANT and bool(best.places.size or best.belt)
+        if resonant and best.bic < least and best.bic < ladder.with_one_wrong(best) - _FAR_BETTER:
             break
     else:
         return _verdict(Rung.RELAXING if relaxing.possible else Rung.NONE, relaxing, lowest, lies, of=of)
@@ -286,14 +288,26 @@ class Ladder:
         rows = self.data.whitened(self.condition.whiten, more)
         return np.concatenate([self.rows, np.vstack([rows, np.zeros((1, more.shape[1]))])], axis=1)
 
-    def with_pairs(self, places: FloatArray) -> _Best:
-        """The best specimen with a mass, and with resonances at `places` (n, 2): frequency [rad/s], damping ratio."""
-        weights, chi2 = least_squares(
-            self._with(np.concatenate([self.mass, *self._pairs(places)], axis=1)), self.target
-        )
+    def with_pairs(self, places: FloatArray, wrong: int | None = None) -> _Best:
+        """The best specimen with a mass, and with resonances at `places` (n, 2): frequency [rad/s], damping ratio.
+
+        K* of the frequency number `wrong` may be any.
+        """
+        more = [self.mass, *self._pairs(places)]
+        if wrong is not None:
+            more.append(np.where(np.arange(self.data.count)[:, None] == wrong, [1, -1, 1j, -1j], 0))
+        weights, chi2 = least_squares(self._with(np.concatenate(more, axis=1)), self.target)
         scale = float(self.data.omega.max()) ** -2
-        free = int(np.count_nonzero(weights)) + 2 * len(places)
-        return _Best(chi2, free, self.count, float(weights[self.terms.shape[1]]) * scale, places)
+        values = int(np.count_nonzero(weights)) + 2 * len(places)
+        return _Best(chi2, values, self.count, float(weights[self.terms.shape[1]]) * scale, places)
+
+    def with_one_wrong(self, best: _Best) -> float:
+        """Least BIC of a specimen with a resonance less, where K* of one frequency is wrong; infinite if not likely."""
+        hertz = np.log([np.exp(best.belt[0])] if best.belt else best.places[:, 0])
+        near = np.argsort(np.min(np.abs(np.log(self.data.omega)[:, None] - hertz), axis=1), kind="stable")[:_SUSPECTS]
+        fewer = [np.delete(best.places, at, axis=0) for at in range(len(best.places))] or [best.places]
+        tried = [self.with_pairs(places, wrong) for places in fewer for wrong in near.tolist()]
+        return min((one.bic for one in tried if one.chance > SEARCH_CHANCE), default=np.inf)
 
     def climbed(self, of: Of) -> Iterator[tuple[Rung, _Best]]:
         """The rungs above the lowest, from below, as far as the frequencies are enough for them."""
@@ -310,8 +324,6 @@ class Ladder:
                 yield Rung.RESONANT, self.with_belt()
             found = self.with_another(found)
             yield Rung.RESONANT, found
-            if found.chi2 > _HOPELESS * found.dof:
-                return
 
     def _pairs(self, places: FloatArray) -> list[ComplexArray]:
         """Terms of the resonances at `places`."""

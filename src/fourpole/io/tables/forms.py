@@ -153,8 +153,7 @@ def check(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
 
 def _signs(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
     """Remarks on rows whose loss is negative; TableError if it is in all of them."""
-    loss = np.nan_to_num(values.imag / np.where(values.real == 0, np.nan, values.real))
-    rows = [cells.lines[at] for at in np.flatnonzero(loss < 0)]
+    rows = [cells.lines[at] for at in np.flatnonzero(values.imag < 0)]  # K' < 0 is inertia, and no fault
     if not rows:
         return []
     role = next(role for role in ("loss", "tan", "angle", "damping") if role in form.columns)
