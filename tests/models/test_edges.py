@@ -49,20 +49,20 @@ def validated(count):
     return bool(np.isfinite(choice._cross_validation_error(trial, data, [{}])))
 
 
-def verdict(better, of_lie=np.inf, rung=Rung.MASS):
-    """The kind of specimen, where a higher one is better than a relaxing one by this, and a lie worse, in BIC."""
+def verdict(better, of_lie=np.inf, rung=Rung.MASS, of_wrong=np.inf):
+    """The kind of specimen, where a higher one is better than a relaxing one by this, and an error worse, in BIC."""
     chi2, weight = 70.0, np.log(40)  # of the relaxing one, with one value; the higher one has five
     relaxing = MagicMock(chi2=chi2, dof=39, possible=False)
     tried = ladder._Best(chi2 - 4 * weight - better, 5, 40, 0.0, np.ones((int(rung is Rung.RESONANT), 2)))
     made = MagicMock(lies=lambda: [SimpleNamespace(bic=tried.bic + of_lie)], climbed=lambda of: [(rung, tried)])
-    made.belt_of.return_value = None
+    made.belt_of.return_value, made.with_one_wrong.return_value = None, tried.bic + of_wrong
     with patch.multiple(ladder, check_possible=lambda *given: relaxing, Ladder=lambda data: made):
         return ladder.verdict_of(some()).holds
 
 
-def rungs(count, chi2=1.0):
-    """Number of specimens that are tried, by the number of frequencies and chi-square per degree of freedom."""
-    best = SimpleNamespace(chi2=chi2, dof=1)
+def rungs(count):
+    """Number of specimens that are tried, by the number of frequencies."""
+    best = SimpleNamespace(chi2=1.0, dof=1)
     parts = dict.fromkeys(("with_pairs", "with_belt", "with_another"), lambda *given: best)
     return len(list(ladder.Ladder.climbed(SimpleNamespace(data=some(count), **parts), Of.DRIVING_POINT)))
 
@@ -174,7 +174,9 @@ EDGES = {
         lambda x: verdict(20.0, x, Rung.RESONANT), {9.9: Rung.NONE, 10.1: Rung.RESONANT},
     ),
     "frequencies of resonances, 4 and 6 for each of up to 3": (rungs, {9: 1, 10: 3, 15: 3, 16: 4, 22: 5, 28: 5}),
-    "resonance that does not help, 100 in chi-square": (lambda x: rungs(16, x), {99.0: 4, 101.0: 3}),
+    "resonances, better than a wrong frequency by 10 in BIC": (
+        lambda x: verdict(20.0, np.inf, Rung.RESONANT, x), {9.9: Rung.NONE, 10.1: Rung.RESONANT},
+    ),
     "variance that is zero, 10 % by chance": (scattered, {1.63: 0, 1.65: 7}),
     "law that is chosen, 2 in BIC": (decided, {1.98: False, 2.02: True}),
     "isotherms that are linked, a quarter of a decade": (
