@@ -116,8 +116,9 @@ def lie_in_words(lie: Lie) -> str:
     words = {
         "delay": f"V1 {abs(1e3 * lie.size):.2g} ms {'late' if lie.size > 0 else 'early'} against F1, or more",
         # A spring in series with a relaxing specimen is one too, so that what explains K* is a spring that V1 lacks.
-        "compliance": f"{spring}, in series" if lie.size > 0 else f"V1 too small by the deflection of {spring}: is "
-        "the fixture stiffer than stated?",
+        "compliance": f"{spring}, in series"
+        if lie.size > 0
+        else f"V1 too small by the deflection of {spring}: is the fixture stiffer than stated?",
         "cross-talk": f"{abs(1e6 * lie.size):.2g} mm/s per kN, or more, of F1 in V1",
     }
     return f"or a massless, relaxing specimen with {words[lie.name]}"
