@@ -109,6 +109,14 @@ def test_a_belt_is_taken_off_and_the_springs_are_fitted(tmp_path, run, truth, of
     assert np.all(np.abs(errors(rows, lambda w: 1.0 * springs(w))) < 4)
 
 
+def test_a_specimen_is_not_said_to_be_impossible_for_kinds_that_were_not_tried(tmp_path, run):
+    path = table(tmp_path, lambda w: springs(w) - 2 * w**2, 8, 24, 12)
+    assert "possible with a mass of" in run("causality", str(path)).stdout
+    said = run("causality", str(path), "--of", "springs").stdout
+    assert "NOT possible for relaxing springs" in said
+    assert "mass" not in said
+
+
 @pytest.mark.parametrize(
     ("truth", "high", "said"),
     [

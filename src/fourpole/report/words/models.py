@@ -107,7 +107,12 @@ def kind_that_holds(verdict: Verdict) -> str:
                 return f"possible for relaxing springs about a mass of {belt.mass:.3g} ± {2 * belt.mass_std:.2g} kg"
             places = " and ".join(f"{one:.3g}" for one in np.sort(verdict.resonances))
             return f"possible for a specimen with a resonance at {places} Hz, as a belt or a hydromount has"
-    return "NOT possible for a passive specimen, relaxing, with a mass at its end or with resonances"
+    kinds = {
+        Of.SPRINGS: "relaxing springs, the only ones that --of springs tries",
+        Of.BLOCKED_TRANSFER: "relaxing springs, alone or about a mass",
+        Of.DRIVING_POINT: "a passive specimen, relaxing, with a mass at its end or with resonances",
+    }
+    return f"NOT possible for {kinds[verdict.of]}"
 
 
 def lie_in_words(lie: Lie) -> str:
