@@ -109,6 +109,29 @@ def test_a_belt_is_taken_off_and_the_springs_are_fitted(tmp_path, run, truth, of
     assert np.all(np.abs(errors(rows, lambda w: 1.0 * springs(w))) < 4)
 
 
+def test_a_specimen_is_not_said_to_be_impossible_for_kinds_that_were_not_tried(tmp_path, run):
+    path = table(tmp_path, lambda w: springs(w) - 2 * w**2, 8, 24, 12)
+    assert "possible with a mass of" in run("causality", str(path)).stdout
+    said = run("causality", str(path), "--of", "springs").stdout
+    assert "NOT possible for relaxing springs" in said
+    assert "mass" not in said
+
+
+@pytest.mark.parametrize(
+    ("truth", "high", "said"),
+    [
+        (lambda w: springs(w) - 2 * w**2, 24, "without the mass of"),
+        (driven, 60, "without the belt"),
+        (springs, 24, None),
+    ],
+)
+def test_an_answer_says_what_was_taken_off_k_as_measured(tmp_path, truth, high, said):
+    measured = read_measured(table(tmp_path, truth, 8, high, 20))
+    (row,) = ask(model_file(measured, fit_tyres(measured, "zener")), Query(frequency=[16.0]))
+    assert (said or "") in row["remarks"]
+    assert ("without" in row["remarks"]) == (said is not None)
+
+
 def test_what_k_is_of_is_asked_for_by_its_name(tmp_path, run):
     done = run("fit", str(table(tmp_path, springs, 5, 60, 12)), "--of", "tyre")
     assert done.exit_code == 2

@@ -75,6 +75,12 @@ def test_a_correlation_beyond_one_is_no_covariance(cells):
         measured_of(table(**{"u(Re K*) [N/m]": [1.0] * 4, "u(Im K*) [N/m]": [1.0] * 4, "corr(Re,Im K*) [1]": cells}))
 
 
+def test_a_negative_uncertainty_is_named_with_its_column_and_frequency():
+    u = {"u(Re K*) [N/m]": [1.0] * 4, "u(Im K*) [N/m]": [1.0, 1.0, -2.0, 1.0]}
+    with pytest.raises(ModelError, match=r"u\(Im K\*\) \[N/m\]' at 10 Hz is -2"):
+        measured_of(table(**u))
+
+
 def test_shared_errors_and_tests_of_one_condition():
     """D1 and D2 have one K* (two masses, say): one frequency, its own part not halved; the rigs' errors are apart."""
     own = [[4.0, 0.0, 0.0, 9.0]] * 4

@@ -34,10 +34,16 @@ def covariances(numbers: dict[str, FloatArray]) -> FloatArray:
     """Covariance (N, 2, 2) [N²/m²] from the columns of uncertainty and correlation."""
     first, second = numbers[STD[0]], numbers[STD[1]]
     correlation = np.nan_to_num(numbers.get(STD[2], np.zeros(first.size)))
-    if np.any(np.abs(correlation) > 1) or np.any(first < 0) or np.any(second < 0) or not np.all(np.isfinite(second)):
-        raise ModelError(
-            "an uncertainty of K* is missing or negative, or a correlation is beyond 1: it is no covariance"
-        )
+    impossible = {
+        STD[0]: ~(first >= 0), STD[1]: ~(second >= 0), STD[2]: np.abs(correlation) > 1,
+    }  # fmt: skip
+    for head, rows in impossible.items():
+        if np.any(rows):
+            at = int(np.argmax(rows))
+            raise ModelError(
+                f"{shown(head)} at {numbers[FREQUENCY][at]:.6g} Hz is {numbers[head][at]:g}, which is no covariance: "
+                "an uncertainty is not negative, a correlation lies between -1 and 1. Correct the cell or state --std"
+            )
     cross = correlation * first * second
     return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
 

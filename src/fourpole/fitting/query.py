@@ -37,6 +37,8 @@ from fourpole.fitting.stated import rig_in
 from fourpole.fitting.temperature import Shift
 from fourpole.models.answer import Answer
 from fourpole.models.belted import MASSLESS
+from fourpole.models.families import has_inertia
+from fourpole.models.ladder import Rung
 from fourpole.models.operating import OperatingMap, Purpose
 from fourpole.models.surface import Axes
 from fourpole.quantities import ShownUnits
@@ -118,7 +120,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
             found.ask(points, frequency, purpose) if shift is None else shift.shift.answer(found, points, frequency)
         )
     condition = file.condition_at(tyre, found.axes.constant)
-    remarks = (*remarks, *_misfit(file, tyre, condition))
+    remarks = (*remarks, *_misfit(file, tyre, condition), *_taken_off(file, tyre, condition))
     if far.any() and condition is not None:
         answer = _wider(answer, condition, reduced, frequency)
     inertia = inertia_of(file, tyre, condition)
@@ -302,6 +304,18 @@ def _misfit(file: ModelFile, tyre: str, condition: ConditionFile | None) -> tupl
     entry = file.map_entry(tyre) or file.model_entry(tyre)
     accuracy = None if entry is None else accuracy_of(entry, condition)
     return () if accuracy is None or accuracy.discrepancy < POOR else (accuracy.misfit,)
+
+
+def _taken_off(file: ModelFile, tyre: str, condition: ConditionFile | None) -> tuple[str, ...]:
+    """A remark if K* as measured had a mass or a belt that the fit took off, so that K* of the answer is another."""
+    entry, verdict = file.model_entry(tyre), None if condition is None else condition.verdict
+    if condition is None or verdict is None or entry is None or has_inertia(entry.model):
+        return ()
+    if verdict.mass and verdict.holds == Rung.MASS:
+        return (f"K* is without the mass of {verdict.mass:.3g} kg at the driven end that K* as measured has",)
+    if condition.inertia is not None and verdict.holds == Rung.RESONANT:
+        return ("K* is that of the springs, without the belt that K* as measured has",)
+    return ()
 
 
 def place_of(

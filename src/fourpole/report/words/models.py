@@ -107,7 +107,12 @@ def kind_that_holds(verdict: Verdict) -> str:
                 return f"possible for relaxing springs about a mass of {belt.mass:.3g} ± {2 * belt.mass_std:.2g} kg"
             places = " and ".join(f"{one:.3g}" for one in np.sort(verdict.resonances))
             return f"possible for a specimen with a resonance at {places} Hz, as a belt or a hydromount has"
-    return "NOT possible for a passive specimen, relaxing, with a mass at its end or with resonances"
+    kinds = {
+        Of.SPRINGS: "relaxing springs, the only ones that --of springs tries",
+        Of.BLOCKED_TRANSFER: "relaxing springs, alone or about a mass",
+        Of.DRIVING_POINT: "a passive specimen, relaxing, with a mass at its end or with resonances",
+    }
+    return f"NOT possible for {kinds[verdict.of]}"
 
 
 def lie_in_words(lie: Lie) -> str:
@@ -116,8 +121,9 @@ def lie_in_words(lie: Lie) -> str:
     words = {
         "delay": f"V1 {abs(1e3 * lie.size):.2g} ms {'late' if lie.size > 0 else 'early'} against F1, or more",
         # A spring in series with a relaxing specimen is one too, so that what explains K* is a spring that V1 lacks.
-        "compliance": f"{spring}, in series" if lie.size > 0 else f"V1 too small by the deflection of {spring}: is "
-        "the fixture stiffer than stated?",
+        "compliance": f"{spring}, in series"
+        if lie.size > 0
+        else f"V1 too small by the deflection of {spring}: is the fixture stiffer than stated?",
         "cross-talk": f"{abs(1e6 * lie.size):.2g} mm/s per kN, or more, of F1 in V1",
     }
     return f"or a massless, relaxing specimen with {words[lie.name]}"
