@@ -225,6 +225,16 @@ def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     assert made["settings"] == {"model": "zener"}
 
 
+def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_path):
+    """--out RESULTS/model.json is what fit does without the option: the models of other tyres stay."""
+    folder = shutil.copytree(two, tmp_path / "results")
+    run("fit", folder, "--model", "zener")
+    ran = run("fit", folder, "--model", "spring", "--tyre", "radial-ply", "--out", folder / "model.json")
+    assert ran.exit_code == 0, ran.output
+    found, _ = models_in(folder)
+    assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "spring", "cross-ply": "zener"}
+
+
 def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     for model, tyre in (("zener", "radial-ply"), ("kelvin", "cross-ply")):

@@ -46,7 +46,7 @@ def test_a_draw_is_chosen_by_its_number(tmp_path, version, belt):
     pytest.importorskip("fmpy", reason="FMPy needs a later numpy than the lowest version allowed")
     compiler()
     file = fitted("maxwell:2")
-    notes = write(file, tmp_path / "tyre", belt=belt, version=version)
+    notes = write(file, tmp_path / "tyre.fmu", belt=belt, version=version)
     assert not [one for one in notes if "draws" in one]
     folder = unpacked(tmp_path / "tyre.fmu", tmp_path / "unpacked")
     (system,), _ = systems_of(file, belt=belt)

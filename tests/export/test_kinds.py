@@ -20,6 +20,7 @@ from fourpole.export.kinds import ABOUT, ExportKind, Takes
 from fourpole.export.source import field_names, read_source, typed
 from fourpole.fitting.measured import measured_of
 from fourpole.fitting.modelling import fit_tyres, model_file
+from fourpole.models.shape import Shape
 
 KINDS_OF_RESULTS = [name for name, kind in KINDS.items() if kind.takes is Takes.RESULTS]
 NAMES = {"xlsx": "results.xlsx", "mat": "results.mat", "tydex": "tydex", "uff": "results.uff", "netcdf": "results.nc"}
@@ -54,6 +55,16 @@ def test_each_is_written_beside_the_tables_by_default_leaves_nothing_else_and_is
 def test_a_place_that_cannot_be_written_is_one_message(results, kind, tmp_path):
     with pytest.raises(FileError, match=r"a\.x: cannot be written: .*does its folder exist"):
         export_results(results, kind, tmp_path / "no" / "a.x")
+
+
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [("abaqus", {"shape": Shape("shear", 0.01, 5e-4, 0.49)}), ("prony", {}), ("table", {}), ("modelica", {})],
+)
+def test_a_name_without_a_suffix_gets_that_of_the_kind(files, kind, more, tmp_path):
+    exported = export_results(files / "model.json", kind, tmp_path / "mine", **more)
+    assert exported.path == tmp_path / f"mine{Path(KINDS[kind].file).suffix}"
+    assert exported.path.is_file()
 
 
 @pytest.mark.parametrize(("kind", "said"), [("xls", "did you mean xlsx"), ("hdf", "it is one of"), ("MAT", "mean mat")])

@@ -134,10 +134,11 @@ def run_fit(results: Path, model: str, options: FitOptions) -> Answer:
     if note:
         warn(note)
     made = model_file(measured, fits, settings=_settings(model, options), laws=laws, **_stated(path, measured, options))
-    files = _written(path, measured, made, options.file, options.figure)
+    file = _elsewhere(path, made, options.file)
+    files = _written(path, measured, made, file, options.figure)
 
     def then() -> Iterator[Part]:
-        yield from _renew_report(path, options.file)
+        yield from _renew_report(path, file)
         if any(one.stopped for one in fits):
             raise KeyboardInterrupt  # the exit code says so; what was found is written
 
@@ -244,6 +245,7 @@ def run_map(results: Path, model: str, data: Selection, file: Path | None) -> An
     with progress("mapping") as advance:
         maps = map_tyres(measured, model, data.over or (), progress=advance)
     made = model_file(measured, maps=maps, settings=_settings(model, chosen), **_stated(path, measured, chosen))
+    file = _elsewhere(path, made, file)
     files = _written(path, measured, made, file if file is not None or path.is_dir() else Path("map.json"), None)
     parts = chain(*map(show_map, maps), _shown(made, files, units_beside(path)))
     return Answer(parts, lambda: made.document, then=lambda: _renew_report(path, file))
@@ -337,6 +339,12 @@ def _stated(path: Path, measured: MeasuredSet, data: DataOptions) -> dict[str, A
         shape = data.table().shape
         return {} if shape is None else {"shapes": dict.fromkeys(measured.tyres, shape)}
     return {"rig": rig_file(results.record, results.rig), "shapes": shapes_in(results.record)}
+
+
+def _elsewhere(path: Path, made: ModelFile, file: Path | None) -> Path | None:
+    """The file that ``--out`` states; None if it is the one that the folder of results has without the option."""
+    own = file is not None and path.is_dir() and file.resolve() == (path / f"{made.kind}.json").resolve()
+    return None if own else file
 
 
 def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | None, figure: Path | None) -> list[Path]:

@@ -34,13 +34,15 @@ def with_std(value: object, std: object, digits: int = 4) -> tuple[str, str]:
 
     >>> with_std(172.3482, 0.619), with_std(1105.36, 667.0), with_std(0.30366, None)
     (('172.35', '0.62'), ('1110', '670'), ('0.3037', ''))
+    >>> with_std(1.04691e7, 4757580.0)
+    ('1.047×10⁷', '4800000')
     """
     finite, u = known(value), known(std)
     if finite is None or not u or u < 0:
         return number(finite, digits), ""
     decimals = 1 - _power(u, 2)
     if decimals > 9 or abs(finite) >= 1e7:
-        return number(finite, digits), number(u, 2)
+        return number(finite, digits), number(round(u, decimals), 2)
     return fixed(round(finite, decimals), decimals), fixed(round(u, decimals), decimals)
 
 

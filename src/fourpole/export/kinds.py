@@ -156,8 +156,8 @@ def export_results(
     kind : str
         A key of `KINDS`.
     file : path, optional
-        The file to write, for TYDEX the folder; an existing file is replaced. The default is the name of the kind in
-        `folder`, or beside a model file.
+        The file to write, for TYDEX the folder; an existing file is replaced. A name without a suffix gets that of the
+        kind. The default is the name of the kind in `folder`, or beside a model file.
     shape : Shape, optional
         Shape of the specimen, for moduli in place of stiffnesses; by default the one that the model file states.
     poisson : float, optional [1]
@@ -218,6 +218,7 @@ def export_results(
     if given is not chosen.takes and not (chosen.takes is Takes.EITHER and given in (Takes.MODEL, Takes.MAP)):
         raise CampaignError(f"{kind} takes {chosen.takes.value}; {place.name} is {given.value}: give it the former")
     path = (place if place.is_dir() else place.parent) / chosen.file if file is None else Path(file)
+    path = path if path.suffix or path.is_dir() else path.with_suffix(Path(chosen.file).suffix)
     source, ratio = _read(place, given), more.pop("poisson", None)
     source = source if ratio is None else _with_poisson(source, ratio)
     return Exported(path, (*_misfits(source, specimen), *chosen.write(source, path, **more)))

@@ -41,7 +41,7 @@ def write(source: ModelFile, path: Path, specimen: str | None = None) -> tuple[s
     """Write a row per operating point and frequency; returns notes on the error of interpolation and on blank rows."""
     sheets = [one for name in specimens(source, MODEL_FILE, specimen) for one in _sheets(source, name)]
     table = pl.concat([one.rows() for one in sheets], how="diagonal_relaxed")
-    write_table(path.with_suffix(path.suffix or ".csv"), table)
+    write_table(path, table)
     return (*_notes(table), *dict.fromkeys(remark for one in sheets for remark in one.remarks))
 
 

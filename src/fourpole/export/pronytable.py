@@ -24,7 +24,7 @@ def write(source: ModelFile, path: Path, shape: Shape | None = None) -> tuple[st
     """Write a row for K_inf and for each arm of each condition, arms at zero included; returns notes."""
     _, notes = materials_of(source, shape)
     rows = [row for entry in source.models for one in entry.conditions for row in _rows(entry, one, shape)]
-    write_table(path.with_suffix(path.suffix or ".csv"), pl.DataFrame(rows, infer_schema_length=None))
+    write_table(path, pl.DataFrame(rows, infer_schema_length=None))
     return notes
 
 

@@ -99,7 +99,7 @@ def write(
                 "state a frequency inside it"
             )
     file = _File(source, placed[nominal], placed, frequency, radius)
-    write_text(path.with_suffix(path.suffix or ".tir"), file.text())
+    write_text(path, file.text())
     return tuple(file.notes())
 
 

@@ -51,7 +51,7 @@ def write(
     if not draws_in(found):
         notes = (*notes, "the FMU has no draws: systems of the model as uncertain as it is differ in their structure")
     content, more = fmu(*_described([one.placed for one in systems], systems[0].source), found, version)
-    write_bytes(path.with_suffix(path.suffix or ".fmu"), content)
+    write_bytes(path, content)
     return (*notes, *more)
 
 
