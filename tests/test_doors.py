@@ -54,7 +54,6 @@ MAY = {
     "served/site.py": "scripts and styles",
     "export/fmi/csource.py": "the source of FMUs, and what the compiler made",
     "plot/catalogue.py": "names and captions of figures",
-    "paper1982/rigs.py": "strokes of line art",
     "words/__init__.py": "the sentences of checks",
     "io/origin.py": "the package's own repository",
     # the user's own

@@ -42,7 +42,6 @@ class Table:
     remark: str = ""
 
 
-@dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of a result table: CSV in SI, or on a screen a table in the units that people use.
 
@@ -54,9 +53,8 @@ class Rows:
         Heads of columns that a screen does not show.
     """
 
-    frame: pl.DataFrame
-    units: ShownUnits
-    leave_out: Sequence[str] = ()
+    def __init__(self, frame: pl.DataFrame, units: ShownUnits, leave_out: Sequence[str] = ()) -> None:
+        self.frame, self.units, self.leave_out = frame, units, leave_out
 
     @property
     def table(self) -> Table:

@@ -12,6 +12,7 @@ from tests.models.isotherms import fractional_zener, isotherm, log_a
 
 from fourpole.app.options import ShiftOptions
 from fourpole.app.shift import run_shift
+from fourpole.app.show import show
 from fourpole.errors import FourpoleError, ModelError
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
@@ -44,7 +45,7 @@ def written(path, temperatures, shift, *, seed=4, points=13):
 
 def modelled(table, folder, reference, *, vertical=False):
     """The model file of isotherms: fourpole shift, then fourpole fit."""
-    run_shift([table], ShiftOptions(reference=reference, vertical=vertical, folder=folder), as_json=True)
+    show(run_shift([table], ShiftOptions(reference=reference, vertical=vertical, folder=folder)), as_json=True)
     master = folder / "master.csv"
     measured = read_measured(master)
     laws, note = laws_beside(master, sha256_of(master, max_bytes=10**7, label="master.csv"))
@@ -105,11 +106,11 @@ def test_beyond_the_isotherms_the_law_continues_them_and_is_named(branched):
 
 
 def test_shift_warns_once_where_the_law_misses_its_own_factors(tmp_path, capsys):
-    run_shift([written(tmp_path / "t.csv", T, two_branches)], ShiftOptions(reference=20.0), as_json=False)
+    show(run_shift([written(tmp_path / "t.csv", T, two_branches)], ShiftOptions(reference=20.0)), as_json=False)
     said = " ".join(capsys.readouterr().err.split())
     assert said.count("misses the shift factors found, at worst by") == 1
     assert "decades at" in said
-    run_shift([written(tmp_path / "wlf.csv", T, log_a)], ShiftOptions(reference=20.0), as_json=False)
+    show(run_shift([written(tmp_path / "wlf.csv", T, log_a)], ShiftOptions(reference=20.0)), as_json=False)
     assert "misses the shift factors" not in capsys.readouterr().err
 
 
