@@ -42,7 +42,7 @@ def share(number: int, parts: int) -> bool:
 def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.Item]:
     """Cases that a run leaves out: those of other turns.
 
-    With `first` these are all but the first case of every other test, except in LIBRARIES.
+    With `first` these are all but the first case of every third test, except in LIBRARIES.
     """
     seen: Counter[str] = Counter()
     for item in items:
@@ -51,6 +51,6 @@ def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.It
         seen[name] += 1
         mark = item.get_closest_marker("sampled")
         place = number + zlib.crc32(name.encode())  # so that tests without cases do not all have one turn
-        further = first and (number or not share(place, 2)) and not name.startswith(LIBRARIES)
+        further = first and (number or not share(place, 3)) and not name.startswith(LIBRARIES)
         if further or (mark and not first and not share(place, *mark.args)):
             yield item

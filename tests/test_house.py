@@ -103,6 +103,7 @@ def modules():
     return found
 
 
+@pytest.mark.sampled(2)
 def test_a_head_stands_in_one_file_besides_the_table_of_quantities(modules):
     """A column's head is taken from `fourpole.quantities`; one of a single file's own may stand there."""
     known = {head for one in QUANTITIES for head in (*one.heads, one.stated_head, one.label) if " [" in head}

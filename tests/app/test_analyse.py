@@ -358,6 +358,7 @@ def test_a_folder_that_cannot_be_written_is_exit_2(run, campaign):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way there")
+@pytest.mark.sampled(2)
 def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, run, tmp_path):
     folder = simulate_campaign(
         tmp_path / "whole",

@@ -83,6 +83,7 @@ def test_the_mount_is_passive_its_model_fits_and_the_report_says_why_no_passive_
     assert page.count("(1 pressure)") == 0
 
 
+@pytest.mark.sampled(2)
 def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
     """With the summary for programs, and of a small campaign without a report, so that it is quick."""
     from fourpole.app import analysis

@@ -201,6 +201,7 @@ def models_in(folder, name="model.json"):
     return {one["tyre"]: one for one in document["models"] + document["maps"]}, document["provenance"]
 
 
+@pytest.mark.sampled(2)
 def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     assert run("fit", folder, "--model", "zener").exit_code == 0
@@ -251,6 +252,7 @@ def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
         ("{", "", "not valid JSON"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_path, old, new, said):
     folder = shutil.copytree(two, tmp_path / "results")
     run("fit", folder, "--model", "zener")

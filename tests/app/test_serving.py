@@ -43,6 +43,7 @@ def test_the_address_is_one_line_of_a_narrow_terminal(tmp_path: Path) -> None:
         os.close(descriptor)
 
 
+@pytest.mark.sampled(2)
 def test_a_token_is_not_written_down(tmp_path: Path) -> None:
     with running(tmp_path) as process:
         assert process.stdout is not None
@@ -76,6 +77,7 @@ def test_a_token_is_not_written_down(tmp_path: Path) -> None:
         (["--no-token", "--host", "0.0.0.0"], "everyone who reaches this machine by the network can read and change"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_it_says_who_can_use_it(tmp_path: Path, options: list[str], said: str) -> None:
     with running(tmp_path, *options) as process:
         assert process.stdout is not None

@@ -375,6 +375,7 @@ def test_nonlinearity_of_a_quadratic(load_cycles, share):
 
 
 @pytest.mark.parametrize(("noise", "shape"), [(5.0, "parabola"), (50.0, "ellipse")])
+@pytest.mark.sampled(2)
 def test_fit_uncertainty_is_honest(load_cycles, noise, shape):
     """White noise in the load: errors over their uncertainties, which also have the orders that the data leave open.
 

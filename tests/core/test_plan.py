@@ -195,6 +195,7 @@ def effect(base, outcome):
 
 
 @pytest.mark.parametrize(("k1_std", "families", "wanted"), [(0.002, 2, 0.01), (0.02, 1, 0.005)])
+@pytest.mark.sampled(3)
 def test_advice_keeps_its_word(k1_std, families, wanted):
     base = plan(k1_std, families)
     found = advise(base, wanted, masses=[2.0, 10.0])
@@ -208,6 +209,7 @@ def test_advice_keeps_its_word(k1_std, families, wanted):
     assert found.nearest.worst >= found.of_k1 * 0.05
 
 
+@pytest.mark.sampled(2)
 def test_a_mass_at_one_frequency_of_one_condition_is_the_cheap_way():
     cheapest = advise(plan(families=2), 0.01, masses=[2.0, 5.0]).reaching[0]
     assert [remedy.kind for remedy in cheapest.remedies] == ["mass"]

@@ -45,6 +45,7 @@ def description(path):
 
 @on_linux
 @pytest.mark.parametrize(("kind", "place"), [("fmu", "linux64"), ("fmu3", f"{MACHINE}-linux")])
+@pytest.mark.sampled(2)
 def test_an_fmu_has_description_sources_and_binary_and_is_the_same_again(files, tmp_path, kind, place):
     compiler()
     first = export_results(files / "model.json", kind, tmp_path / "a.fmu")

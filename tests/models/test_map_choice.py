@@ -55,6 +55,7 @@ def scores(found, points, frequency, wanted, purpose):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize(("bad", "most"), [(0, 0.8e-3), (10, 1.0e-3)])
+@pytest.mark.sampled(3)
 def test_a_stiffness_linear_in_pressure_is_found_again(bad, most):
     """With 6 coefficients and 144 numbers K* is known to some 0.07 %; noisy rows weigh by their u."""
     every, errors, links = [], [], []

@@ -58,6 +58,7 @@ def maps():
     return found
 
 
+@pytest.mark.sampled(3)
 def test_the_scatter_of_conditions_is_found(maps):
     """From 30 numbers less those of some 5 terms: known to some 15 % each, to 6 % in the mean of six; t widens it."""
     widened = t.ppf(0.975, 15 - 5 - 1) / 1.96
@@ -126,6 +127,7 @@ def test_tr_has_the_uncertainty_of_k_and_of_the_rig(maps):
     assert [float(one[0]) for one in blocked] == [0.0, 0.0]
 
 
+@pytest.mark.sampled(2)
 def test_k1_is_that_of_the_static_tests_whatever_the_shape_of_k():
     """K* of Zener tyres 3 % stiffer than their static tests say: K1 stays with the static tests."""
     data = [replace(one, k1=np.asarray(one.k1 / 1.03)) for one in measured(0, 0.0)]

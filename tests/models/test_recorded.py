@@ -12,6 +12,7 @@ SEEDS = range(12)
 
 
 @pytest.mark.parametrize("std", [0.03, 0.01])
+@pytest.mark.sampled(2)
 def test_linear_tyres_are_possible_however_small_the_noise(std):
     """Linear in the gains, the data of most of these seeds would be impossible at noise of 1e-4."""
     told = [

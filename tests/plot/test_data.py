@@ -65,6 +65,7 @@ def every(data, *roles):
 
 
 @pytest.mark.parametrize("key", AGAINST_FREQUENCY)
+@pytest.mark.sampled(2)
 def test_the_values_are_those_of_the_tables(fitted, key):
     table = fitted.dynamic
     at = {name: row for row, name in enumerate(table["test"].to_list())}

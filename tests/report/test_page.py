@@ -832,6 +832,7 @@ def test_text_stands_out_in_light_and_dark(visit):
     assert faint_in_either_scheme(page, named) == []
 
 
+@pytest.mark.sampled(2)
 def test_a_thousand_tests_open_and_are_searched(visit, tmp_path):
     results = campaign(1000, static=10)
     page = visit(results)

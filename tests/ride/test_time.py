@@ -30,6 +30,7 @@ TYRES = {
 
 @pytest.mark.parametrize("name", TYRES)
 @pytest.mark.parametrize("kind", ["class", "cleat", "pothole"])
+@pytest.mark.sampled(3)
 def test_a_ride_is_that_of_an_independent_integrator(name, kind):
     model, values, k1, arms, damper = TYRES[name]
     step, speed = 1e-3, 15.0
@@ -138,6 +139,7 @@ def test_a_step_too_long_and_a_road_with_a_gap_are_refused():
 
 
 @pytest.mark.thorough
+@pytest.mark.sampled(2)
 def test_a_cleat_shorter_than_two_steps_has_its_comfort():
     """Against the integrator on samples that have every edge of the cleat."""
     speed = 22.2

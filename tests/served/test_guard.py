@@ -22,6 +22,7 @@ def files_below(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if "cache" not in path.parts}
 
 
+@pytest.mark.sampled(2)
 def test_every_answer_has_the_policy(server: Server) -> None:
     for path in ("/", "/static/app.js", "/nowhere", "/c/nothing"):
         _, _, headers = server.ask(path)
@@ -180,6 +181,7 @@ class TestUploads:
             "x" * 300, "a:b.csv", "/".join("abcdefghijk"),
         ],
     )  # fmt: skip
+    @pytest.mark.sampled(2)
     def test_a_name_that_is_a_path_is_refused(self, server: Server, name: str) -> None:
         before = files_below(server.root.parent)
         status, content, _ = server.ask("/upload", "POST", {"name": "x", "files": [{"name": name, "size": 1}]})

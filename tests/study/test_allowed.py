@@ -89,6 +89,7 @@ COMMANDS = {"analyse": ("--tables-only", "--route", "mobility"), "check": (), "p
 
 
 @pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.sampled(2)
 def test_no_server_is_asked_and_one_message_says_what_to_do(elsewhere, user, asked, command):
     elsewhere.edit("tests.csv", "s3://rig-2/warm/S1.csv", "recordings/S1.csv")
     done = run(command, elsewhere.path, *COMMANDS[command])

@@ -83,6 +83,7 @@ REFINED = {
 
 
 @pytest.mark.parametrize("what", REFINED)
+@pytest.mark.sampled(2)
 def test_a_refined_statement_opens_no_recording_and_gives_what_a_first_run_gives(kept, demodulated, monkeypatch, what):
     noisy, first = kept
     name, old, new, column = REFINED[what]
@@ -277,6 +278,7 @@ def other_user(folder):
 
 
 @pytest.mark.parametrize("attack", [rotate, edit_amplitudes, exchange_hashes, other_user])
+@pytest.mark.sampled(2)
 def test_what_others_put_into_a_cache_decides_no_number(kept, demodulated, attack):
     noisy, _ = kept
     noisy.cells("D3", slice(0, 1), 3, "0.0001")

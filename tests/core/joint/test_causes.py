@@ -31,6 +31,7 @@ def test_with_one_mass_the_gains_and_phases_of_f1_and_v2_are_tied(make, undeclar
     assert {Source(kind, "F1"), Source(kind, "V2")} <= tied(joint)
 
 
+@pytest.mark.sampled(3)
 def test_with_one_mass_the_delays_of_f1_and_v2_are_tied(make):
     made = make(USUAL, **TESTS)
     late = made.phasors.amplitudes.copy()

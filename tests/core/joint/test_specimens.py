@@ -41,6 +41,7 @@ def test_a_tyre_that_repeats_badly_is_no_error_of_the_rig(make, scatter):
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(3)
 def test_k_of_each_test_is_its_own(make):
     """With exact channels nothing is left but its own noise; the scatter itself is in no uncertainty."""
     exact = replace(USUAL, std_gain=(1e-5,) * 3, std_phase=(1e-5,) * 3)
