@@ -247,6 +247,7 @@ def test_a_float_without_decimals_is_seen(want):
     assert not bare_floats(">>> x\n[0.0, 12, 1e3, 2..12] maxwell:4. The data")
 
 
+@pytest.mark.sampled(2)
 def test_examples_have_no_float_without_decimals():
     """pytest's NUMBER compares to the decimals written: `0.` also matches 0.9; write 0.000 or print a list."""
     said = {path: path.read_text(encoding="utf-8") for path in PAGES + SOURCES}

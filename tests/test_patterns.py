@@ -213,6 +213,7 @@ def known():
     return uses()
 
 
+@pytest.mark.sampled(2)
 def test_every_pattern_has_its_worst_text(known):
     assert {key for key, several in known.items() if key not in OWN} == set(WORST)
     assert set(OWN) <= set(known)
@@ -221,6 +222,7 @@ def test_every_pattern_has_its_worst_text(known):
 
 
 @pytest.mark.parametrize("key", WORST)
+@pytest.mark.sampled(2)
 def test_a_pattern_is_linear(known, key):
     before, repeated, after = WORST[key]
     longest, each = LONGEST.get(key, 250_000), LIMIT

@@ -91,6 +91,7 @@ def test_a_check_with_words_is_seen(code):
     assert list(worded_values(ast.parse(code)))
 
 
+@pytest.mark.sampled(2)
 def test_checks_are_made_with_values_and_no_words():
     found = {module: made for module, tree in modules().items() if (made := list(worded_values(tree)))}
     assert not found

@@ -125,6 +125,7 @@ def content_of(path):
     return {key: value for key, value in record.items() if key not in ("campaign", "seal")}
 
 
+@pytest.mark.sampled(2)
 def test_figures_and_report_come_with_the_tables_also_of_a_hurt_campaign(run, campaign):
     for path in (campaign / "recordings").glob("[SD][12].csv"):
         path.unlink()
@@ -298,6 +299,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.sampled(2)
 def test_a_campaign_that_cannot_be_read_is_one_message_and_nothing_is_written(run, campaign, fault):
     make, more, said = FAULTS[fault]
     if make is pipe and not hasattr(os, "mkfifo"):
@@ -334,6 +336,7 @@ def test_many_faults_are_a_few_lines(run, campaign):
     assert "more" in ran.stderr.splitlines()[-1]
 
 
+@pytest.mark.sampled(2)
 def test_the_process_ends_as_said_too(fourpole, campaign):
     edit(campaign / "campaign.toml", "value = 15.0,", "value = -15.0,")
     ran = fourpole("analyse", campaign)
@@ -439,6 +442,7 @@ def analysed(run, campaign):
 
 
 @pytest.mark.parametrize("where", ["fourpole.app.report.save_figures", "fourpole.app.report.write_report"])
+@pytest.mark.sampled(2)
 def test_an_old_report_never_stands_beside_new_tables(run, analysed, monkeypatch, where):
     former = without_cache(analysed / "results")
 
@@ -505,6 +509,7 @@ def test_a_process_that_is_ended_while_it_writes_leaves_the_former_results(start
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no limit of files there")
 @pytest.mark.parametrize(("room", "named"), [(0, "static.csv"), (10_000, "dynamic.parquet")])
+@pytest.mark.sampled(2)
 def test_where_files_have_no_room_the_former_results_stay_and_one_message_says_so(run, analysed, room, named):
     """A real limit of the system, as a full disk is: the cache has no room either, and no test is rejected for it."""
     results = analysed / "results"

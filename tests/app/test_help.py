@@ -79,6 +79,7 @@ def test_the_list_of_commands_does_not_load_pydantic(helped):
     assert "pydantic" not in helped[""][3]
 
 
+@pytest.mark.sampled(2)
 def test_one_thread_of_linear_algebra_is_asked_for_before_numpy_is_loaded():
     """The library reads the environment once, as it is loaded; what the user set stays."""
     code = (

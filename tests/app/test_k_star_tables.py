@@ -37,6 +37,7 @@ def test_identify_without_k1_gives_k_star(run, dma, shape):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.sampled(2)
 def test_a_fit_takes_the_same_table(run, dma, tmp_path, shape):
     ran = run("fit", dma, *shape, "--model", "fractional", "--std", "1 %", "--out", tmp_path / "m.json", "--json")
     assert ran.exit_code == 0, ran.stderr

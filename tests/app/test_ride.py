@@ -224,6 +224,7 @@ def test_a_vehicle_of_negative_mass_is_refused(run, files, tmp_path):
     assert "v.toml: sprung_mass: -250 kg is not possible" in told(ran.stderr)
 
 
+@pytest.mark.sampled(2)
 def test_the_model_of_a_master_curve_is_ridden_at_its_reference(run, tmp_path):
     isotherms(tmp_path / "isotherms.csv")
     assert run("shift", tmp_path / "isotherms.csv", "--reference", "20 degC", "--out", tmp_path / "m").exit_code == 0

@@ -31,6 +31,7 @@ def running(root: Path, *options: str, **settings: object) -> Iterator[subproces
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals of Unix")
+@pytest.mark.sampled(2)
 def test_the_address_is_one_line_of_a_narrow_terminal(tmp_path: Path) -> None:
     import pty
 
@@ -87,6 +88,7 @@ def test_it_says_who_can_use_it(tmp_path: Path, options: list[str], said: str) -
 
 
 @pytest.mark.skipif(not socket.has_ipv6, reason="no IPv6")
+@pytest.mark.sampled(2)
 def test_an_address_of_ipv6_can_be_opened(tmp_path: Path) -> None:
     try:
         socket.create_server(("::1", 0), family=socket.AF_INET6).close()

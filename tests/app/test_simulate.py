@@ -18,6 +18,7 @@ def small(monkeypatch):
 
 
 @pytest.mark.parametrize("clean", [False, True])
+@pytest.mark.sampled(2)
 def test_the_campaign_it_makes_is_analysed_without_a_remark(run, tmp_path, clean):
     made = run("simulate", tmp_path / "c", "--seed", 3, *(["--clean"] if clean else []))
     assert (made.exit_code, made.stdout) == (0, "")

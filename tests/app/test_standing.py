@@ -61,6 +61,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("what", CHANGES)
+@pytest.mark.sampled(2)
 def test_whatever_changes_is_analysed_again(analysed, what):
     noisy, _ = analysed
     CHANGES[what](noisy)
@@ -114,6 +115,7 @@ def test_a_second_run_loads_neither_numpy_nor_polars(analysed):
     assert not {"numpy", "polars", "scipy", "pint"} & loaded
 
 
+@pytest.mark.sampled(2)
 def test_a_damaged_note_is_no_note(analysed):
     noisy, _ = analysed
     for content in ("", "{", "[]", '{"settings": 1}', "[" * 100_000, '{"signature": "é'):
@@ -170,6 +172,7 @@ def test_a_result_that_was_put_back_with_the_same_size_time_and_inode_is_seen(an
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes among the files here")
 @pytest.mark.parametrize("place", ["fifo", "link", "folder"])
+@pytest.mark.sampled(2)
 def test_what_is_no_file_in_place_of_the_note_is_no_note(analysed, tmp_path, place):
     noisy, first = analysed
     outside = tmp_path / "standing.json"

@@ -95,6 +95,7 @@ def test_a_terminal_shows_whole_numbers(terminal, analysed, columns, command):
     assert_fits(shown, columns, str(analysed[0]))
 
 
+@pytest.mark.sampled(2)
 def test_a_question_in_a_terminal_is_answered_in_its_unit(terminal):
     shown = terminal(80, "predict", *ARM, "--frequency", "10:12:1 Hz")
     assert_fits(shown, 80)

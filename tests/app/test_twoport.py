@@ -16,6 +16,7 @@ def belted(tmp_path_factory):
     return BeltedRig().write(tmp_path_factory.mktemp("belted") / "car", FREQUENCIES)
 
 
+@pytest.mark.sampled(2)
 def test_the_poles_are_printed_with_reciprocity_and_belt_and_written(run, belted):
     ran = run("twoport", belted)
     assert ran.exit_code == 0, ran.stderr
@@ -36,6 +37,7 @@ def test_the_poles_are_printed_with_reciprocity_and_belt_and_written(run, belted
     assert not (belted / "results").exists()
 
 
+@pytest.mark.sampled(2)
 def test_one_json_document_has_the_rows_and_the_files(run, belted, tmp_path):
     ran = run("twoport", belted, "--out", tmp_path / "poles", "--json")
     document = json.loads(ran.stdout)
@@ -64,6 +66,7 @@ def test_broken_reciprocity_is_said_with_its_causes(run, tmp_path):
     assert "belt" not in said
 
 
+@pytest.mark.sampled(2)
 def test_recordings_that_analyse_has_reduced_are_not_read_again_and_its_belt_is_held_against_the_poles(
     run, belted, tmp_path, monkeypatch
 ):

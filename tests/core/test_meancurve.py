@@ -82,6 +82,7 @@ def test_the_choice_of_the_order_is_part_of_the_uncertainty():
 
 
 @pytest.mark.parametrize(("correlation", "samples"), [(0.0, 370), (0.9, 2000)])
+@pytest.mark.sampled(2)
 def test_slope_uncertainty_is_honest(correlation, samples):
     """White noise, and noise correlated over ten samples, of a known law."""
     rng = np.random.default_rng(7)

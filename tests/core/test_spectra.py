@@ -171,6 +171,7 @@ SWEEPS = {
 
 @pytest.mark.parametrize("noise", [1e-3, 0.05])
 @pytest.mark.parametrize("name", SWEEPS)
+@pytest.mark.sampled(2)
 def test_a_sweep_has_no_error_of_its_rate_or_its_steps(name, noise):
     """The errors of independent lines over their uncertainties have a root mean square of 1 and no mean."""
     found = sweep_amplitudes(swept(noise=noise, **SWEEPS[name]), BAND)

@@ -38,6 +38,7 @@ ORDERS = {
 @pytest.mark.statistical
 @pytest.mark.parametrize("each", [40, 1000])
 @pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.sampled(2)
 def test_a_rig_run_has_the_slope_of_its_line_and_an_uncertainty_of_percents(order, each):
     """1 % per rest makes some 1 % of K1; twenty errors over u have a root mean square of 0.5 to 2."""
     errors, shares = [], []

@@ -88,6 +88,7 @@ def test_the_work_of_a_cycle_is_pi_times_the_loss_stiffness():
     assert sp.simplify(sp.integrate(force * moved, (t, 0, 2 * sp.pi / w)) - sp.pi * loss * size**2) == 0
 
 
+@pytest.mark.sampled(2)
 def test_equations_8_to_10_and_the_misprint_of_8(motion):
     force, v1, _ = motion
     whole = v1 / force
@@ -232,6 +233,7 @@ def slopes(count, masses, input_mass=0):
 
 
 @pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.sampled(2)
 def test_one_mass_leaves_five_directions_unseen_and_two_masses_leave_the_drive_alone(count):
     one, known = slopes(count, [0])
     two, _ = slopes(count, [0, 10])

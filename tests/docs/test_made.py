@@ -44,6 +44,7 @@ def differs(kept, made, tolerance):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.sampled(2)
 def test_a_figure_is_what_its_script_makes(figures, name):
     kept = (figures.MADE / f"{name}.svg").read_text(encoding="utf-8")
     assert not differs(kept, figures.svg(name).decode(), lambda _: UNSEEN), f"run: make figures ({name})"
@@ -52,6 +53,7 @@ def test_a_figure_is_what_its_script_makes(figures, name):
 @pytest.mark.parametrize(
     "name", ["c-by-fault", "k2-by-fault", "where-it-turns", "of-random-tyres", "over-pressure", "claims", "components"]
 )  # fmt: skip
+@pytest.mark.sampled(2)
 def test_a_table_is_what_its_script_makes(figures, name):
     page, text = figures.written(name)
 

@@ -152,6 +152,7 @@ def test_nothing_to_put_into_a_grid_is_an_error(changed, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
+@pytest.mark.sampled(2)
 def test_names_of_any_kind_and_a_study_that_is_not_trusted_do_no_harm(changed, kind):
     hostile = "=cmd|' /C calc'!A0\x1b[31m **END <ü&\u202e>" + "x" * 300
     folder = changed(
@@ -199,6 +200,7 @@ def test_names_of_columns_are_names_in_matlab_and_each_its_own():
     assert names == ["a_b", "a_b_2", "x1st", "x_end", "Lange", "column", "column_2", "units_2", "x"]
 
 
+@pytest.mark.sampled(2)
 def test_the_room_loads_the_packages_it_writes_with_only_to_write():
     rooms = "kinds, matlab, netcdf, source, tydex, uff, workbook"
     code = f"import sys; from fourpole.export import {rooms}; print(*sys.modules)"

@@ -68,6 +68,7 @@ def dynamic(compared):
     return compared.rows.filter(pl.col("quantity") != "K1")
 
 
+@pytest.mark.sampled(2)
 def test_the_error_of_common_sensors_cancels_and_that_of_others_does_not(runs):
     """The true values are equal. Sensors contribute 30 times more to u than noise does."""
     same, alone = (compare(runs["one"], runs["two"], independent=way) for way in (False, True))
@@ -204,6 +205,7 @@ def test_specimens_on_different_rigs_share_no_error(runs):
     )
 
 
+@pytest.mark.sampled(2)
 def test_repeats_of_one_condition_are_one_row(tmp_path):
     folder = run(tmp_path / "twice", 3, repeats=2, added_masses=(0.0, 10.0), **ERRORS)
     found = compare(folder, run(tmp_path / "once", 4, **ERRORS))

@@ -38,6 +38,7 @@ def test_a_point_between_the_tests(study):
     assert np.isnan(found.sel(frequency=40.0).K_storage).all()
 
 
+@pytest.mark.sampled(2)
 def test_a_whole_grid_of_one_tyre_survives_a_file(study, tmp_path):
     import xarray
 

@@ -52,6 +52,7 @@ def errors(rows, truth):
     return np.array([[(row[k] - one) / row[u] for row, one in zip(rows, part, strict=True)] for k, u, part in pairs])
 
 
+@pytest.mark.sampled(2)
 def test_a_belt_that_is_known_is_looked_for_where_a_smaller_kind_would_do(tmp_path):
     measured = read_measured(table(tmp_path, lambda w: driven(w, 0.8), 8, 24, 24))
     assert fit_tyres(measured)[0].measured[0].inertia is None
@@ -66,6 +67,7 @@ def test_a_belt_that_is_known_is_looked_for_where_a_smaller_kind_would_do(tmp_pa
         fit_tyres(few, "belt")
 
 
+@pytest.mark.sampled(2)
 def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
     measured = read_measured(table(tmp_path, track, 1, 40, 40))
     for name in ("inertia track", "resonant"):
@@ -74,6 +76,7 @@ def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
         assert found.discrepancy == 0
 
 
+@pytest.mark.sampled(2)
 def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):
     path = table(tmp_path, track, 1, 40, 40)
     measured = read_measured(path)

@@ -63,6 +63,7 @@ def answer(work, function, *args, **limits):
 
 @pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be pinned here")
+@pytest.mark.sampled(2)
 def test_a_sound_file_is_read_on_a_busy_machine(work):
     """The worker shares its core with five loops: the clock runs beyond the limit, the processor time does not."""
     assert answer(work, "compute", 0.0) == "done"

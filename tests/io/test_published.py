@@ -286,6 +286,7 @@ STEPS = 60
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="processes are killed in another way there")
+@pytest.mark.sampled(2)
 def test_wherever_a_writer_is_killed_the_results_are_the_former_ones_or_the_new_ones(tmp_path: Path) -> None:
     folders = [tmp_path / str(step) for step in range(STEPS)]
     for folder in folders:
@@ -316,6 +317,7 @@ for generation in range(int(sys.argv[2])):
 """
 
 
+@pytest.mark.sampled(2)
 def test_who_reads_while_others_write_finds_files_of_one_generation(folder: Path) -> None:
     def generations(results: Published) -> set[str]:
         names = ("dynamic.csv", "static.csv", "checks.csv")

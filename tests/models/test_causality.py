@@ -32,6 +32,7 @@ def seen(model, values, omega, noise, rng):
 
 @pytest.mark.parametrize("noise", [1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize("name", TYRES)
+@pytest.mark.sampled(2)
 def test_a_passive_tyre_passes_on_a_narrow_band(name, noise):
     """One in a thousand may fail by chance: of 100, three would be one chance in 10^4."""
     rng = np.random.default_rng(1)

@@ -57,6 +57,7 @@ def test_a_common_gain_does_not_move_a_fit_off_its_data(gain):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("gain", [0.01, 0.03])
+@pytest.mark.sampled(2)
 def test_intervals_with_a_common_gain_hold(gain):
     """60 draws: with a probability of 95 % each, fewer than 50 within 1.96 u happen once in 1000 times."""
     rng, z = np.random.default_rng(5), []

@@ -105,6 +105,7 @@ def test_derivatives_are_those_of_the_stiffness(model):
         assert np.abs(found[:, at] - (above - below) / (2e-5 * value)).max() < 1e-8 * size
 
 
+@pytest.mark.sampled(2)
 def test_starts_are_finite_within_the_bounds_and_cost_little_more_than_the_fit(model):
     values = usual(model)
     data = StiffnessData.of(OMEGA, model.stiffness(values, OMEGA), 1e2)

@@ -38,6 +38,7 @@ def drawn(model, base, omega, count=COUNT, noise=NOISE, seed=0):
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.sampled(2)
 def test_the_truth_lies_within_its_interval(name):
     """Of 300 cases 95 %, give or take three times sqrt(0.05 · 0.95/300) = 1.3 %; and chi-square is what noise gives."""
     model, base, omega = CASES[name]

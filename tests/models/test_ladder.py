@@ -44,6 +44,7 @@ def drawn(specimen, low, high, count, seed, noise=NOISE):
 
 
 @pytest.mark.parametrize("specimen", [zener, fractional])
+@pytest.mark.sampled(2)
 def test_a_relaxing_specimen_is_told_of_nothing_else(specimen):
     """400 draws of each in a trial: none told of a mass, a resonance or more; 50 here, of which one may be (3 %)."""
     found = [verdict_of(drawn(specimen, 8, 24, 12, seed)).holds for seed in range(50)]
@@ -51,6 +52,7 @@ def test_a_relaxing_specimen_is_told_of_nothing_else(specimen):
 
 
 @pytest.mark.parametrize("mass", [1.0, 2.0])
+@pytest.mark.sampled(2)
 def test_a_plate_that_nobody_stated_is_named_with_its_mass(mass):
     found = [verdict_of(drawn(lambda w: zener(w) - w**2 * mass, 8, 24, 12, seed)) for seed in range(20)]
     named = [one for one in found if one.holds is Rung.MASS]
@@ -102,6 +104,7 @@ def test_a_sharp_resonance_in_a_few_rows_is_one():
 
 
 @pytest.mark.parametrize("late", [-1e-3, -2e-3])
+@pytest.mark.sampled(2)
 def test_an_early_v1_is_no_inertia_and_is_named(late):
     for seed in range(5):
         found = verdict_of(drawn(lambda w: fractional(w) * np.exp(1j * w * late), 8, 24, 12, seed))

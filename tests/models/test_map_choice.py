@@ -80,6 +80,7 @@ def test_a_parameter_has_only_the_terms_that_it_needs():
     assert np.all(found.coefficients[~used] == 0.0)
 
 
+@pytest.mark.sampled(2)
 def test_an_automatic_map_is_of_the_right_causal_model():
     assert for_maps()
     assert all(model_named(name).causal for name in for_maps())

@@ -141,6 +141,7 @@ def test_k1_is_that_of_the_static_tests_whatever_the_shape_of_k():
     assert np.all(np.abs(own.ask(POINTS, np.full(len(POINTS), 14.0)).k1 / truth(POINTS)[:, 0] - 1) < 0.02)
 
 
+@pytest.mark.sampled(2)
 def test_what_a_model_cannot_follow_widens_its_answers():
     """A Kelvin-Voigt model of Zener tyres: the misfit over frequency is in its intervals."""
     data = measured(0, 0.0)

@@ -25,6 +25,7 @@ EXACT = {
 
 
 @pytest.mark.parametrize("name", EXACT)
+@pytest.mark.sampled(2)
 def test_branches_and_matrices_have_the_stiffness_of_the_model(name):
     model, (values, most) = model_named(name), EXACT[name]
     found, wanted = realised(model, values, BAND), model.stiffness(values, OMEGA)
@@ -35,6 +36,7 @@ def test_branches_and_matrices_have_the_stiffness_of_the_model(name):
 
 
 @pytest.mark.parametrize("name", ["zener", "maxwell:2", "shell"])
+@pytest.mark.sampled(2)
 def test_the_matrices_give_the_force_of_the_model_in_time(name):
     model, (values, most) = model_named(name), EXACT[name]
     time = 1e-3 * np.arange(400)
@@ -65,6 +67,7 @@ def test_branches_are_in_falling_order_of_their_times_and_idle_ones_are_left_out
     assert found.instantaneous == 1.3e5
 
 
+@pytest.mark.sampled(2)
 def test_states_are_real_branches_first_then_pairs():
     found = realised(Shell(), CROSS_PLY, BAND)
     count, a = found.springs.size, found.space.a
@@ -76,6 +79,7 @@ def test_states_are_real_branches_first_then_pairs():
     assert not np.any(a[count:, count:][blocks == 0])
 
 
+@pytest.mark.sampled(2)
 def test_modes_far_above_the_band_do_not_take_digits():
     nearly_massless = [0.28, 0.11, 1e7, 10.0, 1e5, 5.4e6, 0.001, 0.005, 0.06, 0.8]
     band = (10.0, 24.0)

@@ -107,6 +107,7 @@ def test_an_uncertain_frequency_does_not_lead_astray():
 
 
 @pytest.mark.parametrize("arms", [5, 12, 27, 60])
+@pytest.mark.sampled(2)
 def test_many_arms_over_many_decades(arms):
     """A polymer over 24 decades, the noise 1 %: no worse than arms spread evenly, and at 27 arms all but noise."""
     rng = np.random.default_rng(3)

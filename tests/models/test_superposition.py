@@ -23,6 +23,7 @@ def test_noiseless_isotherms_give_the_shift_factors():
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("stated", [True, False])
+@pytest.mark.sampled(2)
 def test_errors_of_the_shift_factors_are_as_large_as_their_uncertainties(stated):
     off = []
     for seed in range(8):

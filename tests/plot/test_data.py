@@ -390,6 +390,7 @@ def test_every_figure_with_axes_is_data():
     assert all((spec.data is None) != (spec.draw is None) for spec in FIGURES.values())
 
 
+@pytest.mark.sampled(2)
 def test_data_needs_no_matplotlib():
     code = (
         "import sys, polars\n"

@@ -199,6 +199,7 @@ def test_crossings_are_found_between_the_points_in_common():
 
 
 @pytest.mark.parametrize("key", DATA)
+@pytest.mark.sampled(2)
 def test_every_axis_says_its_unit(drawn, key):
     figure = drawn(key)
     labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]

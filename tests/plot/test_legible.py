@@ -72,6 +72,7 @@ def test_no_text_lies_on_another_or_is_cut(request, case, key, size):
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("key", ["spectrum", "amplitude"])
+@pytest.mark.sampled(2)
 def test_nor_in_the_figures_of_further_models(key, size):
     results = over_amplitudes() if key == "amplitude" else elastomer(model="prony:2")
     assert illegible(draw(results, key, Style(size=SIZES[size]))) == []

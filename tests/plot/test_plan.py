@@ -41,6 +41,7 @@ def test_lines_show_the_table(frame):
 
 
 @pytest.mark.parametrize(("theme", "form"), [("light", "svg"), ("dark", "png")])
+@pytest.mark.sampled(2)
 def test_the_same_plan_gives_the_same_file(frame, tmp_path, theme, form):
     style = Style(theme)
     files = [write_plan_figure(draw_plan(frame, style=style), tmp_path / f"{n}.{form}", style) for n in (1, 2)]

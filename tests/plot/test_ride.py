@@ -54,6 +54,7 @@ def test_of_many_tyres_the_first_ones_are_shown(spectra):
 
 
 @pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
+@pytest.mark.sampled(2)
 def test_the_file_has_each_format(spectra, form, begin):
     made = ride_figure_bytes(ride_figure(spectra, ["<b>one</b>", "two"]), form)
     assert made.startswith(begin)

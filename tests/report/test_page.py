@@ -610,6 +610,7 @@ def head(page, name):
     return page.locator("#table-dynamic thead").get_by_role("button", name=name, exact=True)
 
 
+@pytest.mark.sampled(2)
 def test_a_table_sorts_by_its_heads(visit):
     page = visit(varied())
     head(page, "K2").click()

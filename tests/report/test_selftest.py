@@ -120,6 +120,7 @@ def test_a_small_fault_of_a_formula_is_caught(known, place, old, new):
 
 
 @pytest.mark.parametrize(("name", "place", "old", "new"), OF_CAMPAIGNS, ids=[place for _, place, _, _ in OF_CAMPAIGNS])
+@pytest.mark.sampled(2)
 def test_a_small_fault_of_the_analysis_is_caught(name, place, old, new):
     with mutated(place, old, new):
         assert any(not value.good for value in compared_campaign(name))

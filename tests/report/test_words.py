@@ -400,6 +400,7 @@ def test_little_is_enough(kind):
     "name",
     ["<script>alert(1)</script>", "{tyre}", "%s %d", "a, b and c", "x" * 300, "7" * 6000, "Reifen ß №5", "a\nb", ""],
 )
+@pytest.mark.sampled(2)
 def test_a_name_stands_as_it_is(name):
     tyres = {name: Tyre(tr=rig_curve(15.0)), "other": Tyre(k1=150e3, tr=rig_curve(17.0))}
     found = found_in(Tables(tyres).results())

@@ -41,6 +41,7 @@ def test_two_wheels_are_those_of_the_linear_ride():
 
 
 @pytest.mark.parametrize("curved", [False, True])
+@pytest.mark.sampled(2)
 def test_a_wheel_that_leaves_the_road_is_that_of_an_independent_integrator(curved):
     """A cleat of 40 mm at 15 m/s throws the wheel into the air; the tyre relaxes there."""
     road = cleat(0.04, 0.5).in_time(15.0, STEP, after=0.7)
@@ -86,6 +87,7 @@ def test_a_wheel_beyond_its_curve_is_counted_and_a_load_beyond_it_refused():
 
 
 @pytest.mark.thorough
+@pytest.mark.sampled(2)
 def test_a_pothole_at_the_step_of_the_command_is_that_of_an_independent_integrator():
     """Edges of 2 ms throw the wheel into the air; at a step of 0.25 ms a_w would be 0.16 % less."""
     made, step = pothole(0.05, 0.4), 1.25e-4

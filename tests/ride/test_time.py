@@ -154,6 +154,7 @@ def test_a_cleat_shorter_than_two_steps_has_its_comfort():
     assert found.comfort.vdv == pytest.approx((fine * np.sum(weighted**4)) ** 0.25, rel=1e-3)
 
 
+@pytest.mark.sampled(2)
 def test_a_damper_feels_each_change_of_slope():
     """Load and energy of a damper on a road with a kink at each sample, by sums over 20 times as many samples."""
     step, fine, damper = 1e-3, 20, 300.0

@@ -123,6 +123,7 @@ def hostile_address(server: Server) -> str:
 class TestUploads:
     """Files that should not come."""
 
+    @pytest.mark.sampled(2)
     def test_they_become_a_campaign(self, server: Server, analysed: Path) -> None:
         recordings = sorted((analysed / "recordings").glob("*.csv"))[:4]
         ticket = begin(server, "new <one>", [(path.name, path.stat().st_size) for path in recordings])
@@ -227,6 +228,7 @@ class TestUploads:
         assert not hidden.exists()
 
     @pytest.mark.thorough
+    @pytest.mark.sampled(2)
     def test_uploads_of_a_former_server_are_deleted(self, tmp_path: Path) -> None:
         (tmp_path / ".fourpole-upload-old").mkdir()
         with serving(tmp_path) as running:
@@ -295,6 +297,7 @@ class TestToken:
         assert server.ask("/", headers={**evil, "Sec-Fetch-Mode": "cors"}, own=False)[0] == 403
         assert server.ask("/static/app.js", headers={"Sec-Fetch-Site": "same-site"}, own=False)[0] == 403
 
+    @pytest.mark.sampled(2)
     def test_cookies_of_other_servers_do_not_matter(self, server: Server, tmp_path: Path) -> None:
         with serving(tmp_path) as other:
             names = {server.cookie[0], other.cookie[0]}
@@ -308,6 +311,7 @@ class TestToken:
         assert server.ask("/", headers={"Cookie": f"{other.cookie[0]}={server.token}"})[0] == 401
 
     @pytest.mark.thorough
+    @pytest.mark.sampled(2)
     def test_who_wants_none_says_so(self, tmp_path: Path) -> None:
         with serving(tmp_path, "--no-token") as running:
             assert "token" not in running.address
@@ -315,6 +319,7 @@ class TestToken:
             assert running.ask("/upload", "POST", {}, headers={"Origin": "null"}, own=False, known=False)[0] == 403
 
     @pytest.mark.thorough
+    @pytest.mark.sampled(2)
     def test_it_is_needed_once(self, tmp_path: Path) -> None:
         with serving(tmp_path, "--host", "0.0.0.0") as running:
             port, token = urlsplit(running.address).port, urlsplit(running.address).query.removeprefix("token=")

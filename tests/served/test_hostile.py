@@ -51,6 +51,7 @@ def rows_of(server: Server) -> dict[str, str]:
     return {html.unescape(re.findall("<bdi>(.*?)</bdi>", row, re.DOTALL)[0]): row for row in rows}
 
 
+@pytest.mark.sampled(2)
 def test_each_is_a_row_with_its_fault(server: Server) -> None:
     rows = rows_of(server)
     assert len(rows) == len(FAULTS) + len(ODD) + 2
@@ -82,6 +83,7 @@ def test_no_page_of_them_is_a_fault_of_the_program(server: Server) -> None:
 
 
 @pytest.mark.parametrize("part", PAGES)
+@pytest.mark.sampled(2)
 def test_the_good_campaign_works(server: Server, part: str) -> None:
     assert server.ask(f"/c/good{part}")[0] == 200
     assert server.ask("/compare?a=good")[0] == 200

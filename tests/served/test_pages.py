@@ -67,6 +67,7 @@ def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, tmp_path: 
         expect(page.get_by_text("No campaign is analysed yet")).to_be_visible()
 
 
+@pytest.mark.sampled(2)
 def test_a_file_that_leads_to_the_address_opens_the_app(browser: Browser, server: Server, tmp_path: Path) -> None:
     """As `fourpole app` opens a browser; a link in a message of somebody else opens a page, too."""
     page_of_file = tmp_path / "app.html"
@@ -140,6 +141,7 @@ def test_the_text_of_the_statement_is_mended(window: Page, server: Server) -> No
     assert toml.read_text() == before
 
 
+@pytest.mark.sampled(2)
 def test_a_wrong_entry_is_marked_in_the_words_of_the_command(window: Page, server: Server) -> None:
     with visiting(window) as page:
         page.goto(f"{campaign(page)}/statement")
@@ -192,6 +194,7 @@ def test_two_who_edit_are_told(server: Server) -> None:
     assert b"someone else" in content
 
 
+@pytest.mark.sampled(2)
 def test_a_test_is_excluded_with_a_reason_and_taken_in_again(window: Page, server: Server) -> None:
     with visiting(window) as page:
         table = next(server.root.rglob("tests.csv"))

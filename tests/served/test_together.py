@@ -87,6 +87,7 @@ def test_six_tests_that_are_left_out_at_once_are_all_left_out(server: Server, fo
         assert [row["excluded"] for row in csv.DictReader(file, delimiter=";")] == [f"slipped {at}" for at in SIX]
 
 
+@pytest.mark.sampled(2)
 def test_of_six_processes_that_save_one_is_accepted(folder: Path) -> None:
     version = read_statement(folder).version
     command = [sys.executable, "-c", SAVE, str(folder), version]

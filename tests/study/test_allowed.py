@@ -101,6 +101,7 @@ def test_no_server_is_asked_and_one_message_says_what_to_do(elsewhere, user, ask
         assert '[remote] allow = ["s3://rig-2/"]' in said
 
 
+@pytest.mark.sampled(2)
 def test_neither_watch_nor_read_nor_a_second_run_asks(elsewhere, user, asked):
     Watch(elsewhere.path).warm()
     for _ in range(2):
@@ -197,6 +198,7 @@ def test_a_configuration_that_others_could_write_allows_nothing_and_is_told(user
         remote.check_allowed("s3://rig-2/D1.csv")
 
 
+@pytest.mark.sampled(2)
 def test_a_campaign_folder_allows_nothing(elsewhere, user, asked, monkeypatch):
     """Whatever lies there: a configuration as the user's, settings of AWS, of a shell or of Python."""
     said = '[remote]\nallow = ["s3://"]\n'
@@ -209,6 +211,7 @@ def test_a_campaign_folder_allows_nothing(elsewhere, user, asked, monkeypatch):
     assert asked == []
 
 
+@pytest.mark.sampled(2)
 def test_verify_says_that_it_may_not_ask(elsewhere, user, asked):
     run("analyse", elsewhere.path, "--tables-only", "--route", "mobility")
     record = elsewhere.path / "results" / "study.json"

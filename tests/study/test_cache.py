@@ -166,6 +166,7 @@ def test_a_cache_that_is_too_large_loses_what_was_used_longest_ago(kept, monkeyp
 @pytest.mark.parametrize(
     ("old", "new", "factor"), [("gain = 1.02", "gain = 1.03", 1.03 / 1.02), ('unit = "kN"', 'unit = "N"', 1e-3)]
 )
+@pytest.mark.sampled(2)
 def test_a_changed_channel_redoes_all(kept, demodulated, old, new, factor):
     noisy, first = kept
     noisy.edit("campaign.toml", old, new)

@@ -63,6 +63,7 @@ def exchange(rows, one, other):
     rows[one]["file"], rows[other]["file"] = rows[other]["file"], rows[one]["file"]
 
 
+@pytest.mark.sampled(2)
 def test_an_honest_campaign_has_no_remark(honest):
     study = analyse(honest)
     assert warned(study) == {}
@@ -70,12 +71,14 @@ def test_an_honest_campaign_has_no_remark(honest):
     assert held["test"].to_list() == study.dynamic["test"].to_list()
 
 
+@pytest.mark.sampled(2)
 def test_exchanged_labels_are_named_on_both(campaign):
     found = warned(campaign(lambda rows: exchange(rows, "D3", "D8")))
     assert set(found) == {"D3", "D8"}
     assert all("the labels of D3 and D8 look exchanged" in remark for remark in found.values())
 
 
+@pytest.mark.sampled(2)
 def test_a_wrong_pressure_is_named_and_its_twin_is_innocent(campaign):
     def wrong(rows):
         rows["D3"]["pressure [bar]"] = rows["D8"]["pressure [bar]"]
@@ -86,6 +89,7 @@ def test_a_wrong_pressure_is_named_and_its_twin_is_innocent(campaign):
 
 
 @pytest.mark.thorough
+@pytest.mark.sampled(2)
 def test_the_twin_of_a_wrong_pressure_keeps_its_stiffness(honest, campaign):
     def wrong(rows):
         rows["D3"]["pressure [bar]"] = rows["D8"]["pressure [bar]"]
@@ -97,6 +101,7 @@ def test_the_twin_of_a_wrong_pressure_keeps_its_stiffness(honest, campaign):
     assert now == pytest.approx(was, abs=0.5 * std)
 
 
+@pytest.mark.sampled(2)
 def test_a_copy_is_named_on_the_test_that_it_is_not_of(campaign):
     """The recording of D8 also stands for D3, which is of another pressure."""
 
@@ -123,6 +128,7 @@ def test_noise_that_matters_stands_out_from_that_of_the_others(times, found, amp
     assert [(at, row.channel) for at, row in rows if row.verdict == "warning"] == (found if matters else [])
 
 
+@pytest.mark.sampled(2)
 def test_a_condition_says_the_range_of_its_amplitudes(honest):
     study = analyse(honest)
     rows = study.checks.filter(study.checks["code"] == Code.AMPLITUDES.text)
@@ -137,6 +143,7 @@ def test_a_condition_says_the_range_of_its_amplitudes(honest):
     assert note.startswith("the curve of a mixes deflection amplitudes of 1 to 3 mm (1 more curves do so): compare")
 
 
+@pytest.mark.sampled(2)
 def test_a_k1_far_below_the_dynamic_stiffness_is_named(campaign):
     """K1 is stated 100 times too small, in place of that of the static test."""
 

@@ -61,6 +61,7 @@ def rough(tmp_path_factory):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize(("signs", "seed"), [((1, 1), 7), ((1, -1), 6)])
+@pytest.mark.sampled(2)
 def test_a_misstated_rig_does_no_harm(tmp_path, signs, seed):
     """Mass and spring 2 % off, both up and opposite, good sensors: the paper's route has a hundred times these."""
     wrong = {"moving_mass": 0.02 * signs[0], "preload_stiffness": 0.02 * signs[1]}
@@ -73,6 +74,7 @@ def test_a_misstated_rig_does_no_harm(tmp_path, signs, seed):
     assert np.median(errors(analyse(folder, route="mobility"), folder)["C [N s/m]"]) > 0.03
 
 
+@pytest.mark.sampled(2)
 def test_one_weighed_mass_in_place_of_good_sensors(rough):
     folder, study = rough
     found = errors(study, folder)
@@ -177,6 +179,7 @@ def test_an_undeclared_part_is_seen_and_no_value_is_calibrated(tmp_path, part, n
     assert max(found[std].max() for _, _, std in PAIRS) < 4.0
 
 
+@pytest.mark.sampled(2)
 def test_declared_parts_are_handled(tmp_path):
     parts = {"tyre_mass": 1.0, "frame_stiffness": 2e5, "preload_loss_factor": 0.1, "input_mass": 0.5}
     folder = simulated(tmp_path, seed=9, declared=parts, rig_std=LOOSE)
@@ -186,6 +189,7 @@ def test_declared_parts_are_handled(tmp_path):
     assert max(errors(study, folder)[std].max() for _, _, std in PAIRS) < 4.0
 
 
+@pytest.mark.sampled(2)
 def test_a_rigid_mass_in_place_of_the_tyre_does_as_well(tmp_path):
     weighed = {"calibration_masses": (5.0, 15.0), "preloads": [1000.0]}
     folder = simulated(tmp_path, seed=9, sensors=ROUGH, rig_std=LOOSE, **weighed)

@@ -109,6 +109,7 @@ def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
     assert {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")} == entries
 
 
+@pytest.mark.sampled(2)
 def test_a_changed_object_is_read_again(noisy, bucket):
     bucket.upload_file(str(noisy.recording("D2")), "rig", "D2.csv")
     noisy.edit("tests.csv", ROW, "s3://rig/D2.csv")

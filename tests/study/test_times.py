@@ -186,6 +186,7 @@ def test_a_steady_drive_is_not_said_to_wander(bench):
         (np.sin, '{ column = "taco", unit = "V" }', "taco"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_a_reference_that_is_no_use_is_told(bench, column, said, told):
     columns, angle = wandering(10.0)
     bench.row("D1", bench.record("D1", {**columns, "tacho": column(angle)}), "1000,110000")

@@ -156,6 +156,7 @@ def test_hum_on_the_fifth_harmonic_touches_nothing_else(record, phase, mains):
 
 
 @pytest.mark.parametrize("off", [0.01, -0.2, 0.4, 1.0])
+@pytest.mark.sampled(2)
 def test_hum_beside_the_fifth_harmonic_biases_nothing(record, off):
     """50 Hz and up to two bins off it, with noise of 0.5 %: errors have no bias, and amplitudes scatter as stated."""
     seeds, errors, in_frequency, stated = 40, [], [], []
@@ -208,6 +209,7 @@ def in_noise(record):
     return noisy(record, SEEDS, NOISE, samples=SAMPLES)
 
 
+@pytest.mark.sampled(2)
 def test_frequency_reaches_its_cramer_rao_bound(in_noise):
     samples, noise, seeds, found = SAMPLES, NOISE, SEEDS, in_noise
     frequency = np.array([float(one.phasors.frequency) for one in found])
@@ -236,6 +238,7 @@ def test_amplitudes_scatter_as_stated(in_noise):
 
 
 @pytest.mark.parametrize("samples", [400, 1000])
+@pytest.mark.sampled(2)
 def test_amplitudes_scatter_as_stated_with_missing_samples(record, samples):
     """400 samples: too short for the noise beside the line, so it is that of the residual."""
     seeds = 80
@@ -246,6 +249,7 @@ def test_amplitudes_scatter_as_stated_with_missing_samples(record, samples):
     assert low < np.sqrt(np.mean(errors**2)) < high
 
 
+@pytest.mark.sampled(2)
 def test_students_t_covers_what_it_says(record):
     """Intervals of 95 % on a short record with eight degrees of freedom, where 1.96 would cover 91.4 %."""
     seeds = 300

@@ -121,6 +121,7 @@ def test_along_the_phase_of_v1_it_is_nearly_as_good():
 
 
 @pytest.mark.parametrize("period", [7.3, 9.1])
+@pytest.mark.sampled(2)
 def test_the_look_at_one_envelope_drops_no_drive_that_would_be_followed(monkeypatch, period):
     followed = []
     for depth in np.geomspace(3e-4, 2e-2, 8):  # with this noise, from no drive that is followed to one that clearly is

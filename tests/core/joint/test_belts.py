@@ -67,11 +67,13 @@ def test_uncertainties_are_those_of_many_laboratories(name):
         assert not any(joint.problem.shared.has_belts for joint, _ in each)
 
 
+@pytest.mark.sampled(2)
 def test_a_second_mass_is_not_ok():
     joint, _ = solved(Lab(frequencies=LABS["car to 60 Hz"].frequencies, second=2.0), 3)
     assert not joint.misfit.fits
 
 
+@pytest.mark.sampled(2)
 def test_belts_that_differ_are_found_with_one_mass_and_little_noise():
     """A search that begins with one mass in all specimens ends nowhere. One seed: one rig with one set of sensors."""
     belts = {"light": 2.5, "heavy": 3.5, "none": 0.0}
@@ -113,6 +115,7 @@ def test_a_stated_belt_and_frequency_make_k_star_more_certain():
     assert stds[0] < stds[1]
 
 
+@pytest.mark.sampled(2)
 def test_derivatives_by_the_mass_and_its_springs():
     """Against differences, at an arbitrary point, of a belt and of a rod."""
     phasors, rig, keywords, *_ = Lab(conditions=2, frequencies=(10.0, 24.0)).draw(4)

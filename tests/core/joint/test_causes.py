@@ -24,6 +24,7 @@ def tied(joint):
     ("undeclared", "kind"),
     [({"gain F1": 0.06}, Kind.GAIN), ({"gain V2": 0.06}, Kind.GAIN), ({"phase F1": 0.03}, Kind.PHASE)],
 )
+@pytest.mark.sampled(2)
 def test_with_one_mass_the_gains_and_phases_of_f1_and_v2_are_tied(make, undeclared, kind):
     """The tests see F1/V2 alone."""
     joint = make(replace(USUAL, undeclared=undeclared), **TESTS).identify()

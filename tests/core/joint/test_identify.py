@@ -31,6 +31,7 @@ EXACT = Laboratory(moving_mass=(15.0, 0.0), preload_stiffness=(12440.0, 0.0), pr
 
 @pytest.mark.statistical
 @pytest.mark.parametrize(("masses", "gain"), [((0.0,), 3e-4), ((0.0, 10.0), 1e-2)])
+@pytest.mark.sampled(2)
 def test_errors_are_as_large_as_stated(make, masses, gain):
     """Over 60 campaigns: squared errors in the whole covariance, which are chi-squares if it is right.
 

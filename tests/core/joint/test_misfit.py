@@ -136,6 +136,7 @@ def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, si
     assert best.explains > 50
 
 
+@pytest.mark.sampled(2)
 def test_a_delay_is_told_from_a_phase(make):
     made = make(GOOD, masses=(0.0, 10.0), frequencies=8, families=4)
     late = made.phasors.amplitudes * np.stack([np.exp(-2e-4j * made.phasors.omega), np.ones(64), np.ones(64)], axis=1)

@@ -74,6 +74,7 @@ def test_what_is_declared_is_handled(make, name, masses):
         ({"gain V1": 0.01}, "gain V1"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make, undeclared, blamed):
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=8, families=4, within=1.0, seed=3)
     joint = made.identify()
@@ -185,6 +186,7 @@ def test_all_the_statements_wrong_at_once_still_ends(make):
     assert np.all(np.isfinite(joint.found_std))
 
 
+@pytest.mark.sampled(2)
 def test_an_unsteady_drive_is_found_as_what_it_is():
     """Frequencies off by 3e-5 at noise of 1e-5 and an exact rig: what inertia makes of it is no fault of the rig."""
     level, ratios = 3e-5, []

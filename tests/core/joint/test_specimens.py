@@ -80,6 +80,7 @@ def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(2)
 def test_honest_campaigns_have_neither_scatter_nor_drift(make):
     """Each asks once in a thousand times: of 40 campaigns one may."""
     scatter, drifts = 0, 0

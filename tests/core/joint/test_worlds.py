@@ -41,6 +41,7 @@ def test_an_ordinary_laboratory_knows_its_errors(design):
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(2)
 def test_without_ordinary_parts_nothing_changes():
     """The statement `ordinary = "zero"`, in laboratories that have no such parts."""
     z, told = campaigns("tyre-two", ordinary=False, stated=False)

@@ -354,6 +354,7 @@ TEXTS = {
 
 @pytest.mark.parametrize("part", [256, 1000, 1 << 20])
 @pytest.mark.parametrize("what", sorted(TEXTS))
+@pytest.mark.sampled(2)
 def test_text_in_parts_is_the_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, part: int) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(TEXTS[what].encode())

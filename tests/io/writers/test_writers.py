@@ -68,6 +68,7 @@ def bare(name: str) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("start", [0.0, 0.25])
+@pytest.mark.sampled(2)
 def test_the_samples_come_back_to_the_last_bit(tmp_path, kind, start):
     source = recording(tmp_path / "a.h5", start=start)
     out = tmp_path / f"b{ENDINGS.get(kind, f'.{kind}')}"
@@ -394,6 +395,7 @@ def test_all_kinds_are_tested():
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sampled(2)
 def test_in_pieces_it_is_the_same_file(tmp_path, kind, monkeypatch):
     source = recording(tmp_path / "a.h5", start=0.25)
     ending = ENDINGS.get(kind, f".{kind}")
