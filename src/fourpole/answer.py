@@ -1,6 +1,6 @@
 """What a command answers: lines and tables for a reader, and the document of the same for programs.
 
-A command makes an `Answer` and prints nothing of it. The terminal, ``--json``, the app and a notebook show it.
+A command makes an `Answer` and prints nothing of it. The terminal, ``--json`` and the app show it.
 """
 
 from __future__ import annotations

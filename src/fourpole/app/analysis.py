@@ -25,7 +25,7 @@ from fourpole.app.standing import (
     note_standing,
     results_of,
     settings_of,
-)  # fmt: skip
+)
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.checks import Code, Verdict, worst_verdict
 from fourpole.core.phasor import CHANNELS

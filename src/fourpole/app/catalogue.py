@@ -18,7 +18,7 @@ _LEFT_OUT = {"as_json", "remote", "workers", "force"}
 
 
 def catalogue() -> tuple[Asked, ...]:
-    """The commands that take a campaign's folder and may be started from a browser, in the order of the help."""
+    """The commands that take a campaign's folder and may be started from a browser."""
     return tuple(Asked(name, about(name), tuple(_options(name))) for name in BROWSER)
 
 

@@ -17,7 +17,7 @@ from fourpole.app.options import RigOptions, TableChoice, answered_in
 from fourpole.app.show import rows_answer
 from fourpole.core.checks import Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.loadcurve import LoadCurve
+from fourpole.core.loadcurve import LoadCurve, Secant, Tangent
 from fourpole.core.recordingchecks import check_resonance
 from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict, stiffness_std
 from fourpole.core.rig import Rig
@@ -150,17 +150,19 @@ def run_static(table: Path, load: float, column: Sequence[str] | None, group: st
         "understood": found.understood,
         "remarks": remarks,
     }
-    return Answer(_static_shown(table.name, load, curve, found.understood, remarks), lambda: document)
+
+    def parts() -> Iterator[Part]:
+        _read_as(found.understood, remarks)
+        units = answered_in(ShownUnits(), load)
+        yield f"{table.name} at {units.text(q.PRELOAD, load)}"
+        yield from _static_shown(curve, tangent, secant, units)
+
+    return Answer(parts(), lambda: document)
 
 
-def _static_shown(
-    name: str, load: float, curve: LoadCurve, understood: Sequence[str], remarks: Sequence[str]
-) -> Iterator[Part]:
+def _static_shown(curve: LoadCurve, tangent: Tangent, secant: Secant, units: ShownUnits) -> Iterator[Part]:
     """K1 at a load, and what else a curve says, in lines."""
-    _read_as(understood, remarks)
-    tangent, secant = curve.tangent(load), curve.secant(load)
     loss = "" if np.isnan(curve.hysteresis_loss) else f"{with_u(curve.hysteresis_loss, curve.loss_std)} J"
-    units = answered_in(ShownUnits(), load)
     unit, scale = units.unit(q.K1.unit)
     parts = ", ".join(
         f"{part} {number(COVERAGE_FACTOR * u / scale, 2)}"
@@ -174,7 +176,6 @@ def _static_shown(
         ("non-linearity", f"{100 * curve.nonlinearity:.2f} % of the load span"),
         ("curve", f"order {curve.order}, {curve.cycles} complete cycles, {curve.load.size} points"),
     )
-    yield f"{name} at {units.text(q.PRELOAD, load)}"
     for head, text in rows:
         yield f"{head:<16} {text}"
 
