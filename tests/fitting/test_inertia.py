@@ -74,6 +74,9 @@ def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
         (found,) = fit_tyres(measured, name)
         assert found.model.name == "resonant:1"
         assert found.discrepancy == 0
+    (found,) = fit_tyres(read_measured(table(tmp_path, driven, 5, 60, 24)), "inertia track")
+    assert found.verdicts[0].belt is not None
+    assert found.measured[0].inertia is None  # the resonance is fitted, not taken off
 
 
 @pytest.mark.sampled(2)

@@ -58,7 +58,7 @@ def model_named(name: str) -> Model:
     >>> model_named("maxwell:3").name
     'maxwell:3'
     """
-    family, mark, size = ALSO.get(name, name).partition(":")
+    family, mark, size = _split(name)
     key = _PLACES.get(family, ("", ""))[0]
     # The bare name of a family with an optional size is a model, of the size that the class has by default.
     usual = "[:N]" in key and not _class(family).sizes
@@ -85,7 +85,7 @@ def for_maps() -> tuple[str, ...]:
 
 def check_several(name: str) -> None:
     """ModelError if a model is for one condition only, where several are to be fitted or mapped."""
-    if _PLACES.get(name.partition(":")[0], ("",))[0] in NAMED:
+    if _PLACES.get(_split(name)[0], ("",))[0] in NAMED:
         raise ModelError(
             f"the {name} model is for one condition: for several, as over pressure, fourpole map makes a map of "
             f"{', '.join(for_maps())}"
@@ -104,7 +104,7 @@ def by_amplitude(name: str) -> bool:
 
 def has_inertia(name: str) -> bool:
     """Whether a model has the inertia of a specimen in K*; False for a name that is none."""
-    family = name.partition(":")[0]
+    family, *_ = _split(name)
     return family in _PLACES and _class(family).has_inertia
 
 
@@ -131,6 +131,11 @@ def _special_cases(family: str) -> frozenset[str]:
         new = {case for whole, case in pairs if whole in new} - found
         found |= new
     return frozenset(found)
+
+
+def _split(name: str) -> tuple[str, str, str]:
+    """Family, colon and size of a name, or of the model that it is another name of."""
+    return ALSO.get(name, name).partition(":")
 
 
 def _class(family: str) -> type[Model]:
