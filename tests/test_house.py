@@ -103,7 +103,6 @@ def modules():
     return found
 
 
-@pytest.mark.sampled(2)
 def test_a_head_stands_in_one_file_besides_the_table_of_quantities(modules):
     """A column's head is taken from `fourpole.quantities`; one of a single file's own may stand there."""
     known = {head for one in QUANTITIES for head in (*one.heads, one.stated_head, one.label) if " [" in head}
@@ -247,7 +246,6 @@ def test_a_float_without_decimals_is_seen(want):
     assert not bare_floats(">>> x\n[0.0, 12, 1e3, 2..12] maxwell:4. The data")
 
 
-@pytest.mark.sampled(2)
 def test_examples_have_no_float_without_decimals():
     """pytest's NUMBER compares to the decimals written: `0.` also matches 0.9; write 0.000 or print a list."""
     said = {path: path.read_text(encoding="utf-8") for path in PAGES + SOURCES}

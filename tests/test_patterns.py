@@ -213,7 +213,6 @@ def known():
     return uses()
 
 
-@pytest.mark.sampled(2)
 def test_every_pattern_has_its_worst_text(known):
     assert {key for key, several in known.items() if key not in OWN} == set(WORST)
     assert set(OWN) <= set(known)

@@ -53,7 +53,6 @@ def test_a_circle_is_seen():
     assert not circles({"a": ["b", "c"], "b": ["c"], "c": []})
 
 
-@pytest.mark.sampled(2)
 def test_imports_run_in_no_circle():
     assert not circles({module: list(imports_of(tree)) for module, tree in modules().items()})
 
@@ -91,7 +90,6 @@ def test_a_check_with_words_is_seen(code):
     assert list(worded_values(ast.parse(code)))
 
 
-@pytest.mark.sampled(2)
 def test_checks_are_made_with_values_and_no_words():
     found = {module: made for module, tree in modules().items() if (made := list(worded_values(tree)))}
     assert not found
