@@ -116,3 +116,35 @@ def test_the_specimen_is_known_better_than_the_next_mounting_and_only_where_it_w
     assert std["specimen"] < std["mean"] < std["next"]
     with pytest.raises(ValueError, match="known at its tested conditions only"):
         found.ask([[1.2e5, 1500.0]], [20.0], "specimen")
+
+
+FEW = {"four corners": POINTS[[0, 2, 6, 8]], "three pressures": POINTS[[0, 3, 6]]}
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("where", FEW)
+@pytest.mark.parametrize("scatter", [0.0, 0.01])
+def test_few_conditions_say_what_they_can(where, scatter):
+    """Their scatter is that of a prior and of one number in excess: intervals hold, and none is too wide to use."""
+    points, inside, widest = FEW[where], [], []
+    names = AXES.names if where == "four corners" else AXES.names[:1]
+    columns = len(names)
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        data = []
+        for pressure, _ in points:
+            draw = rng.standard_normal(FREQUENCY.size) + 1j * rng.standard_normal(FREQUENCY.size)
+            k = truth(pressure, FREQUENCY) * (1 + scatter * rng.standard_normal())
+            data.append(StiffnessData.of(2 * np.pi * FREQUENCY, k * (1 + NOISE * draw), NOISE * np.abs(k)))
+        axes = Axes.of(names, points[:, :columns])
+        start = np.tile(START["fractional"], (len(points), 1))
+        found = make_map(model_named("fractional"), data, axes, start)
+        asked = np.tile([[1.5e5, 2200.0][:columns]], (10, 1))
+        middle = np.full(10, FREQUENCY[4])
+        wanted = truth(1.5e5, middle) * (1 + scatter * rng.standard_normal(10))
+        z, _ = scores(found, asked, middle, wanted, "next")
+        inside.append(np.abs(z) < 1.96)
+        answer = found.ask(asked[:1], middle[:1])
+        widest.append(np.sqrt(answer.covariance[0, 0, 0]) / np.abs(answer.stiffness[0]))
+    assert np.mean(inside) > 0.85
+    assert max(widest) < 0.1

@@ -25,6 +25,8 @@ from fourpole.models.interface import Model
 _FLOOR = 1e-7
 #: Part of the stated uncertainty of K1 that each condition has for itself, if the conditions have it in common.
 _OWN_STATIC = 0.1
+#: Prior of the relative scatter of conditions: its median, and the standard deviation of its logarithm; least value.
+PRIOR, PRIOR_WIDTH, LEAST_CONDITION = 0.01, float(np.log(3.0)), 1e-4
 #: Largest number of frequencies between which the common error of the model is linear, and its least variance.
 _NODES, LEAST_COMMON = 5, 1e-10
 
@@ -61,6 +63,12 @@ class Scatter:
         """The scatter with these variances."""
         each = np.sqrt(variances).tolist()
         return cls((each[0], each[1]), (each[2], each[3]), each[4], (each[5], each[6]))
+
+    @property
+    def log_prior(self) -> float:
+        """Logarithm of the prior of the scatter of conditions that is not zero, less a constant."""
+        some = np.array([one for one in self.condition if one > 0])
+        return -0.5 * float(np.sum((np.log(np.maximum(some, LEAST_CONDITION) / PRIOR) / PRIOR_WIDTH) ** 2))
 
     @property
     def summed(self) -> Scatter:

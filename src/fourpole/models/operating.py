@@ -254,6 +254,8 @@ def make_map(
             made.append((link, SurfaceChoice(every, bases, *begin, spare).made()))
         except (ModelError, np.linalg.LinAlgError) as error:
             why = why or str(error)
+    inside = [one for one in made if not one[1].on_floor]  # where a parameter stays at its floor, data do not hold it
+    made = inside or made
     try:
         link, best = made[
             place_of_simplest([one.density for _, one in made], [len(sum(one.plan, ())) for _, one in made])

@@ -8,6 +8,9 @@ errors with their prior, the variances minimise
 r being the residuals of the fit. What the shared errors can explain within their stated uncertainty is therefore no
 scatter, and the coefficients cost as many degrees of freedom as they have.
 
+Few conditions hardly show how much they scatter. That of conditions therefore has a prior: it is none with a chance of
+one half; else log s is normal about the logarithm of what tyres show that are mounted again and again.
+
 References
 ----------
 H. D. Patterson, R. Thompson, "Recovery of inter-block information when block sizes are unequal", Biometrika 58, 1971;
@@ -20,9 +23,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import optimize, special
 
 from fourpole.core.arrays import BoolArray, FloatArray
-from fourpole.models.linearised import LEAST_COMMON, Rows, Scatter, Weights
+from fourpole.core.confidence import LEVELS, NORMAL_95
+from fourpole.models.linearised import LEAST_COMMON, LEAST_CONDITION, PRIOR, PRIOR_WIDTH, Rows, Scatter, Weights
 from fourpole.models.together import Together, assembled
 
 #: Maximum number of steps, and of halvings of one; the search ends at a smaller change of -2 log L.
@@ -30,7 +35,9 @@ _STEPS, _HALVINGS, _SMALL = 40, 12, 1e-3
 #: A variance is zero unless it reduces -2 log L by more than this: a chance of 10 %, as a variance is not negative.
 _NEEDED = 1.642
 #: Least and largest variances.
-_LEAST, _MOST = np.array([0.0] * 5 + [LEAST_COMMON] * 2), 1.0
+_LEAST, _MOST = np.array([LEAST_CONDITION**2] * 2 + [0.0] * 3 + [LEAST_COMMON] * 2), 1.0
+#: Relative scatters of conditions over which their posterior is summed.
+_GRID = np.geomspace(LEAST_CONDITION, 0.5, 25)
 
 
 def scatter_of(found: Together, free: Sequence[bool] = (True,) * 7, *, roughly: bool = False) -> Scatter:
@@ -42,7 +49,7 @@ def scatter_of(found: Together, free: Sequence[bool] = (True,) * 7, *, roughly: 
     free : sequence of bool
         Which of the seven variances are unknown; the others are zero.
     roughly : bool
-        Keep variances that might as well be zero.
+        Keep variances that might as well be zero; those of conditions are never zero.
     """
     likelihood = _Likelihood(found)
     conditions = found.conditions
@@ -57,6 +64,34 @@ def scatter_of(found: Together, free: Sequence[bool] = (True,) * 7, *, roughly: 
     return Scatter.of(np.where(unknown, best.variances, 0.0))
 
 
+def widened(found: Together) -> Scatter:
+    """The scatter of a fit with that of its conditions as wide as its posterior asks of a 95 % interval.
+
+    The errors of further conditions are a mixture of normal ones over the posterior of their scatter. The scatter that
+    is returned has the same 95 % interval.
+    """
+    likelihood, scatter = _Likelihood(found), []
+    chance = np.append(1.0, np.full(_GRID.size, np.log(_GRID[1] / _GRID[0]) / (PRIOR_WIDTH * np.sqrt(2 * np.pi))))
+    for at in range(2):
+        unknown = np.arange(7) == at
+        each = np.append(0.0, _GRID)
+        variances = np.tile(found.scatter.variances, (each.size, 1))
+        variances[:, at] = each**2
+        values = np.array([likelihood.at(one, unknown & (one > 0)).value for one in variances])
+        scatter.append(_mixed(chance * np.exp(-0.5 * (values - values.min())), each))
+    return replace(found.scatter, condition=(scatter[0], scatter[1]))
+
+
+def _mixed(weights: FloatArray, each: FloatArray) -> float:
+    """The normal standard deviation with the 95 % interval of a mixture of normal errors, the first of them zero."""
+    inside = (LEVELS[-1] - LEVELS[0]) * weights.sum() - weights[0]
+
+    def lacking(limit: float) -> float:
+        return float(weights[1:] @ special.erf(limit / each[1:] / np.sqrt(2.0)) - inside)
+
+    return float(optimize.brentq(lacking, 0.0, 10.0 * each[-1]) / NORMAL_95) if inside > 0 else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class _State:
     """-2 log L at some variances (7,), minus its slope, and its expected curvature."""
@@ -69,18 +104,20 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Likelihood:
+    """-2 log L about a fit."""
+
     found: Together
 
     def least(self, variances: FloatArray, unknown: BoolArray) -> _State:
         """The least -2 log L over the unknown variances, none of which is negative."""
-        now = self.at(variances)
+        now = self.at(variances, unknown)
         for _ in range(_STEPS if unknown.any() else 0):
             step = _step(now, unknown)
             for halving in range(_HALVINGS):
-                tried = np.clip(now.variances + step * 0.5**halving, _LEAST, _MOST)
+                tried = np.clip(now.variances + step * 0.5**halving, _least(unknown), _MOST)
                 if abs((tried - now.variances) @ now.downhill) < _SMALL:
                     return now
-                then = self.at(tried)
+                then = self.at(tried, unknown)
                 if then.value < now.value:
                     now = then
                     break
@@ -88,9 +125,9 @@ class _Likelihood:
                 return now
         return now
 
-    def at(self, variances: FloatArray) -> _State:
-        """The likelihood at some variances."""
-        variances = np.maximum(variances, _LEAST)
+    def at(self, variances: FloatArray, unknown: BoolArray) -> _State:
+        """The likelihood at some variances, with the prior of those of conditions that are unknown."""
+        variances = np.maximum(variances, _least(unknown))
         rows, unknowns, conditions = self.found.rows, self.found.unknowns, self.found.conditions
         laws = replace(self.found.laws, error_precision=conditions.precision(variances))
         weights = [Weights.of(one, variances) for one in rows]
@@ -101,11 +138,16 @@ class _Likelihood:
         value += sum(float(np.sum(one.chi2(each.off))) for one, each in zip(weights, rows, strict=True))
         value += laws.prior_chi2(unknowns) - normal.reduction(step, local)
         value -= float(np.sum(np.log(conditions.precision(variances))))
+        scattered = np.flatnonzero(unknown[:2])
+        off = np.log(np.sqrt(variances[scattered]) / PRIOR) / PRIOR_WIDTH
+        value += float(off @ off)
         downhill, curvature = np.zeros(7), np.zeros((7, 7))
         for one, weight in zip(rows, weights, strict=True):
             slope, bend = _slopes(one, weight, local[one.places], spread[one.places])
             downhill[:5] += slope
             curvature[:5, :5] += bend
+        downhill[scattered] -= off / (PRIOR_WIDTH * variances[scattered])
+        curvature[scattered, scattered] += 0.5 / (PRIOR_WIDTH * variances[scattered]) ** 2
         size = laws.coefficients
         for at, part in enumerate(conditions.errors_of_model, start=5):
             error, own = (unknowns + step)[size:][part], covariance[size:, size:][part, part]
@@ -113,6 +155,11 @@ class _Likelihood:
             downhill[at] = error @ error / variances[at] ** 2 - np.trace(taken)
             curvature[at, at] = np.sum(taken**2)
         return _State(variances, value, downhill, curvature)
+
+
+def _least(unknown: BoolArray) -> FloatArray:
+    """The least variances (7,): that of conditions is zero where it is known."""
+    return np.where(unknown | (np.arange(7) > 1), _LEAST, 0.0)
 
 
 def _step(now: _State, unknown: BoolArray) -> FloatArray:

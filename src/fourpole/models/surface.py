@@ -240,15 +240,15 @@ def term_sets(levels: Sequence[int], count: int) -> list[Terms]:
 
     The degree of an axis is at most 3. It is 1 with two levels and 2 with three, which such a polynomial meets exactly.
     With more levels there is at least one more than the polynomial needs, so that a law that is no polynomial shows.
-    Products of axes are omitted, limited to the highest degree, or all included. With at most one condition more than
-    axes the only surface is linear.
+    Products of axes are omitted, limited to the highest degree, or all included. With fewer than two conditions for
+    each term of the linear surface this is the only one: so few do not show whether an axis matters.
 
     Examples
     --------
-    >>> term_sets([3], 4)
-    [((0,),), ((0,), (1,)), ((0,), (1,), (2,))]
+    >>> term_sets([3], 3), term_sets([3], 4)
+    ([((0,), (1,))], [((0,),), ((0,), (1,)), ((0,), (1,), (2,))])
     """
-    if 1 < count <= len(levels) + 1:
+    if 1 < count < 2 * (len(levels) + 1):
         return [tuple(tuple(int(at == axis) for at in range(len(levels))) for axis in range(-1, len(levels)))[:count]]
     most = max(int(_MOST_TERMS * count), 1)
     found: dict[Terms, None] = {}

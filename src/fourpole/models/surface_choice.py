@@ -14,11 +14,11 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.core.confidence import CHANCE, LEVELS, NORMAL_95
+from fourpole.core.confidence import CHANCE
 from fourpole.models.interface import Model
 from fourpole.models.laws import Laws
 from fourpole.models.linearised import Conditions, Rows, Scatter, Weights
-from fourpole.models.restricted import scatter_of
+from fourpole.models.restricted import scatter_of, widened
 from fourpole.models.surface import Terms
 from fourpole.models.together import Together, assembled, density_without_each, search
 
@@ -33,7 +33,8 @@ _FACTORS, _LEAST = ((0.3, 1.0), (1.0, 0.3), (0.1, 0.1), (0.01, 0.01), (3.0, 3.0)
 _FIRST_SCATTER, _FIRST = Scatter((_SCATTER, _SCATTER), (_SCATTER, _SCATTER), _SCATTER), 1.0 / 3.0
 #: Standard deviations of the weak prior of coefficients: of a level about the median of the starts, and of a change
 #: over half the span of an axis, in units of the link: 1 is a factor of 2.7, or the median itself without a logarithm.
-_LEVEL, _CHANGE = 10.0, 2.0
+#: Times change more: by decades over the temperature.
+_LEVEL, _CHANGE, _CHANGE_OF_TIMES = 10.0, 0.5, 2.0
 #: Starts are limited to this distance from their median, in units of the link.
 _NEAR = 3.0
 #: Largest number of terms; maximum number of fits with a scatter.
@@ -88,14 +89,14 @@ class SurfaceChoice(ByValue):
         they are compared, until the best stays. Then each parameter loses the terms that it does not need.
         """
         axes = len(next(iter(self.bases))[0])
-        most = min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST)
+        most = max(min((axes + 1) * (axes + 2) / 2, self.conditions.count * _FIRST), axes + 1)
         few = [one for one in self.bases if len(one) <= most] or [next(iter(self.bases))]
         # Without a term of an axis, K* would be far from the fit about which the candidates are linear.
         first = max(few, key=lambda one: (np.count_nonzero(np.max(one, axis=0)), len(one)))
         plan = (first,) * self.middle.size
         found = self.fitted(plan, self.linked, _FIRST_SCATTER, None, close=_ROUGHLY)
         density, seen = -np.inf, set()
-        while len(self.bases) > 1 and plan not in seen:
+        while self.spare and plan not in seen:
             seen.add(plan)
             plan, trial, density = self._best(found, self._scatter(found, roughly=True))
             if plan not in seen:
@@ -105,10 +106,13 @@ class SurfaceChoice(ByValue):
     def _laws(self, plan: Plan) -> Laws:
         """The laws of all parameters, with a weak prior of their coefficients."""
         expected, precision = [], []
-        for terms, middle, unit in zip(plan, self.middle, self.units, strict=True):
-            constant = np.array([not any(one) for one in terms])
+        for terms, middle, unit, one in zip(
+            plan, self.middle, self.units, self.conditions.model.parameters, strict=True
+        ):
+            constant = np.array([not any(powers) for powers in terms])
+            change = _CHANGE_OF_TIMES if one.unit == "s" else _CHANGE
             expected.append(np.where(constant, middle, 0.0))
-            precision.append((unit * np.where(constant, _LEVEL, _CHANGE)) ** -2.0)
+            precision.append((unit * np.where(constant, _LEVEL, change)) ** -2.0)
         few, designs = self.conditions, tuple(self.bases[terms] for terms in plan)
         return Laws(designs, few.shared, few.count, np.concatenate(expected), np.concatenate(precision))
 
@@ -147,10 +151,14 @@ class SurfaceChoice(ByValue):
         return plan, every[at], density
 
     def _lessened(self, plan: Plan, density: Callable[[Plan], float]) -> Plan:
-        """The plan in which each parameter in turn has the fewest terms that it needs."""
+        """The plan in which each parameter in turn has the fewest terms that the density of the whole plan needs."""
+        greatest = density(plan)
         for place in range(len(plan)):
             inner = [(*plan[:place], one, *plan[place + 1 :]) for one in self.bases if set(one) <= set(plan[place])]
-            plan = inner[place_of_simplest([density(one) for one in inner], [len(one[place]) for one in inner])]
+            each = [density(one) for one in inner]
+            greatest = max(greatest, *each)
+            good = [one for one, own in zip(inner, each, strict=True) if own >= greatest - BETTER] or [plan]
+            plan = min(good, key=lambda one: len(one[place]))
         return plan
 
     def _density(self, rows: Sequence[Rows], found: Together, scatter: Scatter) -> Callable[[Plan], float]:
@@ -159,6 +167,7 @@ class SurfaceChoice(ByValue):
         normal = assembled(rows, weights, found.laws, found.unknowns)
         pairs = zip(rows, weights, strict=True)
         rest = sum(float(np.sum(weight.log_density(one.off, one.scale))) for one, weight in pairs)
+        rest += scatter.log_prior if self.spare else 0.0
 
         def density(plan: Plan) -> float:
             laws = self._laws(plan)
@@ -185,15 +194,10 @@ class SurfaceChoice(ByValue):
         return wider.widened(plan, wider.with_scatter(plan, wider.fitted(plan, found.linked, begin, errors)))
 
     def widened(self, plan: Plan, found: Together) -> Together:
-        """The fit with the scatter of conditions widened by Student's t over 1.96.
-
-        Its degrees of freedom are the conditions in excess of the terms, less one for the choice of these.
-        """
-        dof = max(self.conditions.count - max(map(len, plan)) - 1, 1)
-        if not any(found.scatter.condition):
+        """The fit with the scatter of conditions as wide as few conditions leave it."""
+        if not self.spare:
             return found
-        along, across = (stats.t.ppf(LEVELS[-1], dof) / NORMAL_95 * np.array(found.scatter.condition)).tolist()
-        return self.fitted(plan, found.linked, replace(found.scatter, condition=(along, across)), found.errors)
+        return self.fitted(plan, found.linked, widened(found), found.errors)
 
     def with_scatter(self, plan: Plan, found: Together) -> Together:
         """The fit with the scatter that it shows."""
@@ -213,6 +217,11 @@ class ChosenSurfaces(ByValue):
     plan: Plan
     found: Together
     density: float
+
+    @property
+    def on_floor(self) -> bool:
+        """Whether a stiffness or damping itself is at its lowest value at some condition."""
+        return not np.all(self.found.model.unlink(self.found.linked)[1])
 
 
 def started(model: Model, start: FloatArray, scaled: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -335,7 +335,7 @@ class LeaveOneOut:
 
     @classmethod
     def of(cls, found: Together) -> LeaveOneOut:
-        """The leave-one-out errors of a fit; changes of parameters and shared errors are of first order."""
+        """The leave-one-out errors of a fit; K* and its changes are of first order in parameters and shared errors."""
         change, covariance = without_each(found.normal, found.inverse)
         size = found.linked.shape[1]
         errors = found.errors + change[:, size:]
@@ -345,9 +345,10 @@ class LeaveOneOut:
             covariance[:, columns] = covariance[:, :, columns] = 0.0
         precision = found.conditions.precision(found.scatter.variances)
         variances = found.scatter.summed.variances
-        moved = found.linked + change[:, :size], errors
+        change[:, size:] = errors - found.errors
         squares, scores, middle, density = [], [], [], 0.0
-        for rows, left in zip(found.rows, found.conditions.residuals(*moved, found.rows), strict=True):
+        for rows in found.rows:
+            left = rows.off - (rows.columns @ change[rows.places][..., None])[..., 0]
             density += _density_of(rows, variances, left, covariance[rows.places])
             off, spread = _predicted(rows, variances, left, covariance[rows.places])
             squares.append(np.sum(off**2, axis=2).ravel())
@@ -358,7 +359,7 @@ class LeaveOneOut:
             error=float(np.sqrt(np.mean(np.concatenate(squares)))),
             inside=float(np.mean(np.concatenate(scores) < NORMAL_95)),
             conditions=float(np.mean(np.concatenate(middle) < NORMAL_95)),
-            density=density - 0.5 * float(found.errors @ (precision * found.errors)),
+            density=density + found.scatter.log_prior - 0.5 * float(found.errors @ (precision * found.errors)),
         )
 
 
