@@ -50,7 +50,7 @@ from fourpole.units import shown
 _MOST_PARAMETERS = 601
 #: Keys that version 1 has gained: of the document, of a condition, and of a model.
 LATER = ("axes", "points", "shape", "temperature", "amplitude", "logarithmic", "static", "inertia",
-         "ranges", "holds", "mass", "resonances", "shifts", "link", "offsets")  # fmt: skip
+         "ranges", "holds", "mass", "resonances", "shifts", "link", "offsets", "rest")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -111,6 +111,7 @@ class ConditionFile(Strict):
     static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
     inertia: InertiaFile | None = Field(default=None, description="Mass of the specimen between its ends.")
     ranges: list[RangeFile] = Field([], max_length=200, description="Range of K* below and above the band, rising.")
+    rest: tuple[float, float] | None = Field(None, description="Range of K1 [N/m] where it was not measured.")
 
     @property
     def coordinates(self) -> dict[str, float]:

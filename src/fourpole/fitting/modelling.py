@@ -31,7 +31,7 @@ from fourpole.fitting.modelfile import (
 )
 from fourpole.fitting.modelparts import NamedValue, Provenance, ToleranceFile, VerdictFile
 from fourpole.fitting.near import known_values, near_model, shared_effects
-from fourpole.fitting.ranges import REACH, ranges_of
+from fourpole.fitting.ranges import REACH, ranges_of, rest_of
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence, slowest
 from fourpole.fitting.temperature import TemperatureFile
@@ -490,5 +490,6 @@ def _condition_entry(
         verdict=judged,
         static=StaticFile.of(measured.loop, found, data),
         ranges=ranges_of(data, min(slowest(measured.loop), reach[0]), reach[1]),
+        rest=rest_of(data) if ranged else None,
         inertia=measured.inertia,
     )

@@ -15,6 +15,7 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.condition import AMPLITUDE, AXES
+from fourpole.core.confidence import NORMAL_95
 from fourpole.core.polar import polar
 from fourpole.core.rig import Rig
 from fourpole.core.specimen import Specimen
@@ -121,7 +122,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         )
     condition = file.condition_at(tyre, found.axes.constant)
     remarks = (*remarks, *_misfit(file, tyre, condition), *_taken_off(file, tyre, condition))
-    if far.any() and condition is not None:
+    if condition is not None and (far.any() or (condition.rest is not None and shift is None)):
         answer = _wider(answer, condition, reduced, frequency)
     inertia = inertia_of(file, tyre, condition)
     specimen = MASSLESS if inertia is None else inertia.specimen
@@ -176,9 +177,14 @@ def interval_words(purpose: Purpose) -> str:
 
 
 def _wider(answer: Answer, condition: ConditionFile, reduced: FloatArray, frequency: FloatArray) -> Answer:
-    """An answer whose intervals reach the ends of the range of K* beyond the band, if the file has it."""
+    """An answer whose intervals reach the ends of the range of K* beyond the band and of K1, if the file has them."""
     ranges = [*(condition.static.passive if condition.static is not None else []), *condition.ranges]
     covariance = wider(ranges, condition.band, reduced, answer.stiffness, answer.covariance)
+    if condition.rest is not None and reduced is frequency:
+        far = np.max(np.abs(np.subtract.outer(answer.k1, condition.rest)), axis=1) / NORMAL_95
+        wide = np.sqrt(np.maximum(far**2 / covariance[:, 2, 2], 1.0))
+        covariance[:, 2, :] *= wide[:, None]
+        covariance[:, :, 2] *= wide[:, None]
     return Answer.of(answer.stiffness, answer.k1, covariance, 2 * np.pi * frequency)
 
 

@@ -24,6 +24,8 @@ REACH = 10.0
 #: An interval that has no end is cut at so many times the largest modulus of K*.
 _CUT = 10.0
 _ROUND_OFF = 1e-9
+#: So slow, as a fraction of the lowest frequency, that no arm of the range's spectra acts.
+_AT_REST = 1e-9
 #: What u of a query beyond the band is.
 IN_RANGE = "u reaches the ends of the range of all massless, relaxing specimens that fit the data"
 
@@ -52,6 +54,14 @@ def ranges_of(data: StiffnessData, low: float = np.inf, high: float = np.inf) ->
         rows = zip(side, np.minimum(ends, np.abs(data.stiffness).max() * _CUT).tolist(), strict=True)
         found += [RangeFile(frequency=one, storage=tuple(storage), loss=tuple(loss)) for one, (storage, loss) in rows]
     return found
+
+
+def rest_of(data: StiffnessData) -> tuple[float, float] | None:
+    """The 95 % interval of K1 [N/m] of one condition over all specimens that fit; None if K1 was measured."""
+    if np.any(np.isfinite(data.k1)):
+        return None
+    ((least, largest), _) = passive_range(data, np.array([data.omega.min() * _AT_REST]))[0].tolist()
+    return least, largest
 
 
 def _steps(low: float, high: float) -> list[float]:
