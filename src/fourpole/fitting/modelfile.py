@@ -111,7 +111,7 @@ class ConditionFile(Strict):
     static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
     inertia: InertiaFile | None = Field(default=None, description="Mass of the specimen between its ends.")
     ranges: list[RangeFile] = Field([], max_length=200, description="Range of K* below and above the band, rising.")
-    rest: tuple[float, float] | None = Field(None, description="Range of K1 [N/m] where it was not measured.")
+    rest: tuple[float, float] | None = Field(default=None, description="Range of K1 [N/m] where it was not measured.")
 
     @property
     def coordinates(self) -> dict[str, float]:
