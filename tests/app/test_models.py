@@ -228,6 +228,21 @@ def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     assert made["settings"] == {"model": "zener"}
 
 
+def test_a_file_of_its_own_keeps_other_tyres_of_the_same_table(run, tmp_path):
+    table, made = tmp_path / "k.csv", tmp_path / "own.json"
+    rows = "".join(f"{t},{f},{200000 + 900 * f},{9000 + 300 * f}\n" for t in "AB" for f in range(5, 25, 4))
+    table.write_text(f"tyre,frequency [Hz],Re K* [N/m],Im K* [N/m]\n{rows}")
+    assert run("fit", table, "--std", "1 %", "--model", "kelvin", "--out", made).exit_code == 0
+    ran = run("fit", table, "--std", "1 %", "--model", "spring", "--tyre", "B", "--out", made)
+    assert "own.json keeps 'A' of an earlier fit" in told(ran)
+    models = json.loads(made.read_text())["models"]
+    assert {one["tyre"]: one["model"] for one in models} == {"A": "kelvin", "B": "spring"}
+    table.write_text(table.read_text().replace("200900", "200901") + "A,30,230000,19000\n")
+    assert "is replaced: it is of other results" in told(
+        run("fit", table, "--std", "1 %", "--tyre", "B", "--out", made)
+    )
+
+
 def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_path):
     """--out RESULTS/model.json is what fit does without the option: the models of other tyres stay."""
     folder = shutil.copytree(two, tmp_path / "results")

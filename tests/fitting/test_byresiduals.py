@@ -56,3 +56,30 @@ def test_few_rows_without_an_uncertainty_have_intervals_that_hold(tmp_path, spec
 def test_too_few_rows_are_refused_with_what_to_state(tmp_path):
     with pytest.raises(ModelError, match=r"cannot be found from these data: zener has 1 numbers more .* State --std"):
         fitted(tmp_path, zener, 2, 0, "zener")
+
+
+def test_the_sentence_is_of_the_model_that_is_taken(tmp_path):
+    """Of two rows a spring is the only model that leaves three degrees of freedom, whatever the BIC of others."""
+    table = tmp_path / "two.csv"
+    table.write_text("frequency [Hz],Re K* [N/m],Im K* [N/m]\n5,200000,9000\n15,205000,12000\n")
+    (found,) = fit_tyres(read_measured(table))
+    assert found.chosen.name == "spring"
+    assert found.choice.text.startswith("spring: 1 parameter, ")
+
+
+@pytest.mark.parametrize(
+    ("head", "u", "said"),
+    [
+        (",u(Re K*) [N/m],u(Im K*) [N/m]", ",0,0", "are zero in every row"),
+        (",u(Re K*) [N/m]", ",1000", "'u(Im K*) [N/m]' has no value"),
+        (",u(Im K*) [N/m]", ",1000", "'u(Re K*) [N/m]' has no value"),
+    ],
+)
+def test_an_uncertainty_of_zero_or_of_one_part_is_none(tmp_path, head, u, said):
+    table = tmp_path / "k.csv"
+    rows = "".join(f"{f},{200000 + 900 * f},{9000 + 300 * f}{u}\n" for f in range(5, 25, 5))
+    table.write_text(f"frequency [Hz],Re K* [N/m],Im K* [N/m]{head}\n{rows}")
+    found = read_measured(table)
+    assert not found.known
+    assert said in found.notes[1]
+    assert "states no uncertainty" in found.notes[2]

@@ -350,15 +350,16 @@ def _elsewhere(path: Path, made: ModelFile, file: Path | None) -> Path | None:
 def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | None, figure: Path | None) -> list[Path]:
     """Write a model file and, where it is asked for, its figures; returns the files written.
 
-    The model file goes to `file`, or else into the folder of results if there is one, with the entries that the folder
-    has of other tyres. The figures of the folder that show models are deleted: those of the report are drawn with it.
+    The model file goes to `file`, or else into the folder of results if there is one, with the entries that the former
+    one has of other tyres of the same table. The figures of the folder that show models are deleted: those of the
+    report are drawn with it.
     """
     written = [] if file is None else [file]
     if file is not None:
-        made.write(file)
+        (_with_others(file, made) if file.is_file() else made).write(file)
     elif path.is_dir():
         place = path / f"{made.kind}.json"
-        made = _with_others(place, made)
+        made = _with_others(place, made) if published_beside(place).has(place.name) else made
         drawn = [f"figures/{key}.{form}" for key in SHOWING[made.kind] for form in ("svg", "png")]
         with publishing(path, drawn, basis=measured.sha256) as new:
             made.write(new / place.name)
@@ -370,8 +371,6 @@ def _written(path: Path, measured: MeasuredSet, made: ModelFile, file: Path | No
 
 def _with_others(place: Path, made: ModelFile) -> ModelFile:
     """A document with the entries of other tyres that its file has; one that cannot be used is named and replaced."""
-    if not published_beside(place).has(place.name):
-        return made
     try:
         whole = renewed(read_model_file(place), made)
     except FourpoleError as error:

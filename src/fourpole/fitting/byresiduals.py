@@ -42,7 +42,7 @@ def by_residuals(
     data = [with_error(one, error) for one in stated]
     best = replace(best, fits=fit_conditions(best.fit.model, data, held))
     rest = tuple(one for one in again.candidates if one.name != best.name)
-    return replace(again, candidates=(best, *rest)), data, error
+    return Choice.of((best, *rest), again.failed), data, error
 
 
 def _with_enough(choice: Choice) -> Trial:

@@ -379,7 +379,7 @@ class _Rows:
         elif covariance is not None and set(keys) <= set(keys_of(covariance)):
             own, shared, condition, places = joined(keys, covariance)
             source = _Source.COVARIANCE
-        elif all(column in numbers for column in STD[:2]) and np.all(np.isfinite(numbers[STD[0]])):
+        elif not _lacking(numbers):
             own, source = covariances(numbers), _Source.TABLE
         return cls(tyres, keys, numbers, own, shared, condition, source, places=places)
 
@@ -427,11 +427,24 @@ class _Rows:
     def notes(self, had_covariance: bool) -> list[str]:
         said = []
         if self.source == _Source.NONE:
-            said = [NO_STD]
+            given = any(column in self.numbers for column in STD[:2])
+            said = [*([_lacking(self.numbers)] if given else []), NO_STD]
         elif self.source == _Source.TABLE:
             why = "covariance.parquet is of other tests" if had_covariance else "only the table was given"
             said = [f"{why}: errors that tests share are taken as independent"]
         return [*said, _MOVED] if self.moved else said
+
+
+def _lacking(numbers: Mapping[str, FloatArray]) -> str:
+    """Why columns do not give the uncertainty of K*, as a sentence; empty if they do."""
+    without = [column for column in STD[:2] if column not in numbers or not np.all(np.isfinite(numbers[column]))]
+    if without:
+        return (
+            f"{shown(without[0])} has no value in some row, and so the other part's is not used: state both, or --std"
+        )
+    if not any(np.any(numbers[column]) for column in STD[:2]):
+        return f"{shown(STD[0])} and {shown(STD[1])} are zero in every row, as no measurement is: they are not used"
+    return ""
 
 
 def _numbers(frame: pl.DataFrame, name: str, rule: Sameness, needed: Sequence[str]) -> dict[str, FloatArray]:

@@ -130,6 +130,12 @@ class Choice:
     failed: tuple[tuple[str, str], ...]
     text: str
 
+    @classmethod
+    def of(cls, candidates: Sequence[Trial], failed: tuple[tuple[str, str], ...]) -> Choice:
+        """The choice of the first of some candidates."""
+        alike, unneeded = _as_good(candidates)
+        return cls(tuple(candidates), alike, unneeded, failed, _text(candidates, alike, unneeded))
+
     @property
     def stopped(self) -> bool:
         """Whether the user stopped the comparison before all models were tried."""
@@ -195,8 +201,7 @@ def choose(
             _cross_validate(candidates, conditions, known)
         except KeyboardInterrupt:
             failed = (*failed, ("cross-validation", STOPPED))
-    alike, unneeded = _as_good(candidates)
-    return Choice(tuple(candidates), alike, unneeded, failed, _text(candidates, alike, unneeded))
+    return Choice.of(candidates, failed)
 
 
 def _as_good(candidates: Sequence[Trial]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -368,7 +373,8 @@ def _text(candidates: Sequence[Trial], alike: Sequence[str], unneeded: Sequence[
     best = candidates[0]
     many = f" in {len(best.fits)} conditions" if len(best.fits) > 1 else ""
     chi2 = f"{best.chi2:.3g}" if best.chi2 < 1000 else f"{best.chi2:.0f}"
-    first = f"{best.name}: {best.free} parameters{many}, chi-square {chi2} for {best.dof} degrees of freedom"
+    free = f"{best.free} parameter{'s' if best.free != 1 else ''}"
+    first = f"{best.name}: {free}{many}, chi-square {chi2} for {best.dof} degrees of freedom"
     if best.dof and best.chance < CHANCE:
         first += ", too large for the uncertainty of the data"
     if best.on_bound:
