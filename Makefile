@@ -8,6 +8,7 @@ endif
 
 BIN := .venv/bin
 READY := .venv/.ready
+READY_DEMO := .venv/.ready-demo
 READY_LOWEST := .venv-lowest/.ready
 READY_BENCH := .venv-bench/.ready
 # Recordings are worked on side by side; threads inside each small product only get in the way.
@@ -35,10 +36,17 @@ define install
 		echo "On Debian and Ubuntu: sudo apt install python3-venv (or python3.X-venv, for another version X)."; \
 		exit 1; } >&2
 	@echo "Installing $(2) into $(1) (once; a minute or so)"
-	@$(PYTHON) -m venv $(1)
+	@[ -x $(1)/bin/python ] || $(PYTHON) -m venv $(1)
 	@$(1)/bin/python -m pip install $(PIP_FLAGS) --no-deps --requirement $(2)
-	@$(1)/bin/python -m pip install $(PIP_FLAGS) --no-deps --no-build-isolation --editable .
+	@[ $(1)/.package -nt pyproject.toml ] || \
+		$(1)/bin/python -m pip install $(PIP_FLAGS) --no-deps --no-build-isolation --editable .
+	@touch $(1)/.package
 endef
+
+# The demonstration needs the package alone; in the same place, so that `make test` installs nothing of it again.
+$(READY_DEMO): requirements-demo.lock pyproject.toml
+	$(call install,.venv,requirements-demo.lock)
+	@touch $@
 
 $(READY): requirements.lock pyproject.toml
 	$(call install,.venv,requirements.lock)
@@ -57,7 +65,7 @@ $(READY_BENCH): requirements.lock pyproject.toml
 	@.venv-bench/bin/python -m pip install $(PIP_FLAGS) --constraint .venv-bench/constraints.txt --editable '.[bench]'
 	@touch $@
 
-demo: $(READY)  ## make the demonstration campaign in ./fourpole-demo and analyse it
+demo: $(if $(wildcard $(READY)),$(READY),$(READY_DEMO))  ## make the demonstration campaign in ./fourpole-demo and analyse it
 	@$(BIN)/fourpole demo
 
 # Installing waits for the network and needs one core, so two things are installed at a time; the tests take both cores.
@@ -162,13 +170,14 @@ every: $(READY)  ## all of the tests of which `make test` takes a part, which is
 	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest $(TWO_AT_A_TIME) -m sampled tests
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
-	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --upgrade pyproject.toml
+	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" pyproject.toml
 
-lock:  ## write both lock files anew, with uv
+lock:  ## write the lock files anew, with uv
 	@$(PYTHON) -m venv .venv-lock
 	@.venv-lock/bin/python -m pip install $(PIP_FLAGS) uv
-	@$(LOCK) --extra dev --output-file requirements.lock
-	@$(LOCK) --extra test --resolution lowest-direct --output-file requirements-lowest.lock
+	@$(LOCK) --upgrade --extra dev --output-file requirements.lock
+	@$(LOCK) --upgrade --extra test --resolution lowest-direct --output-file requirements-lowest.lock
+	@echo "hatchling>=1.27" | $(LOCK) - --upgrade --constraint requirements.lock --output-file requirements-demo.lock
 
 clean:  ## remove the environments, caches and what was built
 	@rm -rf .venv .venv-lowest .venv-bench .venv-lock build dist docs/api/made .*_cache .hypothesis .coverage

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.thorough
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted((ROOT / "src" / "fourpole").rglob("*.py"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-LOCKS = [ROOT / "requirements.lock", ROOT / "requirements-lowest.lock"]
+LOCKS = [ROOT / f"requirements{name}.lock" for name in ("", "-lowest", "-demo")]
 HEAVY = {"matplotlib", "pint", "polars", "pydantic", "rich", "typer"}
 #: Files that are longer than 500 lines still; this list only shrinks.
 LONG = {"guess/together.py", "study/tables.py"}
@@ -275,6 +275,13 @@ def test_the_locks_follow_the_project(lock):
         held = versions.get(requirement.name, [])
         assert held, f"{requirement.name} is not in {lock.name}: run make lock"
         assert all(version in requirement.specifier for version in held), f"{requirement}: run make lock"
+
+
+def test_the_demonstration_has_the_versions_of_the_developers():
+    """So that `make test` after `make demo` installs nothing twice."""
+    every, few = (pinned(ROOT / f"requirements{name}.lock") for name in ("", "-demo"))
+    assert {name: every.get(name) for name in few} == few
+    assert len(few) < 0.3 * len(every)
 
 
 def test_the_lowest_lock_is_at_the_lower_bounds():
