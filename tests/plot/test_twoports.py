@@ -9,8 +9,8 @@ from tests.plot.legible import illegible
 from fourpole.campaign.row import Test as Row
 from fourpole.core.allpoles import all_poles, reciprocal
 from fourpole.core.specimenfit import fit_specimen
+from fourpole.plot.plan import two_port_figure, two_port_figure_bytes
 from fourpole.plot.style import Style, drawing
-from fourpole.plot.twoports import two_port_figure, two_port_figure_bytes
 from fourpole.study.twoports import TwoPort
 
 FREQUENCIES = np.arange(10.0, 101.0, 5.0)

@@ -30,7 +30,7 @@ from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.checks import Code, Verdict, worst_verdict
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.findings.verdicts import checks_by_point, kind_of
+from fourpole.findings.list import checks_by_point, kind_of
 from fourpole.fitting.effort import seconds_of_fits
 from fourpole.fitting.rows import keys_of
 from fourpole.io.child import SECONDS

@@ -189,7 +189,7 @@ def _law_words(law: ShiftLaw) -> str:
 
 def _written(found: Sequence[TyreShift], folder: Path) -> list[Path]:
     """Write the files of the master curve and the figure into the folder, together; the files written."""
-    from fourpole.plot.shift import shift_figure_bytes
+    from fourpole.plot.ride import shift_figure_bytes
 
     folder.mkdir(parents=True, exist_ok=True)
     master, covariance = master_tables(found)

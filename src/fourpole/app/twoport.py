@@ -88,7 +88,7 @@ def _against(two_port: TwoPort, known: Sequence[FoundBody]) -> str:
 
 def _written(found: Sequence[TwoPort], title: str, folder: Path) -> list[Path]:
     """Write table, figure and UFF together; the plot room is imported here because that takes a second."""
-    from fourpole.plot.twoports import two_port_figure_bytes
+    from fourpole.plot.plan import two_port_figure_bytes
 
     names = ["twoport.csv", "twoport.svg", "twoport.png"]
     with staged(folder) as new:

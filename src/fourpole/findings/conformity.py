@@ -12,8 +12,7 @@ from fourpole import quantities as q
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AXES, FREQUENCY
 from fourpole.core.stats import share_within
-from fourpole.findings.facts import Estimate, Facts
-from fourpole.findings.finding import UNSTATED, Key
+from fourpole.findings.facts import UNSTATED, Estimate, Facts, Key
 from fourpole.findings.summary import conditions_of, ends_of, intervals_of, k1_of, mean_of, scatters_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.record import section

@@ -15,8 +15,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.polar import polar
-from fourpole.findings.facts import Estimate, Facts, known, natural
-from fourpole.findings.finding import UNSTATED, Key
+from fourpole.findings.facts import UNSTATED, Estimate, Facts, Key, known, natural
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.record import section

@@ -6,9 +6,8 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from fourpole.findings.evidence import Effect
-from fourpole.findings.finding import Finding, Holds
-from fourpole.findings.trends import Trend
+from fourpole.findings.facts import Finding, Holds
+from fourpole.findings.trends import Effect, Trend
 from fourpole.paper1982.claims import (
     CROSS,
     RADIAL,

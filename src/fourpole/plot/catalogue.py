@@ -18,7 +18,7 @@ from fourpole.io.folders import make_folder
 from fourpole.io.write import write_bytes
 from fourpole.plot.cards import strided
 from fourpole.plot.data import FigureData, FigureSpec
-from fourpole.plot.figure import FORMATS, figure_bytes
+from fourpole.plot.layout import FORMATS, figure_bytes
 from fourpole.plot.over import spec_over
 from fourpole.plot.part import own_colours, part_of
 from fourpole.plot.sheet import read_sheet

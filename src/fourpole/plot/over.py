@@ -17,11 +17,9 @@ from fourpole.core.checks import Verdict
 from fourpole.core.condition import AMPLITUDE, AXES, FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import rule_in
-from fourpole.plot.cards import dynamic_cards, static_cards
-from fourpole.plot.data import AxisData, FigureData, FigureSpec, Panel, Role, Series
+from fourpole.plot.cards import dynamic_cards, line_of, static_cards
+from fourpole.plot.data import AxisData, FigureData, FigureSpec, Panel, Role, Series, counted
 from fourpole.plot.frequency import Shown, by_frequency, chosen_curves, common
-from fourpole.plot.marks import line_of
-from fourpole.plot.names import counted
 from fourpole.plot.sheet import Sheet, few, floats, read_sheet, texts
 from fourpole.plot.states import State, axis_shown, by_tyre, values_of
 from fourpole.quantities import Quantity

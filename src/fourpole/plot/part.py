@@ -14,7 +14,7 @@ from fourpole.core.arrays import ByValue, IntArray
 from fourpole.core.condition import AXES, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.modelfile import ModelFile
-from fourpole.plot.names import counted, plain_text
+from fourpole.plot.data import counted, plain_text
 from fourpole.quantities import ShownUnits
 from fourpole.study.study import Study
 

@@ -17,7 +17,7 @@ from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import RigError
-from fourpole.plot.names import counted, lacking, short_names
+from fourpole.plot.data import counted, lacking, short_names
 from fourpole.plot.part import Part, part_of, shown_name
 from fourpole.quantities import Quantity
 from fourpole.study.record import section

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
-from fourpole.findings.verdicts import CheckRow, checks_by_point
+from fourpole.findings.list import CheckRow, checks_by_point
 from fourpole.fitting.rows import KEY, Key, key_of, keyed
 from fourpole.plot.cards import dynamic_cards
 from fourpole.report.digits import known, number, shown_as

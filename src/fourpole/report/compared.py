@@ -148,8 +148,8 @@ def _most_different(compared: Comparison) -> pl.DataFrame:
 
 def _figure(shown: pl.DataFrame, compared: Comparison) -> dict[str, str]:
     """The figure as a data: URL, and its condition without a frequency."""
-    from fourpole.plot.compared import draw_compared
-    from fourpole.plot.figure import figure_bytes
+    from fourpole.plot.layout import figure_bytes
+    from fourpole.plot.ride import draw_compared
     from fourpole.report.html import svg_address
 
     figure = draw_compared(shown, [compared.shown.of(one) for one in _FIGURE], compared.names)

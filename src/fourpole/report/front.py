@@ -14,8 +14,7 @@ from fourpole import units
 from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.errors import UnitError
 from fourpole.findings.conformity import Conformity, Decision, judged, outcome_of
-from fourpole.findings.facts import Facts
-from fourpole.findings.finding import Topic
+from fourpole.findings.facts import Facts, Topic
 from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, summary
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.digits import in_unit, number, with_interval

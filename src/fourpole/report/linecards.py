@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS, Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.findings.verdicts import CheckRow, kind_of
+from fourpole.findings.list import CheckRow, kind_of
 from fourpole.fitting.rows import KEY, Key, keyed, keys_of
 from fourpole.plot.cards import in_equal_ratios
 from fourpole.quantities import Quantity

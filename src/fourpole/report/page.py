@@ -14,7 +14,7 @@ from typing import Any
 from markupsafe import Markup
 
 from fourpole.core.checks import VERDICTS
-from fourpole.findings.verdicts import CheckRow, checks_by_test
+from fourpole.findings.list import CheckRow, checks_by_test
 from fourpole.io.write import write_text
 from fourpole.plot.cards import shown_rows
 from fourpole.report.cards import embedded, make_cards

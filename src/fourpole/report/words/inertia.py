@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 from fourpole import quantities as q
 from fourpole.core.specimen import Form
-from fourpole.findings.finding import Finding
-from fourpole.findings.inertia import Inertia, inertias
+from fourpole.findings.facts import Finding
+from fourpole.findings.list import Inertia, inertias
 from fourpole.quantities import Quantity
 from fourpole.report.digits import in_unit, number, shown_as
 from fourpole.report.words.phrases import SENTENCES, condition

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fourpole.findings.evidence import Effect
-from fourpole.findings.finding import UNSTATED, Finding, Holds, Key
-from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
-from fourpole.findings.trends import Extremum, Trend
+from fourpole.findings.facts import UNSTATED, Finding, Holds, Key
+from fourpole.findings.trends import Comparison, CycleLoss, Departure, Effect, Extremum, Level, Trend
 from fourpole.report.words.phrases import (
     combinations,
     condition,

@@ -11,8 +11,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.condition import FREQUENCY, axis_of
-from fourpole.findings.facts import Facts
-from fourpole.findings.finding import Holds
+from fourpole.findings.facts import Facts, Holds
 from fourpole.findings.trends import Trend, trend_of
 from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
 from fourpole.fitting.modelparts import VerdictFile

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib import resources
 from typing import Any
 
-from fourpole.findings.finding import UNSTATED, Finding, Key
+from fourpole.findings.facts import UNSTATED, Finding, Key
 from fourpole.quantities import PRELOAD, PRESSURE, Quantity
 from fourpole.report.digits import number as digits_of
 from fourpole.report.digits import shown_as

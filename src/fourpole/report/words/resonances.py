@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fourpole.findings.finding import Finding, Holds, Key
+from fourpole.findings.facts import Finding, Holds, Key
 from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
 from fourpole.report.words.phrases import (
     bar,

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from fourpole.findings.finding import Finding, Holds, Topic
-from fourpole.findings.inertia import Inertia
-from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
+from fourpole.findings.facts import Finding, Holds, Topic
+from fourpole.findings.list import Inertia, Reason, Tally
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
-from fourpole.findings.trends import Trend
-from fourpole.findings.verdicts import Reason, Tally
+from fourpole.findings.trends import Comparison, CycleLoss, Departure, Level, Trend
 from fourpole.quantities import ShownUnits
 from fourpole.report.digits import in_units
 from fourpole.report.words import resonances

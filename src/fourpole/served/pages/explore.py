@@ -19,7 +19,7 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.published import published_beside
 from fourpole.plot import FIGURES, PAPER, figures_of
 from fourpole.plot.catalogue import spec_of
-from fourpole.plot.figure import FORMATS
+from fourpole.plot.layout import FORMATS
 from fourpole.plot.over import ORDER, OVER, SHOWN, key_over
 from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import floats
