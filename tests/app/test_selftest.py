@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fourpole.report.selftest.compared import number
+from fourpole.report.selftest.cases import number
 
 
 def test_the_command_prints_a_table_and_writes_what_is_wanted(run, tmp_path):

@@ -14,8 +14,7 @@ from fourpole.findings.facts import findings_table
 from fourpole.findings.list import inertias
 from fourpole.report.front import front_page
 from fourpole.report.page import render_report
-from fourpole.report.words.inertia import inertia_table
-from fourpole.report.words.sentence import sentences
+from fourpole.report.words.sentence import inertia_table, sentences
 from fourpole.virtual import RADIAL_PLY
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from fourpole.app.group import show
 from fourpole.app.models import run_fit
 from fourpole.app.options import FitOptions
-from fourpole.app.show import show
 from fourpole.errors import FourpoleError, ModelError, TableError, UnitError
 from fourpole.export.kinds import export_results
 from fourpole.fitting.measured import read_measured

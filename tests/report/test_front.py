@@ -8,12 +8,11 @@ import pytest
 
 from fourpole.findings.conformity import judged
 from fourpole.quantities import K1, ShownUnits
-from fourpole.report.digits import in_units
+from fourpole.report.digits import bar, in_units, newton, shown
 from fourpole.report.front import conformity_table, front_page, load_of_index, verdict_line
 from fourpole.report.html import rendered
 from fourpole.report.page import PARTS, render_report
 from fourpole.report.rows import condition, words
-from fourpole.report.words.phrases import bar, newton, shown
 from fourpole.study.study import Study
 
 STATIC = pl.DataFrame(schema={"test": pl.String, "tyre": pl.String, "construction": pl.String, "verdict": pl.String})

@@ -18,9 +18,9 @@ from tests.served.server import Server, serving
 from tests.served.test_pages import LONG, opened, visiting
 from tests.unlisted import unlisted
 
+from fourpole.app.group import show
 from fourpole.app.models import run_map
 from fourpole.app.options import DataOptions
-from fourpole.app.show import show
 from fourpole.findings.compared import compare
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.query import Query, ask

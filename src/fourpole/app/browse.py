@@ -1,9 +1,10 @@
-"""The commands open and app: the report in the browser, and the server of the app; how a browser is started."""
+"""The commands open and app: the report in the browser, the server of the app, and the commands that it may start."""
 
 from __future__ import annotations
 
 import atexit
 import html
+import inspect
 import os
 import secrets
 import shlex
@@ -15,14 +16,53 @@ import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, get_args, get_origin
 from urllib.parse import urlsplit
 
 import typer
+from typer.models import OptionInfo
 
 from fourpole.app.console import out, say
+from fourpole.app.group import BROWSER, about, signature_of
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
 from fourpole.io.processes import DEVNULL, OF_SCREEN, open_by_system, program_path, start
+from fourpole.served.jobs import Asked, AskedOption
+
+#: Options that are for the terminal, or that the app states itself.
+_LEFT_OUT = {"as_json", "remote", "workers", "force"}
+
+
+def catalogue() -> tuple[Asked, ...]:
+    """The commands that take a campaign's folder and may be started from a browser."""
+    return tuple(Asked(name, about(name), tuple(_options(name))) for name in BROWSER)
+
+
+def _options(name: str) -> Iterator[AskedOption]:
+    """The options of a command that are no path."""
+    for one in signature_of(name).parameters.values():
+        kind, option = _stated(one)
+        if option is None or Path in _kinds(kind) or one.name in _LEFT_OUT:
+            continue
+        long = next((each for each in option.param_decls or () if each.startswith("--")), f"--{one.name}")
+        yield AskedOption(long.partition("/")[0].replace("_", "-"), option.help or "", flag=bool in _kinds(kind))
+
+
+def _stated(one: inspect.Parameter) -> tuple[Any, OptionInfo | None]:
+    """The type of a parameter, and what the command line says of it; None for an argument."""
+    if isinstance(one.default, OptionInfo):
+        return one.annotation, one.default
+    if get_origin(one.annotation) is Annotated:
+        kind, *more = get_args(one.annotation)
+        return kind, next((each for each in more if isinstance(each, OptionInfo)), None)
+    return one.annotation, None
+
+
+def _kinds(kind: Any) -> tuple[Any, ...]:
+    """The types of which a value may be."""
+    return get_args(kind) if isinstance(kind, UnionType) else (kind,)
+
 
 #: Time that a program has to say that it cannot show a page [s].
 _REFUSES = 1.0
@@ -130,7 +170,6 @@ def run_app(folder: Path, host: str, port: int, *, no_browser: bool, no_token: b
     try:
         import uvicorn
 
-        from fourpole.app.catalogue import catalogue
         from fourpole.served.application import application
         from fourpole.served.guard import PatientProtocol
     except ImportError as error:

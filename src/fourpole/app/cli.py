@@ -113,7 +113,7 @@ def simulate(
     say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
 
 
-@registered("init.run_init")
+@registered("check.run_init")
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of recordings in any format.")],
     force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
@@ -147,9 +147,8 @@ def analyse(
     Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Each
     of several campaigns has its own results, and one that cannot be read does not stop the others.
     """
-    from fourpole.app.campaigns import run_each
     from fourpole.app.options import allow_remote
-    from fourpole.app.standing import answer_of, results_of, settings_of, standing
+    from fourpole.app.standing import answer_of, results_of, run_each, settings_of, standing
 
     settings = settings_of(route, monte_carlo, wanted)
     allow_remote(options.remote)
@@ -343,7 +342,7 @@ def export(
     out(f"{kind}: {exported.path}")
 
 
-@registered("rig.run_rig", browser=True)
+@registered("results.run_rig", browser=True)
 def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
     """The rig as found by the joint route: values of rig and sensors, as stated and as found, and what limits you.
 
@@ -352,7 +351,7 @@ def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
     """
 
 
-@registered("compare.run_compare")
+@registered("results.run_compare")
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="Results folder, or the folder of a campaign.")],
     second: Annotated[
@@ -393,7 +392,7 @@ def twoport(
     """
 
 
-@registered("lab.run_lab")
+@registered("results.run_lab")
 def lab(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],
     place: Annotated[Path | None, typer.Option("--out", help="Folder of the data set; by default FOLDER/lab.")] = None,
@@ -406,7 +405,7 @@ def lab(
     """
 
 
-@registered("selftest.run_selftest")
+@registered("standard.run_selftest")
 def selftest(
     file: Annotated[
         Path | None, typer.Option("--out", metavar="FILE.html", help="Write a page to sign and file, and FILE.csv.")
@@ -422,7 +421,7 @@ def selftest(
     """
 
 
-@registered("plot.run_plot")
+@registered("report.run_plot")
 def plot(
     folder: ResultsFolder,
     figure: Annotated[

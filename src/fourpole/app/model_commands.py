@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # a command's annotations find these when it is built
 Purpose = Literal["mean", "next", "specimen"]
 
 
-@registered("reduced.run_identify")
+@registered("tables.run_identify")
 def identify(
     table: Annotated[Path, typer.Argument(metavar="TABLE", help="Table of any format, with a row per frequency.")],
     k1: Annotated[
@@ -52,7 +52,7 @@ def identify(
     """
 
 
-@registered("reduced.run_static")
+@registered("tables.run_static")
 def static(
     table: Annotated[Path, typer.Argument(metavar="FILE", help="Table of load and deflection, of any format.")],
     load: Annotated[float, amount("--load", "force", 'Load at which K1 is wanted, as "1000 N".')],
@@ -85,7 +85,7 @@ def predict(
     as_json: JsonFlag = False,  # noqa: ARG001 - of the answer
 ) -> Answer:
     """K*, R, I and TR that a tyre of known K1, K2 and C has on a rig."""
-    from fourpole.app.reduced import run_predict
+    from fourpole.app.tables import run_predict
     from fourpole.core.rig import Rig
 
     rig = Rig(mass, preload_stiffness, preload_damping or 0.0)
@@ -186,7 +186,7 @@ def query(
     return run_query(model_in(model), asked, file, as_json=as_json)
 
 
-@registered("shift.run_shift")
+@registered("tables.run_shift")
 def shift(
     tables: Annotated[
         list[Path],
@@ -230,7 +230,7 @@ def verify(
 
     if copy is None and (path.is_dir() or path.name == "study.json"):
         from fourpole.app.options import allow_remote
-        from fourpole.app.verify_results import run_verify_results
+        from fourpole.app.verify import run_verify_results
         from fourpole.study.verified import folder_of
 
         allow_remote(remote)

@@ -16,9 +16,10 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.answer import Answer, Part
 from fourpole.app.console import option, progress, say, warn
+from fourpole.app.group import rows_answer
 from fourpole.app.model_words import show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions, Selection, answered_in
-from fourpole.app.show import rows_answer
+from fourpole.core.digits import number
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
@@ -36,8 +37,7 @@ from fourpole.models.families import BELT, automatic, by_amplitude, model_named,
 from fourpole.models.inertial import Of
 from fourpole.models.ladder import Rung, Verdict, verdict_of
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import number
-from fourpole.report.words.models import kind_that_holds, lie_in_words
+from fourpole.report.models import kind_that_holds, lie_in_words
 from fourpole.study.record import units_beside
 from fourpole.words import first_of
 

@@ -17,6 +17,7 @@ from fourpole.app.options import RideOptions
 from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.digits import number
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.specimen import Form
 from fourpole.errors import UnitError
@@ -29,7 +30,7 @@ from fourpole.io.staging import staged
 from fourpole.io.tables.pair import read_curve, read_profile
 from fourpole.io.write import write_bytes, write_table, write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
-from fourpole.report.digits import PLUS_MINUS, number, with_u
+from fourpole.report.digits import PLUS_MINUS, with_u
 from fourpole.ride.compare import REALISED, RideComparison, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep

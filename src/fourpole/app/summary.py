@@ -12,7 +12,7 @@ from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summ
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
 from fourpole.report.digits import in_unit, in_units, with_interval
 from fourpole.report.front import verdict_line
-from fourpole.report.words.inertia import short_lines
+from fourpole.report.words.sentence import short_lines
 from fourpole.study.study import Study
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)

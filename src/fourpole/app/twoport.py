@@ -15,6 +15,7 @@ from fourpole.app.console import progress, say, warn
 from fourpole.campaign import read_campaign
 from fourpole.core.condition import AXES
 from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.digits import number
 from fourpole.core.specimen import Form
 from fourpole.core.specimenfit import UNLIKELY
 from fourpole.errors import FileError, FourpoleError
@@ -24,7 +25,7 @@ from fourpole.io.folders import make_folder
 from fourpole.io.published import published
 from fourpole.io.staging import staged
 from fourpole.io.write import write_bytes, write_table
-from fourpole.report.digits import PLUS_MINUS, number, with_u
+from fourpole.report.digits import PLUS_MINUS, with_u
 from fourpole.study.inertia import FoundBody
 from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 

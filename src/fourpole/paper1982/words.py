@@ -25,8 +25,7 @@ from fourpole.paper1982.claims import (
     Order,
     Turning,
 )
-from fourpole.report.words.levels import over, span
-from fourpole.report.words.phrases import (
+from fourpole.report.digits import (
     bar,
     combinations,
     condition,
@@ -38,6 +37,7 @@ from fourpole.report.words.phrases import (
     ranged,
     sentences_of,
 )
+from fourpole.report.words.levels import over, span
 
 _SENTENCES = sentences_of("fourpole.paper1982")
 #: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.

@@ -13,8 +13,7 @@ from fourpole import quantities as q
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, RATIO, Comparison
 from fourpole.quantities import LOSS_ANGLE, MODULUS, ShownUnits
-from fourpole.report.digits import decimals_of, rounded
-from fourpole.report.words.phrases import counted
+from fourpole.report.digits import counted, decimals_of, rounded
 from fourpole.version import VERSION
 
 _OF = {one.column: one for one in COMPARED}

@@ -12,18 +12,16 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.checks import VERDICTS, Verdict
+from fourpole.core.digits import number
 from fourpole.errors import UnitError
 from fourpole.findings.conformity import Conformity, Decision, judged, outcome_of
 from fourpole.findings.facts import Facts, Topic
 from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, summary
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.report.digits import in_unit, number, with_interval
-from fourpole.report.words.inertia import short_lines
-from fourpole.report.words.limits import Limit, limits
-from fourpole.report.words.phrases import SENTENCES, counted, joined, percent, some
+from fourpole.report.digits import SENTENCES, counted, in_unit, joined, percent, some, with_interval
+from fourpole.report.words.limits import Limit, limits, source_in_words
 from fourpole.report.words.rig import rigs_in_words
-from fourpole.report.words.sentence import Sentence
-from fourpole.report.words.sources import source_in_words
+from fourpole.report.words.sentence import Sentence, short_lines
 from fourpole.study.record import section
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts

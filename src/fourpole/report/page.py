@@ -14,21 +14,19 @@ from typing import Any
 from markupsafe import Markup
 
 from fourpole.core.checks import VERDICTS
+from fourpole.core.digits import number
 from fourpole.findings.list import CheckRow, checks_by_test
 from fourpole.io.write import write_text
 from fourpole.plot.cards import shown_rows
 from fourpole.report.cards import embedded, make_cards
-from fourpole.report.digits import in_units, number
+from fourpole.report.digits import counted, in_units, joined
 from fourpole.report.front import front_page
 from fourpole.report.html import inline, packaged, rendered, svg_address
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, channel_rows, result_rows, rig_rows, tested
-from fourpole.report.words.inertia import inertia_table
 from fourpole.report.words.limits import limits
-from fourpole.report.words.phrases import counted, joined
-from fourpole.report.words.rig import RigInWords, rigs_in_words
-from fourpole.report.words.sentence import Sentence
-from fourpole.report.words.shared_values import GROUPS
+from fourpole.report.words.rig import GROUPS, RigInWords, rigs_in_words
+from fourpole.report.words.sentence import Sentence, inertia_table
 from fourpole.study.record import section, texts
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts

@@ -13,9 +13,9 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
+from fourpole.core.digits import known, number, with_std
 from fourpole.quantities import DERIVED, RIG_VALUES, Quantity
-from fourpole.report.digits import known, number, shown_as, spread, with_std
-from fourpole.report.words.phrases import SENTENCES
+from fourpole.report.digits import SENTENCES, shown_as, spread
 from fourpole.study.record import section
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts

@@ -1,20 +1,217 @@
-"""The reference cases and campaigns: read from the package, and held against what it finds."""
+"""The reference cases and campaigns of the package, what it computes for them, and both held against each other."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
+from math import isfinite
+from pkgutil import resolve_name
 from typing import Any
 
+import numpy as np
+
+from fourpole.core.arrays import FloatArray
+from fourpole.core.chain import Geophone, HighPass, LowPass
+from fourpole.core.phasor import Phasors
+from fourpole.core.recording import Channel, Recording
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.source import reason
-from fourpole.report.selftest.calculated import calculated
-from fourpole.report.selftest.compared import Compared, failed, number, word
+from fourpole.report.html import packaged
 from fourpole.study.analysis import analyse
 from fourpole.study.study import Study
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One value, expected and found.
+
+    Attributes
+    ----------
+    check : str
+        What is checked: the heading under which values are counted.
+    function : str
+        Function of the package, or campaign and test.
+    value, unit : str
+        Name and SI unit of the value.
+    expected, found : str
+        As text, because a verdict is compared as well as a number, and an expected number may have 50 digits.
+    difference, tolerance : float or None
+        Found less expected, and the largest difference that passes, in the unit; None for texts.
+    good : bool
+        Whether the value passes.
+    """
+
+    check: str
+    function: str
+    value: str
+    unit: str
+    expected: str
+    found: str
+    difference: float | None
+    tolerance: float | None
+    good: bool
+
+    @property
+    def share(self) -> float:
+        """Size of the difference over the tolerance [1]; infinite for one that is no number or a wrong text."""
+        if self.difference is None or not isfinite(self.difference) or not self.tolerance:
+            return 0.0 if self.good else float("inf")
+        return abs(self.difference) / self.tolerance
+
+
+def number(check: str, function: str, value: str, unit: str, expected: str, found: float, tolerance: float) -> Compared:
+    """A number held against an expected one; one that is not finite never passes."""
+    difference = found - float(expected)
+    good = isfinite(difference) and abs(difference) <= tolerance
+    return Compared(check, function, value, unit, expected, repr(float(found)), difference, tolerance, good)
+
+
+def word(check: str, function: str, value: str, expected: str, found: str) -> Compared:
+    """A text held against an expected one."""
+    return Compared(check, function, value, "", expected, found, None, None, found == expected)
+
+
+def failed(check: str, function: str, value: str, why: str) -> Compared:
+    """A value that could not be computed at all."""
+    return Compared(check, function, value, "", "a value", why, None, None, False)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """All values of one check.
+
+    Attributes
+    ----------
+    check : str
+    count, bad : int
+        Number of values, and of those that do not pass.
+    largest : float [1]
+        Largest difference over its tolerance.
+    """
+
+    check: str
+    count: int
+    bad: int
+    largest: float
+
+
+def summaries(found: Sequence[Compared]) -> list[Summary]:
+    """The checks in their order, each with its values counted."""
+    groups: dict[str, list[Compared]] = {}
+    for one in found:
+        groups.setdefault(one.check, []).append(one)
+    return [
+        Summary(check, len(rows), sum(not row.good for row in rows), max(row.share for row in rows))
+        for check, rows in groups.items()
+    ]
+
+
+#: The objects and functions of calls.toml, which says what they are.
+_CALLS: dict[str, dict[str, Any]] = tomllib.loads(packaged("calls.toml", "fourpole.report.selftest"))
+#: Links of a measuring chain by their names in the cases.
+_LINKS = {"low pass": LowPass, "high pass": HighPass, "geophone": Geophone}
+
+
+def calculated(case: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a case by name; one with "Re" and "Im" in the case is complex."""
+    function, (family, _, word) = case["function"], case["function"].rpartition(" ")
+    function = function if function in _CALLS["functions"] else family
+    calls = _CALLS["functions"][function]
+    known, values = _Known(case, word), dict[str, Any]()
+    for names, call in calls.items() if isinstance(calls, dict) else [(calls[0], [function, *calls[1:]])]:
+        result = known.result(call)
+        known.setdefault(names, result)
+        parts = [names.format(one) for one in known["symbols"]] if "{" in names else names.split(", ")
+        values |= zip(parts, _flat(result), strict=False)
+    return values
+
+
+class _Known(dict[str, Any]):
+    """Inputs of a case, values that were calculated, and objects of calls.toml, made when they are first needed."""
+
+    def __init__(self, case: Mapping[str, Any], word: str) -> None:
+        super().__init__({**case, **case["inputs"], "word": word})
+        self.update({name: np.array(series) for name, series in case.get("series", {}).items()})
+        self.update({name[3:]: self[name] + 1j * self[f"Im {name[3:]}"] for name in [*self] if name[:3] == "Re "})
+        if "frequency" in self:
+            self["omega"] = 2 * np.pi * self["frequency"]
+
+    def __missing__(self, name: str) -> Any:
+        self[name] = self.result(_CALLS["objects"][name])
+        return self[name]
+
+    def result(self, call: Any) -> Any:
+        """The result of a call or an argument; calls.toml says what they are."""
+        if isinstance(call, str):
+            return call[1:] if call[:1] == "=" else self[call]
+        if isinstance(call, dict):
+            return {key: self.result(part) for key, part in call.items() if self._is_stated(part)}
+        if not isinstance(call, list):
+            return call
+        path, *arguments = call
+        named = {key: one for part in arguments if isinstance(part, dict) for key, one in self.result(part).items()}
+        if path == "of":
+            owner = self.result(arguments[0])
+            found = [getattr(owner, name) for name in arguments[1:]]
+            return found if len(found) > 1 else found[0]
+        given = [self.result(part) for part in arguments if not isinstance(part, dict)]
+        if path == "list":
+            return given
+        if path == "inputs":
+            return [self[name] for name in given[0]]
+        if path[0] == ".":
+            return getattr(given[0], path[1:])(*given[1:], **named)
+        return resolve_name(path if path.startswith("numpy.") else f"fourpole.{path}")(*given, **named)
+
+    def _is_stated(self, part: Any) -> bool:
+        return not isinstance(part, str) or part[:1] == "=" or part in self or part in _CALLS["objects"]
+
+
+def _flat(result: Any) -> Iterator[Any]:
+    """The numbers of a result in their order."""
+    if isinstance(result, tuple | list):
+        for part in result:
+            yield from _flat(part)
+    else:
+        yield from np.ravel(result)
+
+
+def phasors_of(
+    frequency: float,
+    amplitudes: Sequence[complex],
+    std: Sequence[float] = (0.0, 0.0, 0.0),
+    *,
+    common: float = 0.0,
+    frequency_std: float = 0.0,
+    dof: float = np.inf,
+) -> Phasors:
+    """The amplitudes of a test, with noise of each and with noise that V1 and V2 have in common."""
+    both = np.outer([0, 0, 1, 0, 1, 0], [0, 0, 1, 0, 1, 0]) + np.outer([0, 0, 0, 1, 0, 1], [0, 0, 0, 1, 0, 1])
+    covariance = np.diag(np.repeat(std, 2) ** 2) + common**2 * both
+    test = (np.array([one]) for one in (frequency, amplitudes, covariance, frequency_std, dof))
+    return Phasors(*test)
+
+
+def spread(covariance: FloatArray) -> list[float]:
+    """Standard uncertainties of two values of a test, and their correlation."""
+    one, other = np.sqrt(np.diag(covariance[0]))
+    return [one, other, covariance[0, 0, 1] / (one * other)]
+
+
+def recording_of(rate: float, channels: Mapping[str, Mapping[str, Any]], **samples: FloatArray) -> Recording:
+    """A recording of channels with their measuring chains."""
+    made = {}
+    for role, stated in channels.items():
+        chain = tuple(link(*stated[key]) for key, link in _LINKS.items() if key in stated)
+        others = {key: value for key, value in stated.items() if key not in _LINKS}
+        made[role] = Channel(samples[role], **others, chain=chain)
+    return Recording(rate, made)
+
 
 _EXPECTED = "expected.csv"
 

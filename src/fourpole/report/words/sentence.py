@@ -5,19 +5,82 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Any
 
+from fourpole import quantities as q
+from fourpole.core.digits import number
+from fourpole.core.specimen import Form
 from fourpole.findings.facts import Finding, Holds, Topic
-from fourpole.findings.list import Inertia, Reason, Tally
+from fourpole.findings.list import Inertia, Reason, Tally, inertias
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Comparison, CycleLoss, Departure, Level, Trend
-from fourpole.quantities import ShownUnits
-from fourpole.report.digits import in_units
-from fourpole.report.words import resonances
-from fourpole.report.words.inertia import inertia
-from fourpole.report.words.levels import comparison, cycle_loss, level, linearity, trend
-from fourpole.report.words.phrases import counted, some
+from fourpole.quantities import Quantity, ShownUnits
+from fourpole.report.digits import SENTENCES, condition, counted, in_unit, in_units, shown_as, some
+from fourpole.report.words.levels import (
+    comparison,
+    crossings,
+    cycle_loss,
+    level,
+    linearity,
+    order,
+    prediction,
+    resonance,
+    trend,
+)  # fmt: skip
+from fourpole.study.study import Study
 from fourpole.words import template
+
+_SAID: dict[str, str] = SENTENCES["inertia"]
+#: The columns of the table after the condition.
+COLUMNS = (q.BELT_MASS, q.BELT_FREE, q.BELT_HELD, q.BELT_SHARE)
+
+
+def inertia(finding: Finding, found: Inertia) -> str:
+    """The mass of a specimen, its frequencies and its springs with U, as sentences."""
+    values = {one.key: ranged_with_u(found, one) for one in COLUMNS}
+    return _SAID[found.form.value].format(name=finding.specimens[0], **values)
+
+
+def short_lines(results: Study) -> list[str]:
+    """A line for each specimen that has a mass: the mass and the frequency with the rim held."""
+    said = ((one, one.detail) for one in inertias(results))
+    return [
+        _SAID[f"short_{detail.form.value}"].format(
+            name=one.specimens[0], mass=ranged_with_u(detail, q.BELT_MASS), free=ranged_with_u(detail, q.BELT_FREE)
+        )
+        for one, detail in said
+        if isinstance(detail, Inertia)
+    ]
+
+
+def ranged_with_u(found: Inertia, quantity: Quantity) -> str:
+    """A value ± U, or the lowest and the highest one with theirs, in the unit shown; empty where there is none."""
+    seen = shown_as(quantity)
+    texts = [" ± ".join(filter(None, in_unit(one, seen))) for one in found.ends(quantity)]
+    return f"{' to '.join(dict.fromkeys(texts))} {seen.suffix}".rstrip()
+
+
+def inertia_table(results: Study) -> SimpleNamespace | None:
+    """The rows of the table of specimens with a mass; None without one."""
+    found = inertias(results)
+    rows = [
+        SimpleNamespace(
+            name=finding.specimens[0],
+            place=condition(finding.conditions.axes, key),
+            form=body.form.value,
+            cells=[
+                "–" if quantity is q.BELT_SHARE and body.form is Form.ROD else ranged_with_u(Inertia((body,)), quantity)
+                for quantity in COLUMNS
+            ],
+            evidence=number(body.row[q.BELT_EVIDENCE.head], 3),
+        )
+        for finding in found
+        if isinstance(finding.detail, Inertia)
+        for key, body in zip(finding.conditions.keys, finding.detail.bodies, strict=True)
+    ]
+    return SimpleNamespace(columns=COLUMNS, rows=rows, meaning=q.BELT_EVIDENCE.meaning) if rows else None
+
 
 __all__ = ["Sentence", "headline", "sentences"]
 
@@ -61,10 +124,10 @@ _TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
     Level: level,
     Trend: trend,
     Departure: linearity,
-    Resonance: resonances.resonance,
-    ResonanceOrder: resonances.order,
-    Crossings: resonances.crossings,
-    Prediction: resonances.prediction,
+    Resonance: resonance,
+    ResonanceOrder: order,
+    Crossings: crossings,
+    Prediction: prediction,
 }
 #: Modules of rooms above with `TEMPLATES` of their findings and a `summary` for the headline, which may be empty.
 _FURTHER = [import_module(name) for name in ("fourpole.paper1982.words",)]

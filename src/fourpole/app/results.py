@@ -1,22 +1,26 @@
-"""The command on the rig as found by the joint route: rig, sensors, and what limits the results."""
+"""The commands on what results say: the rig as found, two results compared, many campaigns gathered."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rich.text import Text
 
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import without_controls
+from fourpole.app.console import OK, SOME_REJECTED, progress, warn, without_controls
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.errors import CampaignError
+from fourpole.findings.compared import DIFFERS, NOT_SEEN, Comparison, compare
 from fourpole.io.folders import results_in
+from fourpole.io.write import write_table, write_text
+from fourpole.lab import Gathered, gather
+from fourpole.report.compared import outcome, render_compared, shown_rows
 from fourpole.report.digits import PLUS_MINUS
 from fourpole.report.words.limits import limit_rows, limits
-from fourpole.report.words.rig import RigInWords, rigs_in_words
-from fourpole.report.words.shared_values import GROUPS, ShownValue
+from fourpole.report.words.rig import GROUPS, RigInWords, ShownValue, rigs_in_words
 from fourpole.study.record import section
 from fourpole.study.results import read_results
 from fourpole.study.rig_estimate import RigFinding
@@ -38,19 +42,19 @@ def run_rig(folder: Path) -> Answer:
             f"{folder}: holds no rig.csv, {made}only the joint route finds the rig's "
             "values and the channels' gains: run fourpole analyse CAMPAIGN --route joint, with V1 and V2 measured"
         )
-    return Answer(_shown(results, found), lambda: _document(results, found))
+    return Answer(_shown(results, found), lambda: _rig_document(results, found))
 
 
 def _shown(results: Study, found: list[RigInWords]) -> Iterator[Part]:
     for at, about in enumerate(found):
         if at:
             yield ""
-        yield from _show(about)
+        yield from _show_rig(about)
     limited = [f"{f'rig {limit.rig}: ' if limit.rig else ''}{limit.text}" for limit in limits(results)]
     yield from _listed("What limits me", limited)
 
 
-def _show(about: RigInWords) -> Iterator[Part]:
+def _show_rig(about: RigInWords) -> Iterator[Part]:
     """One rig and its sensors as found."""
     if about.estimate.rig:
         yield f"Rig {about.estimate.rig}"
@@ -101,7 +105,7 @@ def _cells(value: ShownValue) -> tuple[str, ...]:
     )
 
 
-def _document(results: Study, found: list[RigInWords]) -> dict[str, Any]:
+def _rig_document(results: Study, found: list[RigInWords]) -> dict[str, Any]:
     """The printed values for programs, in SI."""
     return {
         "rigs": [
@@ -117,3 +121,80 @@ def _document(results: Study, found: list[RigInWords]) -> dict[str, Any]:
         ],
         "limits": limit_rows(limits(results)),
     }
+
+
+#: Rows that the terminal shows of each verdict.
+_MOST = 20
+
+
+def run_compare(
+    first: Path,
+    second: Path | None,
+    specimens: tuple[str, str] | None,
+    file: Path | None,
+    page: Path | None,
+    *,
+    independent: bool,
+) -> Answer:
+    """The differences, the largest first; all rows and the page are written where they are wanted."""
+    if file is not None and file.suffix.lower() != ".csv":
+        raise CampaignError(f"--out {file}: the file of all rows is CSV: name it FILE.csv; --page is the HTML page")
+    compared = compare(first, second, specimens=specimens, independent=independent)
+    if file is not None:
+        write_table(file, compared.rows)
+    if page is not None:
+        write_text(page, render_compared(compared))
+    files = [(what, path) for what, path in (("rows", file), ("page", page)) if path is not None]
+    return Answer(_show_compared(compared), lambda: _compared_document(compared), files)
+
+
+def _show_compared(compared: Comparison) -> Iterator[Part]:
+    rows = shown_rows(compared)
+    yield f"{compared.names[1]} less {compared.names[0]}; ± is U (k = 2), z the difference over u"
+    for seen, heading in ((True, DIFFERS), (False, NOT_SEEN)):
+        part = [row for row in rows if row.seen is seen]
+        if part:
+            yield ""
+            yield f"{heading} ({len(part)} of {len(rows)}):"
+            cells = [(row.where, row.quantity, row.first, row.second, row.difference, row.z) for row in part[:_MOST]]
+            heads = ("condition", "of", *map(_short, compared.names), "difference", "z")
+            yield Table(heads, cells, right=heads[2:])
+            if len(part) > _MOST:
+                yield f"... and {len(part) - _MOST} more with smaller ratios: --out FILE.csv, --page FILE.html"
+    yield ""
+    yield outcome(compared)
+    yield from compared.common
+
+
+def _short(name: str) -> str:
+    """A name of a column, as narrow as its numbers."""
+    return name if len(name) <= 8 else f"{name[:7]}…"
+
+
+def _compared_document(compared: Comparison) -> dict[str, Any]:
+    """The comparison for programs, in SI."""
+    return {
+        "first": compared.names[0],
+        "second": compared.names[1],
+        "common": list(compared.common),
+        "beyond": compared.beyond,
+        "rows": compared.rows.to_dicts(),
+    }
+
+
+def run_lab(folder: Path, place: Path | None) -> Answer:
+    """Gather results into a data set; the exit code is `SOME_REJECTED` if some were not taken."""
+    with progress("gathering") as advance:
+        made = gather(folder, place, progress=advance)
+    for problem in made.problems:
+        warn(problem)
+    code = SOME_REJECTED if made.left_out else OK
+    return Answer([_summary(made)], lambda: {**asdict(made), "folder": str(made.folder)}, code=code)
+
+
+def _summary(made: Gathered) -> str:
+    """The content of the data set, and what was done."""
+    done = [f"{made.read} read", f"{made.unchanged} unchanged"]
+    done += [f"{made.removed} no longer there"] if made.removed else []
+    done += [f"{made.left_out} not taken"] if made.left_out else []
+    return f"{made.folder}: {len(made.campaigns)} campaigns, {made.tests} rows of tests ({', '.join(done)})"
