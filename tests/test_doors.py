@@ -47,14 +47,12 @@ MAY = {
     # package data
     "report/html.py": "templates and styles, and what the browser printed",
     "app/group.py": "groups of commands",
-    "report/digits.py": "sentences",
     "report/selftest/run.py": "the reference data",
     "report/selftest/cases.py": "the reference data",
     "served/site.py": "scripts and styles",
     "export/fmi/csource.py": "the source of FMUs, and what the compiler made",
-    "plot/catalogue.py": "names and captions of figures",
     "plot/lineart.py": "drawings",
-    "words/__init__.py": "the sentences of checks",
+    "words/__init__.py": "what a package states: sentences, captions, looks",
     "io/origin.py": "the package's own repository",
     # the user's own
     "served/signals.py": "samples in the user's own cache folder",

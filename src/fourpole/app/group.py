@@ -6,7 +6,7 @@ import functools
 import inspect
 import sys
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -20,6 +20,7 @@ from fourpole.app.console import fail, out, print_json, print_table, say, table_
 
 if TYPE_CHECKING:
     import polars as pl
+    from matplotlib.figure import Figure
 
     from fourpole.quantities import ShownUnits
 
@@ -103,6 +104,19 @@ def rows_answer(
         say(f"written: {path}")
     parts = [] if file is not None else [Rows(frame, units, leave_out)]
     return Answer(parts, lambda: {"rows": frame.to_dicts()}, code=code)
+
+
+def write_with_figure(folder: Path, key: str, figure: Figure, tables: Mapping[str, pl.DataFrame]) -> list[str]:
+    """Write tables, and a figure as KEY.svg and KEY.png, into a folder; returns the names of the files."""
+    from fourpole.io.write import write_bytes, write_table
+    from fourpole.plot.layout import command_figure  # the room of figures takes a second to load
+
+    for name, table in tables.items():
+        write_table(folder / name, table)
+    forms = ("svg", "png")
+    for form in forms:
+        write_bytes(folder / f"{key}.{form}", command_figure(figure, key, form))
+    return [*tables, *(f"{key}.{form}" for form in forms)]
 
 
 Run = TypeVar("Run", bound=Callable[..., "Answer | int | None"])

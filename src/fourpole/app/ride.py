@@ -13,6 +13,7 @@ import polars as pl
 from fourpole import units
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import option, progress, say, warn
+from fourpole.app.group import write_with_figure
 from fourpole.app.options import RideOptions
 from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
@@ -28,7 +29,7 @@ from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
 from fourpole.io.folders import model_in
 from fourpole.io.staging import staged
 from fourpole.io.tables.pair import read_curve, read_profile
-from fourpole.io.write import write_bytes, write_table, write_text
+from fourpole.io.write import write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
 from fourpole.report.digits import PLUS_MINUS, with_u
 from fourpole.ride.compare import REALISED, RideComparison, compare_in_time, compare_on_class
@@ -419,13 +420,12 @@ def _written(folder: Path, asked: _Asked, found: RideComparison, notes: Sequence
     import json
 
     from fourpole.io.folders import make_folder
-    from fourpole.plot.ride import ride_figure, ride_figure_bytes
+    from fourpole.plot.ride import draw_ride, ride_figure
 
     folder = make_folder(folder)
-    figure = ride_figure(found, asked.labels, [asked.said])
+    figure = draw_ride(ride_figure(found, asked.labels, [asked.said]))
+    table = pl.DataFrame(_rows(asked, found), infer_schema_length=None)
     with staged(folder) as new:
-        write_table(new / "ride.csv", pl.DataFrame(_rows(asked, found), infer_schema_length=None))
+        write_with_figure(new, "ride", figure, {"ride.csv": table})
         write_text(new / "ride.json", json.dumps(_document(asked, found, notes), indent=1, ensure_ascii=False) + "\n")
-        for form in ("svg", "png"):
-            write_bytes(new / f"ride.{form}", ride_figure_bytes(figure, form))
     return [folder / f"ride.{form}" for form in ("csv", "json", "svg", "png")]

@@ -14,7 +14,7 @@ import polars.selectors as cs
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, progress, say, warn
-from fourpole.app.group import rows_answer
+from fourpole.app.group import rows_answer, write_with_figure
 from fourpole.app.options import RigOptions, ShiftOptions, TableChoice, answered_in
 from fourpole.core.checks import Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
@@ -44,7 +44,7 @@ from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.staging import staged
 from fourpole.io.tables.kstar import KStarTable, read_k_star
 from fourpole.io.tables.pair import read_curve
-from fourpole.io.write import write_bytes, write_table, write_text
+from fourpole.io.write import write_text
 from fourpole.models.overlap import LEVEL, LOSS, ONE_CURVE, Overlap
 from fourpole.models.shift_law import CONSTANTS, ShiftLaw
 from fourpole.quantities import ShownUnits
@@ -364,17 +364,18 @@ def _law_words(law: ShiftLaw) -> str:
 
 def _written(found: Sequence[TyreShift], folder: Path) -> list[Path]:
     """Write the files of the master curve and the figure into the folder, together; the files written."""
-    from fourpole.plot.ride import shift_figure_bytes
+    from fourpole.plot.ride import shift_figure
 
     folder.mkdir(parents=True, exist_ok=True)
     master, covariance = master_tables(found)
+    tables = {
+        MASTER: master,
+        COVARIANCE: covariance,
+        "shifts.csv": shift_table(found),
+        "overlaps.csv": overlap_table(found),
+    }
     with staged(folder, last=LAW) as new:
-        write_table(new / MASTER, master)
-        write_table(new / COVARIANCE, covariance)
+        write_with_figure(new, "shift", shift_figure(found), tables)
         sha256 = sha256_of(new / MASTER, max_bytes=MAX_FILE_BYTES)
         write_text(new / LAW, json.dumps(law_document(found, sha256), indent=1) + "\n")
-        write_table(new / "shifts.csv", shift_table(found))
-        write_table(new / "overlaps.csv", overlap_table(found))
-        for form in ("svg", "png"):
-            write_bytes(new / f"shift.{form}", shift_figure_bytes(found, form))
     return [folder / name for name in (MASTER, "shifts.csv", "overlaps.csv", LAW, "shift.svg")]

@@ -25,21 +25,11 @@ from fourpole.paper1982.claims import (
     Order,
     Turning,
 )
-from fourpole.report.digits import (
-    bar,
-    combinations,
-    condition,
-    counted,
-    joined,
-    newton,
-    percent,
-    percents,
-    ranged,
-    sentences_of,
-)
+from fourpole.report.digits import bar, combinations, condition, counted, joined, newton, percent, percents, ranged
 from fourpole.report.words.levels import over, span
+from fourpole.words import package_toml
 
-_SENTENCES = sentences_of("fourpole.paper1982")
+_SENTENCES = package_toml("fourpole.paper1982")
 #: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.
 STATEMENTS: dict[int, str] = {int(number): text for number, text in _SENTENCES["statements"].items()}
 _NEEDS: dict[Need, str] = {Need[name]: text for name, text in _SENTENCES["needs"].items()}

@@ -8,13 +8,13 @@ import textwrap
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
@@ -23,6 +23,7 @@ from fourpole.errors import CampaignError
 from fourpole.plot.data import Scale, plain_text
 from fourpole.plot.style import Marker, Style, drawing
 
+_T = TypeVar("_T")
 #: File formats of a figure.
 FORMATS = ("svg", "png", "pdf")
 _DIGITS = re.compile(rb"(\d\.\d\d)\d+")
@@ -32,6 +33,20 @@ _GROUP_NAME = re.compile(rb'<g id="[^"]*"')
 #: Sign between the id of a card and the name of a test; it occurs in no name that figures show.
 _MARK = "\u2063"
 _LINK = re.compile(rf"""<a xlink:href=(["'])(#[-a-z0-9]+){_MARK}(.*?)\1[^>]*>""".encode())
+
+
+#: Titles of the figures that commands draw, by their keys; those of results are in the catalogue.
+TITLES = {
+    "plan": "Uncertainty to expect of K*, K2 and C",
+    "ride": "Ride",
+    "shift": "Master curve",
+    "twoport": "Four poles",
+}
+
+
+def command_figure(figure: Figure, key: str, form: str = "svg", style: Style | None = None) -> bytes:
+    """The content of a file of a figure of `TITLES`, as svg, png or pdf; CampaignError for another format."""
+    return figure_bytes(figure, key, TITLES[key], form, style)
 
 
 def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style | None = None) -> bytes:
@@ -105,6 +120,17 @@ def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
+
+
+def parts_of(
+    found: Sequence[_T], most: int, size: tuple[float, float], what: str
+) -> tuple[Figure, list[tuple[_T, SubFigure]], str]:
+    """A figure with a part for each of the first `most`, of this size [in]; the note that these are not all."""
+    shown = found[:most]
+    figure = Figure(figsize=(size[0], size[1] * len(shown)))
+    parts = np.atleast_1d(np.asarray(figure.subfigures(len(shown), 1), dtype=object)).tolist()
+    left_out = f" ({len(shown)} of {len(found)} {what})" if len(shown) < len(found) else ""
+    return figure, list(zip(shown, parts, strict=True)), left_out
 
 
 @dataclass

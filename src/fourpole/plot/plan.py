@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,16 +18,12 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.core.plan import PLAN_ROUTES
 from fourpole.core.specimen import Form
-from fourpole.io.write import write_bytes
 from fourpole.plot.data import plain_text
-from fourpole.plot.layout import Grid, Key, figure_bytes
+from fourpole.plot.layout import Grid, Key, parts_of
 from fourpole.plot.panels import numbered, power_of_ten
 from fourpole.plot.style import Dashes, Style, drawing, mixed
 from fourpole.study.twoports import TwoPort
 
-_KEY = "plan"
-#: Title of the figure.
-PLAN_TITLE = "Uncertainty to expect of K*, K2 and C"
 _COLUMNS = ((q.K_STAR.relative_head, "K*"), (q.K2.relative_head, "K2"), (q.C.relative_head, "C"))
 #: Heads of the uncertainty that K1 contributes, and of the value that it is divided by.
 _OF_K1 = {"K2": (q.K2.u_head_from(q.K1), q.K2.head), "C": (q.C.u_head_from(q.K1), q.C.head)}
@@ -74,7 +69,7 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
         the conditions for the joint route with the rig as stated.
     """
     style = style or Style()
-    with drawing(style, _KEY):
+    with drawing(style, "plan"):
         grid = Grid.of(len(_COLUMNS), len(_COLUMNS), panel_height=2.9, style=style)
         key, notes = Key(), list[str]()
         curves = list(_curves(frame, style))
@@ -157,42 +152,6 @@ def _same_limits(panels: list[Axes], style: Style) -> None:
         numbered(ax, "y", most=5)
 
 
-def plan_figure_svg(figure: Figure) -> str:
-    """The figure that `draw_plan` returned as a whole SVG file."""
-    return figure_bytes(figure, _KEY, PLAN_TITLE, "svg").decode()
-
-
-def write_plan_figure(figure: Figure, path: str | Path, style: Style | None = None) -> Path:
-    """Write the figure in one step; the same plan gives the same bytes.
-
-    Parameters
-    ----------
-    figure : Figure
-        A figure that `draw_plan` returned.
-    path : path
-        The file; its name ends in .svg, .png or .pdf.
-    style : Style, optional
-        The style that the figure was drawn with.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    CampaignError
-        If the name has another ending.
-    FileError
-        If the file cannot be written.
-    """
-    path = Path(path)
-    write_bytes(path, figure_bytes(figure, _KEY, PLAN_TITLE, path.suffix.lower().removeprefix("."), style))
-    return path
-
-
-#: Key of the figure in its files.
-_POLES_KEY = "twoport"
 _SIZE = (7.6, 6.4)
 #: Largest number of conditions in one figure.
 _MOST = 6
@@ -201,21 +160,13 @@ _POINTS = 400
 _SHOWN = {"k11": 0, "k12": 1, "k22": 3}
 
 
-def two_port_figure_bytes(found: Sequence[TwoPort], form: str, style: Style | None = None) -> bytes:
-    """The content of a file of the figure, as svg, png or pdf; CampaignError for another format."""
-    look = style or Style()
-    with drawing(look, _POLES_KEY):
-        return figure_bytes(two_port_figure(found, look), _POLES_KEY, "Four poles", form, look)
-
-
-def two_port_figure(found: Sequence[TwoPort], style: Style) -> Figure:
+def two_port_figure(found: Sequence[TwoPort], style: Style | None = None) -> Figure:
     """The four poles of each condition, below each other; of many conditions those of the first ones."""
-    shown = found[:_MOST]
-    figure = Figure(figsize=(_SIZE[0], _SIZE[1] * len(shown)))
-    parts = np.atleast_1d(np.asarray(figure.subfigures(len(shown), 1), dtype=object))
-    for at, (two_port, part) in enumerate(zip(shown, parts.tolist(), strict=True)):
-        left_out = f" ({len(shown)} of {len(found)} conditions)" if len(shown) < len(found) and at == 0 else ""
-        _draw_poles(part, two_port, style, left_out)
+    style = style or Style()
+    with drawing(style, "twoport"):
+        figure, parts, left_out = parts_of(found, _MOST, _SIZE, "conditions")
+        for at, (two_port, part) in enumerate(parts):
+            _draw_poles(part, two_port, style, "" if at else left_out)
     return figure
 
 

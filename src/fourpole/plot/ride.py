@@ -17,15 +17,13 @@ from fourpole.core.confidence import COVERAGE_FACTOR, NORMAL_95
 from fourpole.fitting.shifting import TyreShift
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, plain_text
 from fourpole.plot.drawn import figure_of
-from fourpole.plot.layout import WIDTH, figure_bytes, new_figure
+from fourpole.plot.layout import WIDTH, new_figure, parts_of
 from fourpole.plot.panels import power_of_ten
 from fourpole.plot.style import Style, drawing
 from fourpole.quantities import Quantity
 from fourpole.ride.comfort import weighting
 from fourpole.ride.compare import RideComparison
 
-#: Key of the figure in its files, and its title.
-KEY, TITLE = "ride", "Ride"
 #: Largest number of tyres that are drawn, of points of a curve, and range of spectra that is shown.
 _MOST, _POINTS, _DECADES = 6, 5000, 1e-3
 #: Length of a ride that is shown whole, and of the part that is shown of a longer one [s].
@@ -103,11 +101,11 @@ def _thinned(values: FloatArray) -> FloatArray:
     return values[:: -(-values.size // _POINTS)]
 
 
-def ride_figure_bytes(data: FigureData, form: str, style: Style | None = None) -> bytes:
-    """The content of a file of the figure, as svg, png or pdf; CampaignError for another format."""
-    look = style or Style()
-    with drawing(look, KEY):
-        return figure_bytes(figure_of(data, look), KEY, TITLE, form, look)
+def draw_ride(data: FigureData, style: Style | None = None) -> Figure:
+    """A matplotlib figure of what `ride_figure` returned."""
+    style = style or Style()
+    with drawing(style, "ride"):
+        return figure_of(data, style)
 
 
 _HEIGHT, _LONGEST = 4.3, 40
@@ -166,8 +164,6 @@ def _difference(axes: Axes, rows: pl.DataFrame, quantity: Quantity, style: Style
     axes.set_ylabel(f"difference [{quantity.shown}]")
 
 
-#: Key of the figure in its files.
-_SHIFT_KEY = "shift"
 _SIZE = (7.6, 6.2)
 #: Number of isotherms beyond which the key names only some of them.
 _MOST_NAMED = 8
@@ -177,23 +173,13 @@ _MOST_TYRES = 6
 _MARKER = 3.4
 
 
-def shift_figure_bytes(found: Sequence[TyreShift], form: str, style: Style | None = None) -> bytes:
-    """The content of a file of the figure, as svg, png or pdf; CampaignError for another format."""
-    look = style or Style()
-    with drawing(look, _SHIFT_KEY):
-        figure = shift_figure(found, look)
-        return figure_bytes(figure, _SHIFT_KEY, "Master curve", form, look)
-
-
-def shift_figure(found: Sequence[TyreShift], style: Style) -> Figure:
+def shift_figure(found: Sequence[TyreShift], style: Style | None = None) -> Figure:
     """The master curve of each specimen, below each other; of many specimens those of the first ones."""
-    shown = found[:_MOST_TYRES]
-    width, height = _SIZE
-    figure = Figure(figsize=(width, height * len(shown)))
-    parts = np.atleast_1d(np.asarray(figure.subfigures(len(shown), 1), dtype=object))
-    for at, (one, part) in enumerate(zip(shown, parts.tolist(), strict=True)):
-        left_out = f" ({len(shown)} of {len(found)} specimens)" if len(shown) < len(found) and at == 0 else ""
-        _draw(part, one, style, left_out)
+    style = style or Style()
+    with drawing(style, "shift"):
+        figure, parts, left_out = parts_of(found, _MOST_TYRES, _SIZE, "specimens")
+        for at, (one, part) in enumerate(parts):
+            _draw(part, one, style, "" if at else left_out)
     return figure
 
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import fixed, known, number, with_std
 from fourpole.findings.facts import UNSTATED, Estimate, Finding, Key
 from fourpole.quantities import PRELOAD, PRESSURE, Quantity, ShownUnits
-from fourpole.words import first_of
+from fourpole.words import first_of, package_toml
 
 #: Up to this number values are listed one by one; more are given as a range.
 _LISTED = 8
@@ -147,13 +145,8 @@ def shown_as(quantity: Quantity) -> Quantity:
     return _UNITS.get().of(quantity)
 
 
-def sentences_of(package: str) -> dict[str, Any]:
-    """Sentences as data, by their table; words.toml of the package says what each is."""
-    return tomllib.loads(resources.files(package).joinpath("words.toml").read_text(encoding="utf-8"))
-
-
 #: Sentences of the report.
-SENTENCES = sentences_of("fourpole.report.words")
+SENTENCES = package_toml("fourpole.report.words")
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
 
 

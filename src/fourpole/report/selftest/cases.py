@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -21,9 +20,9 @@ from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel, Recording
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.source import reason
-from fourpole.report.html import packaged
 from fourpole.study.analysis import analyse
 from fourpole.study.study import Study
+from fourpole.words import package_toml
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,7 @@ def summaries(found: Sequence[Compared]) -> list[Summary]:
 
 
 #: The objects and functions of calls.toml, which says what they are.
-_CALLS: dict[str, dict[str, Any]] = tomllib.loads(packaged("calls.toml", "fourpole.report.selftest"))
+_CALLS: dict[str, dict[str, Any]] = package_toml("fourpole.report.selftest", "calls.toml")
 #: Links of a measuring chain by their names in the cases.
 _LINKS = {"low pass": LowPass, "high pass": HighPass, "geophone": Geophone}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -28,9 +27,10 @@ from fourpole.report.html import packaged, rendered
 from fourpole.study.record import section, stated_blocked
 from fourpole.study.study import Study
 from fourpole.version import VERSION
+from fourpole.words import package_toml
 
 #: What standards.toml says: a note, the words of what is measured, and the standards by their names.
-STATED: dict[str, Any] = tomllib.loads(packaged("standards.toml", "fourpole.report.standards"))
+STATED: dict[str, Any] = package_toml("fourpole.report.standards", "standards.toml")
 #: What the answers are worth, in the page and in the terminal.
 NOTE: str = STATED["note"]
 

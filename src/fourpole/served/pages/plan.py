@@ -17,7 +17,8 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.planning.expected import Guess
 from fourpole.planning.plan import CampaignPlan, Run, plan_campaign, plan_table
 from fourpole.planning.runsheet import run_sheet
-from fourpole.plot.plan import PLAN_TITLE, draw_plan, plan_figure_svg
+from fourpole.plot.layout import TITLES, command_figure
+from fourpole.plot.plan import draw_plan
 from fourpole.report.page import ReportFigure
 from fourpole.report.words.plan import advice_in_words, expected_tables
 from fourpole.served.held import Latest
@@ -88,14 +89,14 @@ def _expected(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, A
     wanted = _stated(asked).get("wanted")
     advice = [] if wanted is None else [advise(item.plan, wanted, masses=masses or MASSES) for item in planned.rigs]
     with site.drawing:
-        svg = plan_figure_svg(draw_plan(frame, wanted=wanted))
+        svg = command_figure(draw_plan(frame, wanted=wanted), "plan").decode()
     return {
         "campaign": place,
         "fault": "",
         "notes": planned.notes,
         "advice": advice_in_words(planned, advice),
         "expected": expected_tables(frame),
-        "figure": ReportFigure("plan", PLAN_TITLE, "", svg),
+        "figure": ReportFigure("plan", TITLES["plan"], "", svg),
     }
 
 
