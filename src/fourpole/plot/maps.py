@@ -143,8 +143,8 @@ def _cuts(entry: MapEntry, sheet: Sheet, file: ModelFile) -> list[_Cut]:
 
 def _levels(axis: Axis, values: FloatArray) -> list[tuple[float, BoolArray]]:
     """Distinct values on an axis in rising order, each with a mask of the points that have it."""
-    groups = axis.groups(values.tolist())
-    return [(float(np.median(values[groups == at])), groups == at) for at in np.unique(groups)]
+    groups, middles = axis.middles(values)
+    return [(middle, groups == at) for at, middle in enumerate(middles)]
 
 
 def _has_arm(sheet: Sheet, panels: Sequence[_Cut]) -> bool:

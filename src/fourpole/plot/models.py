@@ -213,9 +213,7 @@ def over_amplitude(results: Study) -> FigureData | None:
 
 def _frequencies(found: Sequence[Drawn], sheet: Sheet) -> list[float]:
     """A few of the tested frequencies [Hz], rising."""
-    own = sheet.values(q.FREQUENCY.head)[np.any([_rows(one, sheet) for one in found], axis=0)]
-    label = FREQUENCY.groups(own.tolist())
-    tested = [float(np.median(own[label == one])) for one in np.unique(label)]
+    _, tested = FREQUENCY.middles(sheet.values(q.FREQUENCY.head)[np.any([_rows(one, sheet) for one in found], axis=0)])
     return [tested[at] for at in spread(len(tested), _FREQUENCIES)]
 
 

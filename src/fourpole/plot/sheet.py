@@ -196,14 +196,10 @@ def grouped(values: FloatArray, axis: Axis, label: Callable[[float, int], str]) 
 
     The value of a group is the median of its members; `label` makes a text of it with a number of digits.
     """
-    known = np.isfinite(values)
-    at: IntArray = axis.groups(value if np.isfinite(value) else None for value in values.tolist())
-    middles = [float(np.median(values[at == group])) for group in np.unique(at[known])]
-    labels = _distinct_labels(middles, label)
-    if not known.all():
-        middles.append(math.nan)
-        labels.append("not stated")
-    return Groups(tuple(middles), tuple(labels)), at
+    groups, middles = axis.middles(values)
+    stated = [middle for middle in middles if not math.isnan(middle)]
+    labels = [*_distinct_labels(stated, label), *["not stated"] * (len(middles) - len(stated))]
+    return Groups(tuple(middles), tuple(labels)), groups
 
 
 def _distinct_labels(values: Sequence[float], label: Callable[[float, int], str]) -> list[str]:

@@ -298,9 +298,8 @@ def _states(results: Study, sheet: Sheet) -> list[State]:
 
 def _same(values: Sequence[FloatArray], axis: Axis) -> list[float]:
     """The value of each condition on an axis; values that are the same are replaced by their median."""
-    middles = [_middle(one) for one in values]
-    groups = axis.groups(None if np.isnan(one) else one for one in middles)
-    return [float(np.median(np.array(middles)[groups == group])) for group in groups]
+    groups, middles = axis.middles(np.array([_middle(one) for one in values]))
+    return [middles[group] for group in groups.tolist()]
 
 
 def _middle(values: FloatArray) -> float:

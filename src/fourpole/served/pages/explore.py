@@ -164,9 +164,7 @@ def _selects(results: Study) -> Mapping[str, list[str]]:
     found = {"specimen": list(dict.fromkeys(n for t in tables if "tyre" in t.columns for n in t["tyre"] if n))}
     for axis in AXES:
         values = np.concatenate([floats(table, axis.column) for table in tables])
-        values = values[np.isfinite(values)]
-        groups = axis.groups(values.tolist())
-        middles = [float(np.median(values[groups == at])) for at in np.unique(groups)]
+        _, middles = axis.middles(values[np.isfinite(values)])
         found[axis.name] = list(dict.fromkeys(place_text(results, axis.column, one) for one in middles))
     return {name: values for name, values in found.items() if len(values) > 1}
 

@@ -25,18 +25,10 @@ from fourpole.served.held import Latest
 from fourpole.served.site import Site, attachment
 from fourpole.served.workspace import Place, state_of, version_of
 from fourpole.units import quantity
+from fourpole.words import package_toml
 
 #: Fields of the form: what is asked, kind of quantity, whether zero is a value, and an example.
-FIELDS = {
-    "wanted": ("Wanted uncertainty of K2 and C", "ratio", False, "1 %"),
-    "k1": ("Guessed K1", "stiffness", False, "as 180 kN/m"),
-    "k2": ("Guessed K2", "stiffness", False, "as 120 kN/m"),
-    "c": ("Guessed C", "damping", False, "as 700 N s/m"),
-    "std_k1": ("u(K1)", "ratio", True, "2 %, or as found"),
-    "noise": ("Noise of an amplitude at 40 cycles", "ratio", True, "0.01 %"),
-    "cycles": ("Cycles per test", "", False, "40"),
-    "eccentricity": ("Amplitude of the contact", "displacement", False, "1 mm"),
-}
+FIELDS: dict[str, tuple[str, str, bool, str]] = package_toml("fourpole.served")["plan"]
 #: Largest number of repeats of a run sheet, and of added masses.
 _MOST_REPEATS, _MOST_MASSES = 100, 8
 #: Number of plans that are held.

@@ -21,6 +21,7 @@ from fourpole.served.jobs import Job, Jobs, Phase, asked_named
 from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import Place
 from fourpole.units import shown
+from fourpole.words import package_toml
 
 #: What a page shows of a job, whenever it changes.
 Documents: TypeAlias = Callable[[Place, Job], AsyncIterator[dict[str, Any]]]
@@ -53,19 +54,9 @@ async def _as_events(documents: AsyncIterator[dict[str, Any]]) -> AsyncIterator[
         yield f"data: {json.dumps(document)}\n\n"
 
 
-#: The commands that a page may start, with the options that it may give, as patterns.
-COMMANDS = {
-    "analyse": r"--models|--no-models",
-    "init": r"--force",
-    "fit": r"--(model|share|static)=\w[\w:.+-]{0,39}",
-    "map": r"--model=\w[\w:.+-]{0,39}",
-}
-#: What a command is called on the page while it runs.
-_DOING = {"analyse": "Analysing", "init": "Looking at the files", "fit": "Fitting models", "map": "Fitting the map"}
-#: The page that shows what a command made.
-_NEXT = {"init": ("statement",), "fit": ("model",), "map": ("model",)}
-#: What the button to that page says.
-_CALLED = {"init": "Check the guess", "analyse": "Show the results"}
+#: The commands that the page Run may start: pattern of their options, what each is called while it runs, the page that
+#: shows what it made, and what the button to that page says.
+COMMANDS: dict[str, tuple[str, str, list[str], str]] = package_toml("fourpole.served")["run"]
 
 
 def run_routes(site: Site) -> list[Route]:
@@ -75,7 +66,7 @@ def run_routes(site: Site) -> list[Route]:
         job = site.jobs.of(place)
         return {
             "job": job,
-            "doing": _DOING.get(job.name, job.name) if job else "",
+            "doing": COMMANDS[job.name][1] if job else "",
             "document": Markup(embedded(_document(site, place, job))) if job else "",
         }
 
@@ -84,7 +75,7 @@ def run_routes(site: Site) -> list[Route]:
         command = str(form.get("command")) if isinstance(form, dict) else ""
         options = form.get("options", []) if isinstance(form, dict) else []
         known = command in COMMANDS and isinstance(options, list)
-        if not known or not all(re.fullmatch(COMMANDS[command], str(one)) for one in options):
+        if not known or not all(re.fullmatch(COMMANDS[command][0], str(one)) for one in options):
             raise CampaignError(f"no command {shown(command)} with these options can be started here")
         site.jobs.start(place, command, *map(str, options))
         return Response(status_code=204)
@@ -110,16 +101,16 @@ def _document(site: Site, place: Place, job: Job, told: int = 0) -> dict[str, An
     """What the page shows of a job, with the tests that it does not have yet."""
     tests = list(job.tests.items())[told:]
     done = job.phase is Phase.DONE
-    following = address(place, *_NEXT.get(job.name, ()))
+    _, _, following, called = COMMANDS[job.name]
     return {
         "phase": job.phase,
         "before": site.jobs.before(job) if job.phase is Phase.WAITING else 0,
         "task": job.task,
         "tests": [{"test": name, **said, "address": address(place, "tests", name)} for name, said in tests],
         "messages": list(job.messages),
-        "next": following if done else "",
+        "next": address(place, *following) if done else "",
         "command": job.name,
-        "called": _CALLED.get(job.name, "Show the model"),
+        "called": called,
     }
 
 
