@@ -47,6 +47,7 @@ MAY = {
     # package data
     "report/html.py": "templates and styles, and what the browser printed",
     "app/group.py": "groups of commands",
+    "app/options.py": "the words of options",
     "report/selftest/run.py": "the reference data",
     "report/selftest/cases.py": "the reference data",
     "served/site.py": "scripts and styles",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import html
-import inspect
 import os
 import secrets
 import shlex
@@ -17,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, get_args, get_origin
+from typing import Any, get_args
 from urllib.parse import urlsplit
 
 import typer
@@ -42,21 +41,11 @@ def catalogue() -> tuple[Asked, ...]:
 def _options(name: str) -> Iterator[AskedOption]:
     """The options of a command that are no path."""
     for one in signature_of(name).parameters.values():
-        kind, option = _stated(one)
-        if option is None or Path in _kinds(kind) or one.name in _LEFT_OUT:
+        kind, option = one.annotation, one.default
+        if not isinstance(option, OptionInfo) or Path in _kinds(kind) or one.name in _LEFT_OUT:
             continue
         long = next((each for each in option.param_decls or () if each.startswith("--")), f"--{one.name}")
         yield AskedOption(long.partition("/")[0].replace("_", "-"), option.help or "", flag=bool in _kinds(kind))
-
-
-def _stated(one: inspect.Parameter) -> tuple[Any, OptionInfo | None]:
-    """The type of a parameter, and what the command line says of it; None for an argument."""
-    if isinstance(one.default, OptionInfo):
-        return one.annotation, one.default
-    if get_origin(one.annotation) is Annotated:
-        kind, *more = get_args(one.annotation)
-        return kind, next((each for each in more if isinstance(each, OptionInfo)), None)
-    return one.annotation, None
 
 
 def _kinds(kind: Any) -> tuple[Any, ...]:

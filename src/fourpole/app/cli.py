@@ -19,35 +19,14 @@ from fourpole.version import VERSION
 if TYPE_CHECKING:  # a command's annotations find these when it is built
     from fourpole.app.options import (
         BareRig,
-        CampaignFolder,
         InfoOptions,
-        JsonFlag,
-        NamePatterns,
         PlanOptions,
         PlotOptions,
         PointOptions,
-        RemoteFlag,
-        ResultsFolder,
         RunOptions,
         ShapeOptions,
         Wanted,
     )
-    from fourpole.export.kinds import ABOUT
-
-Recording = Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")]
-_ROUTES = (
-    "How K* is found: joint (all tests of a rig together), mobility (F1, V1 and the rig), relative (F1, V1, V2), "
-    "transmissibility (V1, V2 and the rig)."
-)
-_DRAWS = "Monte Carlo trials for intervals of K2 and C that are not normal; 0: none."
-Theme = Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")]
-PngFlag = Annotated[bool, typer.Option("--png", help="Write each figure as PNG, too.")]
-PaperFlag = Annotated[bool, typer.Option("--paper", help="With the figures of the 1982 paper, too.")]
-
-Processes = Annotated[
-    int | None,
-    typer.Option("--workers", metavar="N", min=1, help="Processes that read recordings; by default as many as pay."),
-]
 
 app = typer.Typer(
     name="fourpole",
@@ -81,25 +60,13 @@ def _root(
 
 @registered("analysis.run_demo")
 def demo(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the campaign.")] = Path("fourpole-demo"),
-    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's noise.")] = 1982,
-    workers: Processes = None,
-    as_json: JsonFlag = False,
+    folder: Path = Path("fourpole-demo"), seed: int = 1982, workers: int | None = None, as_json: bool = False
 ) -> None:
     """Make a campaign of the 1982 paper's kind on the virtual rig, analyse it, and print the findings."""
 
 
 @registered()
-def simulate(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder for the campaign.")],
-    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1982,
-    clean: Annotated[bool, typer.Option("--clean", help="Without noise and sensor errors.")] = False,
-    car: Annotated[
-        bool,
-        typer.Option("--car", help="Of a car's tyre with a belt of 7 kg, with 10 kg of added mass in half the tests."),
-    ] = False,
-    massless: Annotated[bool, typer.Option("--massless", help="Tyres without a mass, as in the 1982 paper.")] = False,
-) -> None:
+def simulate(folder: Path, seed: int = 1982, clean: bool = False, car: bool = False, massless: bool = False) -> None:
     """Record a whole campaign on the virtual rigs: campaign.toml, tests.csv, recordings and truth.csv."""
     from fourpole.virtual import BELTED, CAR_TYRE, CROSS_PLY, RADIAL_PLY, simulate_campaign
 
@@ -114,12 +81,7 @@ def simulate(
 
 
 @registered("check.run_init")
-def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of recordings in any format.")],
-    force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
-    pattern: NamePatterns = None,
-    as_json: JsonFlag = False,
-) -> None:
+def init(folder: Path, force: bool = False, pattern: list[str] | None = None, as_json: bool = False) -> None:
     """Make a campaign from a bare folder of recordings: guess channels, kinds and conditions, and list each doubt.
 
     The names of files and folders, headers, notes beside them and the signals are read. Then campaign.toml and
@@ -129,18 +91,14 @@ def init(
 
 @registered()
 def analyse(
-    campaigns: Annotated[
-        list[Path], typer.Argument(metavar="CAMPAIGN", help="Folders with campaign.toml and tests.csv.")
-    ],
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the results; by default CAMPAIGN/results.")
-    ] = None,
-    route: Annotated[str, typer.Option(help=_ROUTES)] = "joint",
-    monte_carlo: Annotated[int, typer.Option(metavar="N", min=0, max=10_000_000, help=_DRAWS)] = 10_000,
+    campaigns: list[Path],
+    folder: Path | None = None,
+    route: str = "joint",
+    monte_carlo: int = 10000,
     *,
     wanted: Wanted,
     options: RunOptions,
-    as_json: JsonFlag = False,
+    as_json: bool = False,
 ) -> Answer:
     """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
 
@@ -165,22 +123,18 @@ def analyse(
 
 
 @registered("browse.run_open")
-def open_(folder: ResultsFolder) -> None:
+def open_(folder: Path) -> None:
     """Show the report of a campaign in the browser, and print its path."""
 
 
 @registered("browse.run_app")
 def app_(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with campaigns in it or below it.")] = Path(),
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; by default a free one.")] = 0,
-    host: Annotated[
-        str, typer.Option(help="Address to listen at; with 0.0.0.0 other machines reach it, without encryption.")
-    ] = "127.0.0.1",
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the browser.")] = False,
-    no_token: Annotated[
-        bool, typer.Option("--no-token", help="Let everyone who reaches the address use it, without its token.")
-    ] = False,
-    remote: RemoteFlag = False,
+    folder: Path = Path(),
+    port: int = 0,
+    host: str = "127.0.0.1",
+    no_browser: bool = False,
+    no_token: bool = False,
+    remote: bool = False,
 ) -> None:
     """Open the app in the browser: drop recordings, state, analyse, look at every test, results and models.
 
@@ -190,7 +144,7 @@ def app_(
 
 
 @registered("watching.run_watch")
-def watch(campaign: CampaignFolder, remote: RemoteFlag = False, as_json: JsonFlag = False) -> None:
+def watch(campaign: Path, remote: bool = False, as_json: bool = False) -> None:
     """Judge each recording as a logger writes it into a campaign's folder, while the specimen is on the rig.
 
     A recording is judged by itself, and with the rig as the last analysis found it. One that tests.csv does not name
@@ -200,11 +154,7 @@ def watch(campaign: CampaignFolder, remote: RemoteFlag = False, as_json: JsonFla
 
 @registered("check.run_check", browser=True)
 def check(
-    campaign: CampaignFolder,
-    route: Annotated[str, typer.Option(help="Route of the analysis to come; see analyse.")] = "joint",
-    workers: Processes = None,
-    remote: RemoteFlag = False,
-    as_json: JsonFlag = False,
+    campaign: Path, route: str = "joint", workers: int | None = None, remote: bool = False, as_json: bool = False
 ) -> None:
     """Check a campaign without analysing it: files, channels, units, times, K1, duplicates.
 
@@ -213,7 +163,7 @@ def check(
 
 
 @registered("info.run_info")
-def info(file: Recording, *, options: InfoOptions, as_json: JsonFlag = False) -> None:
+def info(file: Path, *, options: InfoOptions, as_json: bool = False) -> None:
     """Show what a file holds: its format, its channels with units, rates, ranges and gaps, and an outline of each.
 
     Column `line`: the frequency with the largest share of the channel's variance. Only the first 64 channels of a file
@@ -223,19 +173,7 @@ def info(file: Recording, *, options: InfoOptions, as_json: JsonFlag = False) ->
 
 @registered()
 def convert(
-    file: Recording,
-    target: Annotated[
-        Path,
-        typer.Argument(
-            metavar="OUT",
-            help="File to write; its ending is the format: .csv .parquet .mf4 .tdms .uff .unv .mat .h5 .wav .tdx .tyd",
-        ),
-    ],
-    group: Annotated[str, typer.Option(help="Only the channels of this group.")] = "",
-    channels: Annotated[str, typer.Option(help="Only these channels, with commas between.")] = "",
-    window: Annotated[str, typer.Option(help='Only these times in seconds, as "2..12".')] = "",
-    kind: Annotated[str, typer.Option("--to", metavar="KIND", help="Format, if the ending of OUT is another.")] = "",
-    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there.")] = False,
+    file: Path, target: Path, group: str = "", channels: str = "", window: str = "", kind: str = "", force: bool = False
 ) -> None:
     """Write a recording in another format, with its units, times and groups, every sample as it is.
 
@@ -255,17 +193,12 @@ def convert(
 
 @registered("plan.run_plan")
 def plan(
-    campaign: Annotated[
-        Path | None,
-        typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv, if there is one."),
-    ] = None,
+    campaign: Path | None = None,
     *,
     options: PlanOptions,
     bare: BareRig,
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for table and figure; by default CAMPAIGN/plan.")
-    ] = None,
-    as_json: JsonFlag = False,
+    folder: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Before testing: the uncertainty of K*, K2 and C to expect by each route, with and without an added mass.
 
@@ -277,15 +210,13 @@ def plan(
 
 @registered()
 def report(
-    folder: ResultsFolder,
-    theme: Theme = "light",
-    png: PngFlag = False,
-    paper: PaperFlag = False,
-    pdf: Annotated[bool, typer.Option("--pdf", help="Print report.pdf, by Chromium, Chrome or Edge.")] = False,
-    standard: Annotated[
-        str, typer.Option(metavar="NAME", help="Hold the results against sae-j1085, iso-7626-2 or iso-10846-2 instead.")
-    ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="With --standard: print one JSON document.")] = False,  # noqa: ARG001
+    folder: Path,
+    theme: str = "light",
+    png: bool = False,
+    paper: bool = False,
+    pdf: bool = False,
+    standard: str = "",
+    as_json: bool = False,  # noqa: ARG001 - of the answer
 ) -> Answer | None:
     """Make the figures and report.html again from the result tables, without reading the recordings.
 
@@ -308,14 +239,7 @@ def report(
 
 
 @registered()
-def export(
-    folder: Annotated[Path, typer.Argument(metavar="SOURCE", help="Results folder, or model file that fit wrote.")],
-    kind: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{ABOUT}.")],
-    file: Annotated[Path | None, typer.Option("--out", help="File or folder to write; by default in SOURCE.")] = None,
-    *,
-    asked: PointOptions,
-    specimen: ShapeOptions,
-) -> None:
+def export(folder: Path, kind: str, file: Path | None = None, *, asked: PointOptions, specimen: ShapeOptions) -> None:
     """Write the results for another tool, or a model for an FE program or a vehicle simulation.
 
     Results: a workbook, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV; .tir and look-up
@@ -343,7 +267,7 @@ def export(
 
 
 @registered("results.run_rig", browser=True)
-def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
+def rig(folder: Path, as_json: bool = False) -> None:
     """The rig as found by the joint route: values of rig and sensors, as stated and as found, and what limits you.
 
     The command also says whether the rig as stated fits, what would explain a misfit, and which errors these data
@@ -353,19 +277,13 @@ def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
 
 @registered("results.run_compare")
 def compare(
-    first: Annotated[Path, typer.Argument(metavar="A", help="Results folder, or the folder of a campaign.")],
-    second: Annotated[
-        Path | None, typer.Argument(metavar="B", help="The other one; without it, two specimens of A.")
-    ] = None,
-    specimens: Annotated[
-        tuple[str, str] | None, typer.Option(metavar="X Y", help="A specimen of A and one of B, or two of A.")
-    ] = None,
-    independent: Annotated[
-        bool, typer.Option("--independent", help="Take no error as common: sensors were exchanged or calibrated.")
-    ] = False,
-    file: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write all rows, in SI.")] = None,
-    page: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a page with a figure.")] = None,
-    as_json: JsonFlag = False,
+    first: Path,
+    second: Path | None = None,
+    specimens: tuple[str, str] | None = None,
+    independent: bool = False,
+    file: Path | None = None,
+    page: Path | None = None,
+    as_json: bool = False,
 ) -> None:
     """Compare two runs or two specimens: B less A over its uncertainty, where common errors cancel.
 
@@ -376,13 +294,7 @@ def compare(
 
 @registered("twoport.run_twoport", browser=True)
 def twoport(
-    campaign: CampaignFolder,
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for table, figure and UFF; by default CAMPAIGN/twoport.")
-    ] = None,
-    workers: Processes = None,
-    remote: RemoteFlag = False,
-    as_json: JsonFlag = False,
+    campaign: Path, folder: Path | None = None, workers: int | None = None, remote: bool = False, as_json: bool = False
 ) -> None:
     """All four poles of each specimen, k11, k12, k21 and k22, without a model of specimen or rig.
 
@@ -393,11 +305,7 @@ def twoport(
 
 
 @registered("results.run_lab")
-def lab(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],
-    place: Annotated[Path | None, typer.Option("--out", help="Folder of the data set; by default FOLDER/lab.")] = None,
-    as_json: JsonFlag = False,
-) -> None:
+def lab(folder: Path, place: Path | None = None, as_json: bool = False) -> None:
     """Gather all results below a folder into one Parquet data set, which DuckDB and polars read.
 
     Only results that have changed since are read again. docs/lab.md has the columns and queries: one specimen over the
@@ -406,14 +314,7 @@ def lab(
 
 
 @registered("standard.run_selftest")
-def selftest(
-    file: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.html", help="Write a page to sign and file, and FILE.csv.")
-    ] = None,
-    laboratory: Annotated[str, typer.Option(help="Name of the laboratory on the page; without it, a line.")] = "",
-    operator: Annotated[str, typer.Option(help="Who runs the test, on the page; without it, a line.")] = "",
-    as_json: JsonFlag = False,
-) -> None:
+def selftest(file: Path | None = None, laboratory: str = "", operator: str = "", as_json: bool = False) -> None:
     """Check this installation against reference data: formulas, recordings and whole campaigns, in about a minute.
 
     The values that the package carries were computed with 50 digits from physics that shares no code with it. Exit code
@@ -422,15 +323,7 @@ def selftest(
 
 
 @registered("report.run_plot")
-def plot(
-    folder: ResultsFolder,
-    figure: Annotated[
-        str | None, typer.Argument(metavar="FIGURE", help="Name of the figure, as tr; without it, they are listed.")
-    ] = None,
-    file: Annotated[Path | None, typer.Option("--out", help="File to write: .svg, .png or .pdf.")] = None,
-    *,
-    options: PlotOptions,
-) -> None:
+def plot(folder: Path, figure: str | None = None, file: Path | None = None, *, options: PlotOptions) -> None:
     """Draw one figure from the result tables: of all tests, or of a specimen, a condition or a test.
 
     With --over, the figure is any quantity over any axis: fourpole plot results K2 --over pressure.
