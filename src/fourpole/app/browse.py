@@ -22,7 +22,8 @@ from urllib.parse import urlsplit
 import typer
 from typer.models import OptionInfo
 
-from fourpole.app.console import out, say
+from fourpole.answer import Answer, Part
+from fourpole.app.console import say
 from fourpole.app.group import BROWSER, about, signature_of
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
@@ -65,7 +66,7 @@ _PAGE = (
 )
 
 
-def run_open(folder: Path) -> None:
+def run_open(folder: Path) -> Answer:
     """Show report.html of a results folder in the browser, and print its path."""
     folder = results_in(folder)
     page = folder / "report.html"
@@ -73,9 +74,13 @@ def run_open(folder: Path) -> None:
         raise CampaignError(f"{folder}: there is no such folder; name a campaign or its results")
     if not page.is_file():
         raise CampaignError(f"{folder}: has no report yet: run fourpole report {folder}")
-    out(f"report: {page}")
-    if not shown_in_browser(page.resolve().as_uri()):
-        say("no browser could be started: open this file in one")
+
+    def then() -> Iterator[Part]:
+        if not shown_in_browser(page.resolve().as_uri()):
+            say("no browser could be started: open this file in one")
+        yield from ()
+
+    return Answer(files=[("report", page)], then=then)
 
 
 def shown_in_browser(address: str) -> bool:

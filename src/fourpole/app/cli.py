@@ -174,7 +174,7 @@ def info(file: Path, *, options: InfoOptions, as_json: bool = False) -> None:
 @registered()
 def convert(
     file: Path, target: Path, group: str = "", channels: str = "", window: str = "", kind: str = "", force: bool = False
-) -> None:
+) -> Answer:
     """Write a recording in another format, with its units, times and groups, every sample as it is.
 
     A warning names what the format cannot keep. If the format cannot hold the recording at all, nothing is written.
@@ -188,7 +188,7 @@ def convert(
         made = converted(file, target, Choice(group, names, limits, kind, force), progress=advance)
     for sentence in made.lost:
         warn(sentence)
-    out("\n  ".join([f"{target}: {made.format}", *made.groups]))
+    return Answer(["\n  ".join([f"{target}: {made.format}", *made.groups])])
 
 
 @registered("plan.run_plan")
@@ -239,7 +239,7 @@ def report(
 
 
 @registered()
-def export(folder: Path, kind: str, file: Path | None = None, *, asked: PointOptions, specimen: ShapeOptions) -> None:
+def export(folder: Path, kind: str, file: Path | None = None, *, asked: PointOptions, specimen: ShapeOptions) -> Answer:
     """Write the results for another tool, or a model for an FE program or a vehicle simulation.
 
     Results: a workbook, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV; .tir and look-up
@@ -263,7 +263,7 @@ def export(folder: Path, kind: str, file: Path | None = None, *, asked: PointOpt
     )
     for note in exported.notes:
         warn(note)
-    out(f"{kind}: {exported.path}")
+    return Answer(files=[(kind, exported.path)])
 
 
 @registered("results.run_rig", browser=True)
@@ -322,14 +322,22 @@ def selftest(file: Path | None = None, laboratory: str = "", operator: str = "",
     """
 
 
-@registered("report.run_plot")
-def plot(folder: Path, figure: str | None = None, file: Path | None = None, *, options: PlotOptions) -> None:
+@registered()
+def plot(folder: Path, figure: str | None = None, file: Path | None = None, *, options: PlotOptions) -> Answer:
     """Draw one figure from the result tables: of all tests, or of a specimen, a condition or a test.
 
     With --over, the figure is any quantity over any axis: fourpole plot results K2 --over pressure.
 
     Example: fourpole plot results tr --pressure "2.1 bar" --size journal --out tr.png
     """
+    from fourpole.io.folders import results_in
+    from fourpole.study.results import read_results
+
+    folder = results_in(folder)
+    results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
+    from fourpole.app.report import run_plot
+
+    return run_plot(results, folder, figure, file, options)
 
 
 def main() -> None:

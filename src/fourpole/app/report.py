@@ -8,29 +8,29 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fourpole.app.console import option, out, print_table, progress, rising, warn
+from fourpole.answer import Answer, Table
+from fourpole.app.console import option, out, progress, rising, warn
 from fourpole.campaign.folder import LIMITS
 from fourpole.errors import CampaignError
 from fourpole.findings import by_size, findings
 from fourpole.io.door import read_bytes, sha256_of
-from fourpole.io.folders import resolved, results_in
+from fourpole.io.folders import resolved
 from fourpole.io.published import publishing
 from fourpole.io.signals import MAX_FILE_BYTES
-from fourpole.plot import FIGURES, Style, figures_of, save_figures
-from fourpole.plot.catalogue import figure_files
+from fourpole.plot import FIGURES, PAPER, SIZES, Size, Style, draw, figures_of, save_figures, write_figure
+from fourpole.plot.catalogue import ON_REQUEST, figure_files, spec_of
+from fourpole.plot.notebook import OF_QUANTITY
+from fourpole.plot.over import key_over
+from fourpole.plot.part import Selection, select
 from fourpole.report.html import browser, print_page
 from fourpole.report.page import ReportFigure, write_report
 from fourpole.report.words.sentence import sentences
 from fourpole.study.record import section
-from fourpole.study.results import read_results
 from fourpole.study.study import Study
 from fourpole.units import quantity, shown
 
 if TYPE_CHECKING:
     from fourpole.app.options import PlotOptions
-    from fourpole.plot import Size
-    from fourpole.plot.part import Selection
-
 
 #: Files that `make_report` writes where all figures have data, with PNG.
 PAGE = "report.html"
@@ -107,16 +107,8 @@ _SCREEN, _PRINT = 150, 300
 _SIZE = re.compile(r"\s*([0-9.,]+)\s*+([a-z]*?)\s*+[x×]\s*([0-9.,]+)\s*([a-z]+)\s*", re.IGNORECASE)
 
 
-def run_plot(folder: Path, figure: str | None, file: Path | None, options: PlotOptions) -> None:
+def run_plot(results: Study, folder: Path, figure: str | None, file: Path | None, options: PlotOptions) -> Answer:
     """Draw one figure, or those of the paper, or list the figures there are."""
-    folder = results_in(folder)
-    results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
-    from fourpole.plot import FIGURES, PAPER, draw, figures_of, save_figures, write_figure
-    from fourpole.plot.catalogue import ON_REQUEST, spec_of
-    from fourpole.plot.notebook import OF_QUANTITY
-    from fourpole.plot.over import key_over
-    from fourpole.plot.part import Selection, select
-
     key, selection, style = figure, _selection(options), _style(options)
     if selection != Selection():
         results = select(results, selection)
@@ -124,35 +116,33 @@ def run_plot(folder: Path, figure: str | None, file: Path | None, options: PlotO
         if key is None:
             raise CampaignError("--over: name the quantity, as in fourpole plot RESULTS K2 --over pressure")
         key = key_over(key, options.over)
-    if key is None and options.paper:
-        if file is not None:
-            raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
-        with publishing(folder, basis=results.dynamic_sha256) as new:
-            made = save_figures(results, new / "figures", keys=list(PAPER), style=style)
-        out(f"figures: {len(made)} in {folder / 'figures'}")
-    elif key is None:
-        keys = [*figures_of(results), *ON_REQUEST]
-        print_table(["figure", "shows"], [[one, FIGURES[one].title] for one in keys])
-        out("\ndraw one with fourpole plot RESULTS FIGURE; --paper has the figures of the 1982 paper")
-    else:
-        key = OF_QUANTITY.get(key, key)
-        drawing = draw(results, key, style)
-        if drawing is None:
-            raise CampaignError(f"the results in {folder} hold no data for {key}: {spec_of(key).title}")
-        path = file if file is not None else folder / "figures" / f"{key}.svg"
-        if file is None:
-            with publishing(folder, basis=results.dynamic_sha256) as new:
-                (new / "figures").mkdir()
-                write_figure(drawing, key, new / "figures" / path.name, style)
-        else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path = write_figure(drawing, key, path, style)
-        out(f"figure: {path}")
+    if key is not None:
+        return Answer(files=[("figure", _drawn(results, folder, OF_QUANTITY.get(key, key), file, style))])
+    if not options.paper:
+        rows = [(one, FIGURES[one].title) for one in (*figures_of(results), *ON_REQUEST)]
+        hint = "\ndraw one with fourpole plot RESULTS FIGURE; --paper has the figures of the 1982 paper"
+        return Answer([Table(("figure", "shows"), rows), hint])
+    if file is not None:
+        raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
+    with publishing(folder, basis=results.dynamic_sha256) as new:
+        made = save_figures(results, new / "figures", keys=list(PAPER), style=style)
+    return Answer([f"figures: {len(made)} in {folder / 'figures'}"])
+
+
+def _drawn(results: Study, folder: Path, key: str, file: Path | None, style: Style) -> Path:
+    """Draw one figure into a file, or among the results of a folder; returns its path."""
+    drawing = draw(results, key, style)
+    if drawing is None:
+        raise CampaignError(f"the results in {folder} hold no data for {key}: {spec_of(key).title}")
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        return write_figure(drawing, key, file, style)
+    with publishing(folder, basis=results.dynamic_sha256) as new:
+        (new / "figures").mkdir()
+        return folder / "figures" / write_figure(drawing, key, new / "figures" / f"{key}.svg", style).name
 
 
 def _selection(options: PlotOptions) -> Selection:
-    from fourpole.plot.part import Selection
-
     return Selection(
         specimens=tuple(options.specimen or ()),
         tests=tuple(options.test or ()),
@@ -193,8 +183,6 @@ def _colour(text: str) -> str:
 
 
 def _style(options: PlotOptions) -> Style:
-    from fourpole.plot import Style
-
     limits = [
         None if text is None else rising(text, name, "10:24")
         for name, text in (("--xlim", options.xlim), ("--ylim", options.ylim))
@@ -205,8 +193,6 @@ def _style(options: PlotOptions) -> Style:
 
 def _size(text: str) -> Size:
     """A size by name, or as width x height."""
-    from fourpole.plot import SIZES, Size
-
     if text.lower() in SIZES:
         return SIZES[text.lower()]
     found = _SIZE.fullmatch(text)
