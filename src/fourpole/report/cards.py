@@ -20,8 +20,7 @@ from fourpole.core.digits import known, number
 from fourpole.findings.list import CheckRow, checks_by_point, kind_of
 from fourpole.fitting.rows import KEY, Key, key_of, keyed, keys_of
 from fourpole.plot.cards import dynamic_cards, in_equal_ratios
-from fourpole.quantities import Quantity
-from fourpole.report.digits import shown_as
+from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.rows import DYNAMIC, STATIC, condition, texts, words
 from fourpole.study.record import section, stated_blocked
 from fourpole.study.study import Study
@@ -74,11 +73,13 @@ _TABLE = (q.FREQUENCY, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
 _COMMON = (q.DEFLECTION_AMPLITUDE, q.K1)
 
 
-def line_body(rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequence[CheckRow]]) -> dict[str, Any]:
+def line_body(
+    rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequence[CheckRow]], units: ShownUnits
+) -> dict[str, Any]:
     """The data of the card: rows of dynamic.csv and of lines.csv of one test, which may have none, and its checks."""
     frequency = _floats(rows, q.FREQUENCY.head)
     kept = in_equal_ratios(frequency, _CURVE).tolist()
-    panels = [one for quantity in map(shown_as, _PANELS) if (one := _panel(rows[kept], quantity))]
+    panels = [one for quantity in map(units.of, _PANELS) if (one := _panel(rows[kept], quantity))]
     seen = rows.select(KEY).join(lines, on=KEY, how="left") if lines.height else rows.select(KEY)
     panels += [one for one in (_coherence(seen[kept]), _closure(seen[kept])) if one]
     first = rows.row(0, named=True)
@@ -86,7 +87,7 @@ def line_body(rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequ
     facts = [["lines", str(rows.height)]]
     facts += [[f"lines {verdict}", str(counts.count(verdict))] for verdict in VERDICTS if verdict in counts]
     facts += [[name, said] for name, said in _ranges(seen)]
-    facts += [[one.symbol, said] for one in _COMMON if (said := words(one, first))]
+    facts += [[one.symbol, said] for one in _COMMON if (said := words(one, first, units))]
     facts += [[name, str(first[name])] for name in ("rig", "route") if first.get(name)]
     used = np.flatnonzero((rows[q.VERDICT.head] != Verdict.REJECTED).to_numpy())
     every = used if used.size else np.arange(rows.height)
@@ -97,8 +98,8 @@ def line_body(rows: pl.DataFrame, lines: pl.DataFrame, checks: Mapping[Key, Sequ
         "remarks": _line_remarks(rows, checks),
         "lines": {"f": packed(np.log10(frequency[kept])), "panels": panels},
         "table": {
-            "heads": [f"{one.symbol} [{one.shown}]" for one in map(shown_as, columns)] + ["verdict"],
-            "rows": [[_line_cell(row, one) for one in columns] + [str(row[q.VERDICT.head])] for row in few],
+            "heads": [f"{one.symbol} [{one.shown}]" for one in map(units.of, columns)] + ["verdict"],
+            "rows": [[_line_cell(row, one, units) for one in columns] + [str(row[q.VERDICT.head])] for row in few],
             "of": rows.height,
         },
     }
@@ -186,8 +187,8 @@ def _counted(remarks: Sequence[str], height: int) -> str:
     return f"{where}: {remarks[0]}" if len(set(remarks)) == 1 else f"{where}, as: {remarks[0]}"
 
 
-def _line_cell(row: Mapping[str, Any], quantity: Quantity) -> str:
-    value, std = texts(quantity, row)
+def _line_cell(row: Mapping[str, Any], quantity: Quantity, units: ShownUnits) -> str:
+    value, std = texts(quantity, row, units)
     return f"{value} ± {std}" if value and std else value
 
 
@@ -233,7 +234,7 @@ class Card:
 def make_cards(results: Study) -> tuple[list[Card], list[str], list[str]]:
     """All cards, static tests first; then the key of the card of each row of the static and of the dynamic table."""
     previews = _Previews(results.previews)
-    static, static_keys = _static_cards(results.static, previews)
+    static, static_keys = _static_cards(results, previews)
     dynamic, keys = _dynamic_cards(results, previews)
     return static + dynamic, static_keys, keys
 
@@ -261,7 +262,8 @@ class _Previews:
         return {name: one for name, one in found.items() if np.isfinite(one).any()}
 
 
-def _static_cards(frame: pl.DataFrame, previews: _Previews) -> tuple[list[Card], list[str]]:
+def _static_cards(results: Study, previews: _Previews) -> tuple[list[Card], list[str]]:
+    frame, units = results.static, results.shown
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in frame.rows(named=True):
         groups.setdefault(row["test"], []).append(row)
@@ -270,23 +272,25 @@ def _static_cards(frame: pl.DataFrame, previews: _Previews) -> tuple[list[Card],
         Card.of(
             keys[test],
             rows[0],
-            ", ".join(part for part in ("static", condition(rows[0], dynamic=False)) if part),
+            ", ".join(part for part in ("static", condition(rows[0], units, dynamic=False)) if part),
             worst_verdict([row["verdict"] for row in rows]),
-            _static_body(rows, previews.of((str(test), 1))),
+            _static_body(rows, previews.of((str(test), 1)), units),
         )
         for test, rows in groups.items()
     ]
     return cards, [keys[test] for test in frame["test"].to_list()]
 
 
-def _static_body(rows: Sequence[Mapping[str, Any]], preview: Mapping[str, NDArray[np.float64]]) -> dict[str, Any]:
+def _static_body(
+    rows: Sequence[Mapping[str, Any]], preview: Mapping[str, NDArray[np.float64]], units: ShownUnits
+) -> dict[str, Any]:
     facts = []
     for row in rows:
         preload = known(row[q.PRELOAD.head])
-        unit = shown_as(q.PRELOAD)
+        unit = units.of(q.PRELOAD)
         at = f" at {number(preload / unit.scale)} {unit.shown}" if preload is not None else ""
-        facts += [[one.symbol + at, said] for one in STATIC[2:4] if (said := words(one, row))]
-    facts += [[one.symbol, said] for one in STATIC[4:] if (said := words(one, rows[0]))]
+        facts += [[one.symbol + at, said] for one in STATIC[2:4] if (said := words(one, row, units))]
+    facts += [[one.symbol, said] for one in STATIC[4:] if (said := words(one, rows[0], units))]
     body: dict[str, Any] = {"facts": facts, "remarks": _remarks(rows)}
     x, load = preview.get(q.DEFLECTION.head, _NONE), preview.get(q.LOAD.head, _NONE)
     mean_x, mean_load = preview.get(q.MEAN_DEFLECTION.head, _NONE), preview.get(q.MEAN_LOAD.head, _NONE)
@@ -319,7 +323,7 @@ def _dynamic_cards(results: Study, previews: _Previews) -> tuple[list[Card], lis
         for symbol, role in _SIGNALS
     }
     more = [name for name in results.dynamic.columns if name not in (*TABLE.columns, *KEY)]
-    cards, whole = dynamic_cards(results), results.dynamic
+    cards, whole, units = dynamic_cards(results), results.dynamic, results.shown
     parts: dict[str, list[int]] = {}
     for at, card in enumerate(cards):
         parts.setdefault(card, []).append(at)
@@ -329,11 +333,11 @@ def _dynamic_cards(results: Study, previews: _Previews) -> tuple[list[Card], lis
         row = whole.row(rows[0], named=True)
         preview = previews.of(key_of(row))
         if len(rows) > 1:
-            made.append(_line_card(card, keyed(whole[rows]), lines, _signals(preview, quantities), checks))
+            made.append(_line_card(card, keyed(whole[rows]), lines, _signals(preview, quantities), checks, units))
             continue
         blocked = stated_blocked(results.record, str(row["rig"] or ""))
-        body = _dynamic_body(row, preview, quantities, more, blocked=blocked)
-        made.append(Card.of(card, row, condition(row, dynamic=True), worst_verdict([row["verdict"]]), body))
+        body = _dynamic_body(row, preview, quantities, more, units, blocked=blocked)
+        made.append(Card.of(card, row, condition(row, units, dynamic=True), worst_verdict([row["verdict"]]), body))
     return made, cards
 
 
@@ -343,11 +347,12 @@ def _line_card(
     lines: Mapping[str, pl.DataFrame],
     signals: Mapping[str, Any],
     checks: Mapping[Key, Sequence[CheckRow]],
+    units: ShownUnits,
 ) -> Card:
     """The card of a test with lines."""
     row = {**rows.row(0, named=True), q.FREQUENCY.head: None}
-    about = (condition(row, dynamic=True), band_words(rows))
-    body = {**line_body(rows, lines.get(str(row["test"]), pl.DataFrame()), checks), **signals}
+    about = (condition(row, units, dynamic=True), band_words(rows))
+    body = {**line_body(rows, lines.get(str(row["test"]), pl.DataFrame()), checks, units), **signals}
     verdict = verdict_of_lines(rows[q.VERDICT.head].to_list())
     return Card.of(key, row, ", ".join(part for part in about if part), verdict, body)
 
@@ -357,11 +362,12 @@ def _dynamic_body(
     preview: Mapping[str, NDArray[np.float64]],
     quantities: Mapping[str, str],
     more: Sequence[str],
+    units: ShownUnits,
     *,
     blocked: bool,
 ) -> dict[str, Any]:
     loop = _loop(row, preview, blocked=blocked)
-    facts = [[one.symbol, said] for one in (*_SEEN, *DYNAMIC[4:], *_TOGETHER) if (said := words(one, row))]
+    facts = [[one.symbol, said] for one in (*_SEEN, *DYNAMIC[4:], *_TOGETHER) if (said := words(one, row, units))]
     if loop:
         facts.append(["energy lost per cycle", f"{number(pi * loop['f'] * loop['d'] * np.sin(loop['lag']))} J"])
     facts += [[name, str(row[name])] for name in ("rig", "route") if row.get(name)]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -119,32 +117,6 @@ def cell(row: Mapping[str, Any], head: str, units: ShownUnits) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and "×" not in text else text
 
 
-_UNITS = ContextVar("units of the report", default=ShownUnits())  # noqa: B039  it is frozen
-
-
-@contextmanager
-def in_units(units: ShownUnits) -> Iterator[None]:
-    """Inside the context words and tables have these units, afterwards the former ones.
-
-    Examples
-    --------
-    >>> from fourpole.quantities import PRESSURE
-    >>> with in_units(ShownUnits({"Pa": ("kPa", 1e3)})):
-    ...     shown_as(PRESSURE).label
-    'pressure [kPa]'
-    """
-    token = _UNITS.set(units)
-    try:
-        yield
-    finally:
-        _UNITS.reset(token)
-
-
-def shown_as(quantity: Quantity) -> Quantity:
-    """A quantity with the unit in which it is written now."""
-    return _UNITS.get().of(quantity)
-
-
 #: Sentences of the report.
 SENTENCES = package_toml("fourpole.report.words")
 _PLURAL = {"pressure": "pressures", "load": "loads", "frequency": "frequencies"}
@@ -161,11 +133,11 @@ def plain_number(value: float, digits: int = 3) -> str:
     return number(float(f"{value:.{digits}g}"), digits) or "unknown"
 
 
-def shown(quantity: Quantity | None, value: float) -> str:
+def shown(quantity: Quantity | None, value: float, units: ShownUnits) -> str:
     """A value of a quantity in the unit shown, with that unit."""
     if quantity is None:
         return plain_number(value)
-    quantity = shown_as(quantity)
+    quantity = units.of(quantity)
     return f"{plain_number(value / quantity.scale)} {quantity.suffix}".rstrip()
 
 
@@ -196,23 +168,23 @@ def percents(shares: Sequence[float]) -> str:
     return low if low == high else f"{low.removesuffix(' %')} to {high}"
 
 
-def bar(pressure: float) -> str:
+def bar(pressure: float, units: ShownUnits) -> str:
     """A pressure, in bar unless another unit is wanted.
 
     Examples
     --------
-    >>> bar(170e3)
-    '1.70 bar'
+    >>> bar(170e3, ShownUnits()), bar(170e3, ShownUnits({"Pa": ("kPa", 1e3)}))
+    ('1.70 bar', '170 kPa')
     """
-    one = shown_as(PRESSURE)
+    one = units.of(PRESSURE)
     return "unstated pressure" if pressure == UNSTATED else f"{plain_number(pressure / one.scale)} {one.shown}"
 
 
-def newton(load: float) -> str:
+def newton(load: float, units: ShownUnits) -> str:
     """A load, in N unless another unit is wanted."""
     if load == UNSTATED:
         return "unstated load"
-    one = shown_as(PRELOAD)
+    one = units.of(PRELOAD)
     value = load / one.scale
     return f"{plain_number(value, 4) if value < 1000 else f'{value:.0f}'} {one.shown}"
 
@@ -229,17 +201,14 @@ def hertz(frequency: float) -> str:
     return f"{text.rstrip('0').rstrip('.') if '.' in text else text} Hz"
 
 
-SHOWN: dict[str, Callable[[float], str]] = {"pressure": bar, "load": newton, "frequency": hertz}
-
-
-def setting(axis: str, value: float) -> str:
+def setting(axis: str, value: float, units: ShownUnits) -> str:
     """One pressure, load or frequency."""
-    return SHOWN[axis](value)
+    return hertz(value) if axis == "frequency" else {"pressure": bar, "load": newton}[axis](value, units)
 
 
-def condition(axes: Sequence[str], key: Key) -> str:
+def condition(axes: Sequence[str], key: Key, units: ShownUnits) -> str:
     """'1.70 bar, 1000 N, 16 Hz'; what is not stated is left out."""
-    parts = [setting(axis, value) for axis, value in zip(axes, key, strict=True) if value != UNSTATED]
+    parts = [setting(axis, value, units) for axis, value in zip(axes, key, strict=True) if value != UNSTATED]
     return ", ".join(parts) or "the only condition"
 
 
@@ -259,7 +228,7 @@ def some(items: Sequence[str], most: int = 10) -> str:
     return joined(items) if len(items) <= most else first_of(items, most)
 
 
-def stretches(axis: str, chosen: Sequence[float], tested: Sequence[float]) -> str:
+def stretches(axis: str, chosen: Sequence[float], tested: Sequence[float], units: ShownUnits) -> str:
     """Settings as stretches of the tested ones: '10 Hz to 16 Hz and 19 Hz'."""
     order = sorted(tested)
     runs: list[list[float]] = []
@@ -268,11 +237,11 @@ def stretches(axis: str, chosen: Sequence[float], tested: Sequence[float]) -> st
             runs[-1].append(value)
         else:
             runs.append([value])
-    return joined(_stretch(axis, run) for run in runs)
+    return joined(_stretch(axis, run, units) for run in runs)
 
 
-def _stretch(axis: str, run: Sequence[float]) -> str:
-    first, last = setting(axis, run[0]), setting(axis, run[-1])
+def _stretch(axis: str, run: Sequence[float], units: ShownUnits) -> str:
+    first, last = setting(axis, run[0], units), setting(axis, run[-1], units)
     if len(run) == 1:
         return first
     return f"{first.rpartition(' ')[0]} to {last}"

@@ -185,7 +185,7 @@ def rising_damping(facts: Facts, tyre: str) -> list[str]:
         if found is not None and found.holds is Holds.RISES and isinstance(found.detail, Trend):
             rise = percent(found.detail.mean.value)
             text = f"No massless, relaxing specimen has a C that rises with frequency, as here by {rise}"
-            return [f"{text} from {span(found.detail)}: with any constant K1, C can only fall."]
+            return [f"{text} from {span(found.detail, facts.results.shown)}: with any constant K1, C can only fall."]
     return []
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from fourpole.findings.facts import UNSTATED, Finding, Holds, Key
 from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Comparison, CycleLoss, Departure, Effect, Extremum, Level, Trend
+from fourpole.quantities import ShownUnits
 from fourpole.report.digits import (
     bar,
     combinations,
@@ -30,21 +31,21 @@ from fourpole.report.digits import (
 )
 
 
-def level(finding: Finding, found: Level) -> str:
+def level(finding: Finding, found: Level, units: ShownUnits) -> str:
     """The lowest and the highest value, their conditions and their standard uncertainty, as a sentence."""
     axes, values = finding.conditions.axes, found.values
     low, high = (pick(values, key=lambda key: (values[key].value, key)) for pick in (min, max))
-    least, most = (shown(finding.quantity, values[key].value) for key in (low, high))
+    least, most = (shown(finding.quantity, values[key].value, units) for key in (low, high))
     known = f"standard uncertainty of {percents([each.std / each.value for each in values.values()])}"
     if low == high:
-        return f"{opening(finding)} is {least} at {condition(axes, low)}, with a {known}."
+        return f"{opening(finding)} is {least} at {condition(axes, low, units)}, with a {known}."
     return (
-        f"{opening(finding)} lies between {least} ({condition(axes, low)}) and {most} ({condition(axes, high)}), each "
-        f"with a {known}."
+        f"{opening(finding)} lies between {least} ({condition(axes, low, units)}) and {most} "
+        f"({condition(axes, high, units)}), each with a {known}."
     )
 
 
-def linearity(finding: Finding, found: Departure) -> str:
+def linearity(finding: Finding, found: Departure, _: ShownUnits) -> str:
     """The departure of the load-deflection curves from straight lines, as a sentence."""
     count = len(found.values)
     curves = "curve departs" if count == 1 else "curves depart"
@@ -76,11 +77,12 @@ Effects = Mapping[Key, Effect]
 Axes = tuple[str, ...]
 
 
-def comparison(finding: Finding, found: Comparison) -> str:
+def comparison(finding: Finding, found: Comparison, units: ShownUnits) -> str:
     """The specimen that has more, by how much and where; or that no difference exceeds the uncertainty."""
     said, axes, mean = finding.quantity, finding.conditions.axes, found.mean
     assert said is not None
-    where = _where_in_common(axes, list(found.effects), each=all(effect.sign == 1 for effect in found.effects.values()))
+    each = all(effect.sign == 1 for effect in found.effects.values())
+    where = _where_in_common(axes, list(found.effects), units, each=each)
     if finding.holds is Holds.NO_DIFFERENCE:
         return (
             f"{opening(finding)} and {finding.specimens[1]} shows no difference beyond the uncertainty "
@@ -89,71 +91,71 @@ def comparison(finding: Finding, found: Comparison) -> str:
             f"{percent(mean.reach())}."
         )
     if finding.holds is Holds.MIXED:
-        return _mixed(said.column, axes, found)
+        return _mixed(said.column, axes, found, units)
     return (
         f"{found.upper} {said.more}: its {said.column} is above that of {found.lower} {where}"
-        f"{_by(axes, found.effects, mean)}{_exceptions(axes, found.effects)}."
+        f"{_by(axes, found.effects, mean, units)}{_exceptions(axes, found.effects, units)}."
     )
 
 
-def _where_in_common(axes: Axes, keys: list[Key], *, each: bool) -> str:
+def _where_in_common(axes: Axes, keys: list[Key], units: ShownUnits, *, each: bool) -> str:
     if len(keys) == 1:
-        return f"at {condition(axes, keys[0])}, the only condition in common"
+        return f"at {condition(axes, keys[0], units)}, the only condition in common"
     return f"at {'each of ' if each else ''}the {combinations(axes, keys)} in common"
 
 
-def _by(axes: Axes, found: Effects, mean: Effect) -> str:
+def _by(axes: Axes, found: Effects, mean: Effect, units: ShownUnits) -> str:
     if len(found) == 1:
         return f", by {percent(mean.value)} (standard uncertainty {percent(mean.std)})"
     low, high = (pick(found, key=lambda key: (found[key].value, key)) for pick in (min, max))
     return (
         f", by {percent(mean.value)} on average, from {percent(found[low].value)} "
-        f"({condition(axes, low)}) to {percent(found[high].value)} ({condition(axes, high)})"
+        f"({condition(axes, low, units)}) to {percent(found[high].value)} ({condition(axes, high, units)})"
     )
 
 
-def _exceptions(axes: Axes, found: Effects) -> str:
+def _exceptions(axes: Axes, found: Effects, units: ShownUnits) -> str:
     silent = [key for key, effect in found.items() if effect.sign == 0]
     if not silent or len(silent) == len(found):
         return ""
-    return f"; no difference beyond the uncertainty at {_listed(axes, silent, len(found))}"
+    return f"; no difference beyond the uncertainty at {_listed(axes, silent, len(found), units)}"
 
 
-def _mixed(symbol: str, axes: Axes, found: Comparison) -> str:
+def _mixed(symbol: str, axes: Axes, found: Comparison, units: ShownUnits) -> str:
     parts = []
     for name, sign in ((found.upper, 1), (found.lower, -1), ("", 0)):
         keys = [key for key, effect in found.effects.items() if effect.sign == sign]
         if keys and sign:
             most = percent(max(abs(found.effects[key].value) for key in keys))
-            much = f"by {'up to ' if len(keys) > 1 else ''}{most} at {_listed(axes, keys, len(found.effects))}"
+            much = f"by {'up to ' if len(keys) > 1 else ''}{most} at {_listed(axes, keys, len(found.effects), units)}"
             parts.append(f"{name} has the higher {symbol}, {much}")
         elif keys:
-            where = _listed(axes, keys, len(found.effects))
+            where = _listed(axes, keys, len(found.effects), units)
             parts.append(f"there is no difference beyond the uncertainty at {where}")
     return f"{'; '.join(parts)}."
 
 
-def _listed(axes: Axes, keys: list[Key], of: int) -> str:
+def _listed(axes: Axes, keys: list[Key], of: int, units: ShownUnits) -> str:
     """'3 of 10 conditions in common (1.00 bar, 1000 N; ...)'."""
-    named = some([f"({condition(axes, key)})" for key in keys], _MOST_NAMED)
+    named = some([f"({condition(axes, key, units)})" for key in keys], _MOST_NAMED)
     return f"{len(keys)} of {of} conditions in common{f': {named}' if len(keys) <= _MOST_NAMED else ''}"
 
 
-def trend(finding: Finding, found: Trend) -> str:
+def trend(finding: Finding, found: Trend, units: ShownUnits) -> str:
     """One sentence on a trend, or that no change exceeds the uncertainty."""
     name = opening(finding)
     if found.extremum is not None:
-        return f"{name} has its {_extremum(found, found.extremum)}."
+        return f"{name} has its {_extremum(found, found.extremum, units)}."
     if finding.holds is Holds.NO_CHANGE:
-        return f"{name} does not {_no_change(found)}."
+        return f"{name} does not {_no_change(found, units)}."
     if finding.holds is Holds.MIXED:
-        return f"{name}, between {span(found, 'and')}, {_piecewise(found)}."
-    return f"{name} {_uniform(found)}."
+        return f"{name}, between {span(found, units, 'and')}, {_piecewise(found, units)}."
+    return f"{name} {_uniform(found, units)}."
 
 
-def span(found: Trend, word: str = "to") -> str:
+def span(found: Trend, units: ShownUnits, word: str = "to") -> str:
     """'1.00 to 2.40 bar'."""
-    low, high = (setting(found.axis, end) for end in found.ends)
+    low, high = (setting(found.axis, end, units) for end in found.ends)
     return f"{low.rpartition(' ')[0]} {word} {high}"
 
 
@@ -162,43 +164,45 @@ def over(found: Trend) -> str:
     return combinations(found.rest, list(found.effects))
 
 
-def _extremum(found: Trend, extremum: Extremum) -> str:
+def _extremum(found: Trend, extremum: Extremum, units: ShownUnits) -> str:
     what, off = ("maximum", "below") if extremum.holds is Holds.MAXIMUM else ("minimum", "above")
     return (
-        f"{what} against {found.axis} at {setting(found.axis, extremum.place)}{_where(found)}: it is "
-        f"{percent(abs(extremum.first.value))} {off} it at {setting(found.axis, found.ends[0])} and "
-        f"{percent(abs(extremum.last.value))} {off} it at {setting(found.axis, found.ends[1])}"
+        f"{what} against {found.axis} at {setting(found.axis, extremum.place, units)}{_where(found, units)}: it is "
+        f"{percent(abs(extremum.first.value))} {off} it at {setting(found.axis, found.ends[0], units)} and "
+        f"{percent(abs(extremum.last.value))} {off} it at {setting(found.axis, found.ends[1], units)}"
     )
 
 
-def _no_change(found: Trend) -> str:
+def _no_change(found: Trend, units: ShownUnits) -> str:
     mean = found.mean
-    vary = f"differ measurably between {span(found, 'and')}: it changes"
+    vary = f"differ measurably between {span(found, units, 'and')}: it changes"
     if found.is_line:
-        vary = f"vary measurably with {found.axis}: from {span(found)} it changes"
+        vary = f"vary measurably with {found.axis}: from {span(found, units)} it changes"
     signed = percent(mean.value) if mean.value < 0 else f"+{percent(mean.value)}"
-    return f"{vary} by {signed}{_where(found)}, no more than the expanded uncertainty (95 %) of {percent(mean.reach())}"
+    where = _where(found, units)
+    return f"{vary} by {signed}{where}, no more than the expanded uncertainty (95 %) of {percent(mean.reach())}"
 
 
-def _uniform(found: Trend) -> str:
+def _uniform(found: Trend, units: ShownUnits) -> str:
     up = found.holds is Holds.RISES
-    low, high = (setting(found.axis, end) for end in found.ends)
-    text = f"{'rises' if up else 'falls'} with {found.axis} from {span(found)}"
+    low, high = (setting(found.axis, end, units) for end in found.ends)
+    text = f"{'rises' if up else 'falls'} with {found.axis} from {span(found, units)}"
     if not found.is_line:
         text = f"is {'higher' if up else 'lower'} at {high} than at {low}"
-    text += f", by {percent(abs(found.mean.value))}{_where(found)}"
+    text += f", by {percent(abs(found.mean.value))}{_where(found, units)}"
     changes = [effect.value if up else -effect.value for effect in found.effects.values()]
     if len(changes) > 1:
         text += f" ({percents(changes)})" if percents(changes) != percent(abs(found.mean.value)) else ""
     silent = [value for value, effect in found.parts.items() if not effect.sign]
     if silent and found.split_by and len(silent) < len(found.parts):
-        text += f"; at {stretches(found.split_by, silent, list(found.parts))} the change is within its uncertainty"
+        where = stretches(found.split_by, silent, list(found.parts), units)
+        text += f"; at {where} the change is within its uncertainty"
     return text
 
 
-def _piecewise(found: Trend) -> str:
+def _piecewise(found: Trend, units: ShownUnits) -> str:
     axis, parts = found.split_by or found.axis, found.parts
-    goes, last = f" with {found.axis}", setting(found.axis, found.ends[1])
+    goes, last = f" with {found.axis}", setting(found.axis, found.ends[1], units)
     verbs = {1: f"rises{goes}", -1: f"falls{goes}", 0: f"does not vary measurably{goes}"}
     if not found.is_line:
         verbs = {1: f"is higher at {last}", -1: f"is lower at {last}", 0: "does not differ measurably"}
@@ -206,19 +210,19 @@ def _piecewise(found: Trend) -> str:
     for sign in dict.fromkeys(effect.sign for effect in parts.values()):
         chosen = {value: abs(effect.value) for value, effect in parts.items() if effect.sign == sign}
         top = max(chosen, key=lambda value: chosen[value])
-        much = f", by up to {percent(chosen[top])} at {setting(axis, top)}" if sign else ""
-        said.append(f"{verbs[sign]} at {stretches(axis, list(chosen), list(parts))}{much}")
+        much = f", by up to {percent(chosen[top])} at {setting(axis, top, units)}" if sign else ""
+        said.append(f"{verbs[sign]} at {stretches(axis, list(chosen), list(parts), units)}{much}")
     text = joined(said) if len(said) < 3 else f"{'; '.join(said[:-1])}; and {said[-1]}"
     if found.zero is None:
         return text
-    return f"{text}; the change with {found.axis} crosses zero at about {setting(axis, found.zero)}"
+    return f"{text}; the change with {found.axis} crosses zero at about {setting(axis, found.zero, units)}"
 
 
-def _where(found: Trend) -> str:
+def _where(found: Trend, units: ShownUnits) -> str:
     """The condition of a single change, or the number of conditions of a mean, in words."""
     if len(found.effects) == 1:
         (key,) = found.effects
-        return f" at {condition(found.rest, key)}" if any(value != UNSTATED for value in key) else ""
+        return f" at {condition(found.rest, key, units)}" if any(value != UNSTATED for value in key) else ""
     return f" on average over {over(found)}"
 
 
@@ -237,12 +241,12 @@ def _names(finding: Finding) -> list[str]:
     return [f"{name}{about}" for name in finding.specimens]
 
 
-def resonance(finding: Finding, found: Resonance) -> str:
+def resonance(finding: Finding, found: Resonance, units: ShownUnits) -> str:
     """The largest TR of a specimen: as resonances under one load, or at an end of the tested frequencies."""
     if finding.holds is Holds.INSIDE:
-        return _inside(finding, found)
+        return _inside(finding, found, units)
     at = [
-        f"{plain_number(one.tr)} at {hertz(one.frequency)} ({condition(_AXES, key)})"
+        f"{plain_number(one.tr)} at {hertz(one.frequency)} ({condition(_AXES, key, units)})"
         for key, one in found.peaks.items()
     ]
     return (
@@ -252,16 +256,16 @@ def resonance(finding: Finding, found: Resonance) -> str:
     )
 
 
-def _inside(finding: Finding, found: Resonance) -> str:
+def _inside(finding: Finding, found: Resonance, units: ShownUnits) -> str:
     """The resonances of a specimen under one load, pressure by pressure."""
     peaks = found.peaks.values()
     load = next(iter(found.peaks))[1]
-    name = f"{_names(finding)[0]}{f' at {newton(load)}' if load > 0 else ''} resonates"
+    name = f"{_names(finding)[0]}{f' at {newton(load, units)}' if load > 0 else ''} resonates"
     if len(peaks) > _MOST_LISTED:
         span = ranged([each.best for each in peaks], "Hz")
         heights = ranged([each.tr for each in peaks])
         return f"{name} at {span} over {len(peaks)} pressures; the largest TR is {heights}."
-    where = [f" ({bar(key[0])})" if key[0] > 0 else "" for key in found.peaks]
+    where = [f" ({bar(key[0], units)})" if key[0] > 0 else "" for key in found.peaks]
     if all(each.top is not None for each in peaks):
         at = f"at about {joined(f'{plain_number(each.best)} Hz{p}' for each, p in zip(peaks, where, strict=True))}"
     else:
@@ -276,7 +280,7 @@ def _at(found: Peak) -> str:
     return f"between the tested frequencies {plain_number(found.low)} and {plain_number(found.high)} Hz"
 
 
-def order(finding: Finding, found: ResonanceOrder) -> str:
+def order(finding: Finding, found: ResonanceOrder, _: ShownUnits) -> str:
     """Sentence that names the specimen with the lower resonance, of two specimens."""
     first, second = _names(finding)
     lower, upper = (first, second) if found.mean > 0 else (second, first)
@@ -299,7 +303,7 @@ def order(finding: Finding, found: ResonanceOrder) -> str:
     )
 
 
-def crossings(finding: Finding, found: Crossings) -> str:
+def crossings(finding: Finding, found: Crossings, units: ShownUnits) -> str:
     """The frequencies at which the TR curves of two specimens cross, and which curve is lower on either side."""
     first, second = _names(finding)
     names = f"The TR curves of {first} and {second}"
@@ -310,9 +314,9 @@ def crossings(finding: Finding, found: Crossings) -> str:
         at = each_of(len(found.crossings))
         if len(found.single) < len(found.crossings):
             at = f"{len(found.single)} of {counted(len(found.crossings), 'condition')}"
-        texts.append(f"cross once at {at} in common, {_crossed(found.single)}{_below(found, first, second)}")
+        texts.append(f"cross once at {at} in common, {_crossed(found.single, units)}{_below(found, first, second)}")
     if found.several:
-        listed = [f"{joined(map(_crossing, at))} ({condition(_AXES, key)})" for key, at in found.several.items()]
+        listed = [f"{joined(map(_crossing, at))} ({condition(_AXES, key, units)})" for key, at in found.several.items()]
         texts.append(f"cross more than once, at {some(listed, _MOST_LISTED)}")
     return f"{names} {' and '.join(texts)}."
 
@@ -326,7 +330,7 @@ def _crossing(found: Crossing) -> str:
     )
 
 
-def _crossed(single: Mapping[Key, Crossing]) -> str:
+def _crossed(single: Mapping[Key, Crossing], units: ShownUnits) -> str:
     found = list(single.values())
     if not all(one.resolved for one in found):
         low, high = min(one.low for one in found), max(one.high for one in found)
@@ -334,9 +338,10 @@ def _crossed(single: Mapping[Key, Crossing]) -> str:
     if len(found) == 1:
         return f"at about {_crossing(found[0])}"
     first, last = (pick(single, key=lambda key: (single[key].frequency, key)) for pick in (min, max))
+    mean = plain_number(float(np.mean([one.frequency for one in found])))
     return (
-        f"between {_crossing(single[first])} ({condition(_AXES, first)}) and {_crossing(single[last])} "
-        f"({condition(_AXES, last)}), at {plain_number(float(np.mean([one.frequency for one in found])))} Hz on average"
+        f"between {_crossing(single[first])} ({condition(_AXES, first, units)}) and {_crossing(single[last])} "
+        f"({condition(_AXES, last, units)}), at {mean} Hz on average"
     )
 
 
@@ -349,7 +354,7 @@ def _below(found: Crossings, first: str, second: str) -> str:
     return f"; below it {lower} has the lower TR, above it {upper}"
 
 
-def prediction(_: Finding, found: Prediction) -> str:
+def prediction(_: Finding, found: Prediction, __: ShownUnits) -> str:
     """The departure of the measured TR from the predicted one, as a sentence."""
     mean, count, worst = percent(found.mean), len(found.off), found.worst
     opening = f"The measured TR of test {worst} differs from the predicted one by {mean}"
