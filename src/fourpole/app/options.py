@@ -10,9 +10,10 @@ import functools
 import inspect
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -82,7 +83,7 @@ def command(run: Callable[..., int | None]) -> Callable[..., None]:
     ----------
     run : callable
         The command. It returns its exit code; None stands for 0. Its annotations may name what this module defines, and
-        options.toml has the words of its parameters.
+        options.toml has the words of its parameters, but of those that are `Annotated`.
     """
     signature = inspect.signature(run, eval_str=True, locals=globals())
     of_run = _STATED.get(run.__name__.rstrip("_"), {})
@@ -92,6 +93,8 @@ def command(run: Callable[..., int | None]) -> Callable[..., None]:
         if is_dataclass(one.annotation):
             groups[name] = one.annotation
             parameters += _options_of(groups[name])
+        elif get_origin(one.annotation) is Annotated:
+            parameters.append(_own(one))
         else:
             default = ... if one.default is one.empty else one.default
             parameters.append(_shown(name, one.annotation, default, of_run, _STATED["every"]))
@@ -105,6 +108,16 @@ def command(run: Callable[..., int | None]) -> Callable[..., None]:
     grouped.__annotations__ = {one.name: one.annotation for one in parameters}
     grouped.__signature__ = signature.replace(parameters=parameters, return_annotation=None)  # type: ignore[attr-defined]
     return grouped
+
+
+def _own(one: inspect.Parameter) -> inspect.Parameter:
+    """A parameter whose annotation has its words, with these as its default, as others have."""
+    kind, stated = get_args(one.annotation)
+    said = copy(stated)
+    if said.default is not ...:  # typer holds the first name of an annotation for its default
+        said.param_decls = (said.default, *(said.param_decls or ()))
+    said.default = ... if one.default is one.empty else one.default
+    return one.replace(kind=one.KEYWORD_ONLY, default=said, annotation=kind)
 
 
 def _options_of(group: type[Any]) -> Iterator[inspect.Parameter]:

@@ -12,18 +12,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fourpole.findings.facts import (
-    Curve,
-    Estimate,
-    Facts,
-    Finding,
-    FindingConditions,
-    Holds,
-    Key,
-    Topic,
-    Values,
-    common,
-)
+from fourpole.findings import Finding, FindingConditions, Holds, Topic
+from fourpole.findings.facts import Curve, Estimate, Facts, Key, Values, common
 from fourpole.findings.resonances import peak
 from fourpole.findings.trends import Effect, Lines, Trend, between, differences, lines_along, mean_effect
 from fourpole.quantities import K1, K2, NONLINEARITY, TR, C, Quantity

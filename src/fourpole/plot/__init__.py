@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _CATALOGUE = ("FIGURES", "PAPER", "draw", "figure_data", "figures_of", "render", "save_figures", "write_figure")
 _HOME = {
     **dict.fromkeys(_CATALOGUE, "catalogue"),
-    "FORMATS": "figure",
+    "FORMATS": "layout",
     "FigureSpec": "data",
     **dict.fromkeys(("SIZES", "THEMES", "Size", "Style"), "style"),
 }
