@@ -38,7 +38,7 @@ def mapped(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     """A server with two campaigns, one of them with a map."""
     root = tmp_path_factory.mktemp("mapped")
     shutil.copytree(analysed, root / "one")
-    show(run_map(root / "one" / "results", "zener", DataOptions(), None), as_json=True)
+    show(run_map(root / "one" / "results", "zener", data=DataOptions()), as_json=True)
     shutil.copytree(analysed, root / "two")
     shutil.copytree(analysed, root / "bare", ignore=shutil.ignore_patterns("results"))
     (root / "two" / "results" / "model.json").unlink()

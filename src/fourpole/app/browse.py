@@ -157,7 +157,9 @@ _FAREWELL = 2
 _MOST_CONNECTIONS = 300
 
 
-def run_app(folder: Path, host: str, port: int, *, no_browser: bool, no_token: bool) -> None:
+def run_app(
+    folder: Path = Path(), port: int = 0, host: str = "127.0.0.1", no_browser: bool = False, no_token: bool = False
+) -> None:
     """Serve the campaigns below a folder until Ctrl-C."""
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder; name the one that has your campaigns")

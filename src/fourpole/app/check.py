@@ -70,7 +70,7 @@ _MOST_PROBLEMS = 60
 _MOST_OWN = 12
 
 
-def run_check(campaign: Path, route: str, workers: int | None) -> Answer:
+def run_check(campaign: Path, route: str = "joint", workers: int | None = None) -> Answer:
     """What the analysis would reject; the exit code is the same as that of the analysis."""
     stated = read_campaign(campaign)
     with progress("checking") as advance:
@@ -148,7 +148,7 @@ _ROLES = {
 }
 
 
-def run_init(folder: Path, pattern: Sequence[str] | None, *, force: bool) -> Answer:
+def run_init(folder: Path, force: bool = False, pattern: list[str] | None = None) -> Answer:
     """Guess a campaign, write it, and show the guess with its doubts."""
     if not force:
         keep_existing(folder)

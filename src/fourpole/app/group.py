@@ -1,4 +1,4 @@
-"""The commands in a group: listed by their docstrings, built when they are called, their answers shown."""
+"""The commands in a group: listed as commands.toml has them, built when they are called, their answers shown."""
 
 from __future__ import annotations
 
@@ -120,12 +120,15 @@ def write_with_figure(folder: Path, key: str, figure: Figure, tables: Mapping[st
 
 
 Run = TypeVar("Run", bound=Callable[..., "Answer | int | None"])
-#: Functions of the commands by name.
-_RUNS: dict[str, Callable[..., int | None]] = {}
+#: What commands.toml states of each command, by the heading of its group.
+_STATED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 #: Names of the commands that a page of the app may start on a campaign.
-BROWSER: list[str] = []
+BROWSER: list[str] = _STATED.pop("browser")
+_COMMANDS: dict[str, dict[str, Any]] = {name: one for members in _STATED.values() for name, one in members.items()}
+#: Functions of the commands by name; None for one of commands.toml that was not called for yet.
+_RUNS: dict[str, Callable[..., int | None] | None] = dict.fromkeys(_COMMANDS)
 #: An example of each command by the heading of its group and its name.
-GROUPS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+GROUPS = {head: {name: one["example"] for name, one in members.items()} for head, members in _STATED.items()}
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
 
 #: What stands in place of an option that was removed, by command and option.
@@ -145,33 +148,49 @@ def groups_of(names: list[str]) -> dict[str, list[str]]:
     return {**found, "Further commands": [name for name in names if name not in EXAMPLES]}
 
 
-def registered(place: str = "", *, browser: bool = False) -> Callable[[Run], Run]:
-    """Make a function a command of its name.
+def registered(*, browser: bool = False) -> Callable[[Run], Run]:
+    """Make a function a command of its name, besides those of commands.toml.
 
-    With `place`, the function is the signature and the help alone: the function at this place in the room takes the
-    same arguments by their names, but for `remote`, and does the work. Its module is loaded when the command runs.
-    An `Answer` is shown as `as_json` says; a function that prints by itself takes this argument, too. With `browser`,
-    the app asks it of a campaign, whose folder is its argument.
+    An `Answer` is shown as `as_json` says. With `browser`, the app asks it of a campaign, whose folder is its argument.
     """
 
     def register(stated: Run) -> Run:
-        @functools.wraps(stated)
-        def run(**given: Any) -> int | None:
-            from fourpole.app.options import allow_remote
-
-            allow_remote(given.pop("remote", False))
-            work = resolve_name(f"fourpole.app.{place}") if place else stated
-            asked = inspect.signature(work).parameters
-            found = work(**{name: value for name, value in given.items() if name in asked})
-            return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
-
         name = stated.__name__.rstrip("_")
-        _RUNS[name] = run
+        _RUNS[name] = _with_options(stated, ())
         if browser:
             BROWSER.append(name)
         return stated
 
     return register
+
+
+def _run_of(name: str) -> Callable[..., int | None]:
+    """The function of a command; its module is loaded when it is first called for."""
+    found = _RUNS[name]
+    if found is None:
+        stated = _COMMANDS[name]
+        work = resolve_name(f"fourpole.app.{stated['run']}")
+        found = _RUNS[name] = _with_options(work, stated.get("also", ("as_json",)))
+    return found
+
+
+def _with_options(work: Callable[..., Any], also: Sequence[str]) -> Callable[..., int | None]:
+    """A function that shows the answer of another one, with further options, which that one need not take."""
+    from fourpole.app import options
+
+    signature = inspect.signature(work, eval_str=True, locals=vars(options))
+    own = signature.parameters
+    flags = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool) for name in also]
+
+    @functools.wraps(work)
+    def run(**given: Any) -> int | None:
+        options.allow_remote(given.pop("remote", False))
+        found = work(**{name: value for name, value in given.items() if name in own})
+        return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
+
+    parameters = [one for name, one in own.items() if name not in also]
+    run.__signature__ = signature.replace(parameters=[*parameters, *flags])  # type: ignore[attr-defined]
+    return run
 
 
 class Command(TyperCommand):
@@ -195,15 +214,14 @@ class Group(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
         """The command of a name; None if there is none."""
-        if cmd_name in _RUNS and cmd_name not in self.commands:
-            self.commands[cmd_name] = _built(cmd_name, _RUNS[cmd_name])
+        if cmd_name in _RUNS and self.commands.get(cmd_name) is None:
+            self.commands[cmd_name] = _built(cmd_name)
         return self.commands.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is called, and its arguments."""
-        if args[0] not in _RUNS:  # the message names the nearest of the commands that are built
-            for name in _RUNS:
-                self.get_command(ctx, name)
+        if args[0] not in _RUNS:  # the message names the nearest of these
+            self.commands = {name: self.commands.get(name) for name in _RUNS}  # type: ignore[misc]
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
@@ -214,23 +232,28 @@ class Group(TyperGroup):
                     formatter.write_dl([(name, about(name)) for name in names])
 
 
-def _built(name: str, run: Callable[..., int | None]) -> Any:
-    """The command of a function, for the command line. The options are imported here, for the list needs none."""
+def _built(name: str) -> Any:
+    """The command of a name, for the command line. The options are imported here, for the list needs none."""
     from fourpole.app.options import command
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     example = f"\b\nExample:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
-    alone.command(name, cls=Command, epilog=example)(command(run))
+    alone.command(name, cls=Command, epilog=example, help=_help(name))(command(name, _run_of(name)))
     return typer.main.get_command(alone)
 
 
 def about(name: str) -> str:
-    """The first paragraph of the docstring of a command, on one line."""
-    return " ".join((inspect.getdoc(_RUNS[name]) or "").partition("\n\n")[0].split())
+    """The first paragraph of the help of a command, on one line."""
+    return " ".join(_help(name).partition("\n\n")[0].split())
+
+
+def _help(name: str) -> str:
+    """What a command does, by commands.toml or else the docstring of its function."""
+    return str(_COMMANDS[name]["about"]) if name in _COMMANDS else inspect.getdoc(_RUNS[name]) or ""
 
 
 def signature_of(name: str) -> inspect.Signature:
     """The signature of a command, with each option of its groups."""
     from fourpole.app.options import command
 
-    return inspect.signature(command(_RUNS[name]))
+    return inspect.signature(command(name, _run_of(name)))

@@ -76,17 +76,19 @@ def answered_in(units: ShownUnits, *asked: float | None) -> ShownUnits:
     return ShownUnits(wanted)
 
 
-def command(run: Callable[..., int | None]) -> Callable[..., None]:
+def command(name: str, run: Callable[..., int | None]) -> Callable[..., None]:
     """Function for the command line, with the fields of each group as options, that ends with one message at most.
 
     Parameters
     ----------
+    name : str
+        The name of the command.
     run : callable
-        The command. It returns its exit code; None stands for 0. Its annotations may name what this module defines, and
+        What it does. It returns its exit code; None stands for 0. Its annotations may name what is defined here, and
         options.toml has the words of its parameters, but of those that are `Annotated`.
     """
     signature = inspect.signature(run, eval_str=True, locals=globals())
-    of_run = _STATED.get(run.__name__.rstrip("_"), {})
+    of_run = _STATED.get(name, {})
     groups: dict[str, Any] = {}
     parameters: list[inspect.Parameter] = []
     for name, one in signature.parameters.items():

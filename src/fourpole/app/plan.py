@@ -27,7 +27,9 @@ from fourpole.planning.runsheet import run_sheet
 from fourpole.report.words.plan import AdviceInWords, advice_in_words, expected_tables
 
 
-def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder: Path | None) -> Answer:
+def run_plan(
+    campaign: Path | None = None, *, options: PlanOptions, bare: BareRig, folder: Path | None = None
+) -> Answer:
     """The uncertainty to expect; table and figure are written, and the run sheet if one is wanted."""
     if options.repeats < 1:
         raise UnitError(f"--repeats: {options.repeats} must be 1 or more")

@@ -11,9 +11,13 @@ from rich.text import Text
 
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, progress, warn, without_controls
+from fourpole.app.options import PointOptions, ShapeOptions
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.errors import CampaignError
+from fourpole.export import export_results
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Comparison, compare
+from fourpole.fitting.inertia import belt_stated
+from fourpole.fitting.placed import operating_point
 from fourpole.io.folders import results_in
 from fourpole.io.write import write_table, write_text
 from fourpole.lab import Gathered, gather
@@ -123,18 +127,38 @@ def _rig_document(results: Study, found: list[RigInWords]) -> dict[str, Any]:
     }
 
 
+def run_export(
+    folder: Path, kind: str, file: Path | None = None, *, asked: PointOptions, specimen: ShapeOptions
+) -> Answer:
+    """Write the results, or a model, for another tool."""
+    exported = export_results(
+        folder,
+        kind,
+        file,
+        shape=specimen.shape,
+        poisson=None if specimen.mode else specimen.poisson,
+        points=tuple(operating_point(text) for text in asked.at or ()),
+        specimen=asked.tyre,
+        frequency=asked.frequency,
+        radius=asked.radius,
+        belt=belt_stated(asked.belt_mass, asked.belt_share),
+    )
+    for note in exported.notes:
+        warn(note)
+    return Answer(files=[(kind, exported.path)])
+
+
 #: Rows that the terminal shows of each verdict.
 _MOST = 20
 
 
 def run_compare(
     first: Path,
-    second: Path | None,
-    specimens: tuple[str, str] | None,
-    file: Path | None,
-    page: Path | None,
-    *,
-    independent: bool,
+    second: Path | None = None,
+    specimens: tuple[str, str] | None = None,
+    independent: bool = False,
+    file: Path | None = None,
+    page: Path | None = None,
 ) -> Answer:
     """The differences, the largest first; all rows and the page are written where they are wanted."""
     if file is not None and file.suffix.lower() != ".csv":
@@ -182,7 +206,7 @@ def _compared_document(compared: Comparison) -> dict[str, Any]:
     }
 
 
-def run_lab(folder: Path, place: Path | None) -> Answer:
+def run_lab(folder: Path, place: Path | None = None) -> Answer:
     """Gather results into a data set; the exit code is `SOME_REJECTED` if some were not taken."""
     with progress("gathering") as advance:
         made = gather(folder, place, progress=advance)

@@ -80,7 +80,7 @@ class _Road:
     after: float = 0.0
 
 
-def run_ride(models: Sequence[Path], road: str, speed: float | None, options: RideOptions) -> Answer:
+def run_ride(models: list[Path], road: str = "C", speed: float | None = None, *, options: RideOptions) -> Answer:
     """Drive one vehicle over one road on the tyres of all models, and write the files."""
     speed = _SPEED if speed is None else speed
     check_speed(speed)

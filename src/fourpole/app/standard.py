@@ -71,7 +71,7 @@ _CHECK_HEADS = ("check", "values", "difference over tolerance", "verdict")
 _MOST_NAMED = 12
 
 
-def run_selftest(file: Path | None, laboratory: str, operator: str) -> Answer:
+def run_selftest(file: Path | None = None, laboratory: str = "", operator: str = "") -> Answer:
     """Run the self-test and write page and table; exit code `SOME_REJECTED` if a value fails."""
     if file is not None and file.suffix.lower() not in _PAGES:
         raise FileError(f"{file}: the page is HTML: name a file that ends in .html; a table is written beside it")

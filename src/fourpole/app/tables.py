@@ -13,7 +13,7 @@ import polars.selectors as cs
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import OK, SOME_REJECTED, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, frequencies, progress, say, warn
 from fourpole.app.group import rows_answer, write_with_figure
 from fourpole.app.options import RigOptions, ShiftOptions, TableChoice, answered_in
 from fourpole.core.checks import Verdict
@@ -53,7 +53,9 @@ from fourpole.study.static import branch_check
 from fourpole.words import remark_of
 
 
-def run_identify(table: Path, k1: float | None, above: RigOptions, choice: TableChoice, file: Path | None) -> Answer:
+def run_identify(
+    table: Path, k1: float | None = None, *, above: RigOptions, choice: TableChoice, file: Path | None = None
+) -> Answer:
     """Identify a reduced table; the exit code is `SOME_REJECTED` if rows were rejected."""
     rig = above.rig
     if choice.no_rig and rig is not None:
@@ -143,7 +145,7 @@ def _columns(found: ReducedResult) -> dict[str, Any]:
     }
 
 
-def run_static(table: Path, load: float, column: Sequence[str] | None, group: str) -> Answer:
+def run_static(table: Path, load: float, column: list[str] | None = None, group: str = "") -> Answer:
     """Evaluate one load-deflection curve at one load."""
     found = read_curve(table, columns=column or (), group=group)
     try:
@@ -203,18 +205,27 @@ def _static_shown(curve: LoadCurve, tangent: Tangent, secant: Secant, units: Sho
         yield f"{head:<16} {text}"
 
 
-def run_predict(arm: tuple[float, float, float], rig: Rig, frequency: list[float], file: Path | None) -> Answer:
+def run_predict(
+    k1: float,
+    k2: float,
+    c: float,
+    mass: float,
+    preload_stiffness: float,
+    frequency: str,
+    preload_damping: float | None = None,
+    file: Path | None = None,
+) -> Answer:
     """Table of K*, R, I and TR of a tyre on a rig."""
-    found = predict(frequency, *arm, rig)
-    units = answered_in(ShownUnits(), *arm)
-    return rows_answer(pl.DataFrame(_columns(found)), file, units)
+    rig = Rig(mass, preload_stiffness, preload_damping or 0.0)
+    found = predict(frequencies(frequency), k1, k2, c, rig)
+    return rows_answer(pl.DataFrame(_columns(found)), file, answered_in(ShownUnits(), k1, k2, c))
 
 
 _DECADE = np.log(10.0)
 _MOST_ROWS = 60
 
 
-def run_shift(tables: Sequence[Path], options: ShiftOptions) -> Answer:
+def run_shift(tables: list[Path], options: ShiftOptions) -> Answer:
     """Shift the isotherms of each specimen onto a master curve, and write it."""
     if options.std is not None and not 0 < options.std < 1:
         raise UnitError("--std: the uncertainty of K* must lie between 0 and 100 %")

@@ -33,7 +33,7 @@ from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 _SHOWN = {"k11": 0, "k12": 1, "k22": 3}
 
 
-def run_twoport(campaign: Path, folder: Path | None, workers: int | None) -> Answer:
+def run_twoport(campaign: Path, folder: Path | None = None, workers: int | None = None) -> Answer:
     """Find and write the four poles of each specimen and condition."""
     stated = read_campaign(campaign)
     with progress("reducing") as advance:

@@ -14,9 +14,10 @@ from fourpole.findings import findings, findings_table
 from fourpole.fitting.modelfile import MapEntry, ModelEntry, ModelFile
 from fourpole.fitting.modelparts import EARLIER
 from fourpole.fitting.verified import TableState, Verified, seal_later, verify
+from fourpole.io.folders import model_in, results_in
 from fourpole.io.origin import origin
 from fourpole.study.repeated import Difference
-from fourpole.study.verified import Match, Proof, Repeated, VerifiedResults, verify_results
+from fourpole.study.verified import Match, Proof, Repeated, VerifiedResults, folder_of, verify_results
 from fourpole.units import shown
 from fourpole.words import first_of
 
@@ -28,8 +29,22 @@ _TABLES = {
 }
 
 
-def run_verify(path: Path, copy: Path | None, *, as_json: bool) -> Answer:
-    """Verify a model file and say what it holds; with `copy`, seal a file that has no seal first."""
+def run_verify(
+    path: Path,
+    quick: bool = False,
+    campaign: Path | None = None,
+    workers: int | None = None,
+    copy: Path | None = None,
+    as_json: bool = False,
+) -> Answer:
+    """Verify results, or a model file, and say what was found."""
+    if copy is None and (path.is_dir() or path.name == "study.json"):
+        return _results_verified(folder_of(path) or results_in(path), campaign, quick=quick, workers=workers)
+    return _model_verified(model_in(path), copy, as_json=as_json)
+
+
+def _model_verified(path: Path, copy: Path | None, *, as_json: bool) -> Answer:
+    """What a model file holds; with `copy`, a file that has no seal is sealed first."""
     if copy is not None:
         seal_later(path, copy)
         say(f"written: {copy}")
@@ -129,8 +144,8 @@ _WRONG = {
 }
 
 
-def run_verify_results(folder: Path, campaign: Path | None, *, quick: bool, workers: int | None) -> Answer:
-    """Verify results and say what was found; the exit code says whether all, a part or nothing of it is good."""
+def _results_verified(folder: Path, campaign: Path | None, *, quick: bool, workers: int | None) -> Answer:
+    """What is the same of results; the exit code says whether all, a part or nothing of it is good."""
     with progress("analysing again") as advance:
         found = verify_results(
             folder,

@@ -26,7 +26,7 @@ _QUIET = 5.0
 _MARKS: dict[str, str] = {Verdict.OK: "ok", Verdict.WARNING: "WARNING", Verdict.REJECTED: "REJECTED"}
 
 
-def run_watch(campaign: Path, *, as_json: bool) -> None:
+def run_watch(campaign: Path, as_json: bool = False) -> None:
     """Print the judgement on each new recording until Ctrl-C."""
     watch = Watch(campaign)
     watch.warm()
