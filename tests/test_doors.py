@@ -49,7 +49,6 @@ MAY = {
     "app/group.py": "groups of commands",
     "app/options.py": "the words of options",
     "report/selftest/run.py": "the reference data",
-    "report/selftest/cases.py": "the reference data",
     "served/site.py": "scripts and styles",
     "export/fmi/csource.py": "the source of FMUs, and what the compiler made",
     "plot/lineart.py": "drawings",

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from tests.report.mutants import mutated
 
-from fourpole.report.selftest.cases import (
+from fourpole.report.selftest.run import (
+    HEADS,
     Compared,
     campaign_names,
     cases,
@@ -19,9 +20,11 @@ from fourpole.report.selftest.cases import (
     failed,
     number,
     reference,
+    render_selftest,
+    self_test,
+    selftest_csv,
     word,
 )
-from fourpole.report.selftest.run import HEADS, render_selftest, self_test, selftest_csv
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -57,7 +57,7 @@ def report(
     folder = results_in(folder)
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     if standard:
-        from fourpole.app.standard import run_standard
+        from fourpole.app.verify import run_standard
 
         return run_standard(results, folder, standard)
     from fourpole.app.report import run_report

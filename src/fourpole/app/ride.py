@@ -22,7 +22,7 @@ from fourpole.core.digits import number
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.specimen import Form
 from fourpole.errors import UnitError
-from fourpole.findings.rides import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
+from fourpole.findings.conformity import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
 from fourpole.fitting.inertia import belt_stated
 from fourpole.fitting.placed import operating_point
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
