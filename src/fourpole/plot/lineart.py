@@ -15,6 +15,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from fourpole import quantities as q
+from fourpole.core.phasor import SYMBOLS
 from fourpole.core.rig import PARAMETERS
 from fourpole.plot.data import plain_text
 from fourpole.plot.layout import new_figure
@@ -87,7 +88,7 @@ class Canvas:
 
 _MOST_RIGS, _MOST_NAMES = 2, 3
 #: What the sensors measure, by their roles in campaign.toml.
-_SENSORS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2", "load": "load", "deflection": "deflection"}
+_SENSORS = {**SYMBOLS, "load": "load", "deflection": "deflection"}
 
 
 class Kind(StrEnum):

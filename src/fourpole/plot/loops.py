@@ -12,6 +12,8 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import PRESSURE
+from fourpole.core.phasor import SYMBOLS
+from fourpole.core.recording import UNITS
 from fourpole.fitting.rows import keys_of
 from fourpole.plot.cards import linked, static_cards
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Scale, Series, shade
@@ -143,8 +145,6 @@ def _preloads(static: pl.DataFrame, one: LoadLine) -> FloatArray:
 
 
 _MOST_LOOPS, _MOST_SIGNALS, _POINTS = 3, 3, 145
-_SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
-_UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 
 
 def loops(results: Study) -> FigureData | None:
@@ -210,15 +210,15 @@ def signals(results: Study) -> FigureData | None:
         return None
     found = {key: row for row, key in enumerate(keys_of(table))}
     keys = [key for key in keys_of(sheet.table) if key in found]
-    shown = [key for key in keys if any(_has(table, found[key], f"{s} fit") for s, _ in _SIGNALS)][:_MOST_SIGNALS]
+    shown = [key for key in keys if any(_has(table, found[key], f"{s} fit") for s in SYMBOLS.values())][:_MOST_SIGNALS]
     if not shown:
         return None
     every = keys_of(sheet.table)
     stated = section(results.record, "stated", "channels")
-    symbols = [(s, role) for s, role in _SIGNALS if any(_has(table, found[key], s) for key in shown)]
+    symbols = [(s, role) for role, s in SYMBOLS.items() if any(_has(table, found[key], s) for key in shown)]
     panels = []
     for symbol, role in symbols:
-        unit = _UNITS.get(str(section(stated, role).get("quantity", "")), "N" if symbol == "F1" else "SI")
+        unit = UNITS.get(str(section(stated, role).get("quantity", "")), "N" if symbol == "F1" else "SI")
         for key in shown:
             at = every.index(key)
             tyre, (recorded, fit) = int(sheet.tyre[at]), _signal(table, found[key], symbol)

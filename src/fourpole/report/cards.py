@@ -17,6 +17,8 @@ from fourpole import quantities as q
 from fourpole.core.checks import VERDICTS, Verdict, worst_verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import known, number
+from fourpole.core.phasor import SYMBOLS
+from fourpole.core.recording import UNITS
 from fourpole.findings.list import CheckRow, checks_by_point, kind_of
 from fourpole.fitting.rows import KEY, Key, key_of, keyed, keys_of
 from fourpole.plot.cards import dynamic_cards, in_equal_ratios
@@ -205,9 +207,7 @@ def lines_of(table: pl.DataFrame) -> dict[str, pl.DataFrame]:
     return {str(name): part for (name,), part in keyed(table).partition_by(q.TEST.head, as_dict=True).items()}
 
 
-_SIGNALS = (("F1", "force_in"), ("V1", "motion_in"), ("V2", "motion_out"))
-_UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
-_SYMBOLS = {"displacement": "x", "velocity": "V", "acceleration": "a"}
+_LETTERS = {"displacement": "x", "velocity": "V", "acceleration": "a"}
 
 _SEEN = (q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE)
 _NONE: NDArray[np.float64] = np.empty(0)
@@ -256,7 +256,7 @@ class _Previews:
         found = {name: np.asarray(one, dtype=np.float64) for name, one in row.items() if isinstance(one, list)}
         for time, *ends in ((q.TIME.head, "", " fit"), (q.RESIDUAL_TIME.head, " residual")):
             count = int(np.isfinite(found[time]).sum()) if time in found else 0
-            for name in (time, *(f"{symbol}{end}" for symbol, _ in _SIGNALS for end in ends)):
+            for name in (time, *(f"{symbol}{end}" for symbol in SYMBOLS.values() for end in ends)):
                 if name in found:
                     found[name] = found[name][:count]
         return {name: one for name, one in found.items() if np.isfinite(one).any()}
@@ -320,7 +320,7 @@ def _tangents(
 def _dynamic_cards(results: Study, previews: _Previews) -> tuple[list[Card], list[str]]:
     quantities = {
         symbol: str(section(results.record, "stated", "channels", role).get("quantity", ""))
-        for symbol, role in _SIGNALS
+        for role, symbol in SYMBOLS.items()
     }
     more = [name for name in results.dynamic.columns if name not in (*TABLE.columns, *KEY)]
     cards, whole, units = dynamic_cards(results), results.dynamic, results.shown
@@ -381,7 +381,7 @@ def _dynamic_body(
 
 def _signals(preview: Mapping[str, NDArray[np.float64]], quantities: Mapping[str, str]) -> dict[str, Any]:
     """The signals of a preview with their times; empty if there are none."""
-    signals = [found for symbol, _ in _SIGNALS if (found := _signal(symbol, preview, quantities[symbol]))]
+    signals = [found for symbol in SYMBOLS.values() if (found := _signal(symbol, preview, quantities[symbol]))]
     time, blocks = preview.get(q.TIME.head, _NONE), preview.get(q.RESIDUAL_TIME.head, _NONE)
     return {"t": packed(time), "rt": packed(blocks), "signals": signals} if signals and time.size > 1 else {}
 
@@ -394,8 +394,8 @@ def _signal(symbol: str, preview: Mapping[str, NDArray[np.float64]], quantity: s
     fitted = {"f": packed(fit, low, high)} if fit.size else {}
     return {
         **fitted,
-        "name": _SYMBOLS.get(quantity, symbol[0]) + symbol[1:],
-        "unit": _UNITS.get(quantity, "N" if symbol == "F1" else "SI"),
+        "name": _LETTERS.get(quantity, symbol[0]) + symbol[1:],
+        "unit": UNITS.get(quantity, "N" if symbol == "F1" else "SI"),
         "s": packed(signal, low, high),
         "r": packed(residual),
     }
