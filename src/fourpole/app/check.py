@@ -14,6 +14,7 @@ from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY
+from fourpole.core.phasor import SYMBOLS
 from fourpole.errors import CampaignError
 from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
 from fourpole.guess.write import WEIGHT
@@ -138,14 +139,7 @@ def _rows(problems: Sequence[CampaignProblem]) -> Iterator[tuple[str, ...]]:
 
 
 _MOST_CONDITIONS = 40
-_ROLES = {
-    "force_in": "F1",
-    "motion_in": "V1",
-    "motion_out": "V2",
-    "drive": "drive",
-    "load": "load",
-    "deflection": "deflection",
-}
+_ROLES = {**SYMBOLS, **{role: role for role in ("drive", "load", "deflection")}}
 
 
 def run_init(folder: Path, force: bool = False, pattern: list[str] | None = None) -> Answer:
