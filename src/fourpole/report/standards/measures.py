@@ -1,4 +1,4 @@
-"""Requirements of standards as data, what results say of them, their quantities, and the page of a standard."""
+"""Requirements of SAE J1085, ISO 7626-2 and ISO 10846-2 as data, what results say of them, and the page of each."""
 
 from __future__ import annotations
 
