@@ -138,6 +138,12 @@ def test_the_face_is_exactly_what_is_promised():
     assert inspect.ismodule(fourpole.models)
 
 
+@pytest.mark.parametrize("room", ["findings", "plot", "study"])
+def test_each_name_that_a_room_offers_is_there(room):
+    module = import_module(f"fourpole.{room}")
+    assert all(hasattr(module, name) for name in module.__all__)
+
+
 def test_the_four_poles_have_a_module_at_the_top():
     from fourpole.core import twoport
     from fourpole.twoport import __all__ as names

@@ -151,7 +151,7 @@ TAKES_APART = {
 #: Names of texts that people read.
 SENTENCES = ("remark", "sentence", "remedy", "remedies", "cause", "message")
 #: A reason without a short form is shown by its first remark; no decision rests on it.
-SHOWN = {("fourpole.findings.verdicts", "remarks.split('; ', maxsplit=1)")}
+SHOWN = {("fourpole.findings.list", "remarks.split('; ', maxsplit=1)")}
 
 
 def parsed_sentences(tree):

@@ -26,9 +26,9 @@ from fourpole.models.maxwell import GeneralisedMaxwell, Prony
 from fourpole.models.ramp import Ramp
 from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series
 from fourpole.plot.drawn import figure_of
-from fourpole.plot.figure import figure_bytes
+from fourpole.plot.layout import figure_bytes
+from fourpole.plot.plan import two_port_figure
 from fourpole.plot.style import Size, Style, drawing
-from fourpole.plot.twoports import two_port_figure
 from fourpole.study.twoports import TwoPort
 from fourpole.virtual.phasor_rig import Conditions, DrawnLaboratory, Laboratory, draw, simulate_phasors
 

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from fourpole.answer import Answer, Rows, Table
 from fourpole.app import group
-from fourpole.app.catalogue import catalogue
+from fourpole.app.browse import catalogue
 from fourpole.app.cli import app
-from fourpole.app.show import show
+from fourpole.app.group import show
 from fourpole.quantities import ShownUnits
 
 FRAME = pl.DataFrame({"frequency [Hz]": [10.0], "K1 [N/m]": [180e3], "u(K1) [N/m]": [900.0], "note": [""]})
@@ -90,7 +90,7 @@ def test_parts_are_plain_for_a_page():
 
 @pytest.mark.parametrize(("width", "beside"), [("120", False), ("40", True)])
 def test_remarks_stand_below_their_rows_or_beside_them(width, beside, capsys, monkeypatch):
-    monkeypatch.setattr("fourpole.app.show.table_width", lambda: int(width))
+    monkeypatch.setattr("fourpole.app.group.table_width", lambda: int(width))
     table = Table(("name", "as found"), [["rig"], ["mass", "15.0 ± 0.2" * 4]], remarks=["found"], remark="finding")
     show(Answer([table]), as_json=False)
     text = capsys.readouterr().out

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from fourpole.report import pdf
+from fourpole.report import html
 
 REPORT = '\n[report]\ncustomer = "Wheels <&> Co"\nunits = ["kPa"]\nlogo = "logo.svg"\n'
 LIMITS = '[[limits]]\nquantity = "K1"\nhigh = "1 kN/m"\n'
@@ -61,8 +61,8 @@ def test_a_pdf_needs_a_browser_before_anything_is_made(run, stated, monkeypatch)
     assert run("analyse", stated, "--no-models").exit_code == 0
     page = stated / "results" / "report.html"
     former = page.stat().st_mtime_ns
-    monkeypatch.setattr(pdf, "program_path", lambda name: None)
-    monkeypatch.setattr(pdf, "_MAC", ())
+    monkeypatch.setattr(html, "program_path", lambda name: None)
+    monkeypatch.setattr(html, "_MAC", ())
     ran = run("report", stated, "--pdf")
     assert ran.exit_code == 2
     assert "no Chromium, Chrome or Edge" in ran.stderr

@@ -5,9 +5,9 @@ import json
 import pytest
 from tests.fitting.test_shifting import table
 
+from fourpole.app.group import show
 from fourpole.app.options import ShiftOptions
-from fourpole.app.shift import run_shift
-from fourpole.app.show import show
+from fourpole.app.tables import run_shift
 from fourpole.errors import ModelError, UnitError
 
 FILES = {"master.csv", "covariance.parquet", "temperature.json", "shifts.csv", "overlaps.csv", "shift.svg", "shift.png"}

@@ -16,7 +16,7 @@ from tests.served.server import Server, serving
 
 from fourpole.errors import FileError
 from fourpole.export.fmi.csource import COMPILERS
-from fourpole.report.pdf import browser
+from fourpole.report.html import browser
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
 pytestmark = pytest.mark.thorough

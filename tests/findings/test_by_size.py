@@ -4,8 +4,7 @@ import pytest
 from tests.findings.designed import Tables, Tyre
 
 from fourpole.findings import by_size, findings
-from fourpole.findings.levels import Comparison, Level
-from fourpole.findings.trends import Trend
+from fourpole.findings.trends import Comparison, Level, Trend
 from fourpole.quantities import K2
 
 

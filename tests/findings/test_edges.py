@@ -12,14 +12,12 @@ import pytest
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, Condition
 from fourpole.findings.compared import NOT_SEEN, _pairs, _row
-from fourpole.findings.evidence import Effect, along
-from fourpole.findings.facts import Curve, Estimate, known, pairs
-from fourpole.findings.finding import Holds
-from fourpole.findings.levels import Comparison, linearity
+from fourpole.findings.conformity import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
+from fourpole.findings.facts import Curve, Estimate, Holds, known, pairs
 from fourpole.findings.list import by_size
 from fourpole.findings.points import Readings, _step, differences
 from fourpole.findings.resonances import Crossing, peak
-from fourpole.findings.rides import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
+from fourpole.findings.trends import Comparison, Effect, along, linearity
 
 
 def shown(effect, std):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fourpole.findings.evidence import Effect, along, between, factor, mean_effect, residual_squares
+from fourpole.findings.trends import Effect, along, between, factor, mean_effect, residual_squares
 
 X = np.array([1.0, 2.0, 3.0, 4.0])
 

@@ -8,10 +8,9 @@ from tests.findings.designed import LOADS, Tables, Tyre, rig_curve
 from fourpole.core.checks import Code, Verdict
 from fourpole.findings import Holds, findings, findings_table
 from fourpole.findings.facts import Curve
-from fourpole.findings.levels import Comparison, Departure, Level
+from fourpole.findings.list import CheckRow, Reason, Tally, checks_by_test
 from fourpole.findings.resonances import Crossing, Crossings, Prediction, Resonance, ResonanceOrder, peak
-from fourpole.findings.trends import Trend
-from fourpole.findings.verdicts import CheckRow, Reason, Tally, checks_by_test
+from fourpole.findings.trends import Comparison, Departure, Level, Trend
 from fourpole.paper1982.claims import Claim, NoCommonState
 from fourpole.study.study import Study
 

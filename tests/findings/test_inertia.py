@@ -10,12 +10,11 @@ from tests.report.test_front import campaign
 from fourpole import quantities as q
 from fourpole.app.summary import summary_lines
 from fourpole.findings import findings
-from fourpole.findings.finding import findings_table
-from fourpole.findings.inertia import inertias
+from fourpole.findings.facts import findings_table
+from fourpole.findings.list import inertias
 from fourpole.report.front import front_page
 from fourpole.report.page import render_report
-from fourpole.report.words.inertia import inertia_table
-from fourpole.report.words.sentence import sentences
+from fourpole.report.words.sentence import inertia_table, sentences
 from fourpole.virtual import RADIAL_PLY
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from fourpole.app.group import show
 from fourpole.app.models import run_fit
 from fourpole.app.options import FitOptions
-from fourpole.app.show import show
 from fourpole.errors import FourpoleError, ModelError, TableError, UnitError
 from fourpole.export.kinds import export_results
 from fourpole.fitting.measured import read_measured
@@ -54,7 +54,7 @@ def test_several_conditions_share_an_entry_and_an_export_takes_it(tmp_path):
     both = [("time [min]", np.tile(TIME / 60, 2)), ("J(t) [mm/N]", np.concatenate([COMPLIANCE, 2 * COMPLIANCE]) * 1e3)]
     both.append(("temperature [degC]", np.repeat([0.0, 40.0], TIME.size)))
     path = table(tmp_path / "t.csv", *both)
-    show(run_fit(path, "prony:6", FitOptions(std="0.1 %", file=tmp_path / "model.json")), as_json=False)
+    show(run_fit(path, "prony:6", options=FitOptions(std="0.1 %", file=tmp_path / "model.json")), as_json=False)
     file = read_model_file(tmp_path / "model.json")
     (entry,) = file.models
     assert entry.model == "prony:6"
@@ -96,4 +96,4 @@ def test_tables_over_frequency_are_none_and_others_say_where_time_belongs(tmp_pa
     with pytest.raises(ModelError, match="prony"):
         fit_over_time(path, "zener")
     with pytest.raises(UnitError, match="leave out --band"):
-        show(run_fit(path, "auto", FitOptions(band="1:2 Hz")), as_json=False)
+        show(run_fit(path, "auto", options=FitOptions(band="1:2 Hz")), as_json=False)

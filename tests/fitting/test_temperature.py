@@ -10,9 +10,9 @@ import pytest
 import scipy
 from tests.models.isotherms import fractional_zener, isotherm, log_a
 
+from fourpole.app.group import show
 from fourpole.app.options import ShiftOptions
-from fourpole.app.shift import run_shift
-from fourpole.app.show import show
+from fourpole.app.tables import run_shift
 from fourpole.errors import FourpoleError, ModelError
 from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file

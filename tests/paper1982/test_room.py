@@ -19,7 +19,7 @@ def test_other_rooms_name_it_in_four_registries_and_where_its_names_were():
 
 
 def test_each_figure_of_its_catalogue_is_made_here():
-    from fourpole.paper1982 import companions, figures, rigs
+    from fourpole.paper1982 import companions, figures
 
     catalogue = tomllib.loads((SOURCE / "paper1982" / "catalogue.toml").read_text(encoding="utf-8"))
-    assert set(catalogue) == {*rigs.FIGURES, *figures.FIGURES, *companions.FIGURES}
+    assert set(catalogue) == {*figures.FIGURES, *companions.FIGURES}

@@ -4,7 +4,7 @@ import pytest
 from tests.report.test_words import AXES, effects, said, trend
 
 from fourpole.findings import Finding, Holds, Topic
-from fourpole.findings.evidence import Effect
+from fourpole.findings.trends import Effect
 from fourpole.paper1982.claims import (
     Above,
     ApartAt,

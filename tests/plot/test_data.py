@@ -18,11 +18,11 @@ from fourpole.core.routes import maxwell_arm
 from fourpole.errors import CampaignError
 from fourpole.fitting.query import response
 from fourpole.plot import FIGURES, PAPER, SIZES, Style, draw, figure_data, figures_of, render
-from fourpole.plot.chain import Kind, chains
 from fourpole.plot.data import MOST_LABELLED, Role
 from fourpole.plot.layout import COLOUR_SCALE
+from fourpole.plot.lineart import Kind, chains
+from fourpole.plot.panels import _apart, _within
 from fourpole.plot.part import Selection, select
-from fourpole.plot.series import _apart, _within
 from fourpole.plot.sheet import read_sheet
 from fourpole.report.cards import make_cards
 from fourpole.virtual import RADIAL_PLY
@@ -395,8 +395,8 @@ def test_data_needs_no_matplotlib():
     code = (
         "import sys, polars\n"
         "from fourpole.study.study import Study\n"
-        "from fourpole.plot import states, frequency, loops, fields, chain, budget, part, rig, choice\n"
-        "from fourpole.plot import spectrum, amplitude, operating\nfrom fourpole.paper1982 import figures, companions\n"
+        "from fourpole.plot import states, frequency, loops, maps, models, over, part, rig\n"
+        "from fourpole.paper1982 import figures, companions\n"
         "assert not [name for name in sys.modules if name.startswith('matplotlib')]\n"
     )
     ran = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)

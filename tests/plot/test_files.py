@@ -14,7 +14,7 @@ from tests.plot.modelled import against, study_with_models
 
 from fourpole.errors import CampaignError
 from fourpole.plot import THEMES, Style, draw, figures_of, render, save_figures, write_figure
-from fourpole.plot.names import plain_text, short_names
+from fourpole.plot.data import plain_text, short_names
 from fourpole.virtual import RADIAL_PLY
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -15,9 +15,9 @@ from fourpole.fitting.query import response
 from fourpole.models.families import model_named
 from fourpole.plot import Style, draw, figure_data, render
 from fourpole.plot.data import Role
-from fourpole.plot.fitted import _rows, whitened
 from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import read_sheet
+from fourpole.plot.states import _rows, whitened
 
 pytestmark = pytest.mark.thorough
 

@@ -8,7 +8,8 @@ from fourpole.errors import CampaignError
 from fourpole.planning.expected import Guess
 from fourpole.planning.plan import Run, bare_plan, plan_table
 from fourpole.plot import Style
-from fourpole.plot.plan import draw_plan, write_plan_figure
+from fourpole.plot.layout import command_figure
+from fourpole.plot.plan import draw_plan
 
 pytestmark = pytest.mark.thorough
 
@@ -42,12 +43,12 @@ def test_lines_show_the_table(frame):
 
 @pytest.mark.parametrize(("theme", "form"), [("light", "svg"), ("dark", "png")])
 @pytest.mark.sampled(2)
-def test_the_same_plan_gives_the_same_file(frame, tmp_path, theme, form):
+def test_the_same_plan_gives_the_same_file(frame, theme, form):
     style = Style(theme)
-    files = [write_plan_figure(draw_plan(frame, style=style), tmp_path / f"{n}.{form}", style) for n in (1, 2)]
-    assert files[0].read_bytes() == files[1].read_bytes()
+    first, second = (command_figure(draw_plan(frame, style=style), "plan", form, style) for _ in range(2))
+    assert first == second
 
 
-def test_another_format_is_refused(frame, tmp_path):
+def test_another_format_is_refused(frame):
     with pytest.raises(CampaignError, match="svg, png, pdf"):
-        write_plan_figure(draw_plan(frame), tmp_path / "plan.gif")
+        command_figure(draw_plan(frame), "plan", "gif")

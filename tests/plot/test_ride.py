@@ -6,7 +6,8 @@ from tests.ride.test_compare import BODY, SPEED, tyres
 
 from fourpole.core.confidence import NORMAL_95
 from fourpole.plot.data import Role
-from fourpole.plot.ride import ride_figure, ride_figure_bytes
+from fourpole.plot.layout import command_figure
+from fourpole.plot.ride import draw_ride, ride_figure
 from fourpole.ride.compare import compare_in_time, compare_on_class
 from fourpole.ride.road import ClassRoad, cleat
 
@@ -56,7 +57,7 @@ def test_of_many_tyres_the_first_ones_are_shown(spectra):
 @pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
 @pytest.mark.sampled(2)
 def test_the_file_has_each_format(spectra, form, begin):
-    made = ride_figure_bytes(ride_figure(spectra, ["<b>one</b>", "two"]), form)
+    made = command_figure(draw_ride(ride_figure(spectra, ["<b>one</b>", "two"])), "ride", form)
     assert made.startswith(begin)
     assert b"<b>one" not in made
 

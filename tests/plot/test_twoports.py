@@ -9,8 +9,9 @@ from tests.plot.legible import illegible
 from fourpole.campaign.row import Test as Row
 from fourpole.core.allpoles import all_poles, reciprocal
 from fourpole.core.specimenfit import fit_specimen
+from fourpole.plot.layout import command_figure
+from fourpole.plot.plan import two_port_figure
 from fourpole.plot.style import Style, drawing
-from fourpole.plot.twoports import two_port_figure, two_port_figure_bytes
 from fourpole.study.twoports import TwoPort
 
 FREQUENCIES = np.arange(10.0, 101.0, 5.0)
@@ -76,6 +77,7 @@ def test_of_many_conditions_the_first_are_drawn_and_it_is_said(kinds):
 @pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
 @pytest.mark.sampled(2)
 def test_it_is_written_in_each_format(kinds, form, begin):
-    content = two_port_figure_bytes([kinds["belt"]], form, Style("dark"))
+    style = Style("dark")
+    content = command_figure(two_port_figure([kinds["belt"]], style), "twoport", form, style)
     assert content.startswith(begin)
     assert len(content) > 10_000

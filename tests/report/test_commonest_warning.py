@@ -7,7 +7,7 @@ import pytest
 from fourpole import analyse
 from fourpole.core.checks import Code
 from fourpole.findings import findings
-from fourpole.findings.verdicts import Reason
+from fourpole.findings.list import Reason
 from fourpole.report.page import render_report
 from fourpole.report.words.sentence import sentences
 from fourpole.virtual import RADIAL_PLY, simulate_campaign

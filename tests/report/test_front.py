@@ -8,12 +8,11 @@ import pytest
 
 from fourpole.findings.conformity import judged
 from fourpole.quantities import K1, ShownUnits
-from fourpole.report.digits import in_units
+from fourpole.report.digits import bar, newton, shown
 from fourpole.report.front import conformity_table, front_page, load_of_index, verdict_line
 from fourpole.report.html import rendered
 from fourpole.report.page import PARTS, render_report
 from fourpole.report.rows import condition, words
-from fourpole.report.words.phrases import bar, newton, shown
 from fourpole.study.study import Study
 
 STATIC = pl.DataFrame(schema={"test": pl.String, "tyre": pl.String, "construction": pl.String, "verdict": pl.String})
@@ -169,12 +168,12 @@ def test_where_repeats_scatter_the_misfit_of_a_model_has_no_other_reason():
 
 
 def test_words_and_tables_have_the_units_that_the_campaign_wants():
-    with in_units(ShownUnits({"Pa": ("kPa", 1e3), "N": ("kgf", 9.80665), "N/m": ("N/mm", 1e3)})):
-        assert (bar(170e3), newton(9806.65), shown(K1, 2e5)) == ("170 kPa", "1000 kgf", "200 N/mm")
-        row = {"K1 [N/m]": 2e5, "u(K1) [N/m]": 300.0, "pressure [Pa]": 170e3, "preload [N]": 980.665}
-        assert words(K1, row) == "200.00 ± 0.30 N/mm"
-        assert condition(row, dynamic=True) == "170 kPa, 100.0 kgf"
-    assert bar(170e3) == "1.70 bar"
+    units = ShownUnits({"Pa": ("kPa", 1e3), "N": ("kgf", 9.80665), "N/m": ("N/mm", 1e3)})
+    assert (bar(170e3, units), newton(9806.65, units), shown(K1, 2e5, units)) == ("170 kPa", "1000 kgf", "200 N/mm")
+    row = {"K1 [N/m]": 2e5, "u(K1) [N/m]": 300.0, "pressure [Pa]": 170e3, "preload [N]": 980.665}
+    assert words(K1, row, units) == "200.00 ± 0.30 N/mm"
+    assert condition(row, units, dynamic=True) == "170 kPa, 100.0 kgf"
+    assert bar(170e3, ShownUnits()) == "1.70 bar"
 
 
 def test_each_condition_of_static_tests_alone_has_a_row():

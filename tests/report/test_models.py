@@ -12,22 +12,22 @@ from tests.plot.modelled import against, edited, elastomer, judged, named, study
 from tests.report.test_page import Reader, on_page
 
 from fourpole import units
+from fourpole.core.digits import number, with_std
 from fourpole.findings.facts import Facts
 from fourpole.fitting.modelparts import VerdictFile
 from fourpole.fitting.query import Query, ask
 from fourpole.models.ladder import Lie
-from fourpole.report.digits import number, with_std
-from fourpole.report.models import models_section
-from fourpole.report.page import render_report
-from fourpole.report.words.models import (
+from fourpole.report.models import (
     discrepancy,
     lie_in_words,
     map_facts,
+    models_section,
     query_command,
     remarks_on_map,
     sentences,
     tyre_option,
 )
+from fourpole.report.page import render_report
 
 HOSTILE = "<script>alert(1)</script>\"'& \x1b"
 #: Options of fourpole query that name an axis: the kind of quantity, and the column.

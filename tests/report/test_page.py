@@ -23,9 +23,9 @@ from tests.plot.rig_found import MISFIT, VALUES, budget_table, residual_table, r
 from tests.report.browser import launched, renewed, watched
 
 from fourpole.core.condition import PRESSURE, axis_of
-from fourpole.report.cards import embedded, make_cards
-from fourpole.report.digits import number, spread, with_std
-from fourpole.report.linecards import ALPHABET, packed
+from fourpole.core.digits import number, with_std
+from fourpole.report.cards import ALPHABET, embedded, make_cards, packed
+from fourpole.report.digits import spread
 from fourpole.report.page import ReportFigure, _versions, render_report, write_report
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import rigs_in_words

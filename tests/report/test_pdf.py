@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fourpole.errors import FileError
-from fourpole.report import pdf
+from fourpole.report import html
 
 PAGE = "<!DOCTYPE html><title>t</title><p>K1"
 
@@ -24,25 +24,25 @@ def stands_in(monkeypatch, path, script):
     """A program in place of the browser."""
     path.write_text(f"#!{sys.executable}\n{script}")
     path.chmod(0o755)
-    monkeypatch.setattr(pdf, "program_path", lambda name: str(path))
+    monkeypatch.setattr(html, "program_path", lambda name: str(path))
 
 
 def test_a_page_becomes_a_pdf(page, tmp_path):
     try:
-        pdf.browser()
+        html.browser()
     except FileError:
         pytest.skip("no browser is here")
-    pdf.print_page(page, tmp_path / "out.pdf")
+    html.print_page(page, tmp_path / "out.pdf")
     content = (tmp_path / "out.pdf").read_bytes()
     assert content.startswith(b"%PDF")
     assert content.rstrip().endswith(b"%%EOF")
 
 
 def test_without_a_browser_the_remedy_is_said(monkeypatch):
-    monkeypatch.setattr(pdf, "program_path", lambda name: None)
-    monkeypatch.setattr(pdf, "_MAC", ())
+    monkeypatch.setattr(html, "program_path", lambda name: None)
+    monkeypatch.setattr(html, "_MAC", ())
     with pytest.raises(FileError, match=r"--pdf needs: install one, or open report\.html"):
-        pdf.browser()
+        html.browser()
 
 
 @pytest.mark.parametrize(
@@ -55,9 +55,9 @@ def test_without_a_browser_the_remedy_is_said(monkeypatch):
 )
 def test_a_browser_that_fails_leaves_nothing(monkeypatch, page, tmp_path, script, said):
     stands_in(monkeypatch, tmp_path / "browser", script)
-    monkeypatch.setattr(pdf, "_SECONDS", 1 if "sleep" in script else 60)
+    monkeypatch.setattr(html, "_SECONDS", 1 if "sleep" in script else 60)
     with pytest.raises(FileError, match=said):
-        pdf.print_page(page, tmp_path / "out.pdf")
+        html.print_page(page, tmp_path / "out.pdf")
     assert not (tmp_path / "out.pdf").exists()
 
 
@@ -67,7 +67,7 @@ def test_what_is_no_pdf_is_not_taken(monkeypatch, page, tmp_path):
     )
     stands_in(monkeypatch, tmp_path / "browser", script)
     with pytest.raises(FileError, match="did not print"):
-        pdf.print_page(page, tmp_path / "out.pdf")
+        html.print_page(page, tmp_path / "out.pdf")
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="no groups of processes here")
@@ -80,9 +80,9 @@ def test_a_browser_that_hangs_is_ended_with_what_it_started(monkeypatch, page, t
         f"pathlib.Path({str(noted)!r}).write_text(str(child.pid))\ntime.sleep(60)"
     )
     stands_in(monkeypatch, tmp_path / "browser", script)
-    monkeypatch.setattr(pdf, "_SECONDS", 5)
+    monkeypatch.setattr(html, "_SECONDS", 5)
     with pytest.raises(FileError, match="within 5 s"):
-        pdf.print_page(page, tmp_path / "out.pdf")
+        html.print_page(page, tmp_path / "out.pdf")
     child = int(noted.read_text())
     for _ in range(100):  # the system needs a moment to end it
         state = Path(f"/proc/{child}/stat")

@@ -8,8 +8,7 @@ from tests.plot.conftest import blank, empty_results, results_of
 from tests.plot.rig_found import JOINT, MISFIT, UNSTATED, VALUES, rig_table, with_rig_found
 
 from fourpole.report.words.limits import limits
-from fourpole.report.words.rig import rigs_in_words
-from fourpole.report.words.shared_values import DASH
+from fourpole.report.words.rig import DASH, rigs_in_words
 from fourpole.study.rig_estimate import NoteCode
 
 NOT_DETERMINED = "not determined by your data, taken from your statement"

@@ -10,10 +10,21 @@ from pathlib import Path
 import pytest
 from tests.report.mutants import mutated
 
-from fourpole.report.selftest.cases import campaign_names, cases, compared_campaign, compared_case, reference
-from fourpole.report.selftest.compared import Compared, failed, number, word
-from fourpole.report.selftest.page import HEADS, render_selftest, selftest_csv
-from fourpole.report.selftest.run import self_test
+from fourpole.report.selftest.run import (
+    HEADS,
+    Compared,
+    campaign_names,
+    cases,
+    compared_campaign,
+    compared_case,
+    failed,
+    number,
+    reference,
+    render_selftest,
+    self_test,
+    selftest_csv,
+    word,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -10,7 +10,7 @@ from fourpole.campaign.schema import ConditionsFile, SpecimenFile
 from fourpole.core.components import COMPONENTS
 from fourpole.core.rig import PARAMETERS
 from fourpole.core.sources import RATIOS, Kind, Role, Source
-from fourpole.report.words.sources import About, remedy, source_in_words
+from fourpole.report.words.limits import About, remedy, source_in_words
 
 PLAIN = About(joint=True, massed=False, with_v2=True, fits=True, scatter=False, candidate="")
 SITUATIONS = [

@@ -10,13 +10,10 @@ from tests.findings.designed import Tables, Tyre, frame, rig_curve
 from fourpole.core.checks import Code
 from fourpole.findings import Finding, FindingConditions, Holds, Setup, Topic
 from fourpole.findings import findings as found_in
-from fourpole.findings.evidence import Effect
-from fourpole.findings.facts import Estimate
-from fourpole.findings.finding import UNSTATED
-from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
+from fourpole.findings.facts import UNSTATED, Estimate
+from fourpole.findings.list import Reason, Tally
 from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
-from fourpole.findings.trends import Extremum, Trend
-from fourpole.findings.verdicts import Reason, Tally
+from fourpole.findings.trends import Comparison, CycleLoss, Departure, Effect, Extremum, Level, Trend
 from fourpole.quantities import CYCLE_LOSS, K1, NONLINEARITY, TR, C
 from fourpole.report.words.sentence import Sentence, headline, sentences
 from fourpole.study.study import Study

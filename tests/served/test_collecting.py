@@ -14,9 +14,8 @@ from unittest.mock import Mock
 import pytest
 from tests.served.server import Server, serving
 
-from fourpole.served import collecting
-from fourpole.served.collecting import Collector, Wanted
-from fourpole.served.signals import Kept
+from fourpole.served import signals
+from fourpole.served.signals import Collector, Kept, Wanted
 
 COUNT = 3000
 
@@ -25,8 +24,8 @@ COUNT = 3000
 def collector(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Collector]:
     """One that reads in its own process."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr(collecting, "child", lambda _: Mock())
-    monkeypatch.setattr(collecting, "read_apart", lambda read, *arguments, **options: read(*arguments, **options))
+    monkeypatch.setattr(signals, "child", lambda _: Mock())
+    monkeypatch.setattr(signals, "read_apart", lambda read, *arguments, **options: read(*arguments, **options))
     made = Collector()
     yield made
     made.close()
@@ -63,7 +62,7 @@ def test_their_room_is_that_of_all_campaigns(
     first = got(collector, written(tmp_path, "a.csv"))
     os.utime(first.folder / "about.json", (1, 1))
     size = sum(path.stat().st_size for path in first.folder.iterdir())
-    monkeypatch.setattr(collecting, "_MOST_ROOM", 2.5 * size)
+    monkeypatch.setattr(signals, "_ALL_ROOM", 2.5 * size)
     (tmp_path / "other").mkdir()
     left = first.folder.with_name(".signals-0.tmp")
     left.mkdir()

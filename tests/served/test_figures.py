@@ -18,9 +18,9 @@ from tests.served.server import Server, serving
 from tests.served.test_pages import LONG, opened, visiting
 from tests.unlisted import unlisted
 
+from fourpole.app.group import show
 from fourpole.app.models import run_map
 from fourpole.app.options import DataOptions
-from fourpole.app.show import show
 from fourpole.findings.compared import compare
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.query import Query, ask
@@ -38,7 +38,7 @@ def mapped(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     """A server with two campaigns, one of them with a map."""
     root = tmp_path_factory.mktemp("mapped")
     shutil.copytree(analysed, root / "one")
-    show(run_map(root / "one" / "results", "zener", DataOptions(), None), as_json=True)
+    show(run_map(root / "one" / "results", "zener", data=DataOptions()), as_json=True)
     shutil.copytree(analysed, root / "two")
     shutil.copytree(analysed, root / "bare", ignore=shutil.ignore_patterns("results"))
     (root / "two" / "results" / "model.json").unlink()

@@ -5,7 +5,7 @@ import pytest
 
 from fourpole.core.checks import Code
 from fourpole.findings.facts import Facts
-from fourpole.findings.verdicts import verdicts
+from fourpole.findings.list import verdicts
 from fourpole.study.analysis import analyse
 
 CAMPAIGN = """

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from fourpole import analyse
-from fourpole.findings.finding import FINDING_COLUMNS
+from fourpole.findings.facts import FINDING_COLUMNS
 from fourpole.fitting.rows import KEY, key_of, keyed
 from fourpole.io.published import published
 from fourpole.quantities import meaning_of

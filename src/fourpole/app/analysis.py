@@ -13,7 +13,7 @@ import polars as pl
 
 from fourpole.answer import Answer
 from fourpole.app import events
-from fourpole.app.alike import gathered_alike
+from fourpole.app.check import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import (
@@ -30,7 +30,7 @@ from fourpole.campaign import Campaign, read_campaign
 from fourpole.core.checks import Code, Verdict, worst_verdict
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.findings.verdicts import checks_by_point, kind_of
+from fourpole.findings.list import checks_by_point, kind_of
 from fourpole.fitting.effort import seconds_of_fits
 from fourpole.fitting.rows import keys_of
 from fourpole.io.child import SECONDS
@@ -130,7 +130,7 @@ def _files_of(campaign: Campaign) -> list[str]:
     )
 
 
-def run_demo(folder: Path, seed: int, workers: int | None) -> Answer:
+def run_demo(folder: Path = Path("fourpole-demo"), seed: int = 1982, workers: int | None = None) -> Answer:
     """Simulate a campaign and analyse it: its findings; exit code `SOME_REJECTED` if tests were rejected.
 
     The results stand for an analysis with default settings, which keeps the models of the folder.
@@ -154,6 +154,22 @@ def run_demo(folder: Path, seed: int, workers: int | None) -> Answer:
         "The rubber mount relaxes; no relaxing springs can be like those of the two tyres: the report says why.",
     ]
     return Answer(lines, lambda: {**outcome.document, "found": found}, code=outcome.code)
+
+
+def run_simulate(
+    folder: Path, seed: int = 1982, clean: bool = False, car: bool = False, massless: bool = False
+) -> None:
+    """Record a campaign on the virtual rigs: the tyre of the car, or those of the paper with or without belts."""
+    from fourpole.virtual import BELTED, CAR_TYRE, CROSS_PLY, RADIAL_PLY, simulate_campaign
+
+    if car and massless:
+        raise CampaignError("--car and --massless contradict each other: the car's tyre is there for its belt")
+    plan: dict[str, Any] = {"tyres": (CROSS_PLY, RADIAL_PLY) if massless else BELTED}
+    if car:
+        plan = {"tyres": [CAR_TYRE], "preloads": [1000.0], "added_masses": (0.0, 10.0), "eccentricity": 0.2e-3}
+    with progress("recording") as advance:
+        made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance, **plan)
+    say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
 
 
 def _demo_settings() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The commands open and app: the report in the browser, and the server of the app; how a browser is started."""
+"""The commands open and app: the report in the browser, the server of the app, and the commands that it may start."""
 
 from __future__ import annotations
 
@@ -15,14 +15,44 @@ import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from types import UnionType
+from typing import Any, get_args
 from urllib.parse import urlsplit
 
 import typer
+from typer.models import OptionInfo
 
-from fourpole.app.console import out, say
+from fourpole.answer import Answer, Part
+from fourpole.app.console import say
+from fourpole.app.group import BROWSER, about, signature_of
 from fourpole.errors import CampaignError
 from fourpole.io.folders import results_in
 from fourpole.io.processes import DEVNULL, OF_SCREEN, open_by_system, program_path, start
+from fourpole.served.jobs import Asked, AskedOption
+
+#: Options that are for the terminal, or that the app states itself.
+_LEFT_OUT = {"as_json", "remote", "workers", "force"}
+
+
+def catalogue() -> tuple[Asked, ...]:
+    """The commands that take a campaign's folder and may be started from a browser."""
+    return tuple(Asked(name, about(name), tuple(_options(name))) for name in BROWSER)
+
+
+def _options(name: str) -> Iterator[AskedOption]:
+    """The options of a command that are no path."""
+    for one in signature_of(name).parameters.values():
+        kind, option = one.annotation, one.default
+        if not isinstance(option, OptionInfo) or Path in _kinds(kind) or one.name in _LEFT_OUT:
+            continue
+        long = next((each for each in option.param_decls or () if each.startswith("--")), f"--{one.name}")
+        yield AskedOption(long.partition("/")[0].replace("_", "-"), option.help or "", flag=bool in _kinds(kind))
+
+
+def _kinds(kind: Any) -> tuple[Any, ...]:
+    """The types of which a value may be."""
+    return get_args(kind) if isinstance(kind, UnionType) else (kind,)
+
 
 #: Time that a program has to say that it cannot show a page [s].
 _REFUSES = 1.0
@@ -36,7 +66,7 @@ _PAGE = (
 )
 
 
-def run_open(folder: Path) -> None:
+def run_open(folder: Path) -> Answer:
     """Show report.html of a results folder in the browser, and print its path."""
     folder = results_in(folder)
     page = folder / "report.html"
@@ -44,9 +74,13 @@ def run_open(folder: Path) -> None:
         raise CampaignError(f"{folder}: there is no such folder; name a campaign or its results")
     if not page.is_file():
         raise CampaignError(f"{folder}: has no report yet: run fourpole report {folder}")
-    out(f"report: {page}")
-    if not shown_in_browser(page.resolve().as_uri()):
-        say("no browser could be started: open this file in one")
+
+    def then() -> Iterator[Part]:
+        if not shown_in_browser(page.resolve().as_uri()):
+            say("no browser could be started: open this file in one")
+        yield from ()
+
+    return Answer(files=[("report", page)], then=then)
 
 
 def shown_in_browser(address: str) -> bool:
@@ -123,14 +157,15 @@ _FAREWELL = 2
 _MOST_CONNECTIONS = 300
 
 
-def run_app(folder: Path, host: str, port: int, *, no_browser: bool, no_token: bool) -> None:
+def run_app(
+    folder: Path = Path(), port: int = 0, host: str = "127.0.0.1", no_browser: bool = False, no_token: bool = False
+) -> None:
     """Serve the campaigns below a folder until Ctrl-C."""
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder; name the one that has your campaigns")
     try:
         import uvicorn
 
-        from fourpole.app.catalogue import catalogue
         from fourpole.served.application import application
         from fourpole.served.guard import PatientProtocol
     except ImportError as error:

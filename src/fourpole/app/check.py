@@ -1,36 +1,86 @@
-"""The command that checks a campaign without analysing it."""
+"""The commands on a statement: init, which makes one of a bare folder, and check."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict
+from fourpole.core.condition import FREQUENCY
+from fourpole.core.phasor import SYMBOLS
+from fourpole.errors import CampaignError
+from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
+from fourpole.guess.write import WEIGHT
+from fourpole.report.digits import spread
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
+from fourpole.study.identify import no_rig, possible_route
 from fourpole.words import first_of
 
+#: Tests with the same remark that are named.
+_MOST_ALIKE = 6
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Tests whose remarks are of one kind: their names, and the remark of the first."""
+
+    names: list[str]
+    remark: str
+    same: bool
+
+    @property
+    def tests(self) -> str:
+        """The number of tests and their names, or the name of the only one."""
+        named = first_of(self.names, _MOST_ALIKE)
+        return named if len(self.names) == 1 else f"{len(self.names)} tests ({named})"
+
+    @property
+    def text(self) -> str:
+        """The remark, and whose it is."""
+        return self.remark if self.same else f"{self.remark} (this is {self.names[0]})"
+
+
+def gathered_alike(remarks: Iterable[tuple[str, Hashable, str]]) -> list[Alike]:
+    """The remarks of some tests, each as name, kind and text, those of more tests first.
+
+    Examples
+    --------
+    >>> [alike] = gathered_alike([("D1", "off", "2.1 % off"), ("D2", "off", "3 % off")])
+    >>> alike.tests, alike.text
+    ('2 tests (D1, D2)', '2.1 % off (this is D1)')
+    """
+    groups: dict[Hashable, dict[str, list[str]]] = {}
+    for name, kind, text in remarks:
+        groups.setdefault(kind, {}).setdefault(name, []).append(text)
+    found = []
+    for members in groups.values():
+        texts = [text for of_name in members.values() for text in of_name]
+        found.append(Alike(list(members), texts[0], len(set(texts)) == 1))
+    return sorted(found, key=lambda alike: -len(alike.names))
+
+
 _MOST_NAMED = 4
-_MOST_LISTED = 60
+_MOST_PROBLEMS = 60
 _MOST_OWN = 12
 
 
-def run_check(campaign: Path, route: str, workers: int | None) -> Answer:
+def run_check(campaign: Path, route: str = "joint", workers: int | None = None) -> Answer:
     """What the analysis would reject; the exit code is the same as that of the analysis."""
     stated = read_campaign(campaign)
     with progress("checking") as advance:
         checked = check_campaign(stated, route=route, workers=workers, progress=advance)
     code = SOME_REJECTED if checked.counts[Verdict.REJECTED] else OK
-    return Answer(_list(checked), lambda: _document(checked), code=code)
+    return Answer(_list(checked), lambda: _check_document(checked), code=code)
 
 
-def _document(checked: Checked) -> dict[str, object]:
+def _check_document(checked: Checked) -> dict[str, object]:
     return {
         "campaign": str(checked.campaign.folder),
         "route": checked.route,
@@ -56,10 +106,10 @@ def _list(checked: Checked) -> Iterator[Part]:
     rows = list(_rows(checked.problems))
     if rows:
         yield Table(
-            ("verdict", "tests", "rows of tests.csv", "about", "what is wrong, and what to do"), rows[:_MOST_LISTED]
+            ("verdict", "tests", "rows of tests.csv", "about", "what is wrong, and what to do"), rows[:_MOST_PROBLEMS]
         )
-        if len(rows) > _MOST_LISTED:
-            yield f"... and {len(rows) - _MOST_LISTED} more; --json lists all"
+        if len(rows) > _MOST_PROBLEMS:
+            yield f"... and {len(rows) - _MOST_PROBLEMS} more; --json lists all"
         yield ""
     counts = counted_tests(checked.counts, "would be rejected")
     yield f"{counts} (route: {checked.route}); nothing was analysed or written"
@@ -86,3 +136,117 @@ def _rows(problems: Sequence[CampaignProblem]) -> Iterator[tuple[str, ...]]:
         for kind in gathered_alike(members):
             rows = first_of([places[name] for name in kind.names], _MOST_NAMED)
             yield verdict, first_of(kind.names, _MOST_NAMED), rows, about, kind.text
+
+
+_MOST_CONDITIONS = 40
+_ROLES = {**SYMBOLS, **{role: role for role in ("drive", "load", "deflection")}}
+
+
+def run_init(folder: Path, force: bool = False, pattern: list[str] | None = None) -> Answer:
+    """Guess a campaign, write it, and show the guess with its doubts."""
+    if not force:
+        keep_existing(folder)
+    with progress("reading") as advance:
+        guess = guess_campaign(folder, patterns=pattern or (), progress=advance)
+    guess.write(force=force)
+    following = _following(folder)
+    return Answer(_parts(folder, guess, following), lambda: _guess_document(guess, following))
+
+
+def _parts(folder: Path, guess: GuessedCampaign, following: str) -> Iterator[Part]:
+    yield from _tests(guess.rows)
+    yield from _channels(guess)
+    if guess.doubts:
+        yield f"{len(guess.doubts)} doubt{'s' if len(guess.doubts) > 1 else ''}, also written beside what they concern:"
+    for number, doubt in enumerate(guess.doubts, 1):
+        yield f"{number:>3}. {doubt.text}"
+        yield f"     -> {doubt.remedy}"
+    if guess.moving:
+        yield f"question: what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states {WEIGHT}"
+    yield f"written: campaign.toml and tests.csv in {folder}, {len(guess.rows)} tests"
+    yield following
+
+
+def _following(folder: Path) -> str:
+    """The command to run next with the campaign as written, or the reason why none can run yet."""
+    try:
+        campaign = read_campaign(folder)
+    except CampaignError as error:
+        return f"not ready yet: {error}"
+    route, _ = possible_route(campaign, "joint")
+    rigless = bool(campaign.of_kind("dynamic")) and not campaign.stated.all_rigs
+    if rigless and route in ("mobility", "transmissibility"):
+        return f"not ready yet: {no_rig(campaign, route)}"
+    return f"next: fourpole analyse {folder}{' --route relative' if rigless and route == 'joint' else ''}"
+
+
+def _guess_document(guess: GuessedCampaign, following: str) -> dict[str, object]:
+    return {
+        "folder": str(guess.folder),
+        "tests": [
+            {
+                "test": row.name,
+                "file": row.file,
+                "kind": row.kind,
+                "tyre": row.tyre,
+                **row.values,
+                **({} if row.band is None else {"band": row.band}),
+                "doubts": [{"about": about, "text": text} for about, text in row.doubts],
+            }
+            for row in guess.rows
+        ],
+        "channels": {
+            role: {"column": one.column, "unit": one.unit, "quantity": one.quantity, "invert": one.invert}
+            for role, one in guess.roles.items()
+        },
+        "rig": dict(guess.rig),
+        "doubts": [asdict(doubt) for doubt in guess.doubts],
+        "questions": {"specimen_mass": WEIGHT} if guess.moving else {},
+        "left out": [{"file": file, "why": why} for file, why in guess.left_out],
+        "next": following,
+    }
+
+
+def _tests(rows: Sequence[Row]) -> Iterator[Part]:
+    """A row for each kind, tyre, pressure, preload and added mass, with its number of tests and frequencies."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        cells: tuple[str, ...] = (
+            row.kind,
+            row.tyre,
+            _shown(row.values.get("pressure"), 1e5),
+            _shown(row.values.get("preload"), 1.0),
+            _shown(row.values.get("added_mass"), 1.0),
+        )
+        groups.setdefault(cells, []).append(row)
+    lines = [(*cells, str(len(members)), _frequencies(members)) for cells, members in groups.items()]
+    heads = ("kind", "tyre", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies")
+    yield Table(heads, lines[:_MOST_CONDITIONS], right=heads[2:-1])
+    if len(groups) > _MOST_CONDITIONS:
+        yield f"... and {len(groups) - _MOST_CONDITIONS} more conditions; see tests.csv"
+    yield ""
+
+
+def _frequencies(rows: Sequence[Row]) -> str:
+    """The different frequencies of some tests; of more than eight, the lowest and the highest."""
+    bands = dict.fromkeys(f"{row.band[0]:g} to {row.band[1]:g} Hz" for row in rows if row.band is not None)
+    return ", ".join(bands) or spread([row.values.get("frequency") for row in rows], FREQUENCY, "Hz")
+
+
+def _shown(value: float | None, scale: float) -> str:
+    return "" if value is None else f"{value / scale:.4g}"
+
+
+def _channels(guess: GuessedCampaign) -> Iterator[Part]:
+    rows = []
+    if guess.clock is not None:
+        rows.append(("time", *guess.clock[:2], "", ""))
+    if guess.reference is not None:
+        name, unit, pulses = guess.reference
+        rows.append(("reference", name, unit, f"tacho, {pulses} per cycle", ""))
+    for role, symbol in _ROLES.items():
+        if role in guess.roles:
+            one = guess.roles[role]
+            rows.append((symbol, one.column, one.unit or "not known", one.quantity, "inverted" if one.invert else ""))
+    yield Table(("channel", "column", "unit", "taken as", "sign"), rows)
+    yield ""

@@ -4,50 +4,18 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-import fourpole.app.model_commands  # noqa: F401 - which registers its commands
 from fourpole.answer import Answer
-from fourpole.app.console import end_in_order, out, progress, rising, say, show_warnings, warn
+from fourpole.app.console import end_in_order, out, show_warnings
 from fourpole.app.events import end_with_caller
-from fourpole.app.group import Group, registered
-from fourpole.errors import CampaignError
+from fourpole.app.group import Group
 from fourpole.version import VERSION
 
-if TYPE_CHECKING:  # a command's annotations find these when it is built
-    from fourpole.app.options import (
-        BareRig,
-        CampaignFolder,
-        InfoOptions,
-        JsonFlag,
-        NamePatterns,
-        PlanOptions,
-        PlotOptions,
-        PointOptions,
-        RemoteFlag,
-        ResultsFolder,
-        RunOptions,
-        ShapeOptions,
-        Wanted,
-    )
-    from fourpole.export.kinds import ABOUT
-
-Recording = Annotated[Path, typer.Argument(metavar="FILE", help="A recording in any format.")]
-_ROUTES = (
-    "How K* is found: joint (all tests of a rig together), mobility (F1, V1 and the rig), relative (F1, V1, V2), "
-    "transmissibility (V1, V2 and the rig)."
-)
-_DRAWS = "Monte Carlo trials for intervals of K2 and C that are not normal; 0: none."
-Theme = Annotated[str, typer.Option(help="Colours of the figures: light, dark or print.")]
-PngFlag = Annotated[bool, typer.Option("--png", help="Write each figure as PNG, too.")]
-PaperFlag = Annotated[bool, typer.Option("--paper", help="With the figures of the 1982 paper, too.")]
-
-Processes = Annotated[
-    int | None,
-    typer.Option("--workers", metavar="N", min=1, help="Processes that read recordings; by default as many as pay."),
-]
+if TYPE_CHECKING:
+    from fourpole.app.options import PlotOptions
 
 app = typer.Typer(
     name="fourpole",
@@ -79,227 +47,17 @@ def _root(
     pass
 
 
-@registered("analysis.run_demo")
-def demo(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the campaign.")] = Path("fourpole-demo"),
-    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's noise.")] = 1982,
-    workers: Processes = None,
-    as_json: JsonFlag = False,
-) -> None:
-    """Make a campaign of the 1982 paper's kind on the virtual rig, analyse it, and print the findings."""
-
-
-@registered()
-def simulate(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="New folder for the campaign.")],
-    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1982,
-    clean: Annotated[bool, typer.Option("--clean", help="Without noise and sensor errors.")] = False,
-    car: Annotated[
-        bool,
-        typer.Option("--car", help="Of a car's tyre with a belt of 7 kg, with 10 kg of added mass in half the tests."),
-    ] = False,
-    massless: Annotated[bool, typer.Option("--massless", help="Tyres without a mass, as in the 1982 paper.")] = False,
-) -> None:
-    """Record a whole campaign on the virtual rigs: campaign.toml, tests.csv, recordings and truth.csv."""
-    from fourpole.virtual import BELTED, CAR_TYRE, CROSS_PLY, RADIAL_PLY, simulate_campaign
-
-    if car and massless:
-        raise CampaignError("--car and --massless contradict each other: the car's tyre is there for its belt")
-    plan: dict[str, Any] = {"tyres": (CROSS_PLY, RADIAL_PLY) if massless else BELTED}
-    if car:
-        plan = {"tyres": [CAR_TYRE], "preloads": [1000.0], "added_masses": (0.0, 10.0), "eccentricity": 0.2e-3}
-    with progress("recording") as advance:
-        made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance, **plan)
-    say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
-
-
-@registered("init.run_init")
-def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of recordings in any format.")],
-    force: Annotated[bool, typer.Option("--force", help="Replace campaign.toml and tests.csv that are there.")] = False,
-    pattern: NamePatterns = None,
-    as_json: JsonFlag = False,
-) -> None:
-    """Make a campaign from a bare folder of recordings: guess channels, kinds and conditions, and list each doubt.
-
-    The names of files and folders, headers, notes beside them and the signals are read. Then campaign.toml and
-    tests.csv are written for you to correct.
-    """
-
-
-@registered()
-def analyse(
-    campaigns: Annotated[
-        list[Path], typer.Argument(metavar="CAMPAIGN", help="Folders with campaign.toml and tests.csv.")
-    ],
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the results; by default CAMPAIGN/results.")
-    ] = None,
-    route: Annotated[str, typer.Option(help=_ROUTES)] = "joint",
-    monte_carlo: Annotated[int, typer.Option(metavar="N", min=0, max=10_000_000, help=_DRAWS)] = 10_000,
-    *,
-    wanted: Wanted,
-    options: RunOptions,
-    as_json: JsonFlag = False,
-) -> Answer:
-    """Analyse a campaign folder: recordings in; tables of K1, R, I, K*, K2, C and TR, figures and a report out.
-
-    Reduced recordings are kept in the folder of the results, so a run that was stopped continues where it was. Each
-    of several campaigns has its own results, and one that cannot be read does not stop the others.
-    """
-    from fourpole.app.campaigns import run_each
-    from fourpole.app.options import allow_remote
-    from fourpole.app.standing import answer_of, results_of, settings_of, standing
-
-    settings = settings_of(route, monte_carlo, wanted)
-    allow_remote(options.remote)
-
-    def run(campaign: Path) -> Answer:
-        former = standing(campaign, results_of(campaign, folder), settings, verify=options.verify)
-        if former is not None:
-            return answer_of(former, stands=True)
-        from fourpole.app.analysis import run_analysis
-
-        return run_analysis(campaign, folder, route, monte_carlo, options, wanted, as_json=as_json)
-
-    return run_each(campaigns, folder, run, as_json=as_json)
-
-
-@registered("browse.run_open")
-def open_(folder: ResultsFolder) -> None:
-    """Show the report of a campaign in the browser, and print its path."""
-
-
-@registered("browse.run_app")
-def app_(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with campaigns in it or below it.")] = Path(),
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; by default a free one.")] = 0,
-    host: Annotated[
-        str, typer.Option(help="Address to listen at; with 0.0.0.0 other machines reach it, without encryption.")
-    ] = "127.0.0.1",
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open the browser.")] = False,
-    no_token: Annotated[
-        bool, typer.Option("--no-token", help="Let everyone who reaches the address use it, without its token.")
-    ] = False,
-    remote: RemoteFlag = False,
-) -> None:
-    """Open the app in the browser: drop recordings, state, analyse, look at every test, results and models.
-
-    It works without a network. What it saves is campaign.toml, tests.csv and the results of the commands. Open the
-    whole address that it prints: without its token, other accounts of the machine cannot use it.
-    """
-
-
-@registered("watching.run_watch")
-def watch(campaign: CampaignFolder, remote: RemoteFlag = False, as_json: JsonFlag = False) -> None:
-    """Judge each recording as a logger writes it into a campaign's folder, while the specimen is on the rig.
-
-    A recording is judged by itself, and with the rig as the last analysis found it. One that tests.csv does not name
-    gets a row of it, as init would guess it. Recordings that are there but not in tests.csv are judged, too.
-    """
-
-
-@registered("check.run_check", browser=True)
-def check(
-    campaign: CampaignFolder,
-    route: Annotated[str, typer.Option(help="Route of the analysis to come; see analyse.")] = "joint",
-    workers: Processes = None,
-    remote: RemoteFlag = False,
-    as_json: JsonFlag = False,
-) -> None:
-    """Check a campaign without analysing it: files, channels, units, times, K1, duplicates.
-
-    The command lists what analyse would reject, where it stands and what to do. It writes nothing.
-    """
-
-
-@registered("info.run_info")
-def info(file: Recording, *, options: InfoOptions, as_json: JsonFlag = False) -> None:
-    """Show what a file holds: its format, its channels with units, rates, ranges and gaps, and an outline of each.
-
-    Column `line`: the frequency with the largest share of the channel's variance. Only the first 64 channels of a file
-    are read; name a group or a channel for others.
-    """
-
-
-@registered()
-def convert(
-    file: Recording,
-    target: Annotated[
-        Path,
-        typer.Argument(
-            metavar="OUT",
-            help="File to write; its ending is the format: .csv .parquet .mf4 .tdms .uff .unv .mat .h5 .wav .tdx .tyd",
-        ),
-    ],
-    group: Annotated[str, typer.Option(help="Only the channels of this group.")] = "",
-    channels: Annotated[str, typer.Option(help="Only these channels, with commas between.")] = "",
-    window: Annotated[str, typer.Option(help='Only these times in seconds, as "2..12".')] = "",
-    kind: Annotated[str, typer.Option("--to", metavar="KIND", help="Format, if the ending of OUT is another.")] = "",
-    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it is there.")] = False,
-) -> None:
-    """Write a recording in another format, with its units, times and groups, every sample as it is.
-
-    A warning names what the format cannot keep. If the format cannot hold the recording at all, nothing is written.
-    """
-    from fourpole.io.convert import Choice
-    from fourpole.io.convert import convert as converted
-
-    names = tuple(name.strip() for name in channels.split(",") if name.strip())
-    limits = rising(window, "--window", "2..12") if window else None
-    with progress("converting") as advance:
-        made = converted(file, target, Choice(group, names, limits, kind, force), progress=advance)
-    for sentence in made.lost:
-        warn(sentence)
-    out("\n  ".join([f"{target}: {made.format}", *made.groups]))
-
-
-@registered("plan.run_plan")
-def plan(
-    campaign: Annotated[
-        Path | None,
-        typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv, if there is one."),
-    ] = None,
-    *,
-    options: PlanOptions,
-    bare: BareRig,
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for table and figure; by default CAMPAIGN/plan.")
-    ] = None,
-    as_json: JsonFlag = False,
-) -> None:
-    """Before testing: the uncertainty of K*, K2 and C to expect by each route, with and without an added mass.
-
-    The plan is of a campaign, whose recordings need not exist yet, or of a rig and a guessed tyre. With --wanted, it
-    says how to reach a wanted uncertainty with the least effort. With --run-sheet, it writes the tests in the order to
-    run them, with instructions.
-    """
-
-
-@registered()
 def report(
-    folder: ResultsFolder,
-    theme: Theme = "light",
-    png: PngFlag = False,
-    paper: PaperFlag = False,
-    pdf: Annotated[bool, typer.Option("--pdf", help="Print report.pdf, by Chromium, Chrome or Edge.")] = False,
-    standard: Annotated[
-        str, typer.Option(metavar="NAME", help="Hold the results against sae-j1085, iso-7626-2 or iso-10846-2 instead.")
-    ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="With --standard: print one JSON document.")] = False,  # noqa: ARG001
+    folder: Path, theme: str = "light", png: bool = False, paper: bool = False, pdf: bool = False, standard: str = ""
 ) -> Answer | None:
-    """Make the figures and report.html again from the result tables, without reading the recordings.
-
-    The report has the models and maps that fit and map have made of these tables since. With --standard, each
-    requirement of a standard is met, not met or not stated, in a table and on a page of its own.
-    """
+    """Make figures and report again, or hold the results against a standard."""
     from fourpole.io.folders import results_in
     from fourpole.study.results import read_results
 
     folder = results_in(folder)
     results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
     if standard:
-        from fourpole.app.standard import run_standard
+        from fourpole.app.verify import run_standard
 
         return run_standard(results, folder, standard)
     from fourpole.app.report import run_report
@@ -308,136 +66,16 @@ def report(
     return None
 
 
-@registered()
-def export(
-    folder: Annotated[Path, typer.Argument(metavar="SOURCE", help="Results folder, or model file that fit wrote.")],
-    kind: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{ABOUT}.")],
-    file: Annotated[Path | None, typer.Option("--out", help="File or folder to write; by default in SOURCE.")] = None,
-    *,
-    asked: PointOptions,
-    specimen: ShapeOptions,
-) -> None:
-    """Write the results for another tool, or a model for an FE program or a vehicle simulation.
+def plot(folder: Path, figure: str | None = None, file: Path | None = None, *, options: PlotOptions) -> Answer:
+    """Draw one figure from the result tables."""
+    from fourpole.io.folders import results_in
+    from fourpole.study.results import read_results
 
-    Results: a workbook, MATLAB, TYDEX 1.3, UFF 58 or NetCDF. Models: Abaqus, ANSYS, LS-DYNA or CSV; .tir and look-up
-    tables, of maps too.
-    """
-    from fourpole.export import export_results
-    from fourpole.fitting.inertia import belt_stated
-    from fourpole.fitting.placed import operating_point
+    folder = results_in(folder)
+    results = read_results(folder)  # before matplotlib is loaded, so that a wrong name is said at once
+    from fourpole.app.report import run_plot
 
-    exported = export_results(
-        folder,
-        kind,
-        file,
-        shape=specimen.shape,
-        poisson=None if specimen.mode else specimen.poisson,
-        points=tuple(operating_point(text) for text in asked.at or ()),
-        specimen=asked.tyre,
-        frequency=asked.frequency,
-        radius=asked.radius,
-        belt=belt_stated(asked.belt_mass, asked.belt_share),
-    )
-    for note in exported.notes:
-        warn(note)
-    out(f"{kind}: {exported.path}")
-
-
-@registered("rig.run_rig", browser=True)
-def rig(folder: ResultsFolder, as_json: JsonFlag = False) -> None:
-    """The rig as found by the joint route: values of rig and sensors, as stated and as found, and what limits you.
-
-    The command also says whether the rig as stated fits, what would explain a misfit, and which errors these data
-    cannot show.
-    """
-
-
-@registered("compare.run_compare")
-def compare(
-    first: Annotated[Path, typer.Argument(metavar="A", help="Results folder, or the folder of a campaign.")],
-    second: Annotated[
-        Path | None, typer.Argument(metavar="B", help="The other one; without it, two specimens of A.")
-    ] = None,
-    specimens: Annotated[
-        tuple[str, str] | None, typer.Option(metavar="X Y", help="A specimen of A and one of B, or two of A.")
-    ] = None,
-    independent: Annotated[
-        bool, typer.Option("--independent", help="Take no error as common: sensors were exchanged or calibrated.")
-    ] = False,
-    file: Annotated[Path | None, typer.Option("--out", metavar="FILE.csv", help="Write all rows, in SI.")] = None,
-    page: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a page with a figure.")] = None,
-    as_json: JsonFlag = False,
-) -> None:
-    """Compare two runs or two specimens: B less A over its uncertainty, where common errors cancel.
-
-    K1, |K*|, loss angle, K', K'', K2 and C at each condition that both have, the largest ratio first. --page writes a
-    page with a figure.
-    """
-
-
-@registered("twoport.run_twoport", browser=True)
-def twoport(
-    campaign: CampaignFolder,
-    folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for table, figure and UFF; by default CAMPAIGN/twoport.")
-    ] = None,
-    workers: Processes = None,
-    remote: RemoteFlag = False,
-    as_json: JsonFlag = False,
-) -> None:
-    """All four poles of each specimen, k11, k12, k21 and k22, without a model of specimen or rig.
-
-    It needs tests with two rigid blocks in place of the specimen (kind = calibration) and tests of the specimen with
-    two added masses. Reciprocity, k12 = k21, is the check; a massless spring, a belt and a rod are held against the
-    poles. Writes a table, a figure and UFF 58 for substructuring.
-    """
-
-
-@registered("lab.run_lab")
-def lab(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds campaigns, at any depth.")],
-    place: Annotated[Path | None, typer.Option("--out", help="Folder of the data set; by default FOLDER/lab.")] = None,
-    as_json: JsonFlag = False,
-) -> None:
-    """Gather all results below a folder into one Parquet data set, which DuckDB and polars read.
-
-    Only results that have changed since are read again. docs/lab.md has the columns and queries: one specimen over the
-    years, and two campaigns compared.
-    """
-
-
-@registered("selftest.run_selftest")
-def selftest(
-    file: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.html", help="Write a page to sign and file, and FILE.csv.")
-    ] = None,
-    laboratory: Annotated[str, typer.Option(help="Name of the laboratory on the page; without it, a line.")] = "",
-    operator: Annotated[str, typer.Option(help="Who runs the test, on the page; without it, a line.")] = "",
-    as_json: JsonFlag = False,
-) -> None:
-    """Check this installation against reference data: formulas, recordings and whole campaigns, in about a minute.
-
-    The values that the package carries were computed with 50 digits from physics that shares no code with it. Exit code
-    0: all values pass; 3: some fail. Needs no network and writes nothing but the files of --out.
-    """
-
-
-@registered("plot.run_plot")
-def plot(
-    folder: ResultsFolder,
-    figure: Annotated[
-        str | None, typer.Argument(metavar="FIGURE", help="Name of the figure, as tr; without it, they are listed.")
-    ] = None,
-    file: Annotated[Path | None, typer.Option("--out", help="File to write: .svg, .png or .pdf.")] = None,
-    *,
-    options: PlotOptions,
-) -> None:
-    """Draw one figure from the result tables: of all tests, or of a specimen, a condition or a test.
-
-    With --over, the figure is any quantity over any axis: fourpole plot results K2 --over pressure.
-
-    Example: fourpole plot results tr --pressure "2.1 bar" --size journal --out tr.png
-    """
+    return run_plot(results, folder, figure, file, options)
 
 
 def main() -> None:

@@ -1,29 +1,135 @@
-"""The group of all commands: it lists them by their docstrings, and builds a command when it is called."""
+"""The commands in a group: listed as commands.toml has them, built when they are called, their answers shown."""
 
 from __future__ import annotations
 
+import ast
 import functools
 import inspect
+import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from fourpole.answer import Answer
-from fourpole.app.console import fail
-from fourpole.app.show import show
+from fourpole.answer import Answer, Part, Rows, Table
+from fourpole.app import events
+from fourpole.app.console import fail, out, print_json, print_table, say, table_width
+
+if TYPE_CHECKING:
+    import polars as pl
+    from matplotlib.figure import Figure
+
+    from fourpole.quantities import ShownUnits
+
+
+#: Blanks between two columns of a table with remarks.
+_GAP = 2
+
+
+def show(answer: Answer, *, as_json: bool) -> int:
+    """Print an answer, or its document and, on standard error, the files; returns its exit code."""
+    if as_json:
+        print_json(answer.document())
+    if events.wanted(answer=True):
+        events.tell(answer=answer.plain())
+    for part in () if as_json else answer.shown:
+        _print(part)
+    for what, path in answer.files:
+        (say if as_json else out)(f"{what}: {path}")
+    for part in answer.then():
+        if not as_json:
+            _print(part)
+    return answer.code
+
+
+def _print(part: Part) -> None:
+    if isinstance(part, str):
+        out(part)
+    elif isinstance(part, Table) and part.remarks:
+        _print_remarked(part)
+    elif isinstance(part, Table):
+        print_table(part.heads, part.rows, right=part.right)
+    else:
+        _print_rows(part)
+
+
+def _print_remarked(table: Table) -> None:
+    """Print a table with the remark of each row below it, or, where that is too wide, as one more column."""
+    heads, rows = list(table.heads), [[str(cell) for cell in row] for row in table.rows]
+    full = [row for row in rows if len(row) > 1]
+    widths = [max(map(len, column)) for column in zip(heads, *full, strict=True)]
+    if sum(widths) + _GAP * (len(widths) - 1) > table_width():
+        print_table([*heads, table.remark], [[*row, said] for row, said in zip(full, table.remarks, strict=True)])
+        return
+    remarks = iter(table.remarks)
+    out(_line(heads, widths))
+    for row in rows:
+        out(_line(row, widths) if len(row) > 1 else f"\n{row[0]}")
+        if len(row) > 1:
+            out(f"    {next(remarks)}")
+    out()
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    first, *others = (
+        cell.rjust(width) if at else cell.ljust(width)
+        for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
+    )
+    return (" " * _GAP).join([first, *others]).rstrip()
+
+
+def _print_rows(rows: Rows) -> None:
+    """Print rows as CSV in SI, or on a terminal as a table, each value with its uncertainty."""
+    if not sys.stdout.isatty():
+        out(rows.frame.write_csv().rstrip("\n"))
+        return
+    table = rows.table
+    print_table(table.heads, table.rows, right=table.right)
+    if note := rows.note:
+        out(note)
+
+
+def rows_answer(
+    frame: pl.DataFrame, file: Path | None, units: ShownUnits, *, leave_out: Sequence[str] = (), code: int = 0
+) -> Answer:
+    """The answer of a command whose result is a table, which goes to `file` if it is given."""
+    if file is not None:
+        from fourpole.io.write import write_table
+
+        path = file if file.suffix else file.with_suffix(".csv")
+        write_table(path, frame, label=str(path))
+        say(f"written: {path}")
+    parts = [] if file is not None else [Rows(frame, units, leave_out)]
+    return Answer(parts, lambda: {"rows": frame.to_dicts()}, code=code)
+
+
+def write_with_figure(folder: Path, key: str, figure: Figure, tables: Mapping[str, pl.DataFrame]) -> list[str]:
+    """Write tables, and a figure as KEY.svg and KEY.png, into a folder; returns the names of the files."""
+    from fourpole.io.write import write_bytes, write_table
+    from fourpole.plot.layout import command_figure  # the room of figures takes a second to load
+
+    for name, table in tables.items():
+        write_table(folder / name, table)
+    forms = ("svg", "png")
+    for form in forms:
+        write_bytes(folder / f"{key}.{form}", command_figure(figure, key, form))
+    return [*tables, *(f"{key}.{form}" for form in forms)]
+
 
 Run = TypeVar("Run", bound=Callable[..., "Answer | int | None"])
-#: Functions of the commands by name.
-_RUNS: dict[str, Callable[..., int | None]] = {}
+#: What commands.toml states of each command, by the heading of its group.
+_STATED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 #: Names of the commands that a page of the app may start on a campaign.
-BROWSER: list[str] = []
+BROWSER: list[str] = _STATED.pop("browser")
+_COMMANDS: dict[str, dict[str, Any]] = {name: one for members in _STATED.values() for name, one in members.items()}
+#: Functions of the commands by name; None for one of commands.toml that was not asked for yet.
+_RUNS: dict[str, Callable[..., int | None] | None] = dict.fromkeys(_COMMANDS)
 #: An example of each command by the heading of its group and its name.
-GROUPS: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+GROUPS = {head: {name: one["example"] for name, one in members.items()} for head, members in _STATED.items()}
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
 
 #: What stands in place of an option that was removed, by command and option.
@@ -43,33 +149,63 @@ def groups_of(names: list[str]) -> dict[str, list[str]]:
     return {**found, "Further commands": [name for name in names if name not in EXAMPLES]}
 
 
-def registered(place: str = "", *, browser: bool = False) -> Callable[[Run], Run]:
-    """Make a function a command of its name.
+def registered(*, browser: bool = False) -> Callable[[Run], Run]:
+    """Make a function a command of its name, besides those of commands.toml.
 
-    With `place`, the function is the signature and the help alone: the function at this place in the room takes the
-    same arguments by their names, but for `remote`, and does the work. Its module is loaded when the command runs.
-    An `Answer` is shown as `as_json` says; a function that prints by itself takes this argument, too. With `browser`,
-    the app asks it of a campaign, whose folder is its argument.
+    An `Answer` is shown as `as_json` says. With `browser`, the app asks it of a campaign, whose folder is its argument.
     """
 
     def register(stated: Run) -> Run:
-        @functools.wraps(stated)
-        def run(**given: Any) -> int | None:
-            from fourpole.app.options import allow_remote
+        from fourpole.app import options
 
-            allow_remote(given.pop("remote", False))
-            work = resolve_name(f"fourpole.app.{place}") if place else stated
-            asked = inspect.signature(work).parameters
-            found = work(**{name: value for name, value in given.items() if name in asked})
-            return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
-
-        name = stated.__name__.rstrip("_")
-        _RUNS[name] = run
+        name, signature = stated.__name__.rstrip("_"), inspect.signature(stated, eval_str=True, locals=vars(options))
+        _RUNS[name] = functools.update_wrapper(_with_options(lambda: stated, signature, ()), stated)
         if browser:
             BROWSER.append(name)
         return stated
 
     return register
+
+
+def _run_of(name: str) -> Callable[..., int | None]:
+    """The function of a command, with all its options; the module that does the work is loaded when it runs."""
+    found = _RUNS[name]
+    if found is None:
+        stated = _COMMANDS[name]
+        place, also = f"fourpole.app.{stated['run']}", stated.get("also", ("as_json",))
+        found = _RUNS[name] = _with_options(lambda: resolve_name(place), _signature_in(stated["run"]), also)
+    return found
+
+
+def _signature_in(place: str) -> inspect.Signature:
+    """The signature of a function of this room, from its source: to load its module takes longer than a help may."""
+    from fourpole.app import options
+
+    module, _, name = place.rpartition(".")
+    tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
+    (stated,) = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == name)
+    stated.body, stated.returns, known = stated.body[:1], None, dict(vars(options))
+    exec(compile(ast.Module([stated], []), module, "exec", dont_inherit=True), known)  # noqa: S102 - this room's own
+    return inspect.signature(known[name])
+
+
+def _with_options(
+    work_of: Callable[[], Callable[..., Any]], signature: inspect.Signature, also: Sequence[str]
+) -> Callable[..., int | None]:
+    """A function that shows the answer of another one, with further options, which that one need not take."""
+    own = signature.parameters
+
+    def run(**given: Any) -> int | None:
+        from fourpole.app.options import allow_remote
+
+        allow_remote(given.pop("remote", False))
+        found = work_of()(**{name: value for name, value in given.items() if name in own})
+        return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
+
+    flags = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool) for name in also]
+    parameters = [one for name, one in own.items() if name not in also]
+    run.__signature__ = signature.replace(parameters=[*parameters, *flags])  # type: ignore[attr-defined]
+    return run
 
 
 class Command(TyperCommand):
@@ -93,15 +229,14 @@ class Group(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
         """The command of a name; None if there is none."""
-        if cmd_name in _RUNS and cmd_name not in self.commands:
-            self.commands[cmd_name] = _built(cmd_name, _RUNS[cmd_name])
+        if cmd_name in _RUNS and self.commands.get(cmd_name) is None:
+            self.commands[cmd_name] = _built(cmd_name)
         return self.commands.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is called, and its arguments."""
-        if args[0] not in _RUNS:  # the message names the nearest of the commands that are built
-            for name in _RUNS:
-                self.get_command(ctx, name)
+        if args[0] not in _RUNS:  # the message names the nearest of these
+            self.commands = {name: self.commands.get(name) for name in _RUNS}  # type: ignore[misc]
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
@@ -112,23 +247,28 @@ class Group(TyperGroup):
                     formatter.write_dl([(name, about(name)) for name in names])
 
 
-def _built(name: str, run: Callable[..., int | None]) -> Any:
-    """The command of a function, for the command line. The options are imported here, for the list needs none."""
+def _built(name: str) -> Any:
+    """The command of a name, for the command line. The options are imported here, for the list needs none."""
     from fourpole.app.options import command
 
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     example = f"\b\nExample:\n  {EXAMPLES[name]}" if name in EXAMPLES else None
-    alone.command(name, cls=Command, epilog=example)(command(run))
+    alone.command(name, cls=Command, epilog=example, help=_help(name))(command(name, _run_of(name)))
     return typer.main.get_command(alone)
 
 
 def about(name: str) -> str:
-    """The first paragraph of the docstring of a command, on one line."""
-    return " ".join((inspect.getdoc(_RUNS[name]) or "").partition("\n\n")[0].split())
+    """The first paragraph of the help of a command, on one line."""
+    return " ".join(_help(name).partition("\n\n")[0].split())
+
+
+def _help(name: str) -> str:
+    """What a command does, by commands.toml or else the docstring of its function."""
+    return str(_COMMANDS[name]["about"]) if name in _COMMANDS else inspect.getdoc(_RUNS[name]) or ""
 
 
 def signature_of(name: str) -> inspect.Signature:
     """The signature of a command, with each option of its groups."""
     from fourpole.app.options import command
 
-    return inspect.signature(command(_RUNS[name]))
+    return inspect.signature(command(name, _run_of(name)))

@@ -1,4 +1,4 @@
-"""The command that shows the content of a file, with outlines as braille dots, or as ASCII signs."""
+"""The commands on files: convert, and info, which shows outlines as braille dots or as ASCII signs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from rich.cells import cell_len
 
 from fourpole.answer import Answer, Part
-from fourpole.app.console import progress, table_width
+from fourpole.app.console import progress, rising, table_width, warn
 from fourpole.app.options import InfoOptions
 from fourpole.io.child import read_apart
+from fourpole.io.convert import Choice, convert
 from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, SignalInfo
@@ -98,6 +99,19 @@ def run_info(file: Path, options: InfoOptions) -> Answer:
     head = {"file": file.name, "format": found.format, "notes": found.notes}
     read = len(shown) if options.quick else len(some)
     return Answer(_shown(file, found, rows, options, read), lambda: {**head, "signals": [_plain(row) for row in rows]})
+
+
+def run_convert(
+    file: Path, target: Path, group: str = "", channels: str = "", window: str = "", kind: str = "", force: bool = False
+) -> Answer:
+    """Write a recording in another format."""
+    names = tuple(name.strip() for name in channels.split(",") if name.strip())
+    limits = rising(window, "--window", "2..12") if window else None
+    with progress("converting") as advance:
+        made = convert(file, target, Choice(group, names, limits, kind, force), progress=advance)
+    for sentence in made.lost:
+        warn(sentence)
+    return Answer(["\n  ".join([f"{target}: {made.format}", *made.groups])])
 
 
 def _shown(file: Path, found: FileInfo, rows: Sequence[_Row], options: InfoOptions, read: int) -> Iterator[Part]:

@@ -9,13 +9,14 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.answer import Part, Table
 from fourpole.app.console import say, warn
+from fourpole.core.digits import number
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
 from fourpole.fitting.query import INTERVAL, PURPOSE
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import PLUS_MINUS, cell, number, with_u
-from fourpole.report.words.models import discrepancy, lacking, place, verdicts
+from fourpole.report.digits import PLUS_MINUS, cell, with_u
+from fourpole.report.models import discrepancy, lacking, place, verdicts
 from fourpole.words import first_of
 
 _MOST_ROWS = 40

@@ -15,10 +15,11 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.answer import Answer, Part
-from fourpole.app.console import option, progress, say, warn
+from fourpole.app.console import frequencies, option, progress, say, warn
+from fourpole.app.group import rows_answer
 from fourpole.app.model_words import show_fit, show_map, show_row
-from fourpole.app.options import DataOptions, FitOptions, Selection, answered_in
-from fourpole.app.show import rows_answer
+from fourpole.app.options import DataOptions, FitOptions, Purpose, RigOptions, Selection, answered_in
+from fourpole.core.digits import number
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
 from fourpole.fitting.measured import Measured, MeasuredSet, read_measured, table_of
@@ -30,14 +31,13 @@ from fourpole.fitting.renewed import renewed
 from fourpole.fitting.shifting import laws_beside
 from fourpole.fitting.stated import rig_file, shapes_in
 from fourpole.fitting.static import FACTOR_STD, join_static
-from fourpole.io.folders import results_in
+from fourpole.io.folders import model_in, results_in
 from fourpole.io.published import published_beside, publishing
 from fourpole.models.families import BELT, automatic, by_amplitude, model_named, sizes_of
 from fourpole.models.inertial import Of
 from fourpole.models.ladder import Rung, Verdict, verdict_of
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import number
-from fourpole.report.words.models import kind_that_holds, lie_in_words
+from fourpole.report.models import kind_that_holds, lie_in_words
 from fourpole.study.record import units_beside
 from fourpole.words import first_of
 
@@ -120,7 +120,7 @@ def _band(text: str) -> tuple[float, float]:
         raise UnitError(f"--band: {error}") from None
 
 
-def run_fit(results: Path, model: str, options: FitOptions) -> Answer:
+def run_fit(results: Path, model: str = "auto", *, options: FitOptions) -> Answer:
     """Fit or choose a model for each tyre; write the model file."""
     path = results_in(results)
     if path.is_file() and (answer := _fit_over_time(path, model, options)):
@@ -237,7 +237,7 @@ def _show_verdict(where: str, one: Measured, verdict: Verdict) -> Iterator[Part]
         yield f"  {lie_in_words(lie)}"
 
 
-def run_map(results: Path, model: str, data: Selection, file: Path | None) -> Answer:
+def run_map(results: Path, model: str = "auto", *, data: Selection, file: Path | None = None) -> Answer:
     """Make the operating map of each tyre, and write the map."""
     path, chosen = results_in(results), DataOptions(**asdict(data))
     measured = _read(path, chosen, model=model)
@@ -263,10 +263,29 @@ def _renew_report(path: Path, file: Path | None) -> Iterator[Part]:
         yield f"report: {path / 'report.html'}, renewed with this"
 
 
-def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> Answer:
+def run_query(
+    model: Path,
+    frequency: str,
+    pressure: float | None = None,
+    preload: float | None = None,
+    temperature: float | None = None,
+    amplitude: float | None = None,
+    at: list[str] | None = None,
+    tyre: str | None = None,
+    purpose: Purpose | None = None,
+    *,
+    above: RigOptions,
+    beyond: bool = False,
+    file: Path | None = None,
+    as_json: bool = False,
+) -> Answer:
     """Evaluate a model file; one row is shown in lines, several as a table."""
-    wanted = answered_in(units_beside(path), *query.state.values())
-    rows = ask(read_model_file(path), replace(query, units=wanted))
+    stated = {q.PRESSURE.head: pressure, q.PRELOAD.head: preload, q.TEMPERATURE.head: temperature}
+    stated[q.DEFLECTION_AMPLITUDE.head] = amplitude
+    state = {column: value for column, value in stated.items() if value is not None} | _axis_values(at or [])
+    path, asked = model_in(model), Query(frequencies(frequency), state, tyre, above.rig, beyond, purpose=purpose)
+    wanted = answered_in(units_beside(path), *state.values())
+    rows = ask(read_model_file(path), replace(asked, units=wanted))
     for remark in dict.fromkeys(row["remarks"] for row in rows if row["remarks"]):
         warn(remark)
     frame = pl.DataFrame(rows, infer_schema_length=None)
@@ -279,7 +298,7 @@ def run_query(path: Path, query: Query, file: Path | None, *, as_json: bool) -> 
     return answer
 
 
-def axis_values(texts: Sequence[str]) -> dict[str, float]:
+def _axis_values(texts: Sequence[str]) -> dict[str, float]:
     """Values of the options ``--at``, by column."""
     state = {}
     for text in texts:

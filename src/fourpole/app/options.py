@@ -1,24 +1,26 @@
 """Options of the commands: how a quantity is read, and the groups of options that several commands have.
 
-A group is a dataclass with one field per option. `command` puts the fields of each group on the command line. Groups
-have no `__repr__` and `__eq__`, which every command would wait for.
+A group is a dataclass with one field per option. `command` puts the fields of each group on the command line. The words
+of all options are in options.toml. Groups have no `__repr__` and `__eq__`, which every command would wait for.
 """
 
 from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from copy import copy
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
 from fourpole.app.console import Sign, fail, option, run_to_exit
 from fourpole.errors import RigError, UnitError
-from fourpole.export.kinds import ABOUT  # noqa: F401 - named in the help of export
-from fourpole.models.families import NAMES  # noqa: F401 - named in the help of fit
+from fourpole.export.kinds import ABOUT
+from fourpole.models.families import NAMES
 
 if TYPE_CHECKING:
     from fourpole.core.rig import Rig
@@ -26,24 +28,11 @@ if TYPE_CHECKING:
     from fourpole.models.shape import Shape
     from fourpole.quantities import ShownUnits
 
-JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON document, in SI units, for programs.")]
-OutFile = Annotated[Path | None, typer.Option("--out", help="Write the table to this CSV file instead of printing it.")]
 
-CampaignFolder = Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder with campaign.toml and tests.csv.")]
-ResultsFolder = Annotated[
-    Path, typer.Argument(metavar="RESULTS", help="Results folder that analyse wrote, or the campaign's folder.")
-]
-_REMOTE = "Read recordings that tests.csv names by s3://, with your credentials."
-RemoteFlag = Annotated[bool, typer.Option("--remote", help=_REMOTE)]
-NamePatterns = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--pattern",
-        metavar="PATTERN",
-        help="What the names state, instead of a guess: {specimen}_{pressure}bar_{frequency}Hz; / for folders, {} for "
-        "anything. May be given several times: the first that matches counts.",
-    ),
-]
+#: What a query is for, as `fourpole.models.operating.Purpose`, which loads numpy.
+Purpose = Literal["mean", "next", "specimen"]
+#: What options.toml says of the parameters of the commands and of the fields of the groups.
+_STATED: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
 
 
 def allow_remote(wanted: bool) -> None:
@@ -54,11 +43,6 @@ def allow_remote(wanted: bool) -> None:
         allow(EVERY)
 
 
-def amount(name: str, kind: str, text: str, sign: Sign = "any") -> Any:
-    """Option that takes a quantity with its unit and gives it in SI."""
-    return typer.Option(name, parser=_reader(kind, name, sign), metavar="QUANTITY", help=text)
-
-
 class Amount(float):
     """A quantity of the command line in SI, which knows its kind and the text of its unit."""
 
@@ -66,7 +50,9 @@ class Amount(float):
     unit: str
 
 
-def _reader(kind: str, name: str, sign: Sign) -> Callable[[str], float]:
+def _reader(name: str, kind: str, sign: Sign) -> Callable[[str], float]:
+    """What makes a quantity of the text of an option."""
+
     def quantity(written: str) -> float:
         from fourpole.units import unit_in
 
@@ -78,9 +64,6 @@ def _reader(kind: str, name: str, sign: Sign) -> Callable[[str], float]:
         return found
 
     return quantity
-
-
-StaticStiffness = Annotated[float, amount("--k1", "stiffness", 'Static stiffness, as "180 kN/m".', "positive")]
 
 
 def answered_in(units: ShownUnits, *asked: float | None) -> ShownUnits:
@@ -95,24 +78,30 @@ def answered_in(units: ShownUnits, *asked: float | None) -> ShownUnits:
     return ShownUnits(wanted)
 
 
-def command(run: Callable[..., int | None]) -> Callable[..., None]:
+def command(name: str, run: Callable[..., int | None]) -> Callable[..., None]:
     """Function for the command line, with the fields of each group as options, that ends with one message at most.
 
     Parameters
     ----------
+    name : str
+        The name of the command.
     run : callable
-        The command. It returns its exit code; None stands for 0. Its annotations may name what this module defines.
+        What it does. It returns its exit code; None stands for 0. Its annotations may name what is defined here, and
+        options.toml has the words of its parameters, but of those that are `Annotated`.
     """
     signature = inspect.signature(run, eval_str=True, locals=globals())
-    groups: dict[str, Any] = {
-        n: one.annotation for n, one in signature.parameters.items() if is_dataclass(one.annotation)
-    }
+    of_run = _STATED.get(name, {})
+    groups: dict[str, Any] = {}
     parameters: list[inspect.Parameter] = []
-    for name, parameter in signature.parameters.items():
-        if name in groups:
+    for name, one in signature.parameters.items():
+        if is_dataclass(one.annotation):
+            groups[name] = one.annotation
             parameters += _options_of(groups[name])
+        elif get_origin(one.annotation) is Annotated:
+            parameters.append(_own(one))
         else:
-            parameters.append(parameter.replace(kind=parameter.KEYWORD_ONLY))
+            default = ... if one.default is one.empty else one.default
+            parameters.append(_shown(name, one.annotation, default, of_run, _STATED["every"]))
 
     @functools.wraps(run)
     def grouped(**given: Any) -> None:
@@ -125,38 +114,45 @@ def command(run: Callable[..., int | None]) -> Callable[..., None]:
     return grouped
 
 
+def _own(one: inspect.Parameter) -> inspect.Parameter:
+    """A parameter whose annotation has its words, with these as its default, as others have."""
+    kind, stated = get_args(one.annotation)
+    said = copy(stated)
+    if said.default is not ...:  # typer holds the first name of an annotation for its default
+        said.param_decls = (said.default, *(said.param_decls or ()))
+    said.default = ... if one.default is one.empty else one.default
+    return one.replace(kind=one.KEYWORD_ONLY, default=said, annotation=kind)
+
+
 def _options_of(group: type[Any]) -> Iterator[inspect.Parameter]:
     """One parameter for each field of a group."""
-    types = get_type_hints(group)
+    types, stated = get_type_hints(group), [_STATED.get(one.__name__, {}) for one in group.__mro__]
     for one in fields(group):
-        shown = one.metadata["option"]
-        yield inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=shown, annotation=types[one.name])
+        yield _shown(one.name, types[one.name], one.default, *stated)
 
 
-def _given(text: str, *names: str, default: Any = None, **more: Any) -> Any:
-    """Field of a group for an option with this help."""
-    return field(default=default, metadata={"option": typer.Option(default, *names, help=text, **more)})
-
-
-def _amount(name: str, kind: str, text: str, sign: Sign = "any") -> Any:
-    """Field of a group for a quantity; see `amount`."""
-    return _given(text, name, parser=_reader(kind, name, sign), metavar="QUANTITY")
-
-
-def _belt() -> tuple[Any, Any]:
-    """Fields of a group for a belt in place of that of the model file: its mass and its share."""
-    mass = 'Belt between the springs of the tyre, as "7 kg"; by default that of the model file; "0 kg": none.'
-    share = "With --belt-mass: stiffness between contact and belt over that between belt and rim; by default 0.2."
-    return _amount("--belt-mass", "mass", mass, "not negative"), _given(share, "--belt-share")
+def _shown(name: str, kind: Any, default: Any, *tables: Mapping[str, Any]) -> inspect.Parameter:
+    """A parameter as the command line has it, with what the first table says that names it."""
+    said = next(table[name] for table in tables if name in table)
+    said = {"help": said} if isinstance(said, str) else dict(said)
+    said["help"] = said["help"].replace("{ABOUT}", ABOUT).replace("{NAMES}", NAMES)
+    names = said.pop("names", [f"--{name.replace('_', '-')}"])
+    if "kind" in said:
+        said |= {"parser": _reader(names[0], said.pop("kind"), said.pop("sign", "any")), "metavar": "QUANTITY"}
+    if "argument" in said:
+        shown = typer.Argument(default, metavar=said.pop("argument"), **said)
+    else:
+        shown = typer.Option(default, *names, **said)
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=shown, annotation=kind)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class RigOptions:
     """The rig above the tyre [kg], [N/m], [N s/m]; None where an option is not given."""
 
-    mass: float | None = _amount("--mass", "mass", 'Moving mass of the rig, as "15 kg".')
-    preload_stiffness: float | None = _amount("--preload-stiffness", "stiffness", 'Preload spring K3, as "12.44 kN/m".')
-    preload_damping: float | None = _amount("--preload-damping", "damping", 'Damper c3 beside K3, as "20 N s/m".')
+    mass: float | None = None
+    preload_stiffness: float | None = None
+    preload_damping: float | None = None
 
     @property
     def rig(self) -> Rig | None:
@@ -174,62 +170,46 @@ class RigOptions:
 class RunOptions:
     """Where the recordings are reduced, and which of them are read again."""
 
-    workers: int | None = _given(
-        "Processes that reduce the recordings; 1: this one alone. By default as many as pay.", metavar="N", min=1
-    )
-    scheduler: str | None = _given('A running Dask cluster to use, as "tcp://10.0.0.5:8786".')
-    time_limit: float | None = _amount(
-        "--time-limit",
-        "time",
-        'Processor time after which a recording is given up, as "60 s"; 1 s more per MB.',
-        "positive",
-    )
-    verify: bool = _given(
-        "Hash every recording, even if its size, time and inode are as noted.", "--verify", default=False
-    )
-    remote: bool = _given(_REMOTE, "--remote", default=False)
+    workers: int | None = None
+    scheduler: str | None = None
+    time_limit: float | None = None
+    verify: bool = False
+    remote: bool = False
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Wanted:
     """What an analysis writes besides its tables."""
 
-    tables_only: bool = _given(
-        "No figures and no report; those of other tables are deleted.", "--tables-only", default=False
-    )
-    models: bool | None = _given(
-        "Choose a model for each tyre, as fit does; by default if that takes seconds, or keep those of the folder.",
-        "--models/--no-models",
-    )
-    png: bool = _given("Write each figure as PNG, too.", "--png", default=False)
+    tables_only: bool = False
+    models: bool | None = None
+    png: bool = False
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class InfoOptions:
     """The channels of a file to show, and how."""
 
-    channel: str = _given("Only this channel, with a large outline.", default="")
-    group: str = _given("Only the channels of this group.", default="")
-    quick: bool = _given("Read no samples: names, units and rates only.", "--quick", default=False)
-    no_plot: bool = _given("Numbers only, without outlines.", "--no-plot", default=False)
+    channel: str = ""
+    group: str = ""
+    quick: bool = False
+    no_plot: bool = False
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class TableChoice:
     """What a table of K* does not say, as text: its columns and units, its sheet, and the shape of the specimen."""
 
-    column: list[str] | None = _given(
-        'Which column is what, as "storage=G\' [kPa]" or "phase=3 [deg]"; may be repeated.', metavar="ROLE=NAME"
-    )
-    group: str = _given("The sheet or group of the file, if several hold such a table; '*': all together.", default="")
-    averages: float | None = _given("Number of independent averages, for the uncertainty by the coherence.")
-    shape_factor: str | None = _given('K* per modulus, for a table of G* or E*, as "0.05 m".')
-    mode: str | None = _given("With --height and --area: shear (K = G A/h) or compression (K = E A/h).")
-    height: str | None = _given('Height of the specimen, as "10 mm".')
-    area: str | None = _given('Loaded area of the specimen, as "5 cm^2".')
-    bonded: str | None = _given("disc: a disc bonded to rigid plates, in compression.")
+    column: list[str] | None = None
+    group: str = ""
+    averages: float | None = None
+    shape_factor: str | None = None
+    mode: str | None = None
+    height: str | None = None
+    area: str | None = None
+    bonded: str | None = None
 
-    no_rig: bool = _given("The specimen's far side does not move: V1/F1 is its own.", "--no-rig", default=False)
+    no_rig: bool = False
 
     def table(self, *, rig: bool = False) -> TableOptions:
         """The options of a table; V1/F1 may be taken if the rig is stated (`rig`), or if there is none."""
@@ -254,160 +234,127 @@ class TableChoice:
 class Selection(TableChoice):
     """The tests of a results folder or table to use, as text."""
 
-    tyre: str | None = _given("Only this tyre.")
-    band: str | None = _given('Only these frequencies, as "0.1:100 Hz".')
-    over: list[str] | None = _given('Further column whose values are separate conditions, as "camber [deg]".')
+    tyre: str | None = None
+    band: str | None = None
+    over: list[str] | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class DataOptions(Selection):
     """The tests to use, with an uncertainty of K* and a static stiffness in place of the table's, as text."""
 
-    std: str | None = _given('Relative uncertainty of K*, in place of the table\'s, as "1 %".')
-    k1: str | None = _given('Static stiffness, in place of the table\'s, as "180 kN/m".', "--k1")
-    std_k1: str | None = _given('Relative uncertainty of --k1; by default "2 %".', "--std-k1")
-    of: str | None = _given("What K* is of: springs, driving point (default), or blocked transfer.", "--of")
+    std: str | None = None
+    k1: str | None = None
+    std_k1: str | None = None
+    of: str | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FitOptions(DataOptions):
     """The tests to fit, the fixed and shared parameters, and the files to write."""
 
-    fix: list[str] | None = _given('A known parameter, as "K1=180 kN/m"; it is not fitted.')
-    share: list[str] | None = _given("A parameter with one value for all conditions of a tyre, as tau_1.")
-    static: str | None = _given("K1 of the static test: rest, at zero frequency (default), or ramp, at its own rate.")
-    std_static: str | None = _given('For ramp: u of the factor by which K1 differs at its amplitude; by default "5 %".')
-    file: Path | None = _given("Model file to write; by default RESULTS/model.json of a folder.", "--out")
-    figure: Path | None = _given("Figure to write: .svg, .png or .pdf.")
+    fix: list[str] | None = None
+    share: list[str] | None = None
+    static: str | None = None
+    std_static: str | None = None
+    file: Path | None = None
+    figure: Path | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ShiftOptions(TableChoice):
     """The isotherms to shift, how they are shifted, and what to write."""
 
-    reference: float | None = _amount(
-        "--reference", "temperature", 'Reference temperature, of one isotherm, as "20 degC"; by default the middle one.'
-    )
-    vertical: bool = _given("Also fit vertical shift factors bT.", "--vertical", default=False)
-    apart: str | None = _given('Largest difference of temperatures of one isotherm; by default "1 K".')
-    constants_at: float | None = _amount(
-        "--constants-at", "temperature", 'Also state the WLF constants for this reference temperature, as "-60 degC".'
-    )
-    tyre: str | None = _given("Only this specimen.")
-    std: float | None = _amount(
-        "--std", "ratio", 'Relative uncertainty of K*, in place of the table\'s, as "1 %".', "positive"
-    )
-    folder: Path | None = _given("Folder for the master curve, its law, tables and figure.", "--out")
+    reference: float | None = None
+    vertical: bool = False
+    apart: str | None = None
+    constants_at: float | None = None
+    tyre: str | None = None
+    std: float | None = None
+    folder: Path | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class RideOptions:
     """The vehicle, the operating points of the tyres, and how a ride in time is run."""
 
-    vehicle: str = _given("golden-car, large-car, or a TOML file.", default="golden-car")
-    at: list[str] | None = _given('Operating point, as "pressure=1.7 bar, preload=3 kN"; a repeated option adds one.')
-    tyre: str | None = _given("Only this tyre of each file.")
-    beyond: bool = _given("Go also outside the measured conditions.", "--beyond", default=False)
-    duration: float | None = _amount(
-        "--duration", "time", 'Ride over a road class in time, as "60 s", for crest factor and dose.', "positive"
-    )
-    seed: int = _given("Seed of a road class in time.", default=1)
-    step: float | None = _amount(
-        "--step",
-        "time",
-        'Time step; by default "0.5 ms", shorter with lift-off or for a road of closer points.',
-        "positive",
-    )
-    lift_off: bool = _given("Wheels may leave the road.", "--lift-off", default=False)
-    curve: Path | None = _given("Load-deflection curve in place of a straight static load; with lift-off.")
-    column: list[str] | None = _given(
-        'Which column of a road or a curve is what, as "height=z [mm]" or "load=F [N]"; may be repeated.'
-    )
-    belt_mass: float | None = _belt()[0]
-    belt_share: float | None = _belt()[1]
-    folder: Path | None = _given("Folder for table, document and figure.", "--out")
+    vehicle: str = "golden-car"
+    at: list[str] | None = None
+    tyre: str | None = None
+    beyond: bool = False
+    duration: float | None = None
+    seed: int = 1
+    step: float | None = None
+    lift_off: bool = False
+    curve: Path | None = None
+    column: list[str] | None = None
+    belt_mass: float | None = None
+    belt_share: float | None = None
+    folder: Path | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class PlotOptions:
     """What a figure shows, as text, and how it looks; a repeated option names several."""
 
-    over: str | None = _given(
-        "FIGURE is a quantity, as K2, TR or 'loss factor', and is shown over this axis: frequency, pressure, preload, "
-        "temperature, amplitude or order, the order of the tests."
-    )
-    specimen: list[str] | None = _given("Only this specimen.", "--specimen", "--tyre")
-    pressure: list[str] | None = _given('Only tests at this pressure, as "2.1 bar".')
-    preload: list[str] | None = _given('Only tests at this preload, as "1000 N".')
-    temperature: list[str] | None = _given('Only tests at this temperature, as "23 degC".')
-    test: list[str] | None = _given("Only this test, as D12.")
-    size: str = _given("report, journal (one column), slide, or width x height as 89x60 mm.", default="report")
-    dpi: int | None = _given("Dots per inch of a PNG; by default 150, for a journal 300.")
-    theme: str = _given("Colours of the figure: light, dark or print.", default="light")
-    colour: list[str] | None = _given("Colour of a specimen, as radial=#0072b2.")
-    label: list[str] | None = _given('Text in place of the name of a specimen, as radial="Tyre A".')
-    xlim: str | None = _given('Limits of the abscissa in its unit, as "10:24".')
-    ylim: str | None = _given('Limits of the ordinate in its unit, as "0:3".')
-    paper: bool = _given("Without FIGURE: draw all figures of the 1982 paper.", "--paper", default=False)
+    over: str | None = None
+    specimen: list[str] | None = None
+    pressure: list[str] | None = None
+    preload: list[str] | None = None
+    temperature: list[str] | None = None
+    test: list[str] | None = None
+    size: str = "report"
+    dpi: int | None = None
+    theme: str = "light"
+    colour: list[str] | None = None
+    label: list[str] | None = None
+    xlim: str | None = None
+    ylim: str | None = None
+    paper: bool = False
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class PlanOptions:
     """A guessed tyre in SI, how its tests are run, and the advice and run sheet to make."""
 
-    k1: float | None = _amount("--k1", "stiffness", 'Guessed K1, as "180 kN/m".', "positive")
-    k2: float | None = _amount("--k2", "stiffness", 'Guessed K2, as "120 kN/m".', "positive")
-    c: float | None = _amount("--c", "damping", 'Guessed C, as "700 N s/m".', "positive")
-    wanted: float | None = _amount("--wanted", "ratio", 'Uncertainty of K2 and C to reach, as "1 %".', "positive")
-    added_mass: list[float] | None = _amount(
-        "--added-mass",
-        "mass",
-        'Added mass to try, as "10 kg"; may be repeated. By default 2, 5, 10, 20 kg.',
-        "positive",
-    )
-    run_sheet: Path | None = _given("Write a tests.csv in the order to run, with the masses of --added-mass.")
-    repeats: int = _given("How often the run sheet has each test.", default=1)
-    seed: int = _given("Seed of the run sheet's order.", default=1982)
-    noise: float | None = _amount(
-        "--noise", "ratio", 'Relative uncertainty of an amplitude at 40 cycles; by default "0.01 %".', "not negative"
-    )
-    cycles: int | None = _given("Cycles per test; by default 40.")
-    eccentricity: float | None = _amount(
-        "--eccentricity", "displacement", 'Amplitude of the contact; by default "1 mm".', "positive"
-    )
-    std_k1: float | None = _amount(
-        "--std-k1", "ratio", 'Relative uncertainty of K1; by default "2 %", or as found.', "not negative"
-    )
-
-
-def _bare(name: str, kind: str, text: str, sign: Sign = "any") -> Any:
-    return _amount(name, kind, f"Without a campaign: {text}.", sign)
+    k1: float | None = None
+    k2: float | None = None
+    c: float | None = None
+    wanted: float | None = None
+    added_mass: list[float] | None = None
+    run_sheet: Path | None = None
+    repeats: int = 1
+    seed: int = 1982
+    noise: float | None = None
+    cycles: int | None = None
+    eccentricity: float | None = None
+    std_k1: float | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class BareRig:
     """The options of a plan without a campaign, which states the same itself, in SI; None where not given."""
 
-    mass: float | None = _bare("--mass", "mass", 'as "15 kg"')
-    preload_stiffness: float | None = _bare("--preload-stiffness", "stiffness", 'K3, as "12.44 kN/m"')
-    preload_damping: float | None = _bare("--preload-damping", "damping", 'c3, as "20 N s/m"')
-    frequency: str | None = _given('Without a campaign: as "10:24:2 Hz".', "--frequency")
-    preload: float | None = _bare("--preload", "force", 'load on the tyre, as "1000 N"', "positive")
-    std_rig: float | None = _bare("--std-rig", "ratio", 'of each rig value; by default "2 %"', "not negative")
-    std_gain: float | None = _bare("--std-gain", "ratio", 'of each gain; by default "1 %"', "not negative")
-    std_phase: float | None = _bare("--std-phase", "angle", 'of each phase; by default "0.5 deg"', "not negative")
+    mass: float | None = None
+    preload_stiffness: float | None = None
+    preload_damping: float | None = None
+    frequency: str | None = None
+    preload: float | None = None
+    std_rig: float | None = None
+    std_gain: float | None = None
+    std_phase: float | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ShapeOptions:
     """The shape of a specimen, for moduli in place of stiffnesses, as text; by default that of the model file."""
 
-    mode: str | None = _given("For moduli, if the model file states no shape: compression or shear.", "--mode")
-    height: str | None = _given('Height of the specimen, as "10 mm".')
-    area: str | None = _given('Loaded area of the specimen, as "5 cm^2".')
-    poisson: float | None = _given("Poisson's ratio, as 0.499; without --mode, of the shape in the model file.")
-    bonded: str | None = _given("disc: a disc bonded to rigid plates, in compression.")
-    bulk: str | None = _given("elastic or relaxing bulk modulus.")
+    mode: str | None = None
+    height: str | None = None
+    area: str | None = None
+    poisson: float | None = None
+    bonded: str | None = None
+    bulk: str | None = None
 
     @property
     def shape(self) -> Shape | None:
@@ -424,11 +371,9 @@ class ShapeOptions:
 class PointOptions:
     """Which models of a file are exported, and what a format needs besides."""
 
-    at: list[str] | None = _given('Operating point, as "pressure=1.7 bar, preload=3 kN"; a repeated option adds one.')
-    tyre: str | None = _given("Only this specimen of a model file.", "--tyre", "--specimen")
-    frequency: float | None = _amount(
-        "--frequency", "frequency", 'For tir: frequency of its stiffness and damping, as "20 Hz".', "positive"
-    )
-    radius: float | None = _amount("--radius", "displacement", 'For tir: unloaded radius, as "316 mm".', "positive")
-    belt_mass: float | None = _belt()[0]
-    belt_share: float | None = _belt()[1]
+    at: list[str] | None = None
+    tyre: str | None = None
+    frequency: float | None = None
+    radius: float | None = None
+    belt_mass: float | None = None
+    belt_share: float | None = None

@@ -12,6 +12,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import frequencies, say
+from fourpole.app.group import write_with_figure
 from fourpole.app.options import BareRig, PlanOptions
 from fourpole.campaign import read_campaign
 from fourpole.core.plan import MASSES, Advice, Outcome, advise
@@ -26,7 +27,9 @@ from fourpole.planning.runsheet import run_sheet
 from fourpole.report.words.plan import AdviceInWords, advice_in_words, expected_tables
 
 
-def run_plan(campaign: Path | None, options: PlanOptions, bare: BareRig, folder: Path | None) -> Answer:
+def run_plan(
+    campaign: Path | None = None, *, options: PlanOptions, bare: BareRig, folder: Path | None = None
+) -> Answer:
     """The uncertainty to expect; table and figure are written, and the run sheet if one is wanted."""
     if options.repeats < 1:
         raise UnitError(f"--repeats: {options.repeats} must be 1 or more")
@@ -99,14 +102,11 @@ def _without_campaign(guess: Guess, run: Run, options: PlanOptions, bare: BareRi
 
 def _written(frame: pl.DataFrame, folder: Path, wanted: float | None) -> list[Path]:
     """Write plan.csv and its figure. The plot room is imported here because that takes a second."""
-    from fourpole.plot.plan import draw_plan, write_plan_figure
+    from fourpole.plot.plan import draw_plan
 
-    figure = draw_plan(frame, wanted=wanted)
     with staged(folder) as new:
-        write_table(new / "plan.csv", frame)
-        for form in ("svg", "png"):
-            write_plan_figure(figure, new / f"plan.{form}")
-    return [folder / f"plan.{form}" for form in ("csv", "svg", "png")]
+        names = write_with_figure(new, "plan", draw_plan(frame, wanted=wanted), {"plan.csv": frame})
+    return [folder / name for name in names]
 
 
 def _show_tables(frame: pl.DataFrame) -> Iterator[Part]:

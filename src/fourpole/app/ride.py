@@ -13,23 +13,25 @@ import polars as pl
 from fourpole import units
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import option, progress, say, warn
+from fourpole.app.group import write_with_figure
 from fourpole.app.options import RideOptions
 from fourpole.campaign.vehicle import StatedVehicle, vehicle_named
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.digits import number
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.specimen import Form
 from fourpole.errors import UnitError
-from fourpole.findings.rides import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
+from fourpole.findings.conformity import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
 from fourpole.fitting.inertia import belt_stated
 from fourpole.fitting.placed import operating_point
 from fourpole.fitting.ridetyres import RideTyre, tyres_for_ride
 from fourpole.io.folders import model_in
 from fourpole.io.staging import staged
 from fourpole.io.tables.pair import read_curve, read_profile
-from fourpole.io.write import write_bytes, write_table, write_text
+from fourpole.io.write import write_text
 from fourpole.quantities import FREQUENCY, K1, PRELOAD, RIDE_MEASURES, TYRE, C, Quantity, ShownUnits
-from fourpole.report.digits import PLUS_MINUS, number, with_u
+from fourpole.report.digits import PLUS_MINUS, with_u
 from fourpole.ride.compare import REALISED, RideComparison, compare_in_time, compare_on_class
 from fourpole.ride.contact import LoadDeflection
 from fourpole.ride.road import CLASSES, ClassRoad, Profile, check_speed, cleat, pothole, sine_sweep
@@ -78,7 +80,7 @@ class _Road:
     after: float = 0.0
 
 
-def run_ride(models: Sequence[Path], road: str, speed: float | None, options: RideOptions) -> Answer:
+def run_ride(models: list[Path], road: str = "C", speed: float | None = None, *, options: RideOptions) -> Answer:
     """Drive one vehicle over one road on the tyres of all models, and write the files."""
     speed = _SPEED if speed is None else speed
     check_speed(speed)
@@ -418,13 +420,12 @@ def _written(folder: Path, asked: _Asked, found: RideComparison, notes: Sequence
     import json
 
     from fourpole.io.folders import make_folder
-    from fourpole.plot.ride import ride_figure, ride_figure_bytes
+    from fourpole.plot.ride import draw_ride, ride_figure
 
     folder = make_folder(folder)
-    figure = ride_figure(found, asked.labels, [asked.said])
+    figure = draw_ride(ride_figure(found, asked.labels, [asked.said]))
+    table = pl.DataFrame(_rows(asked, found), infer_schema_length=None)
     with staged(folder) as new:
-        write_table(new / "ride.csv", pl.DataFrame(_rows(asked, found), infer_schema_length=None))
+        write_with_figure(new, "ride", figure, {"ride.csv": table})
         write_text(new / "ride.json", json.dumps(_document(asked, found, notes), indent=1, ensure_ascii=False) + "\n")
-        for form in ("svg", "png"):
-            write_bytes(new / f"ride.{form}", ride_figure_bytes(figure, form))
     return [folder / f"ride.{form}" for form in ("csv", "json", "svg", "png")]

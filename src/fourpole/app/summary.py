@@ -10,9 +10,9 @@ from fourpole import quantities as q
 from fourpole.findings.conformity import Decision
 from fourpole.findings.summary import MOST_CONDITIONS, SummaryRow, bounded, summary
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity, ShownUnits
-from fourpole.report.digits import in_unit, in_units, with_interval
+from fourpole.report.digits import in_unit, with_interval
 from fourpole.report.front import verdict_line
-from fourpole.report.words.inertia import short_lines
+from fourpole.report.words.sentence import short_lines
 from fourpole.study.study import Study
 
 _SHOWN = (q.K1, MODULUS, LOSS_ANGLE, q.K2, q.C)
@@ -34,8 +34,7 @@ def summary_lines(results: Study) -> list[str]:
         rows = bounded(every, 0)
         found = (_lines(rows, results.shown, most) for most in range(_MOST, 0, -1))
         lines = next(lines for lines in found if len(lines) <= _MOST_LINES)
-    with in_units(results.shown):
-        masses = [f"{line}; K* is that of its springs" for line in short_lines(results)]
+    masses = [f"{line}; K* is that of its springs" for line in short_lines(results)]
     return [*lines, *(part for line in masses for part in wrap(line, _WIDTH, subsequent_indent=" "))]
 
 

@@ -12,9 +12,11 @@ import numpy as np
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import progress, say, warn
+from fourpole.app.group import write_with_figure
 from fourpole.campaign import read_campaign
 from fourpole.core.condition import AXES
 from fourpole.core.confidence import COVERAGE_FACTOR
+from fourpole.core.digits import number
 from fourpole.core.specimen import Form
 from fourpole.core.specimenfit import UNLIKELY
 from fourpole.errors import FileError, FourpoleError
@@ -23,8 +25,7 @@ from fourpole.fitting.inertia import inertias_in
 from fourpole.io.folders import make_folder
 from fourpole.io.published import published
 from fourpole.io.staging import staged
-from fourpole.io.write import write_bytes, write_table
-from fourpole.report.digits import PLUS_MINUS, number, with_u
+from fourpole.report.digits import PLUS_MINUS, with_u
 from fourpole.study.inertia import FoundBody
 from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 
@@ -32,7 +33,7 @@ from fourpole.study.twoports import TwoPort, measure_two_ports, two_port_table
 _SHOWN = {"k11": 0, "k12": 1, "k22": 3}
 
 
-def run_twoport(campaign: Path, folder: Path | None, workers: int | None) -> Answer:
+def run_twoport(campaign: Path, folder: Path | None = None, workers: int | None = None) -> Answer:
     """Find and write the four poles of each specimen and condition."""
     stated = read_campaign(campaign)
     with progress("reducing") as advance:
@@ -88,13 +89,10 @@ def _against(two_port: TwoPort, known: Sequence[FoundBody]) -> str:
 
 def _written(found: Sequence[TwoPort], title: str, folder: Path) -> list[Path]:
     """Write table, figure and UFF together; the plot room is imported here because that takes a second."""
-    from fourpole.plot.twoports import two_port_figure_bytes
+    from fourpole.plot.plan import two_port_figure
 
-    names = ["twoport.csv", "twoport.svg", "twoport.png"]
     with staged(folder) as new:
-        write_table(new / names[0], two_port_table(list(found)))
-        for name in names[1:]:
-            write_bytes(new / name, two_port_figure_bytes(found, name.rpartition(".")[2]))
+        names = write_with_figure(new, "twoport", two_port_figure(found), {"twoport.csv": two_port_table(list(found))})
         try:
             write_two_ports(found, title, new / "twoport.uff")
             names.append("twoport.uff")

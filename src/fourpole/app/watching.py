@@ -15,6 +15,7 @@ from fourpole.core.checks import Verdict
 from fourpole.errors import TableError
 from fourpole.io.documents import json_of
 from fourpole.io.processes import DEVNULL, Process, interrupt, start_module
+from fourpole.quantities import ShownUnits
 from fourpole.report.rows import DYNAMIC, STATIC, condition, words
 from fourpole.study.watch import Watch, WatchedFile
 
@@ -25,7 +26,7 @@ _QUIET = 5.0
 _MARKS: dict[str, str] = {Verdict.OK: "ok", Verdict.WARNING: "WARNING", Verdict.REJECTED: "REJECTED"}
 
 
-def run_watch(campaign: Path, *, as_json: bool) -> None:
+def run_watch(campaign: Path, as_json: bool = False) -> None:
     """Print the judgement on each new recording until Ctrl-C."""
     watch = Watch(campaign)
     watch.warm()
@@ -101,14 +102,16 @@ def document(one: WatchedFile) -> dict[str, Any]:
 def _condition(one: WatchedFile) -> str:
     if not one.row:
         return ""
-    where = condition(one.row, dynamic=q.FREQUENCY.head in one.row)
+    where = condition(one.row, ShownUnits(), dynamic=q.FREQUENCY.head in one.row)
     return ", ".join(part for part in (str(one.row.get("tyre") or ""), where) if part)
 
 
 def _results(one: WatchedFile) -> list[str]:
     """The results of the test in words, each with its unit."""
     shown = DYNAMIC if q.FREQUENCY.head in one.row else STATIC
-    return [f"{column.symbol} {said}" for column in shown[4:8] if one.row and (said := words(column, one.row))]
+    return [
+        f"{column.symbol} {said}" for column in shown[4:8] if one.row and (said := words(column, one.row, ShownUnits()))
+    ]
 
 
 def _print(one: WatchedFile) -> None:

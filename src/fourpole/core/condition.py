@@ -64,6 +64,18 @@ class Axis:
         """Number of the group of each value, from 0 in rising order; values that are not stated form the last group."""
         return Sameness((self,)).groups([Condition("", (value,)) for value in values])
 
+    def middles(self, values: FloatArray) -> tuple[np.ndarray, list[float]]:
+        """Number of the group of each value, as `groups`, and the median of each group.
+
+        Values that are not stated are not-a-number, and so is the median of their group.
+
+        >>> numbers, medians = AXES[0].middles(np.array([2.0e5, 1.0e5, np.nan, 2.02e5]))
+        >>> numbers.tolist(), medians
+        ([1, 0, 2, 1], [100000.0, 201000.0, nan])
+        """
+        groups = self.groups(value if np.isfinite(value) else None for value in values.tolist())
+        return groups, [float(np.median(values[groups == at])) for at in range(int(groups.max(initial=-1)) + 1)]
+
 
 #: The axes that every campaign has.
 PRESSURE = Axis("pressure", q.PRESSURE.head, relative=0.02)

@@ -17,7 +17,8 @@ from fourpole.core.reference import Reference
 from fourpole.errors import RecordingError
 from fourpole.face import public
 
-_UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "drive": "1"}
+#: SI units of what channels measure; the signal of the drive has any unit.
+UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 #: Number of differentiations that turn a motion into a velocity; 0 for a force and for the signal of the drive.
 DERIVATIVES = {"force": 0, "displacement": 1, "velocity": 0, "acceleration": -1, "drive": 0}
 #: Role of the signal that drives the excitation, in any unit.
@@ -234,7 +235,7 @@ class Recording:
             known = samples[np.isfinite(samples)]
             ends = (f"{known.min():.4g}", f"{known.max():.4g}") if known.size else ("", "")
             times = (f"{start:.4g} to {start + samples.size / rate:.4g}", f"{rate:.6g}", str(samples.size))
-            rows.append((name, channel.quantity, _UNITS[channel.quantity], *ends, *times))
+            rows.append((name, channel.quantity, UNITS.get(channel.quantity, "1"), *ends, *times))
             outlines.append(f"<div>{notebook_html(name)}{outline_svg(samples)}</div>")
         heads = ("channel", "quantity", "unit", "least", "greatest", q.TIME.head, "rate [Hz]", "samples")
         return notebook_html(f"Recording {self.label}", (), heads, rows, after="".join(outlines))

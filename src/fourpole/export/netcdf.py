@@ -21,7 +21,7 @@ from fourpole.core.condition import PRELOAD, PRESSURE, Axis
 from fourpole.errors import TableError
 from fourpole.export.source import SIGNS, ExportTables, field_names, need, some, typed, unit_of
 from fourpole.io.write import beside
-from fourpole.plot.names import counted
+from fourpole.plot.data import counted
 from fourpole.plot.sheet import Groups, floats
 from fourpole.quantities import QUANTITIES, meaning_of
 

@@ -20,7 +20,7 @@ from fourpole.core.arrays import ByValue
 from fourpole.errors import CampaignError, FileError
 from fourpole.fitting.accuracy import Accuracy
 from fourpole.io.folders import results_in
-from fourpole.plot.names import counted, distinct
+from fourpole.plot.data import counted, distinct
 from fourpole.plot.sheet import Sheet, read_sheet, texts
 from fourpole.study.record import section
 from fourpole.study.record import texts as items

@@ -21,7 +21,7 @@ from fourpole.io.door import open_regular
 from fourpole.io.formats.tydex_file import TydexChannel, TydexEntry, TydexFile, write_tydex
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import beside
-from fourpole.plot.names import distinct
+from fourpole.plot.data import distinct
 from fourpole.plot.sheet import floats
 from fourpole.quantities import DERIVED
 

@@ -16,7 +16,7 @@ from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import TableError
 from fourpole.export.source import ExportTables, SheetRow, ascii_line, need, some
 from fourpole.io.write import beside
-from fourpole.plot.names import counted
+from fourpole.plot.data import counted
 from fourpole.plot.sheet import floats
 from fourpole.quantities import Quantity
 

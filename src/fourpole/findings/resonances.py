@@ -14,9 +14,23 @@ import scipy
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.condition import FREQUENCY
-from fourpole.findings.evidence import factor
-from fourpole.findings.facts import Curve, Facts, common, finding_on, in_order, known, natural, pairs
-from fourpole.findings.finding import Detail, Finding, Holds, Key, Setup, Topic
+from fourpole.findings.facts import (
+    Curve,
+    Detail,
+    Facts,
+    Finding,
+    Holds,
+    Key,
+    Setup,
+    Topic,
+    common,
+    finding_on,
+    in_order,
+    known,
+    natural,
+    pairs,
+)
+from fourpole.findings.trends import factor
 from fourpole.quantities import TR
 
 #: Relative distance of neighbouring tested frequencies up to which a crossing between them counts as resolved.

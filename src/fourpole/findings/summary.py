@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, inf, isfinite, nan, sqrt
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -15,12 +15,14 @@ from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.polar import polar
-from fourpole.findings.facts import Estimate, Facts, known, natural
-from fourpole.findings.finding import UNSTATED, Key
+from fourpole.findings.facts import UNSTATED, Estimate, Facts, Key, known, natural
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.record import section
 from fourpole.study.study import Study
+
+if TYPE_CHECKING:
+    from fourpole.fitting.modelfile import ModelEntry
 
 #: The quantities of the table, in its order.
 SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
@@ -28,6 +30,8 @@ SUMMARISED = (q.K1, MODULUS, LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 USUAL_FREQUENCY = 15.0
 #: Conditions that a table shows one by one; of more, each specimen has one row.
 MOST_CONDITIONS = 12
+#: Scatter of repeats, and departure of a model from the data, that matter, as shares of |K*|.
+POOR = 0.01
 #: Probability below value + 2 u of a normal distribution.
 _BELOW_TWO = 0.97725
 #: The attributes of a row that are ranges.
@@ -83,6 +87,11 @@ class SummaryRow:
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     scatter: float = 0.0
     single: float = 0.0
+
+    @property
+    def scatters(self) -> bool:
+        """Whether repeats scatter more than their uncertainties explain, and enough to matter."""
+        return self.scatter >= POOR and self.scatter > 2.0 * self.single
 
     @property
     def at(self) -> float:
@@ -151,6 +160,11 @@ def bounded(rows: Sequence[SummaryRow], most: int | None) -> tuple[SummaryRow, .
         names = dict.fromkeys(row.specimen for row in rows)
         return tuple(_joined([row for row in rows if row.specimen == name]) for name in names)
     return tuple(map(_joined, groups.values()))
+
+
+def departing(results: Study) -> list[ModelEntry]:
+    """The models that depart from the data by so much that they are not to be trusted."""
+    return [one for one in (results.models.models if results.models else ()) if one.discrepancy >= POOR]
 
 
 def wanted_frequency(results: Study) -> float:

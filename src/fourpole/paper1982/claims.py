@@ -12,12 +12,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from fourpole.findings.evidence import Effect, between, mean_effect
-from fourpole.findings.facts import Curve, Estimate, Facts, Values, common
-from fourpole.findings.finding import Finding, FindingConditions, Holds, Key, Topic
-from fourpole.findings.levels import differences
+from fourpole.findings import Finding, FindingConditions, Holds, Topic
+from fourpole.findings.facts import Curve, Estimate, Facts, Key, Values, common
 from fourpole.findings.resonances import peak
-from fourpole.findings.trends import Lines, Trend, lines_along
+from fourpole.findings.trends import Effect, Lines, Trend, between, differences, lines_along, mean_effect
 from fourpole.quantities import K1, K2, NONLINEARITY, TR, C, Quantity
 
 #: Roles of the paper's two tyres.

@@ -14,8 +14,8 @@ from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fourpole.core.rig import Rig
 from fourpole.core.routes import mobility_route, relative_route, transmissibility_route
 from fourpole.core.tyre import zener_stiffness
+from fourpole.plot.cards import line_of, points_of, zero_line
 from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Role, Series, Tone, look
-from fourpole.plot.marks import line_of, points_of, zero_line
 from fourpole.plot.sheet import (
     Groups,
     Sheet,

@@ -1,4 +1,4 @@
-"""Figures 5 to 14 of the paper: curves of its two tyres."""
+"""Figures 1 to 14 of the paper: line art of its models and rigs, and curves of its two tyres."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +15,30 @@ from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.paper1982.companions import curve_of, load_key, pressure_key, rejected_of, tyre_look
 from fourpole.plot.cards import static_cards
-from fourpole.plot.data import MOST_LABELLED, AxisData, FigureData, Panel, Place, Role, Scale, Series, Tone, look
-from fourpole.plot.names import counted, plain_text
-from fourpole.plot.sheet import Sheet, few, leading, means, not_all, present, read_sheet, tests_said
-from fourpole.plot.statics import LoadLine, load_lines
+from fourpole.plot.data import (
+    MOST_LABELLED,
+    AxisData,
+    FigureData,
+    Panel,
+    Place,
+    Role,
+    Scale,
+    Series,
+    Tone,
+    counted,
+    look,
+    plain_text,
+)
+from fourpole.plot.loops import LoadLine, load_lines
+from fourpole.plot.sheet import Sheet, few, leading, means, not_all, present, read_sheet, rig_stated, tests_said
 from fourpole.quantities import Quantity
+from fourpole.study.record import section
 from fourpole.study.study import Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fourpole.plot.style import Style
 
 #: Number of lines of constant deflection in figure 5, about.
 _LEVELS = 6
@@ -303,9 +322,41 @@ def _crossings(
     return found if len(found) <= 4 else []
 
 
+def drawn(results: Study, style: Style, *, file: str) -> Figure:  # noqa: ARG001  every figure takes the results
+    """Figures 1, 3 and 4, which have nothing of a campaign."""
+    return _figure(file, style)
+
+
+def whole_model(results: Study, style: Style) -> Figure:
+    """Figure 2: the tyre, the moving mass, the preload spring and the foundation, with the values stated."""
+    rigs = section(results.record, "stated", "rigs")
+    rig = rig_stated(next(iter(rigs.values()))) if len(rigs) == 1 else None
+    if rig is None:
+        return _figure("fig02.svg", style, m="m", K3="K3", blocked="")
+    return _figure(
+        "fig02-damped.svg" if rig.preload_damping > 0 else "fig02.svg", style,
+        m=f"m = {rig.moving_mass:.4g} kg",
+        K3=f"K3 = {rig.preload_stiffness / 1e3:.4g} kN/m",
+        c3=f"c3 = {rig.preload_damping:.4g} N s/m",
+        blocked="the rig of this campaign is blocked beyond the specimen: V2 = 0" if rig.blocked else "",
+    )  # fmt: skip
+
+
+def _figure(file: str, style: Style, **values: str) -> Figure:
+    """A drawing of this room as a figure of its size."""
+    from fourpole.plot.lineart import Canvas, drawing_of  # loads matplotlib, which figures as data do not need
+
+    drawing = drawing_of("fourpole.paper1982", file)
+    canvas = Canvas(float(drawing.attrib["viewBox"].split()[3]), style)
+    canvas.place(drawing, values=values)
+    return canvas.figure
+
+
 #: The figures of this module by their keys in catalogue.toml; 6 to 13 are C and then K2, each against pressure and then
 #: frequency, each at low and then high preload.
 FIGURES = {
+    "fig02": whole_model,
+    **{key: partial(drawn, file=f"{key}.svg") for key in ("fig01", "fig03", "fig04")},
     "fig05": load_deflection,
     **{
         f"fig{number:02d}": partial(property_figure, quantity=quantity, against=against, high=high)

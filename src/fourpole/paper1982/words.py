@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from fourpole.findings.evidence import Effect
-from fourpole.findings.finding import Finding, Holds
-from fourpole.findings.trends import Trend
+from fourpole.findings.facts import Finding, Holds
+from fourpole.findings.trends import Effect, Trend
 from fourpole.paper1982.claims import (
     CROSS,
     RADIAL,
@@ -26,43 +26,42 @@ from fourpole.paper1982.claims import (
     Order,
     Turning,
 )
+from fourpole.quantities import ShownUnits
+from fourpole.report.digits import bar, combinations, condition, counted, joined, newton, percent, percents, ranged
 from fourpole.report.words.levels import over, span
-from fourpole.report.words.phrases import (
-    bar,
-    combinations,
-    condition,
-    counted,
-    joined,
-    newton,
-    percent,
-    percents,
-    ranged,
-    sentences_of,
-)
+from fourpole.words import package_toml
 
-_SENTENCES = sentences_of("fourpole.paper1982")
+_SENTENCES = package_toml("fourpole.paper1982")
 #: The conclusions of the paper by number; a is its cross-ply and b its radial-ply.
 STATEMENTS: dict[int, str] = {int(number): text for number, text in _SENTENCES["statements"].items()}
 _NEEDS: dict[Need, str] = {Need[name]: text for name, text in _SENTENCES["needs"].items()}
-Labels = Mapping[str, str]
 
 
-def claim(finding: Finding, found: Claim) -> str:
+@dataclass(frozen=True)
+class Told:
+    """How the evidence for a claim is told: the names of the tyres by their roles, and the units of the numbers."""
+
+    labels: Mapping[str, str]
+    units: ShownUnits
+
+
+def claim(finding: Finding, found: Claim, units: ShownUnits) -> str:
     """One claim, whether it holds, and the numbers that decide, as a sentence."""
     roles = zip((CROSS, RADIAL), found.names, found.states, strict=True)
     labels = {role: _label(role, name, state) for role, name, state in roles}
+    told = Told(labels, units)
     statement = STATEMENTS[found.number].format(a=labels[CROSS], b=labels[RADIAL])
     head = f"Claim {found.number} of the paper ({statement})"
     if isinstance(found.found, Lack):
-        return f"{head} cannot be examined here: it needs {_lack(found.found, labels)}."
-    figures = _figures(found.found, labels)
+        return f"{head} cannot be examined here: it needs {_lack(found.found, told)}."
+    figures = _figures(found.found, told)
     if finding.holds is Holds.FALSE:
         return f"{head} does not hold here: {figures}."
     unsure = ", though not beyond the uncertainty" if finding.holds is Holds.TRUE_UNSURE else ""
     return f"{head} holds here{unsure}: {figures}."
 
 
-def no_common_state(finding: Finding, _: NoCommonState) -> str:
+def no_common_state(finding: Finding, _: NoCommonState, __: ShownUnits) -> str:
     """No claim is examined, because the two tyres were not tested in one state."""
     return (
         f"The claims of the paper cannot be examined here: {' and '.join(finding.specimens)} were not tested at a "
@@ -98,90 +97,91 @@ def _label(role: str, name: str, state: str) -> str:
     return f"the {role}{state}" if named else f"the {role} ({name}{state})"
 
 
-def _lack(lack: Lack, labels: Labels) -> str:
+def _lack(lack: Lack, told: Told) -> str:
     symbol = lack.quantity.column if lack.quantity else ""
-    return _NEEDS[lack.need].format(of=f"{symbol} of {labels[lack.tyre]}" if lack.tyre else symbol)
+    return _NEEDS[lack.need].format(of=f"{symbol} of {told.labels[lack.tyre]}" if lack.tyre else symbol)
 
 
 def _changes(effects: Sequence[Effect]) -> str:
     return percents([effect.value for effect in effects])
 
 
-def _above(found: Above, _: Labels) -> str:
+def _above(found: Above, told: Told) -> str:
     effects, against = found.effects, found.against
     where = combinations(found.axes, list(effects))
     text = f"the difference is {_changes(list(effects.values()))} at {where} in common"
     if against and len(against) < len(effects):
-        text += f", and the other way round at {len(against)} of them, such as {condition(found.axes, against[0])}"
+        one = condition(found.axes, against[0], told.units)
+        text += f", and the other way round at {len(against)} of them, such as {one}"
     return text
 
 
-def _nonlinear(found: Nonlinear, labels: Labels) -> str:
+def _nonlinear(found: Nonlinear, told: Told) -> str:
     return (
-        f"the curve departs from a straight line by {percents(found.cross)} of the load span for {labels[CROSS]} and "
-        f"by {percents(found.radial)} for {labels[RADIAL]}, {ranged(found.ratios)} times as much, where more than 3 "
-        "times is asked for"
+        f"the curve departs from a straight line by {percents(found.cross)} of the load span for {told.labels[CROSS]} "
+        f"and by {percents(found.radial)} for {told.labels[RADIAL]}, {ranged(found.ratios)} times as much, where more "
+        "than 3 times is asked for"
     )
 
 
-def _rising(found: Trend, _: Labels) -> str:
+def _rising(found: Trend, told: Told) -> str:
     effects = list(found.effects.values())
-    text = f"from {span(found)} it changes by {_changes(effects)} at {over(found)}"
+    text = f"from {span(found, told.units)} it changes by {_changes(effects)} at {over(found)}"
     falling = sum(effect.value <= 0.0 for effect in effects)
     return f"{text} and falls at {falling} of them" if falling else text
 
 
-def _optimum_at(at: OptimumAt, _: Labels) -> str:
-    ends = joined(f"{percent(drop)} below it at {bar(p)}" for p, drop in at.drops.items())
-    return f"at {newton(at.load)} it is largest at {bar(at.pressure)} and {ends}"
+def _optimum_at(at: OptimumAt, told: Told) -> str:
+    ends = joined(f"{percent(drop)} below it at {bar(p, told.units)}" for p, drop in at.drops.items())
+    return f"at {newton(at.load, told.units)} it is largest at {bar(at.pressure, told.units)} and {ends}"
 
 
-def _apart(at: ApartAt, labels: Labels) -> str:
-    low, high = (bar(p) for p in at.pressures)
+def _apart(at: ApartAt, told: Told) -> str:
+    low, high = (bar(p, told.units) for p in at.pressures)
+    load, other = (newton(one, told.units) for one in at.loads)
     return (
-        f"C of {labels[at.tyre]} at {newton(at.loads[0])} exceeds that at {newton(at.loads[1])} by "
-        f"{percent(at.high.value)} at {high} (standard uncertainty {percent(at.high.std)}) and by "
-        f"{percent(at.low.value)} at {low}"
+        f"C of {told.labels[at.tyre]} at {load} exceeds that at {other} by {percent(at.high.value)} at {high} "
+        f"(standard uncertainty {percent(at.high.std)}) and by {percent(at.low.value)} at {low}"
     )
 
 
-def _turning(found: Turning, _: Labels) -> str:
-    low, high = (bar(end) for end in found.ends)
+def _turning(found: Turning, told: Told) -> str:
+    low, high = (bar(end, told.units) for end in found.ends)
     said = []
     for at in found.loads:
         changes = [_changes(band) for band in at.bands]
         said.append(
-            f"at {newton(at.load)} it changes by {changes[0]} up to 16 Hz, by {changes[1]} between 16.5 and 18.5 Hz, "
-            f"and by {changes[2]} above 19 Hz"
+            f"at {newton(at.load, told.units)} it changes by {changes[0]} up to 16 Hz, by {changes[1]} between 16.5 "
+            f"and 18.5 Hz, and by {changes[2]} above 19 Hz"
         )
     return f"from {low.rpartition(' ')[0]} to {high}, {'; '.join(said)}"
 
 
-def _likewise(found: Likewise, labels: Labels) -> str:
+def _likewise(found: Likewise, told: Told) -> str:
     return (
         f"its change with pressure {'turns' if found.turns else 'does not turn'} from fall to rise between 16 and "
-        f"19 Hz; with frequency, {_figures(found.rising, labels)}; against {labels[RADIAL]}, "
-        f"{_figures(found.above, labels)}"
+        f"19 Hz; with frequency, {_figures(found.rising, told)}; against {told.labels[RADIAL]}, "
+        f"{_figures(found.above, told)}"
     )
 
 
-def _isolation(found: Isolation, labels: Labels) -> str:
+def _isolation(found: Isolation, told: Told) -> str:
+    radial, cross = told.labels[RADIAL], told.labels[CROSS]
     return (
-        f"at {joined(bar(p) for p in found.pressures)}, TR of {labels[RADIAL]} is {_changes(found.below)} higher than "
-        f"that of {labels[CROSS]} below 16.8 Hz, and that of {labels[CROSS]} {_changes(found.beyond)} higher above "
-        "19.2 Hz"
+        f"at {joined(bar(p, told.units) for p in found.pressures)}, TR of {radial} is {_changes(found.below)} higher "
+        f"than that of {cross} below 16.8 Hz, and that of {cross} {_changes(found.beyond)} higher above 19.2 Hz"
     )
 
 
-def _order(found: Order, labels: Labels) -> str:
+def _order(found: Order, told: Told) -> str:
     return (
-        f"the largest measured TR of {labels[RADIAL]} stands at {ranged(found.radial, 'Hz')} and that of "
-        f"{labels[CROSS]} at {ranged(found.cross, 'Hz')}, {ranged(found.gaps, 'Hz', 2)} higher, at "
+        f"the largest measured TR of {told.labels[RADIAL]} stands at {ranged(found.radial, 'Hz')} and that of "
+        f"{told.labels[CROSS]} at {ranged(found.cross, 'Hz')}, {ranged(found.gaps, 'Hz', 2)} higher, at "
         f"{counted(len(found.gaps), 'condition')} in common"
     )
 
 
-_WORDS: dict[type, Callable[[Any, Labels], str]] = {
+_WORDS: dict[type, Callable[[Any, Told], str]] = {
     Above: _above,
     Nonlinear: _nonlinear,
     Trend: _rising,
@@ -194,13 +194,13 @@ _WORDS: dict[type, Callable[[Any, Labels], str]] = {
 }
 
 
-def _figures(found: Evidence, labels: Labels) -> str:
+def _figures(found: Evidence, told: Told) -> str:
     """The numbers that decide a claim, in words."""
     if isinstance(found, tuple):
         first = "averaged over frequency, " if isinstance(found[0], OptimumAt) else ""
-        return first + "; ".join(_WORDS[type(one)](one, labels) for one in found)
-    return _WORDS[type(found)](found, labels)
+        return first + "; ".join(_WORDS[type(one)](one, told) for one in found)
+    return _WORDS[type(found)](found, told)
 
 
 #: The sentence of each kind of finding of this room.
-TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {Claim: claim, NoCommonState: no_common_state}
+TEMPLATES: dict[type, Callable[[Finding, Any, ShownUnits], str]] = {Claim: claim, NoCommonState: no_common_state}

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
         write_figure,
     )
     from fourpole.plot.data import FigureSpec
-    from fourpole.plot.figure import FORMATS
+    from fourpole.plot.layout import FORMATS
     from fourpole.plot.style import SIZES, THEMES, Size, Style
 
 _CATALOGUE = ("FIGURES", "PAPER", "draw", "figure_data", "figures_of", "render", "save_figures", "write_figure")
 _HOME = {
     **dict.fromkeys(_CATALOGUE, "catalogue"),
-    "FORMATS": "figure",
+    "FORMATS": "layout",
     "FigureSpec": "data",
     **dict.fromkeys(("SIZES", "THEMES", "Size", "Style"), "style"),
 }

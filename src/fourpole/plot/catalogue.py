@@ -6,24 +6,24 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import replace
 from difflib import get_close_matches
-from importlib import import_module, resources
+from importlib import import_module
 from pathlib import Path
 
 import polars as pl
 from matplotlib.figure import Figure
 
 from fourpole.errors import CampaignError
-from fourpole.io.documents import toml_of
 from fourpole.io.folders import make_folder
 from fourpole.io.write import write_bytes
 from fourpole.plot.cards import strided
 from fourpole.plot.data import FigureData, FigureSpec
-from fourpole.plot.figure import FORMATS, figure_bytes
+from fourpole.plot.layout import FORMATS, figure_bytes
 from fourpole.plot.over import spec_over
 from fourpole.plot.part import own_colours, part_of
 from fourpole.plot.sheet import read_sheet
 from fourpole.plot.style import Style, drawing
 from fourpole.study.study import Study
+from fourpole.words import package_toml
 
 #: Number of tasks into which the figures are divided for workers; each task has its own copy of the tables.
 _GROUPS = 6
@@ -33,9 +33,8 @@ _OF_MODELS = {"model-choice", "spectrum", "amplitude"}
 
 def _specs(room: str) -> dict[str, FigureSpec]:
     """The figures of the catalogue.toml of a room, with the functions that make them."""
-    text = resources.files(room).joinpath("catalogue.toml").read_text(encoding="utf-8")
     specs = {}
-    for key, entry in toml_of(text, "catalogue.toml").items():
+    for key, entry in package_toml(room, "catalogue.toml").items():
         make = import_module(f"{room}.{entry.pop('module')}").FIGURES[key]
         how = {"draw" if entry.pop("line_art", False) else "data": make}
         specs[key] = FigureSpec(key, **entry, **how)

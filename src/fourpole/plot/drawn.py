@@ -15,12 +15,17 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.transforms import Bbox
 
 from fourpole.core.arrays import FloatArray
-from fourpole.plot.data import AxisData, Field, FigureData, Panel, Place, Role, Series, look
+from fourpole.plot.data import AxisData, Field, FigureData, Panel, Place, Role, Series, counted, look, plain_text
 from fourpole.plot.layout import Grid, Key
-from fourpole.plot.names import counted, plain_text
 from fourpole.plot.panels import (
     ALIKE,
+    LETTER,
+    OFF_POINT,
     Extent,
+    colour_of,
+    draw_series,
+    end_labels,
+    face_of,
     few_ticks,
     numbered,
     power_or_plain,
@@ -29,7 +34,6 @@ from fourpole.plot.panels import (
     steep_limits,
     tyre_heading,
 )
-from fourpole.plot.series import LETTER, OFF_POINT, colour_of, draw_series, end_labels, face_of
 from fourpole.plot.style import Style, load_dashes, pressure_marker
 
 #: Largest number of points of a figure that lead to their cards one by one; more are drawn as lines of markers.

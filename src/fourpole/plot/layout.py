@@ -1,23 +1,105 @@
-"""A grid of panels with the key and the notes below; all sizes are in inches, so that nothing overlaps."""
+"""A grid of panels with the key and the notes below, in inches, and the bytes that a figure is written as."""
 
 from __future__ import annotations
 
+import io
+import re
 import textwrap
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from fourpole.plot.data import Scale
-from fourpole.plot.style import Marker, Style
+from fourpole.errors import CampaignError
+from fourpole.plot.data import Scale, plain_text
+from fourpole.plot.style import Marker, Style, drawing
+
+_T = TypeVar("_T")
+#: File formats of a figure.
+FORMATS = ("svg", "png", "pdf")
+_DIGITS = re.compile(rb"(\d\.\d\d)\d+")
+#: A line with text, or as many lines without as follow each other.
+_OF_TEXT = re.compile(rb"([^\n]*(?:<text|title>)[^\n]*\n?)|(?:(?![^\n]*(?:<text|title>))[^\n]*\n)+|[^\n]+")
+_GROUP_NAME = re.compile(rb'<g id="[^"]*"')
+#: Sign between the id of a card and the name of a test; it occurs in no name that figures show.
+_MARK = "\u2063"
+_LINK = re.compile(rf"""<a xlink:href=(["'])(#[-a-z0-9]+){_MARK}(.*?)\1[^>]*>""".encode())
+
+
+#: Titles of the figures that commands draw, by their keys; those of results are in the catalogue.
+TITLES = {
+    "plan": "Uncertainty to expect of K*, K2 and C",
+    "ride": "Ride",
+    "shift": "Master curve",
+    "twoport": "Four poles",
+}
+
+
+def command_figure(figure: Figure, key: str, form: str = "svg", style: Style | None = None) -> bytes:
+    """The content of a file of a figure of `TITLES`, as svg, png or pdf; CampaignError for another format."""
+    return figure_bytes(figure, key, TITLES[key], form, style)
+
+
+def figure_bytes(figure: Figure, key: str, title: str, form: str, style: Style | None = None) -> bytes:
+    """The content of a file in one of `FORMATS`; the same figure gives the same bytes.
+
+    Raises
+    ------
+    CampaignError
+        If there is no such format.
+    """
+    if form not in FORMATS:
+        raise CampaignError(f"no format {form!r} of a figure: choose one of {', '.join(FORMATS)}")
+    metadata: dict[str, dict[str, Any]] = {
+        "svg": {"Date": None, "Creator": "fourpole", "Title": title},
+        "png": {"Software": None, "Title": title},
+        "pdf": {"CreationDate": None, "Creator": "fourpole", "Producer": None, "Title": title},
+    }
+    content, style = io.BytesIO(), style or Style()
+    with drawing(style, key), warnings.catch_warnings():
+        # A script that the font lacks is shown as boxes in PNG; in SVG the text itself is written.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        figure.savefig(content, format=form, dpi=style.dpi, metadata=metadata[form])
+    return _lean(with_titles(content.getvalue())) if form == "svg" else content.getvalue()
+
+
+def _lean(svg: bytes) -> bytes:
+    """The SVG with two decimals per number, and without ids of groups.
+
+    Two figures in one HTML page would otherwise have groups with the same id.
+    """
+    return _OF_TEXT.sub(_lean_part, svg)
+
+
+def _lean_part(part: re.Match[bytes]) -> bytes:
+    """A line with text as it is, other lines with short numbers and without ids of groups."""
+    return part[0] if part[1] else _GROUP_NAME.sub(b"<g", _DIGITS.sub(rb"\1", part[0]))
+
+
+def link(card: str, test: str) -> str:
+    """The address of a point; `with_titles` makes a link and a tooltip of it.
+
+    Examples
+    --------
+    >>> with_titles(f'<a xlink:href="{link("dynamic-3", "D3")}">'.encode())
+    b'<a xlink:href="#dynamic-3"><title>D3</title>'
+    """
+    return f"#{card}{_MARK}{plain_text(test, 60).replace(_MARK, '')}"
+
+
+def with_titles(svg: bytes) -> bytes:
+    """The SVG with the name of the test as the title of each link."""
+    return _LINK.sub(rb'<a xlink:href="\2"><title>\3</title>', svg)
+
 
 #: Width of a figure in a report [in].
 WIDTH = 7.0
@@ -38,6 +120,17 @@ def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
+
+
+def parts_of(
+    found: Sequence[_T], most: int, size: tuple[float, float], what: str
+) -> tuple[Figure, list[tuple[_T, SubFigure]], str]:
+    """A figure with a part for each of the first `most`, of this size [in]; the note that these are not all."""
+    shown = found[:most]
+    figure = Figure(figsize=(size[0], size[1] * len(shown)))
+    parts = np.atleast_1d(np.asarray(figure.subfigures(len(shown), 1), dtype=object)).tolist()
+    left_out = f" ({len(shown)} of {len(found)} {what})" if len(shown) < len(found) else ""
+    return figure, list(zip(shown, parts, strict=True)), left_out
 
 
 @dataclass

@@ -11,8 +11,7 @@ from fourpole.core.recording import Recording
 from fourpole.errors import CampaignError
 from fourpole.plot.catalogue import FIGURES
 from fourpole.plot.catalogue import draw as figure_of
-from fourpole.plot.figure import figure_bytes
-from fourpole.plot.layout import new_figure
+from fourpole.plot.layout import figure_bytes, new_figure
 from fourpole.plot.style import Style, drawing
 from fourpole.study.study import Study
 

@@ -12,16 +12,14 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import BoolArray, FloatArray, IntArray
+from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import AMPLITUDE, AXES, FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.rows import rule_in
-from fourpole.plot.cards import dynamic_cards, static_cards
-from fourpole.plot.data import AxisData, FigureData, FigureSpec, Panel, Role, Series
+from fourpole.plot.cards import dynamic_cards, line_of, static_cards
+from fourpole.plot.data import AxisData, FigureData, FigureSpec, Panel, Role, Series, counted
 from fourpole.plot.frequency import Shown, by_frequency, chosen_curves, common
-from fourpole.plot.marks import line_of
-from fourpole.plot.names import counted
 from fourpole.plot.sheet import Sheet, few, floats, read_sheet, texts
 from fourpole.plot.states import State, axis_shown, by_tyre, values_of
 from fourpole.quantities import Quantity
@@ -216,7 +214,7 @@ def _lines(results: Study, sheet: Sheet, tests: _Tests, over: str) -> tuple[list
 def _by_condition(sheet: Sheet, tests: _Tests, axes: Sequence[Axis]) -> list[State]:
     """The tests that are the same on some axes."""
     stated = [(axis, values) for axis in axes if np.isfinite(values := _values(tests.table, axis)).any()]
-    grouped = [_grouped(axis, values) for axis, values in stated]
+    grouped = [axis.middles(values) for axis, values in stated]
     index = {name: at for at, name in enumerate(sheet.names)}
     tyres = np.array([index.get(name, 0) for name in texts(tests.table, q.TYRE.head)], dtype=np.int64)
     keys = np.stack([tyres, *(groups for groups, _ in grouped)], axis=1)
@@ -228,12 +226,6 @@ def _by_condition(sheet: Sheet, tests: _Tests, axes: Sequence[Axis]) -> list[Sta
         if np.any(tests.known & rows):
             made.append(State(int(key[0]), *_ranks(sheet, place), place, rows))
     return made
-
-
-def _grouped(axis: Axis, values: FloatArray) -> tuple[IntArray, list[float]]:
-    """Number of the group of each value, and the middle of each group; not-a-number for values that are not stated."""
-    groups = axis.groups(None if np.isnan(one) else one for one in values.tolist())
-    return groups, [float(np.median(values[groups == at])) for at in range(int(groups.max(initial=-1)) + 1)]
 
 
 def _ranks(sheet: Sheet, place: Mapping[str, float]) -> tuple[int, int]:
@@ -261,7 +253,7 @@ def _panel(
         used, lost = here & ~tests.rejected, here & tests.rejected
         lines: list[Series] = []
         if joined and axis is not None and used.any():
-            groups, _ = _grouped(axis, np.where(used, tests.x, np.nan))
+            groups, _ = axis.middles(np.where(used, tests.x, np.nan))
             lines = [line for line in line_of(x[used], y[used], groups[used], marks) if line.x.size > 1]
         series += [replace(line, label=one.label) for line in lines]
         label = "" if lines else one.label

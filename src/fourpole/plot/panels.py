@@ -1,4 +1,4 @@
-"""The parts of a panel: curves, bars, crosses, bands, headings and limits. Values are in the units of the axes."""
+"""The parts of a panel, and its series drawn: points that lead to cards, curves, bands, labels, headings and limits."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from fourpole.core.arrays import ByValue, FloatArray
-from fourpole.plot.names import plain_text
-from fourpole.plot.style import Style
+from fourpole.core.arrays import ByValue, FloatArray, IntArray
+from fourpole.plot.data import FigureData, Panel, Place, Role, Series, Tone, plain_text
+from fourpole.plot.layout import link
+from fourpole.plot.style import Style, load_dashes, mixed, pressure_marker
 
 #: Values that are below zero by a smaller share of their span do not move the end of an axis from it.
 _ZERO = 0.01
@@ -189,3 +190,196 @@ def power_or_plain(value: float, place: int) -> str:
 def power_of_ten(value: float, _: int) -> str:
     """A power of ten with a raised exponent."""
     return f"10{str(round(np.log10(value))).translate(_RAISED)}"
+
+
+#: Width of a letter and height of a line of the labels at the ends of curves [pt], and their size [pt].
+LETTER, LINE, SIZE = 3.75, 7.6, 6.6
+#: A curve with more points than this is drawn through those that are needed, to within this distance [px].
+_FEW, _OFF = 20, 0.015
+#: Curves whose ends are no farther apart than this share of the panel, or a label, have their labels in one column.
+_COLUMN = 0.1
+#: Distance of a text from its point [pt].
+OFF_POINT = 4.5
+#: Numbers of the palette that tones have.
+_TONES = {Tone.SURE: 0, Tone.DOUBT: 1, Tone.ALARM: 4}
+
+
+def draw_series(ax: Axes, panel: Panel, data: FigureData, style: Style, *, linked: bool) -> None:
+    """Draw the series of a panel; with `linked`, each point leads to the card of its test."""
+    for one in panel.series:
+        colour = colour_of(one, data, style)
+        if one.role in (Role.MODEL, Role.LINE):
+            _curve(ax, one, colour, faint=data.scale is not None)
+            continue
+        if one.role is not Role.REJECTED:
+            for reach, level in ((one.spread, False), (one.across, True)):
+                if reach is not None:
+                    bars(ax, one.x, one.y, reach, colour, level=level, strong=one.role is Role.RANGE)
+        if one.role is not Role.RANGE:
+            _marks(ax, one, colour, style, linked=linked, large=bool(panel.names))
+        _texts(ax, one, style)
+
+
+def _curve(ax: Axes, one: Series, colour: str, *, faint: bool) -> None:
+    at = _needed(one, ax) if one.x.size > _FEW else slice(None)
+    if one.spread is not None:
+        band(ax, one.x[at], one.y[at], one.spread[at], colour, faint=faint)
+    thin = one.tyre < 0 and one.tone in (Tone.NONE, Tone.INK) and np.isnan(one.level)
+    (line,) = ax.plot(one.x[at], one.y[at], color=colour, linestyle=load_dashes(one.dash),
+                      linewidth=0.8 if thin else 1.2, label=f"_{one.role}", zorder=2.0)  # fmt: skip
+    if one.cards:
+        line.set_url(link(one.cards[0], one.tests[0]))
+
+
+def _needed(one: Series, ax: Axes) -> IntArray:
+    """The points of a dense curve that are enough to draw it, with its band, to a fraction of a line's width.
+
+    A chord over n steps of second difference d is off by about n²d/8.
+    """
+    edges = [one.y] if one.spread is None else [one.y, one.y - one.spread, one.y + one.spread]
+    density = np.zeros(one.x.size)
+    for y in edges:
+        place = ax.transData.transform(np.column_stack([one.x, np.nan_to_num(y)]))
+        bend = np.linalg.norm(np.diff(place, 2, axis=0), axis=1)
+        density[1:-1] = np.maximum(density[1:-1], np.sqrt(np.nan_to_num(bend) / (8 * _OFF)))
+    kept = np.unique(np.floor(np.cumsum(density)), return_index=True)[1]
+    return np.union1d(kept, [0, one.x.size - 1])
+
+
+def face_of(one: Series, colour: str, style: Style) -> str:
+    """Fill of the markers of a series."""
+    if one.hollow or one.role is Role.REJECTED:
+        return style.look.paper
+    plain = not np.isnan(one.level) or one.tone is not Tone.NONE
+    return colour if plain else mixed(style.look.paper, colour, 0.75)
+
+
+def _marks(ax: Axes, one: Series, colour: str, style: Style, *, linked: bool, large: bool) -> None:
+    """Draw points; each leads to the card of its test, if they are few enough."""
+    lost = one.role is Role.REJECTED
+    marker = "X" if lost else pressure_marker(one.marker)
+    face, edge, scale = face_of(one, colour, style), style.look.muted if lost else colour, style.size.font
+    if not linked or not one.cards:
+        ax.plot(one.x, one.y, linestyle="none", marker=marker, markersize=scale * (4.5 if large else 3.0), color=edge,
+                markerfacecolor=face, markeredgewidth=0.8 if large else 0.6, label=f"_{one.role}",
+                zorder=3.0)  # fmt: skip
+        return
+    area = scale**2 * (30.0 if lost else 15.0)
+    found = ax.scatter(one.x, one.y, s=area, marker=marker, facecolors=face, edgecolors=edge, linewidths=0.8,
+                       label=f"_{one.role}", zorder=2.5 if lost else 3.0)  # fmt: skip
+    found.set_urls([link(card, test) for card, test in zip(one.cards, one.tests, strict=True)])
+
+
+def _texts(ax: Axes, one: Series, style: Style) -> None:
+    """Write the texts of points beside them."""
+    for x, y, text in zip(one.x.tolist(), one.y.tolist(), one.texts, strict=False):
+        if text:
+            ax.annotate(plain_text(text, 60), (x, y), (OFF_POINT, 0.0), textcoords="offset points", ha="left",
+                        va="center", fontsize=style.font(SIZE), annotation_clip=True, zorder=4.0)  # fmt: skip
+
+
+def colour_of(one: Series, data: FigureData, style: Style) -> str:
+    """Colour of a series: of its level, its tone or its specimen, else grey."""
+    if data.scale is not None and not np.isnan(one.level):
+        return style.frequency_colour(data.scale.part(one.level))
+    if one.tone is Tone.INK:
+        return style.look.ink
+    if one.tone in _TONES:
+        return style.look.tyres[_TONES[one.tone]]
+    if one.tyre < 0:
+        return style.look.muted
+    colour = style.colour(one.tyre)
+    return mixed(mixed(style.look.paper, colour, 0.5), colour, one.shade)
+
+
+def end_labels(ax: Axes, panel: Panel, style: Style, width: float, height: float) -> None:
+    """Write the label of each curve at its right end; labels are moved apart, with a line to the end of the curve.
+
+    `width` and `height` are those of the panel [pt].
+    """
+    _other_labels(ax, panel, style)
+    ends = [(one, *_end(one, ax)) for one in panel.series if one.label and one.place is Place.RIGHT]
+    ends = sorted((end for end in ends if np.isfinite(end[2])), key=lambda end: -end[1])
+    gap = style.font(LINE) / height
+    while ends:
+        # Curves that end at about the same place have their labels in one column.
+        right = ends[0][1]
+        column: list[tuple[Series, float, float]] = []
+        for one, x, y in ends:
+            near = any(abs(y - other) < 2 * gap for *_, other in column)
+            if right - x < (max(_COLUMN, _share(one.label, style, width)) if near else _COLUMN):
+                column.append((one, x, y))
+        ends = [end for end in ends if not any(end[0] is one for one, *_ in column)]
+        # Of curves that end at the same height, the label of the leftmost is the highest.
+        column.sort(key=lambda end: (round(end[2], 2), -end[1]))
+        places = _within(_apart(np.array([end[2] for end in column]), gap), gap)
+        for (one, x, y), place in zip(column, places.tolist(), strict=True):
+            at = right + 0.02
+            if abs(place - y) > 0.3 * gap or right - x > 0.01:
+                ax.plot([x + 0.004, at - 0.004], [y, place], color=style.look.muted, linewidth=0.5, label="_leader",
+                        transform=ax.transAxes, zorder=1.4)  # fmt: skip
+            ax.text(at, place, plain_text(one.label, 34), transform=ax.transAxes, fontsize=style.font(SIZE),
+                    va="center", ha="left", zorder=4.0)  # fmt: skip
+
+
+def _share(label: str, style: Style, width: float) -> float:
+    """Width of a label as a share of a panel of some width [pt]."""
+    return style.font(LETTER) * (len(label) + 1) / width
+
+
+def _other_labels(ax: Axes, panel: Panel, style: Style) -> None:
+    """Write the labels that stand above the right end of their curves or beside the left one.
+
+    Of those above, the first and then the last have room before others, which are left out where they have none.
+    """
+    above = [one for one in panel.series if one.label and one.place is Place.ABOVE]
+    taken: list[tuple[float, float]] = []
+    for one in [*above[:1], *above[:0:-1]]:
+        x, half = ax.transData.transform((one.x[-1], one.y[-1]))[0] * 72 / ax.figure.dpi, 0.0
+        half = 0.5 * style.font(LETTER) * (len(one.label) + 1)
+        if all(abs(x - other) >= half + wide for other, wide in taken):
+            taken.append((x, half))
+            _label(ax, one, -1, (0.0, 3.0), ("center", "bottom"), style)
+    for one in panel.series:
+        if one.label and one.place is Place.LEFT:
+            _label(ax, one, 0, (-4.0, 2.0), ("right", "bottom"), style)
+
+
+def _label(ax: Axes, one: Series, at: int, off: tuple[float, float], how: tuple[str, str], style: Style) -> None:
+    ax.annotate(plain_text(one.label, 34), (one.x[at], one.y[at]), off, textcoords="offset points", ha=how[0],
+                va=how[1], fontsize=style.font(SIZE), zorder=4.0)  # fmt: skip
+
+
+def _end(one: Series, ax: Axes) -> tuple[float, float]:
+    """The right end of a series in shares of the axes; not-a-number if it lies outside."""
+    known = np.flatnonzero(np.isfinite(one.x) & np.isfinite(one.y))
+    if not known.size:
+        return np.nan, np.nan
+    at = known[np.argmax(one.x[known])]
+    x, y = ax.transAxes.inverted().transform(ax.transData.transform((one.x[at], one.y[at])))
+    inside = -0.01 <= y <= 1.01 and x <= 1.0
+    return (float(x), float(y)) if inside else (np.nan, np.nan)
+
+
+def _apart(places: FloatArray, gap: float) -> FloatArray:
+    """Rising places moved as little as possible so that neighbours are at least a gap apart.
+
+    Examples
+    --------
+    >>> _apart(np.array([0.5, 0.5, 0.9]), 0.1).round(2)
+    array([0.45, 0.55, 0.9 ])
+    """
+    blocks: list[tuple[float, int]] = []  # mean place of the first of a block were it alone, and number
+    for place in places.tolist():
+        blocks.append((place, 1))
+        while len(blocks) > 1 and blocks[-1][0] < blocks[-2][0] + gap * blocks[-2][1]:
+            (low, few), (high, more) = blocks[-2:]
+            blocks[-2:] = [((low * few + (high - gap * few) * more) / (few + more), few + more)]
+    return np.concatenate([start + gap * np.arange(count) for start, count in blocks])
+
+
+def _within(places: FloatArray, gap: float) -> FloatArray:
+    """Rising places moved into the panel, 0 to 1, without bringing neighbours nearer than a gap."""
+    rank = np.arange(places.size)
+    top = 1.0 - gap * (0.5 + rank[::-1])
+    return np.asarray(np.maximum(np.minimum(places, top), gap * (0.5 + rank)))

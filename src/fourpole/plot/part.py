@@ -14,7 +14,7 @@ from fourpole.core.arrays import ByValue, IntArray
 from fourpole.core.condition import AXES, PRELOAD, PRESSURE, Axis
 from fourpole.errors import CampaignError
 from fourpole.fitting.modelfile import ModelFile
-from fourpole.plot.names import counted, plain_text
+from fourpole.plot.data import counted, plain_text
 from fourpole.quantities import ShownUnits
 from fourpole.study.study import Study
 
@@ -191,8 +191,7 @@ def _no_value(axis: Axis, wanted: float, tested: Sequence[float], units: ShownUn
 
     if not tested:
         return f"no test at {text(wanted)}: the tests state no {axis.name}"
-    groups = axis.groups(tested)
-    middles = [float(np.median(np.array(tested)[groups == at])) for at in np.unique(groups)]
+    _, middles = axis.middles(np.array(tested))
     near = min(middles, key=lambda value: abs(value - wanted))
     tests = f"{counted(len(middles), axis.name)} from {text(middles[0])} to {text(middles[-1])}"
     return f"no test at {text(wanted)}: did you mean {text(near)}? There are tests at {tests}"

@@ -1,27 +1,29 @@
-"""The figure of a plan: the expected uncertainty at each frequency, by each route and with each added mass."""
+"""Figures of a plan and of four poles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
 from fourpole import quantities as q
+from fourpole.core.allpoles import POLES
+from fourpole.core.arrays import ComplexArray, FloatArray
+from fourpole.core.confidence import NORMAL_95
 from fourpole.core.plan import PLAN_ROUTES
-from fourpole.io.write import write_bytes
-from fourpole.plot.figure import figure_bytes
-from fourpole.plot.layout import Grid, Key
-from fourpole.plot.panels import numbered
+from fourpole.core.specimen import Form
+from fourpole.plot.data import plain_text
+from fourpole.plot.layout import Grid, Key, parts_of
+from fourpole.plot.panels import numbered, power_of_ten
 from fourpole.plot.style import Dashes, Style, drawing, mixed
+from fourpole.study.twoports import TwoPort
 
-_KEY = "plan"
-#: Title of the figure.
-PLAN_TITLE = "Uncertainty to expect of K*, K2 and C"
 _COLUMNS = ((q.K_STAR.relative_head, "K*"), (q.K2.relative_head, "K2"), (q.C.relative_head, "C"))
 #: Heads of the uncertainty that K1 contributes, and of the value that it is divided by.
 _OF_K1 = {"K2": (q.K2.u_head_from(q.K1), q.K2.head), "C": (q.C.u_head_from(q.K1), q.C.head)}
@@ -67,7 +69,7 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
         the conditions for the joint route with the rig as stated.
     """
     style = style or Style()
-    with drawing(style, _KEY):
+    with drawing(style, "plan"):
         grid = Grid.of(len(_COLUMNS), len(_COLUMNS), panel_height=2.9, style=style)
         key, notes = Key(), list[str]()
         curves = list(_curves(frame, style))
@@ -76,7 +78,7 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
         left_by_k1 = bool(frame[q.K1.u_head].max())
         for ax, (column, name) in zip(grid.panels, _COLUMNS, strict=True):
             for curve in curves:
-                _draw(ax, curve, column, several=several, style=style)
+                _draw_curve(ax, curve, column, several=several, style=style)
             if left_by_k1 and name in _OF_K1:
                 _draw_k1(ax, frame, name, style)
             if wanted is not None:
@@ -115,7 +117,7 @@ def _curves(frame: pl.DataFrame, style: Style) -> Iterator[_Curve]:
             yield _Curve(added, f"joint, {plan} as well", colour_of_mass, marker, "solid")
 
 
-def _draw(ax: Axes, curve: _Curve, column: str, *, several: bool, style: Style) -> None:
+def _draw_curve(ax: Axes, curve: _Curve, column: str, *, several: bool, style: Style) -> None:
     """Draw the median over the conditions at each frequency; of the joint route as stated, the range, too."""
     percent = 100 * pl.col(column)
     rows = curve.frame.drop_nulls(column).group_by(q.FREQUENCY.head)
@@ -150,35 +152,116 @@ def _same_limits(panels: list[Axes], style: Style) -> None:
         numbered(ax, "y", most=5)
 
 
-def plan_figure_svg(figure: Figure) -> str:
-    """The figure that `draw_plan` returned as a whole SVG file."""
-    return figure_bytes(figure, _KEY, PLAN_TITLE, "svg").decode()
+_SIZE = (7.6, 6.4)
+#: Largest number of conditions in one figure.
+_MOST = 6
+_POINTS = 400
+#: Places of k11, k12 and k22 among the four poles.
+_SHOWN = {"k11": 0, "k12": 1, "k22": 3}
 
 
-def write_plan_figure(figure: Figure, path: str | Path, style: Style | None = None) -> Path:
-    """Write the figure in one step; the same plan gives the same bytes.
+def two_port_figure(found: Sequence[TwoPort], style: Style | None = None) -> Figure:
+    """The four poles of each condition, below each other; of many conditions those of the first ones."""
+    style = style or Style()
+    with drawing(style, "twoport"):
+        figure, parts, left_out = parts_of(found, _MOST, _SIZE, "conditions")
+        for at, (two_port, part) in enumerate(parts):
+            _draw_poles(part, two_port, style, "" if at else left_out)
+    return figure
 
-    Parameters
-    ----------
-    figure : Figure
-        A figure that `draw_plan` returned.
-    path : path
-        The file; its name ends in .svg, .png or .pdf.
-    style : Style, optional
-        The style that the figure was drawn with.
 
-    Returns
-    -------
-    Path
-        The file.
+def _draw_poles(figure: SubFigure, two_port: TwoPort, style: Style, left_out: str) -> None:
+    """Modulus and phase of three poles above the determinant."""
+    upper = figure.add_gridspec(2, 3, left=0.09, right=0.985, top=0.885, bottom=0.365, hspace=0.12, wspace=0.12,
+                                height_ratios=[1.4, 1.0])  # fmt: skip
+    lower = figure.add_gridspec(1, 1, left=0.09, right=0.985, top=0.25, bottom=0.075)
+    moduli: list[Axes] = []
+    phases: list[Axes] = []
+    for column, (name, at) in enumerate(_SHOWN.items()):
+        moduli.append(figure.add_subplot(upper[0, column], sharey=moduli[0] if moduli else None))
+        phases.append(figure.add_subplot(upper[1, column], sharex=moduli[-1], sharey=phases[0] if phases else None))
+        near = _form_curve(two_port, at, moduli[-1], phases[-1], style)
+        _measured(two_port, at, moduli[-1], phases[-1], style, near)
+        moduli[-1].set_title("-k12" if at == 1 else name, loc="left", fontsize="medium")
+        moduli[-1].set_yscale("log")
+        moduli[-1].yaxis.set_major_locator(LogLocator(numticks=8))
+        moduli[-1].yaxis.set_major_formatter(FuncFormatter(power_of_ten))
+        moduli[-1].yaxis.set_minor_formatter(NullFormatter())
+        phases[-1].yaxis.set_major_locator(MultipleLocator(90))
+        phases[-1].set_xlabel(q.FREQUENCY.label)
+        moduli[-1].tick_params(labelbottom=False, labelleft=column == 0)
+        phases[-1].tick_params(labelleft=column == 0)
+    moduli[0].set_ylabel("|k| [kN/m]")
+    phases[0].set_ylabel("phase [deg]")
+    _determinant(figure.add_subplot(lower[0, 0]), two_port, style)
+    handles, labels = moduli[1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.08, 0.965), ncols=4, frameon=False)
+    figure.text(0.09, 0.975, f"{plain_text(two_port.name, 60)}{left_out}", ha="left", va="center")
 
-    Raises
-    ------
-    CampaignError
-        If the name has another ending.
-    FileError
-        If the file cannot be written.
-    """
-    path = Path(path)
-    write_bytes(path, figure_bytes(figure, _KEY, PLAN_TITLE, path.suffix.lower().removeprefix("."), style))
-    return path
+
+def _measured(two_port: TwoPort, at: int, modulus: Axes, phase: Axes, style: Style, near: FloatArray | None) -> None:
+    """A pole with 95 % intervals, its phase on the branch that is `near`; k21 beside k12 where the two differ."""
+    poles = two_port.poles
+    for place, mark in ((at, "o"), *([(2, "s")] if at == 1 and two_port.form is None else [])):
+        values = poles.stiffness.reshape(-1, 4)[:, place] * (-1 if at == 1 else 1)
+        covariance = poles.covariance[:, 2 * place : 2 * place + 2, 2 * place : 2 * place + 2]
+        along = values / np.abs(values)
+        size, angle = (_std(turn, covariance) for turn in (along, 1j * along))
+        turned = np.unwrap(np.angle(values)) if near is None else near + np.angle(along * np.exp(-1j * near))
+        label = "measured, 95 %" if place == at else f"{POLES[place]} measured, 95 %"
+        colour = style.colour(0 if place == at else 4)
+        _pole_points(modulus, poles.frequency, np.abs(values) / 1e3, size / 1e3, colour, mark, label)
+        _pole_points(
+            phase, poles.frequency, np.degrees(turned), np.degrees(angle / np.abs(values)), colour, mark, label
+        )
+
+
+def _std(along: ComplexArray, covariance: FloatArray) -> FloatArray:
+    """Standard uncertainty of complex values along a direction of each."""
+    direction = np.stack([along.real, along.imag], axis=1)
+    return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", direction, covariance, direction)))
+
+
+def _pole_points(ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, mark: str, label: str) -> None:
+    face = colour if mark == "o" else "none"
+    size = 3.4 if mark == "o" else 5.5
+    ax.errorbar(
+        x, y, NORMAL_95 * std, fmt=mark, ms=size, mfc=face, color=colour, capsize=1.5, lw=0.9, label=label, zorder=3
+    )
+
+
+def _form_curve(two_port: TwoPort, at: int, modulus: Axes, phase: Axes, style: Style) -> FloatArray | None:
+    """A pole of the form that describes all best, with K* of its springs; its phase [rad] where it was measured."""
+    fit, frequency = two_port.form, two_port.poles.frequency
+    if fit is None:
+        return None
+    fine = np.union1d(np.linspace(frequency[0], frequency[-1], _POINTS), frequency)
+    log_k = np.log(fit.stiffness)
+    stiffness = np.exp(np.interp(fine, frequency, log_k.real) + 1j * np.interp(fine, frequency, log_k.imag))
+    pole = fit.specimen.dynamic_stiffness(stiffness, 2 * np.pi * fine).reshape(-1, 4)[:, at] * (-1 if at == 1 else 1)
+    angle = np.unwrap(np.angle(pole))
+    massless = fit.specimen.form is Form.MASSLESS
+    label = "massless spring" if massless else f"{fit.specimen.form.value} of {fit.specimen.mass:.3g} kg"
+    label = label if two_port.form_fits else f"{label}, which does not fit"
+    modulus.plot(fine, np.abs(pole) / 1e3, color=style.look.ink, lw=1.0, label=label, zorder=2)
+    phase.plot(fine, np.degrees(angle), color=style.look.ink, lw=1.0, zorder=2)
+    if not massless:
+        springs: dict[str, Any] = {"color": style.look.muted, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 1}
+        modulus.plot(fine, np.abs(stiffness) / 1e3, label="K* of its springs", **springs)
+        phase.plot(fine, np.degrees(np.angle(stiffness)), **springs)
+    return np.asarray(np.interp(frequency, fine, angle))
+
+
+def _determinant(ax: Axes, two_port: TwoPort, style: Style) -> None:
+    """Departure of k12/k21 as measured from 1, with 95 % intervals."""
+    measured = two_port.measured
+    off, std = measured.determinant - 1, measured.determinant_std
+    reach = max(float(np.ptp(measured.frequency)), 1.0)
+    for at, (part, values, mark) in enumerate((("Re", off.real, "o"), ("Im", off.imag, "s"))):
+        beside = measured.frequency + (0.006 * at - 0.003) * reach
+        _pole_points(ax, beside, 100 * values, 100 * std[:, at], style.colour(2 * at + 2), mark, f"{part}, 95 %")
+    ax.axhline(0.0, color=style.look.ink, lw=0.8)
+    said = "reciprocal within the uncertainty" if two_port.reciprocal else "not reciprocal"
+    ax.set_title(f"determinant k12/k21 as measured, less 1: {said}", loc="left", fontsize="medium")
+    ax.set(xlabel=q.FREQUENCY.label, ylabel="k12/k21 - 1 [%]")
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, frameon=False)

@@ -17,7 +17,7 @@ from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.errors import RigError
-from fourpole.plot.names import counted, lacking, short_names
+from fourpole.plot.data import counted, lacking, short_names
 from fourpole.plot.part import Part, part_of, shown_name
 from fourpole.quantities import Quantity
 from fourpole.study.record import section
@@ -196,14 +196,10 @@ def grouped(values: FloatArray, axis: Axis, label: Callable[[float, int], str]) 
 
     The value of a group is the median of its members; `label` makes a text of it with a number of digits.
     """
-    known = np.isfinite(values)
-    at: IntArray = axis.groups(value if np.isfinite(value) else None for value in values.tolist())
-    middles = [float(np.median(values[at == group])) for group in np.unique(at[known])]
-    labels = _distinct_labels(middles, label)
-    if not known.all():
-        middles.append(math.nan)
-        labels.append("not stated")
-    return Groups(tuple(middles), tuple(labels)), at
+    groups, middles = axis.middles(values)
+    stated = [middle for middle in middles if not math.isnan(middle)]
+    labels = [*_distinct_labels(stated, label), *["not stated"] * (len(middles) - len(stated))]
+    return Groups(tuple(middles), tuple(labels)), groups
 
 
 def _distinct_labels(values: Sequence[float], label: Callable[[float, int], str]) -> list[str]:

@@ -12,6 +12,7 @@ import matplotlib as mpl
 from matplotlib.colors import to_hex, to_rgb
 
 from fourpole.errors import CampaignError
+from fourpole.words import package_toml
 
 #: A line style of matplotlib: a name, or an offset with lengths of dash and gap. Its own types differ by version.
 Dashes: TypeAlias = Any
@@ -27,29 +28,14 @@ class _Theme:
     ink: str
     muted: str
     grid: str
-    tyres: tuple[str, ...]
-    #: Ends of the part of the sequential colour scale that contrasts with the paper, from 0 to 1.
-    scale: tuple[float, float]
+    tyres: list[str]
+    scale: list[float]
     line: float
 
 
-_OKABE_ITO = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000")
-#: Themes by name. Dark and light colours alternate, so that the first tyres differ in grey print, too.
-THEMES: dict[str, _Theme] = {
-    "light": _Theme("#ffffff", "#1f2328", "#6a7178", "#e3e6e9", _OKABE_ITO, (0.0, 0.86), 1.3),
-    "dark": _Theme(
-        *("#16191d", "#e8eaed", "#9aa1a9", "#33383f"),
-        ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#F0E442", "#ffffff"),
-        (0.28, 1.0),
-        1.3,
-    ),
-    "print": _Theme(
-        *("#ffffff", "#000000", "#555555", "#dddddd"),
-        ("#004b80", "#E69F00", "#00694c", "#CC79A7", "#9c3f00", "#56B4E9", "#000000"),
-        (0.0, 0.8),
-        1.6,
-    ),
-}
+#: What style.toml states: themes, and settings of matplotlib.
+_STATED = package_toml("fourpole.plot", "style.toml")
+THEMES: dict[str, _Theme] = {name: _Theme(**stated) for name, stated in _STATED["themes"].items()}
 
 #: Markers of pressures in rising order; the cross stands for rejected tests.
 _PRESSURE_MARKERS: tuple[Marker, ...] = ("o", "s", "^", "D", "v", "P", "<", ">", "*", (4, 1, 0), (4, 1, 45))
@@ -172,48 +158,10 @@ class Style:
     @property
     def rc(self) -> dict[str, Any]:
         """Settings of matplotlib for drawing and writing a figure."""
-        look = self.look
         return {
-            "font.family": ["sans-serif"],
-            "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica", "sans-serif"],
-            "font.size": self.font(8.0),
-            "text.parse_math": False,
-            "text.color": look.ink,
-            "axes.formatter.use_mathtext": False,
-            "axes.formatter.useoffset": False,
-            "axes.facecolor": look.paper,
-            "axes.edgecolor": look.muted,
-            "axes.labelcolor": look.ink,
-            "axes.labelsize": self.font(8.0),
-            "axes.titlesize": self.font(8.5),
-            "axes.titley": 1.0,  # no search for the height of a title: no panel has ticks above it
-            "axes.linewidth": 0.7,
-            "axes.grid": True,
-            "axes.axisbelow": True,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "grid.color": look.grid,
-            "grid.linewidth": 0.6,
-            "xtick.color": look.muted,
-            "ytick.color": look.muted,
-            "xtick.labelcolor": look.ink,
-            "ytick.labelcolor": look.ink,
-            "xtick.labelsize": self.font(7.5),
-            "ytick.labelsize": self.font(7.5),
-            "xtick.major.width": 0.7,
-            "ytick.major.width": 0.7,
-            "xtick.major.size": 2.5,
-            "ytick.major.size": 2.5,
-            "lines.linewidth": look.line,
-            "lines.markersize": 4.0,
-            "lines.markeredgewidth": 0.9,
-            "legend.fontsize": self.font(7.5),
-            "legend.frameon": False,
-            "figure.facecolor": look.paper,
-            "savefig.facecolor": look.paper,
-            "savefig.edgecolor": "none",
-            "svg.fonttype": "none",
-            "pdf.fonttype": 42,
+            **_STATED["settings"],
+            **{name: getattr(self.look, part) for name, part in _STATED["of_theme"].items()},
+            **{name: self.font(points) for name, points in _STATED["letters"].items()},
         }
 
 

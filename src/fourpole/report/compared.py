@@ -13,8 +13,7 @@ from fourpole import quantities as q
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.compared import COMPARED, DIFFERS, NOT_SEEN, RATIO, Comparison
 from fourpole.quantities import LOSS_ANGLE, MODULUS, ShownUnits
-from fourpole.report.digits import decimals_of, rounded
-from fourpole.report.words.phrases import counted
+from fourpole.report.digits import counted, decimals_of, rounded
 from fourpole.version import VERSION
 
 _OF = {one.column: one for one in COMPARED}
@@ -148,8 +147,8 @@ def _most_different(compared: Comparison) -> pl.DataFrame:
 
 def _figure(shown: pl.DataFrame, compared: Comparison) -> dict[str, str]:
     """The figure as a data: URL, and its condition without a frequency."""
-    from fourpole.plot.compared import draw_compared
-    from fourpole.plot.figure import figure_bytes
+    from fourpole.plot.layout import figure_bytes
+    from fourpole.plot.ride import draw_compared
     from fourpole.report.html import svg_address
 
     figure = draw_compared(shown, [compared.shown.of(one) for one in _FIGURE], compared.names)

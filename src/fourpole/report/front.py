@@ -12,19 +12,16 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.checks import VERDICTS, Verdict
+from fourpole.core.digits import number
 from fourpole.errors import UnitError
 from fourpole.findings.conformity import Conformity, Decision, judged, outcome_of
-from fourpole.findings.facts import Facts
-from fourpole.findings.finding import Topic
-from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, summary
+from fourpole.findings.facts import Facts, Topic
+from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, departing, summary
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.report.digits import in_unit, number, with_interval
-from fourpole.report.words.inertia import short_lines
-from fourpole.report.words.limits import Limit, limits
-from fourpole.report.words.phrases import SENTENCES, counted, joined, percent, some
+from fourpole.report.digits import SENTENCES, counted, in_unit, joined, percent, some, with_interval
+from fourpole.report.words.limits import Limit, limits, source_in_words
 from fourpole.report.words.rig import rigs_in_words
-from fourpole.report.words.sentence import Sentence
-from fourpole.report.words.sources import source_in_words
+from fourpole.report.words.sentence import Sentence, short_lines
 from fourpole.study.record import section
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
@@ -122,8 +119,6 @@ _LONGEST = 60
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
 #: The quantities that name a row.
 _PLACES = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
-#: A model that departs from the data by this share of |K*| is not to be trusted.
-_POOR = 0.01
 
 
 def front_page(results: Study, said: Sequence[Sentence]) -> SimpleNamespace:
@@ -266,7 +261,7 @@ def _equipment(stated: Mapping[str, Any]) -> list[SimpleNamespace]:
 
 def _limits(results: Study, rows: Sequence[SummaryRow]) -> list[str]:
     """What limits the results, and the cheapest remedy, a sentence for each source; scatter of repeats comes first."""
-    scattered = len(_apart(rows))
+    scattered = sum(row.scatters for row in rows)
     groups: dict[tuple[str, str, str], list[Limit]] = {}
     for one in limits(results):
         groups.setdefault((one.rig, one.source.text, one.remedy), []).append(one)
@@ -301,14 +296,9 @@ def _doubts(results: Study, rows: Sequence[SummaryRow], said: Sequence[Sentence]
     return found
 
 
-def _apart(rows: Sequence[SummaryRow]) -> list[SummaryRow]:
-    """Conditions whose repeats scatter more than their uncertainties explain."""
-    return [row for row in rows if row.scatter >= _POOR and row.scatter > 2.0 * row.single]
-
-
 def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
     """Repeats of one condition whose scatter makes most of U, in a sentence."""
-    off = _apart(rows)
+    off = [row for row in rows if row.scatters]
     if not off:
         return []
     worst = max(off, key=lambda row: row.scatter)
@@ -322,8 +312,7 @@ def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
 
 def _misfits(results: Study, *, scattered: bool) -> list[str]:
     """Models that depart from the data by more than a limit, in a sentence; no reason where repeats scatter."""
-    models = results.models.models if results.models else ()
-    off = [one for one in models if one.discrepancy >= _POOR]
+    off = departing(results)
     if not off:
         return []
     each = [f"{one.tyre or 'the specimen'} by {percent(one.discrepancy)} of |K*|" for one in off]

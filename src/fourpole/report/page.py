@@ -14,21 +14,19 @@ from typing import Any
 from markupsafe import Markup
 
 from fourpole.core.checks import VERDICTS
-from fourpole.findings.verdicts import CheckRow, checks_by_test
+from fourpole.core.digits import number
+from fourpole.findings.list import CheckRow, checks_by_test
 from fourpole.io.write import write_text
 from fourpole.plot.cards import shown_rows
 from fourpole.report.cards import embedded, make_cards
-from fourpole.report.digits import in_units, number
+from fourpole.report.digits import counted, joined
 from fourpole.report.front import front_page
 from fourpole.report.html import inline, packaged, rendered, svg_address
 from fourpole.report.models import models_section
 from fourpole.report.rows import DYNAMIC, STATIC, channel_rows, result_rows, rig_rows, tested
-from fourpole.report.words.inertia import inertia_table
 from fourpole.report.words.limits import limits
-from fourpole.report.words.phrases import counted, joined
-from fourpole.report.words.rig import RigInWords, rigs_in_words
-from fourpole.report.words.sentence import Sentence
-from fourpole.report.words.shared_values import GROUPS
+from fourpole.report.words.rig import GROUPS, RigInWords, rigs_in_words
+from fourpole.report.words.sentence import Sentence, inertia_table
 from fourpole.study.record import section, texts
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
@@ -119,12 +117,6 @@ def render_report(results: Study, *, findings: Sequence[Sentence], figures: Mapp
     Whatever stands in the tables, the record, the findings and the captions is escaped. The page loads nothing from
     anywhere: style, script, figures and the data of the cards are inside, and its policy lets no other script run.
     """
-    with in_units(results.shown):
-        return _page(results, findings, figures)
-
-
-def _page(results: Study, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> str:
-    """The page, in the units that are wanted now."""
     shown = page_parts(results, findings, figures)
     front, script = shown["front"], "".join(map(packaged, SCRIPTS))
     footing = " · ".join(
@@ -141,11 +133,11 @@ def _page(results: Study, findings: Sequence[Sentence], figures: Mapping[str, Re
 
 
 def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> dict[str, Any]:
-    """What the templates of `PARTS` show, in the units that are wanted now."""
+    """What the templates of `PARTS` show, in the units that the results want."""
     cards, static_keys, dynamic_keys = make_cards(results)
-    static = result_rows(results.static, STATIC, static_keys)
+    static = result_rows(results.static, STATIC, static_keys, results.shown)
     some = shown_rows(results).tolist()
-    dynamic = result_rows(results.dynamic[some], DYNAMIC, [dynamic_keys[at] for at in some])
+    dynamic = result_rows(results.dynamic[some], DYNAMIC, [dynamic_keys[at] for at in some], results.shown)
     where = {card.test: card.key for card in cards}
     record = results.record
     topics, remarks = (

@@ -13,9 +13,9 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
-from fourpole.quantities import DERIVED, RIG_VALUES, Quantity
-from fourpole.report.digits import known, number, shown_as, spread, with_std
-from fourpole.report.words.phrases import SENTENCES
+from fourpole.core.digits import known, number, with_std
+from fourpole.quantities import DERIVED, RIG_VALUES, Quantity, ShownUnits
+from fourpole.report.digits import SENTENCES, spread
 from fourpole.study.record import section
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
@@ -31,20 +31,20 @@ _SELDOM = (q.ADDED_MASS, q.TEMPERATURE)
 _ROUND_OFF = 1e-9
 
 
-def texts(quantity: Quantity, row: Mapping[str, Any]) -> tuple[str, str]:
+def texts(quantity: Quantity, row: Mapping[str, Any], units: ShownUnits) -> tuple[str, str]:
     """Value and uncertainty of a row in the unit shown; the measured TR has no uncertainty in the table."""
     value = known(row.get(quantity.head))
     if value is not None and quantity is q.NONLINEARITY and abs(value) < _ROUND_OFF:
         value = 0.0
     std = known(row.get(quantity.u_head)) if quantity.key != q.TR_MEASURED.key else None
-    scale = shown_as(quantity).scale
+    scale = units.of(quantity).scale
     shown, about = (None if one is None else one / scale for one in (value, std))
     return with_std(shown, about, quantity.digits)
 
 
-def words(quantity: Quantity, row: Mapping[str, Any]) -> str:
+def words(quantity: Quantity, row: Mapping[str, Any], units: ShownUnits) -> str:
     """Value, uncertainty and unit in one; blank where there is no value."""
-    quantity, (value, std) = shown_as(quantity), texts(quantity, row)
+    quantity, (value, std) = units.of(quantity), texts(quantity, row, units)
     text = " ".join(part for part in (value, std and f"± {std}", quantity.suffix) if part) if value else ""
     return text.replace(" °", "°") if quantity.suffix == "°" else text
 
@@ -59,18 +59,18 @@ class ResultTable:
     remarks: bool = False
 
 
-def result_rows(frame: pl.DataFrame, columns: tuple[Quantity, ...], cards: list[str]) -> ResultTable:
+def result_rows(frame: pl.DataFrame, columns: tuple[Quantity, ...], cards: list[str], units: ShownUnits) -> ResultTable:
     """All rows of static.csv or dynamic.csv; `cards` has the card of each."""
     used = tuple(column for column in columns if column not in _SELDOM or any(map(known, _values(frame, column.head))))
-    rows = [_row(row, used, card) for row, card in zip(frame.rows(named=True), cards, strict=True)]
-    return ResultTable(tuple(map(shown_as, used)), rows, any(row.rig for row in rows), any(row.remarks for row in rows))
+    rows = [_row(row, used, card, units) for row, card in zip(frame.rows(named=True), cards, strict=True)]
+    return ResultTable(tuple(map(units.of, used)), rows, any(row.rig for row in rows), any(row.remarks for row in rows))
 
 
 def _values(frame: pl.DataFrame, name: str) -> list[Any]:
     return frame[name].to_list() if name in frame.columns else []
 
 
-def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str) -> SimpleNamespace:
+def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str, units: ShownUnits) -> SimpleNamespace:
     """One row of a table of results."""
     return SimpleNamespace(
         card=card,
@@ -78,24 +78,24 @@ def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str) -> Si
         tyre=str(row["tyre"] or ""),
         construction=str(row["construction"] or ""),
         rig=str(row.get("rig") or ""),
-        cells=tuple(_cell(row, column) for column in columns),
+        cells=tuple(_cell(row, column, units) for column in columns),
         verdict=worst_verdict([row["verdict"]]),
         remarks=str(row["remarks"] or ""),
     )
 
 
-def _cell(row: Mapping[str, Any], column: Quantity) -> SimpleNamespace:
+def _cell(row: Mapping[str, Any], column: Quantity, units: ShownUnits) -> SimpleNamespace:
     """One number: the SI value as text, by which rows are sorted, and the value and uncertainty shown."""
     value = known(row.get(column.head))
-    text, std = texts(column, row)
+    text, std = texts(column, row, units)
     return SimpleNamespace(key="" if value is None else repr(value), text=text, std=std)
 
 
-def condition(row: Mapping[str, Any], *, dynamic: bool) -> str:
+def condition(row: Mapping[str, Any], units: ShownUnits, *, dynamic: bool) -> str:
     """The condition of a test in short: 1.7 bar, 1000 N, 10.01 Hz."""
     stood = (q.PRESSURE, *((q.PRELOAD,) if dynamic else ()), q.FREQUENCY, q.ADDED_MASS, q.TEMPERATURE)
     said = []
-    for one in map(shown_as, stood):
+    for one in map(units.of, stood):
         value = known(row.get(one.head))
         if value is not None and (value or one.key != q.ADDED_MASS.key):
             added = " added" if one.key == q.ADDED_MASS.key else ""
@@ -125,7 +125,7 @@ def _tested(results: Study, tyre: str, construction: str, stated: Mapping[str, A
     def values(name: str) -> list[Any]:
         return [*_values(static, name), *_values(dynamic, name)]
 
-    pressure, preload = shown_as(q.PRESSURE), shown_as(q.PRELOAD)
+    pressure, preload = map(results.shown.of, (q.PRESSURE, q.PRELOAD))
     return SimpleNamespace(
         name=tyre,
         construction=construction,

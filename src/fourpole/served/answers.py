@@ -19,7 +19,7 @@ from fourpole.models.operating import Purpose
 from fourpole.plot.states import axis_shown, place_text
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.digits import cell
-from fourpole.report.words.models import inside, lacking
+from fourpole.report.models import inside, lacking
 from fourpole.study.study import Study
 from fourpole.units import quantity
 

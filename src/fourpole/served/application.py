@@ -12,16 +12,18 @@ from starlette.middleware import Middleware
 from starlette.routing import Route
 
 from fourpole.errors import FourpoleError
-from fourpole.served.asked import Asked
 from fourpole.served.guard import Guard
-from fourpole.served.jobs import Jobs
-from fourpole.served.pages import ask, compare, explore, home, model, plan, recording, run, statement, watch
+from fourpole.served.jobs import Asked, Jobs
+from fourpole.served.pages import explore, home, model, plan, recording, run, statement
 from fourpole.served.site import Site, static
-from fourpole.served.uploads import Uploads
-from fourpole.served.workspace import Workspace
+from fourpole.served.workspace import Uploads, Workspace
 from fourpole.study.workers import processors
 
-_PAGES = (home, run, recording, statement, explore, model, plan, ask, compare, watch)
+#: Functions that give the routes of a page.
+_PAGES = (
+    home.routes, run.run_routes, recording.routes, statement.routes, explore.explore_routes, model.routes, plan.routes,
+    run.ask_routes, explore.compare_routes, run.watch_routes,
+)  # fmt: skip
 
 
 def application(root: Path, *, host: str = "127.0.0.1", token: str = "", commands: tuple[Asked, ...] = ()) -> Starlette:
@@ -51,7 +53,7 @@ def application(root: Path, *, host: str = "127.0.0.1", token: str = "", command
         await site.jobs.close()
 
     return Starlette(
-        routes=[Route("/static/{name}", static), *(route for page in _PAGES for route in page.routes(site))],
+        routes=[Route("/static/{name}", static), *(route for routes in _PAGES for route in routes(site))],
         middleware=[Middleware(Guard, host=host, token=token)],
         exception_handlers=dict.fromkeys((FourpoleError, OSError, MemoryError, HTTPException, Exception), site.fault),
         lifespan=life,

@@ -27,31 +27,13 @@ from fourpole.io.source import decode
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.served.workspace import MOST_TABLE, version_of
+from fourpole.words import package_toml
 
-#: The roles of [channels] with what they are.
-ROLES = {
-    "force_in": "F1, the force that drives the specimen",
-    "motion_in": "V1, the motion at the contact",
-    "motion_out": "V2, the motion on the far side",
-    "load": "load of static tests",
-    "deflection": "deflection of static tests",
-}
-#: The keys of a channel that the form shows, with their names and what they are.
-KEYS = {
-    "column": ("column", "its name in the recordings"),
-    "unit": ("unit", "of what the recordings hold, as kN"),
-    "sensitivity": ("sensitivity", "of a sensor in volts, as 10 mV/N"),
-    "gain": ("gain", "by which the recorded values are multiplied"),
-    "invert": ("inverted", "whether the sign is changed"),
-    "delay": ("delay", "how late its samples are, as 0.2 ms"),
-    "coupling": ("coupling", "of its amplifier: dc, ac or iepe"),
-    "mounted": ("mounted", "of V1: on the specimen, drive or rig"),
-    "range": ("range", "full scale, as 5 kN"),
-    "std_gain": ("u(gain)", "standard uncertainty of the gain, as 1 %"),
-    "std_phase": ("u(phase)", "standard uncertainty of the phase, as 0.5 deg"),
-}
-#: Values of the rig.
-RIG = {"moving_mass": "moving mass", "preload_stiffness": "preload spring", "preload_damping": "preload damper"}
+_WORDS = package_toml("fourpole.served")
+#: The roles of [channels], the keys of a channel and the values of the rig that the form shows, with what they are.
+ROLES: dict[str, str] = _WORDS["roles"]
+KEYS: dict[str, tuple[str, str]] = _WORDS["keys"]
+RIG: dict[str, str] = _WORDS["rig"]
 #: The column of tests.csv with the reason why a test is left out.
 EXCLUDED = "excluded"
 _DOUBT = re.compile(r"\s*#\s*doubt:\s*+(.*)$")

@@ -10,12 +10,12 @@ from itertools import zip_longest
 from markupsafe import Markup
 
 from fourpole import quantities as q
+from fourpole.core.digits import number, with_std
 from fourpole.plot import FIGURES, draw, figure_data, render
 from fourpole.plot.cards import dynamic_cards, static_cards
 from fourpole.plot.catalogue import spec_of
 from fourpole.plot.data import Panel, Role, Series
 from fourpole.plot.sheet import texts
-from fourpole.report.digits import number, with_std
 from fourpole.report.page import ReportFigure
 from fourpole.served.held import Shown
 from fourpole.served.site import Site, address

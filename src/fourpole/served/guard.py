@@ -16,6 +16,8 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from fourpole.report.html import packaged
+
 #: A page runs the scripts of this server alone; shapes and texts of a drawing may have a style of their own.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; style-src-attr 'unsafe-inline'; img-src 'self' data:; "
@@ -41,24 +43,7 @@ _CLOSED = (
     "this needs the whole address of the app: it stands in the terminal where fourpole app runs, behind 'app:'; open "
     "it in this browser"
 )
-_CLOSED_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>Fourpole</title>
-<link rel="icon" href="data:,">
-</head>
-<body>
-<main>
-<h1>Open the whole address first</h1>
-<p>It stands in the terminal where <code>fourpole app</code> runs, behind <code>app:</code>. Open it once in this
-browser; then this page opens, too.</p>
-<p>The address changes whenever <code>fourpole app</code> is started. If somebody else has started it, ask them.</p>
-</main>
-</body>
-</html>
-"""
+_CLOSED_PAGE = packaged("templates/closed.html", "fourpole.served")
 
 
 class Guard:

@@ -14,7 +14,6 @@ from fourpole.campaign.folder import LIMITS
 from fourpole.findings import by_size, findings
 from fourpole.io.published import Published
 from fourpole.plot import FIGURES
-from fourpole.report.digits import in_units
 from fourpole.report.page import ReportFigure, page_parts
 from fourpole.report.words.sentence import sentences
 from fourpole.served.workspace import Place
@@ -46,8 +45,7 @@ class Shown:
             if files is not None and files.has(f"figures/{key}.svg")
         }
         found = sentences(by_size(findings(self.results)), self.results.shown)
-        with in_units(self.results.shown):
-            parts = page_parts(self.results, findings=found, figures=figures)
+        parts = page_parts(self.results, findings=found, figures=figures)
         return {**parts, "lacks_models": False}  # the page Model says so, and fits them
 
     @cached_property

@@ -24,14 +24,12 @@ from starlette.routing import Route
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.report.html import environment, fit
 from fourpole.report.page import PARTS
-from fourpole.served.asked import Asked
-from fourpole.served.collecting import Collector
 from fourpole.served.editing import ConflictError
 from fourpole.served.guard import ASKED_BY
 from fourpole.served.held import Held, Shown
-from fourpole.served.jobs import Jobs
-from fourpole.served.uploads import Uploads
-from fourpole.served.workspace import NoCampaignError, Place, Workspace, state_of
+from fourpole.served.jobs import Asked, Jobs
+from fourpole.served.signals import Collector
+from fourpole.served.workspace import NoCampaignError, Place, Uploads, Workspace, state_of
 from fourpole.units import shown
 from fourpole.version import VERSION
 

@@ -21,13 +21,15 @@ if TYPE_CHECKING:
 CASES = ("error", "because", "looks", "branch", "name")
 
 
+def package_toml(package: str, name: str = "words.toml") -> dict[str, Any]:
+    """What a TOML file of a package states: sentences, captions or looks; the file says what each is."""
+    return tomllib.loads(resources.files(package).joinpath(name).read_text(encoding="utf-8"))
+
+
 @cache
 def _texts() -> dict[str, dict[str, Any]]:
     """The texts of words.toml, which is read when the first sentence is made."""
-    content: dict[str, dict[str, Any]] = tomllib.loads(
-        resources.files(__name__).joinpath("words.toml").read_text(encoding="utf-8")
-    )
-    return content
+    return package_toml(__name__)
 
 
 @cache

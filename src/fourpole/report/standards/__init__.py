@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from fourpole.errors import CampaignError
-from fourpole.report.standards.measures import MEASURES, value_table
-from fourpole.report.standards.requirement import STATED, Requirement, Standard
+from fourpole.report.standards.measures import MEASURES, STATED, Requirement, Standard, value_table
 from fourpole.units import shown
 
 #: The standards by their name in the command, from standards.toml, which says what stands in it.

@@ -1,21 +1,149 @@
-"""A rig and its sensors as the joint route found them, in words, and the errors that the tests do not show."""
+"""A rig and its sensors as the joint route found them, in words; the values that all tests of a rig share."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import inf
+from typing import Literal
 
-from fourpole.core.sources import Role
+from fourpole.core.digits import known, number, with_std
+from fourpole.core.sources import Role, Source
 from fourpole.findings.facts import natural
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import known
-from fourpole.report.words.phrases import counted, joined, number, percent
-from fourpole.report.words.shared_values import ShownValue
-from fourpole.report.words.sources import remedy_of
-from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding
+from fourpole.report.digits import counted, joined, percent, plain_number
+from fourpole.report.words.limits import in_words, remedy_of
+from fourpole.study.rig_estimate import NoteCode, Outlier, RigEstimate, RigFinding, SharedValue
 from fourpole.study.study import Study
 from fourpole.words import cause_words
+
+DASH = "–"
+#: Groups of values with their headings.
+GROUPS = {
+    Role.RIG: "Rig",
+    Role.CHANNEL: "Channels, measured over true",
+    Role.RATIO: "What K* needs of the channels",
+    Role.MASS: "Added masses",
+    Role.SPECIMEN: "Specimens",
+}
+#: An error of up to this many stated standard uncertainties counts as declared.
+DECLARED = 6.0
+#: Largest error that is plausible, by the unit shown; for a value of the rig it is the value itself.
+_MOST = {"%": 100.0, "°": 90.0}
+
+
+@dataclass(frozen=True)
+class ShownValue:
+    """One shared value in its shown unit; a gain is shown as its departure from 1.
+
+    Attributes
+    ----------
+    value : SharedValue
+        The value in SI.
+    name, unit : str
+        Name in words; the shown unit.
+    scale, zero : float
+        SI value of one shown unit, and the SI value that is shown as zero.
+    """
+
+    value: SharedValue
+    name: str
+    unit: str
+    scale: float
+    zero: float
+
+    @classmethod
+    def of(cls, value: SharedValue, units: ShownUnits | None = None) -> ShownValue:
+        """The value with its name and unit."""
+        return cls(value, *in_words(value.source, value.unit, units))
+
+    @property
+    def source(self) -> Source:
+        """The source of error that this value is."""
+        return self.value.source
+
+    @property
+    def finding(self) -> RigFinding:
+        """The outcome of the joint route for this value."""
+        return self.value.finding
+
+    @property
+    def group(self) -> Role:
+        """One of `GROUPS`; an unstated part, or a value of an unknown kind, belongs to the rig's values."""
+        return self.source.role if self.source.role in GROUPS else Role.RIG
+
+    def _shown(self, value: float | None, zero: float = 0.0) -> float | None:
+        return None if value is None else (value - zero) / self.scale
+
+    @property
+    def stated(self) -> float | None:
+        """Value as stated."""
+        return self._shown(self.value.stated, self.zero)
+
+    @property
+    def stated_std(self) -> float | None:
+        """Standard uncertainty as stated."""
+        return self._shown(self.value.stated_std)
+
+    @property
+    def detection_limit(self) -> float | None:
+        """Detection limit: the smallest undeclared error that the tests would show; None if they show none."""
+        return self._shown(self.value.detection_limit)
+
+    def words(self, which: Literal["stated", "found"], coverage: float = 1.0) -> tuple[str, str]:
+        """Value as stated or as found, and its standard uncertainty times a coverage factor."""
+        known, known_std = getattr(self.value, which), getattr(self.value, f"{which}_std")
+        value, std = self._shown(known, self.zero), self._shown(known_std)
+        text, about = with_std(value, None if std is None else coverage * std, 5)
+        departure = self.group in (Role.CHANNEL, Role.RATIO, Role.SPECIMEN)
+        if departure and value is not None and value > 0 and text.strip("0."):
+            text = f"+{text}"
+        return text or DASH, about
+
+    @property
+    def ratio_words(self) -> str:
+        """Ratio of the standard uncertainties after and before the tests [1], as text."""
+        ratio = self.value.ratio
+        return number(ratio, 3 if ratio is not None and 0.9 < ratio < 1 else 2) or DASH
+
+    @property
+    def pull_words(self) -> str:
+        """Found less stated value over the standard uncertainty of their difference [1], as text."""
+        pull = self.value.pull
+        if pull is None:
+            return DASH
+        text = f"{pull:+.2f}" if abs(pull) < 10 else f"{pull:+.0f}"
+        return text.replace("-", "−") if text.strip("+-0.") else "0.00"
+
+    @property
+    def detection_number(self) -> str:
+        """The detection limit without its unit, "at no size", or a dash."""
+        if self.finding in (RigFinding.CONTRADICTED, RigFinding.UNSTATED):
+            return DASH
+        return "at no size" if self.hidden else number(self.detection_limit, 2)
+
+    @property
+    def detection_words(self) -> str:
+        """The detection limit with its unit, "at no size", or a dash."""
+        unit = "" if self.hidden or self.detection_number == DASH else self.unit
+        return f"{self.detection_number} {unit}".rstrip().replace(" °", "°")
+
+    @property
+    def mark(self) -> str:
+        """The finding as a class of the page: letters and dashes."""
+        return self.finding.replace(" ", "-") or "unknown"
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the tests would show no plausible error of the value."""
+        if self.finding is RigFinding.UNSTATED:
+            return False
+        if self.detection_limit is None:
+            return True
+        most = _MOST.get(self.unit, abs(self.stated or 0.0) or inf)
+        return self.detection_limit > max(most, DECLARED * (self.stated_std or 0.0))
+
 
 #: Candidates that are listed, and all that explain the misfit equally well.
 _MOST_CANDIDATES = 4
@@ -94,8 +222,8 @@ def _fit(found: RigEstimate) -> str:
     if found.chi2 is None or found.chi2_per_dof is None:
         return f"{text}; they leave no degree of freedom to check the rig and the sensors against each other."
     return (
-        f"{text}. With rig and sensors as stated chi-square is {number(found.chi2)} at {found.dof:.0f} degrees of "
-        f"freedom, {number(found.chi2_per_dof, 2)} per degree, where chance gives about 1."
+        f"{text}. With rig and sensors as stated chi-square is {plain_number(found.chi2)} at {found.dof:.0f} degrees "
+        f"of freedom, {plain_number(found.chi2_per_dof, 2)} per degree, where chance gives about 1."
     )
 
 
@@ -119,7 +247,11 @@ def _was(count: int) -> str:
 
 def _misfit(found: RigEstimate, values: Sequence[ShownValue]) -> Iterable[str]:
     ratio = found.chi2_per_dof
-    per = f": chi-square is {number(ratio, 2)} per degree of freedom, not 1" if ratio is not None and ratio > 1 else ""
+    per = (
+        f": chi-square is {plain_number(ratio, 2)} per degree of freedom, not 1"
+        if ratio is not None and ratio > 1
+        else ""
+    )
     yield f"The rig and the sensors as stated do not fit these tests{per}."
     if found.candidates:
         yield from _contradictions(values)
@@ -156,7 +288,7 @@ def _enlarged(found: RigEstimate) -> Iterable[str]:
             "rests on the channels"
         )
     if inflation > 1:
-        yield f"all noise was multiplied by {number(inflation, 2)}"
+        yield f"all noise was multiplied by {plain_number(inflation, 2)}"
 
 
 def _candidates(found: RigEstimate) -> Iterable[str]:
@@ -166,7 +298,7 @@ def _candidates(found: RigEstimate) -> Iterable[str]:
         text = cause_words(candidate) + (f" (known to {percent(std / abs(value))})" if value and std else "")
         explains = known(candidate.explains)
         if explains is not None:
-            text += f": chi-square would fall by {number(explains)}"
+            text += f": chi-square would fall by {plain_number(explains)}"
             if 0 < at < found.tied:
                 text += ", nearly as much, so that the data do not distinguish it from the first"
         yield text

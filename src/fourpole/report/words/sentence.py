@@ -5,21 +5,77 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Any
 
-from fourpole.findings.finding import Finding, Holds, Topic
-from fourpole.findings.inertia import Inertia
-from fourpole.findings.levels import Comparison, CycleLoss, Departure, Level
+from fourpole import quantities as q
+from fourpole.core.digits import number
+from fourpole.core.specimen import Form
+from fourpole.findings.facts import Finding, Holds, Topic
+from fourpole.findings.list import Inertia, Reason, Tally, inertias
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
-from fourpole.findings.trends import Trend
-from fourpole.findings.verdicts import Reason, Tally
-from fourpole.quantities import ShownUnits
-from fourpole.report.digits import in_units
-from fourpole.report.words import resonances
-from fourpole.report.words.inertia import inertia
-from fourpole.report.words.levels import comparison, cycle_loss, level, linearity, trend
-from fourpole.report.words.phrases import counted, some
+from fourpole.findings.trends import Comparison, CycleLoss, Departure, Level, Trend
+from fourpole.quantities import Quantity, ShownUnits
+from fourpole.report.digits import SENTENCES, condition, counted, in_unit, some
+from fourpole.report.words import levels
+from fourpole.study.study import Study
 from fourpole.words import template
+
+_SAID: dict[str, str] = SENTENCES["inertia"]
+#: The columns of the table after the condition.
+COLUMNS = (q.BELT_MASS, q.BELT_FREE, q.BELT_HELD, q.BELT_SHARE)
+
+
+def inertia(finding: Finding, found: Inertia, units: ShownUnits) -> str:
+    """The mass of a specimen, its frequencies and its springs with U, as sentences."""
+    values = {one.key: ranged_with_u(found, one, units) for one in COLUMNS}
+    return _SAID[found.form.value].format(name=finding.specimens[0], **values)
+
+
+def short_lines(results: Study) -> list[str]:
+    """A line for each specimen that has a mass: the mass and the frequency with the rim held."""
+    units = results.shown
+    said = ((one, one.detail) for one in inertias(results))
+    return [
+        _SAID[f"short_{detail.form.value}"].format(
+            name=one.specimens[0],
+            mass=ranged_with_u(detail, q.BELT_MASS, units),
+            free=ranged_with_u(detail, q.BELT_FREE, units),
+        )
+        for one, detail in said
+        if isinstance(detail, Inertia)
+    ]
+
+
+def ranged_with_u(found: Inertia, quantity: Quantity, units: ShownUnits) -> str:
+    """A value ± U, or the lowest and the highest one with theirs, in the unit shown; empty where there is none."""
+    seen = units.of(quantity)
+    texts = [" ± ".join(filter(None, in_unit(one, seen))) for one in found.ends(quantity)]
+    return f"{' to '.join(dict.fromkeys(texts))} {seen.suffix}".rstrip()
+
+
+def inertia_table(results: Study) -> SimpleNamespace | None:
+    """The rows of the table of specimens with a mass; None without one."""
+    found, units = inertias(results), results.shown
+    rows = [
+        SimpleNamespace(
+            name=finding.specimens[0],
+            place=condition(finding.conditions.axes, key, units),
+            form=body.form.value,
+            cells=[
+                "–"
+                if quantity is q.BELT_SHARE and body.form is Form.ROD
+                else ranged_with_u(Inertia((body,)), quantity, units)
+                for quantity in COLUMNS
+            ],
+            evidence=number(body.row[q.BELT_EVIDENCE.head], 3),
+        )
+        for finding in found
+        if isinstance(finding.detail, Inertia)
+        for key, body in zip(finding.conditions.keys, finding.detail.bodies, strict=True)
+    ]
+    return SimpleNamespace(columns=COLUMNS, rows=rows, meaning=q.BELT_EVIDENCE.meaning) if rows else None
+
 
 __all__ = ["Sentence", "headline", "sentences"]
 
@@ -29,7 +85,7 @@ _HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESON
 _MOST_IN_HEADLINE = 8
 
 
-def tally(finding: Finding, found: Tally) -> str:
+def tally(finding: Finding, found: Tally, _: ShownUnits) -> str:
     """The number of tests used, with a warning, and rejected, as a sentence."""
     many = found.total > 1
     if finding.holds is Holds.NO_TESTS:
@@ -46,7 +102,7 @@ def tally(finding: Finding, found: Tally) -> str:
     )
 
 
-def doubt(finding: Finding, found: Reason) -> str:
+def doubt(finding: Finding, found: Reason, _: ShownUnits) -> str:
     """The tests that were rejected, or used with a warning, for one reason, as a sentence."""
     advice = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
     count = len(finding.tests)
@@ -55,18 +111,18 @@ def doubt(finding: Finding, found: Reason) -> str:
     return f"{advice} {some(finding.tests, _MOST_NAMED)}{of}: {reason}."
 
 
-_TEMPLATES: dict[type, Callable[[Finding, Any], str]] = {
+_TEMPLATES: dict[type, Callable[[Finding, Any, ShownUnits], str]] = {
     Tally: tally,
     Reason: doubt,
     Inertia: inertia,
-    Comparison: comparison,
-    Level: level,
-    Trend: trend,
-    Departure: linearity,
-    Resonance: resonances.resonance,
-    ResonanceOrder: resonances.order,
-    Crossings: resonances.crossings,
-    Prediction: resonances.prediction,
+    Comparison: levels.comparison,
+    Level: levels.level,
+    Trend: levels.trend,
+    Departure: levels.linearity,
+    Resonance: levels.resonance,
+    ResonanceOrder: levels.order,
+    Crossings: levels.crossings,
+    Prediction: levels.prediction,
 }
 #: Modules of rooms above with `TEMPLATES` of their findings and a `summary` for the headline, which may be empty.
 _FURTHER = [import_module(name) for name in ("fourpole.paper1982.words",)]
@@ -115,19 +171,15 @@ def sentences(findings: Sequence[Finding], units: ShownUnits | None = None) -> l
     >>> for one in sentences(findings(read_results("campaign/results"))):  # doctest: +SKIP
     ...     print(one.topic, one.text)
     """
-    with in_units(units or ShownUnits()):
-        return _sentences(findings)
-
-
-def _sentences(findings: Sequence[Finding]) -> list[Sentence]:
+    wanted = units or ShownUnits()
     made: list[Sentence] = []
     losses = [finding for finding in findings if isinstance(finding.detail, CycleLoss)]
     for finding in findings:
         if not isinstance(finding.detail, CycleLoss):
-            text = _TEMPLATES[type(finding.detail)](finding, finding.detail)
+            text = _TEMPLATES[type(finding.detail)](finding, finding.detail, wanted)
             made.append(Sentence(finding.topic, text, _named(finding)))
         elif finding is losses[0]:
-            made.append(Sentence(finding.topic, cycle_loss(losses)))
+            made.append(Sentence(finding.topic, levels.cycle_loss(losses)))
     return made
 
 

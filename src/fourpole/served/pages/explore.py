@@ -1,4 +1,4 @@
-"""Results and figures: components of the report, the report as a file; any quantity over any axis, with its values."""
+"""Results, figures and comparisons: components of the report, any quantity over any axis, two campaigns compared."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import polars as pl
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import QueryParams
 from starlette.requests import Request
@@ -16,14 +17,16 @@ from starlette.routing import Route
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, Axis
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.findings.compared import compare
 from fourpole.io.published import published_beside
 from fourpole.plot import FIGURES, PAPER, figures_of
 from fourpole.plot.catalogue import spec_of
-from fourpole.plot.figure import FORMATS
+from fourpole.plot.layout import FORMATS
 from fourpole.plot.over import ORDER, OVER, SHOWN, key_over
 from fourpole.plot.part import Selection, select
 from fourpole.plot.sheet import floats
 from fourpole.plot.states import place_text
+from fourpole.report.compared import compared_parts
 from fourpole.served.figures import LinkedFigure, drawn, figure_of, values_of
 from fourpole.served.site import Site, attachment
 from fourpole.served.workspace import Place
@@ -38,7 +41,7 @@ _KINDS = {"svg": "image/svg+xml", "png": "image/png", "pdf": "application/pdf"}
 _NAMES = {"amplitude": "deflection amplitude", ORDER: "order of the tests"}
 
 
-def routes(site: Site) -> list[Route]:
+def explore_routes(site: Site) -> list[Route]:
     """Both pages, the files of the report, and a figure as a file."""
 
     async def report(request: Request) -> Response:
@@ -161,8 +164,73 @@ def _selects(results: Study) -> Mapping[str, list[str]]:
     found = {"specimen": list(dict.fromkeys(n for t in tables if "tyre" in t.columns for n in t["tyre"] if n))}
     for axis in AXES:
         values = np.concatenate([floats(table, axis.column) for table in tables])
-        values = values[np.isfinite(values)]
-        groups = axis.groups(values.tolist())
-        middles = [float(np.median(values[groups == at])) for at in np.unique(groups)]
+        _, middles = axis.middles(values[np.isfinite(values)])
         found[axis.name] = list(dict.fromkeys(place_text(results, axis.column, one) for one in middles))
     return {name: values for name, values in found.items() if len(values) > 1}
+
+
+def compare_routes(site: Site) -> list[Route]:
+    """The page."""
+
+    async def page(request: Request) -> Response:
+        asked = dict(request.query_params)
+        return await site.page("compare.html", lambda: _shown_compared(site, asked))
+
+    return [Route("/compare", page)]
+
+
+def _shown_compared(site: Site, asked: Mapping[str, str]) -> dict[str, Any]:
+    analysed = [one for one in site.workspace.campaigns() if one.analysed]
+    made: dict[str, Any] = {
+        "analysed": analysed,
+        "asked": {name: asked.get(name, "") for name in ("a", "b", "first", "second", "independent")},
+        "specimens": ([], []),
+        "compared": None,
+        "fault": "",
+    }
+    if not asked.get("a"):
+        return made
+    try:
+        places = [site.workspace.find(asked["a"]), site.workspace.find(asked["b"]) if asked.get("b") else None]
+        made["specimens"] = _specimens(site, places)
+        made["compared"] = _compared(site, places, made["asked"], made["specimens"])
+    except FourpoleError as error:
+        made["fault"] = str(error)
+    return made
+
+
+def _specimens(site: Site, places: list[Place | None]) -> tuple[list[str], list[str]]:
+    """The specimens of both campaigns; of the same campaign twice the same ones."""
+    first, second = places
+    names = _names(site, first)
+    return names, names if second is None or second == first else _names(site, second)
+
+
+def _names(site: Site, place: Place | None) -> list[str]:
+    shown = None if place is None else site.held.of(place)
+    if shown is None:
+        return []
+    tables: list[pl.DataFrame] = [shown.results.static, shown.results.dynamic]
+    return list(dict.fromkeys(one for table in tables if q.TYRE.head in table.columns for one in table[q.TYRE.head]))
+
+
+def _compared(
+    site: Site, places: list[Place | None], asked: Mapping[str, str], names: tuple[list[str], list[str]]
+) -> dict[str, Any] | None:
+    """What the page shows of the comparison; None while less than two things are chosen."""
+    first, second = places
+    assert first is not None
+    second = None if second == first else second
+    pair = (asked["first"], asked["second"])
+    if second is None and not all(pair):
+        return None
+    # A specimen of another campaign may be left over in the address from a choice before.
+    stated = all(one in there for one, there in zip(pair, names, strict=True))
+    found = compare(
+        first.folder,
+        None if second is None else second.folder,
+        specimens=pair if stated or second is None else None,
+        independent=bool(asked["independent"]),
+    )
+    with site.drawing:
+        return compared_parts(found)

@@ -11,8 +11,7 @@ from starlette.routing import Route
 
 from fourpole.errors import FileError
 from fourpole.served.site import Site, address, body_of
-from fourpole.served.uploads import MOST_BYTES, MOST_FILES
-from fourpole.served.workspace import LeftOut, state_of
+from fourpole.served.workspace import MOST_BYTES, MOST_FILES, LeftOut, state_of
 
 
 def routes(site: Site) -> list[Route]:

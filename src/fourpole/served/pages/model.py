@@ -25,7 +25,7 @@ from fourpole.models.families import FAMILIES
 from fourpole.models.operating import Purpose
 from fourpole.models.shape import shape_of
 from fourpole.report.cards import embedded
-from fourpole.report.pdf import print_page
+from fourpole.report.html import print_page
 from fourpole.served.answers import Source, answer, sources
 from fourpole.served.figures import LinkedFigure, figure_of
 from fourpole.served.held import Shown

@@ -17,25 +17,18 @@ from fourpole.errors import CampaignError, FourpoleError
 from fourpole.planning.expected import Guess
 from fourpole.planning.plan import CampaignPlan, Run, plan_campaign, plan_table
 from fourpole.planning.runsheet import run_sheet
-from fourpole.plot.plan import PLAN_TITLE, draw_plan, plan_figure_svg
+from fourpole.plot.layout import TITLES, command_figure
+from fourpole.plot.plan import draw_plan
 from fourpole.report.page import ReportFigure
 from fourpole.report.words.plan import advice_in_words, expected_tables
 from fourpole.served.held import Latest
 from fourpole.served.site import Site, attachment
 from fourpole.served.workspace import Place, state_of, version_of
 from fourpole.units import quantity
+from fourpole.words import package_toml
 
 #: Fields of the form: what is asked, kind of quantity, whether zero is a value, and an example.
-FIELDS = {
-    "wanted": ("Wanted uncertainty of K2 and C", "ratio", False, "1 %"),
-    "k1": ("Guessed K1", "stiffness", False, "as 180 kN/m"),
-    "k2": ("Guessed K2", "stiffness", False, "as 120 kN/m"),
-    "c": ("Guessed C", "damping", False, "as 700 N s/m"),
-    "std_k1": ("u(K1)", "ratio", True, "2 %, or as found"),
-    "noise": ("Noise of an amplitude at 40 cycles", "ratio", True, "0.01 %"),
-    "cycles": ("Cycles per test", "", False, "40"),
-    "eccentricity": ("Amplitude of the contact", "displacement", False, "1 mm"),
-}
+FIELDS: dict[str, tuple[str, str, bool, str]] = package_toml("fourpole.served")["plan"]
 #: Largest number of repeats of a run sheet, and of added masses.
 _MOST_REPEATS, _MOST_MASSES = 100, 8
 #: Number of plans that are held.
@@ -88,14 +81,14 @@ def _expected(site: Site, place: Place, asked: Mapping[str, str]) -> dict[str, A
     wanted = _stated(asked).get("wanted")
     advice = [] if wanted is None else [advise(item.plan, wanted, masses=masses or MASSES) for item in planned.rigs]
     with site.drawing:
-        svg = plan_figure_svg(draw_plan(frame, wanted=wanted))
+        svg = command_figure(draw_plan(frame, wanted=wanted), "plan").decode()
     return {
         "campaign": place,
         "fault": "",
         "notes": planned.notes,
         "advice": advice_in_words(planned, advice),
         "expected": expected_tables(frame),
-        "figure": ReportFigure("plan", PLAN_TITLE, "", svg),
+        "figure": ReportFigure("plan", TITLES["plan"], "", svg),
     }
 
 

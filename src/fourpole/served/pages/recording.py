@@ -18,23 +18,20 @@ from fourpole import quantities as q
 from fourpole.campaign import Test
 from fourpole.campaign.place import at_hand, group_of
 from fourpole.core.checks import Code, Verdict
-from fourpole.core.phasor import CHANNELS
+from fourpole.core.digits import number
+from fourpole.core.phasor import CHANNELS, SYMBOLS
+from fourpole.core.recording import UNITS
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.remote import is_elsewhere
 from fourpole.report.cards import embedded
-from fourpole.report.digits import number
-from fourpole.served.collecting import Wanted
 from fourpole.served.editing import EXCLUDED, exclude, read_statement
 from fourpole.served.held import Shown
-from fourpole.served.signals import Kept, part_of
+from fourpole.served.signals import Kept, Wanted, part_of
 from fourpole.served.site import Site, body_of
 from fourpole.served.workspace import Place, state_of
 from fourpole.study.recording import read_recording, residual_spectrum
 from fourpole.words import template
 
-#: What the channels of a test are called, and their units.
-SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
-UNITS = {"force": "N", "displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
 #: Least and largest number of steps of a picture.
 _WIDTHS = (100, 4000)
 #: Longest reason why a test is left out.

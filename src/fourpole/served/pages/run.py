@@ -1,24 +1,27 @@
-"""Run: a command on a campaign, with its events while it is at work, and the button that stops it."""
+"""Run, Ask and Watch: commands on a campaign, with their events while they are at work, and the ways to stop them."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any, TypeAlias
 
 from markupsafe import Markup
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from fourpole.errors import CampaignError
+from fourpole.errors import CampaignError, FourpoleError
 from fourpole.report.cards import embedded
-from fourpole.served.jobs import Job, Jobs, Phase
+from fourpole.served.jobs import Job, Jobs, Phase, asked_named
 from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import Place
 from fourpole.units import shown
+from fourpole.words import package_toml
 
 #: What a page shows of a job, whenever it changes.
 Documents: TypeAlias = Callable[[Place, Job], AsyncIterator[dict[str, Any]]]
@@ -51,29 +54,19 @@ async def _as_events(documents: AsyncIterator[dict[str, Any]]) -> AsyncIterator[
         yield f"data: {json.dumps(document)}\n\n"
 
 
-#: The commands that a page may start, with the options that it may give, as patterns.
-COMMANDS = {
-    "analyse": r"--models|--no-models",
-    "init": r"--force",
-    "fit": r"--(model|share|static)=\w[\w:.+-]{0,39}",
-    "map": r"--model=\w[\w:.+-]{0,39}",
-}
-#: What a command is called on the page while it runs.
-_DOING = {"analyse": "Analysing", "init": "Looking at the files", "fit": "Fitting models", "map": "Fitting the map"}
-#: The page that shows what a command made.
-_NEXT = {"init": ("statement",), "fit": ("model",), "map": ("model",)}
-#: What the button to that page says.
-_CALLED = {"init": "Check the guess", "analyse": "Show the results"}
+#: The commands that the page Run may start: pattern of their options, what each is called while it runs, the page that
+#: shows what it made, and what the button to that page says.
+COMMANDS: dict[str, tuple[str, str, list[str], str]] = package_toml("fourpole.served")["run"]
 
 
-def routes(site: Site) -> list[Route]:
+def run_routes(site: Site) -> list[Route]:
     """The page, its events, and the buttons."""
 
     def shown_of(place: Place, _: Request) -> dict[str, Any]:
         job = site.jobs.of(place)
         return {
             "job": job,
-            "doing": _DOING.get(job.name, job.name) if job else "",
+            "doing": COMMANDS[job.name][1] if job else "",
             "document": Markup(embedded(_document(site, place, job))) if job else "",
         }
 
@@ -82,7 +75,7 @@ def routes(site: Site) -> list[Route]:
         command = str(form.get("command")) if isinstance(form, dict) else ""
         options = form.get("options", []) if isinstance(form, dict) else []
         known = command in COMMANDS and isinstance(options, list)
-        if not known or not all(re.fullmatch(COMMANDS[command], str(one)) for one in options):
+        if not known or not all(re.fullmatch(COMMANDS[command][0], str(one)) for one in options):
             raise CampaignError(f"no command {shown(command)} with these options can be started here")
         site.jobs.start(place, command, *map(str, options))
         return Response(status_code=204)
@@ -108,14 +101,99 @@ def _document(site: Site, place: Place, job: Job, told: int = 0) -> dict[str, An
     """What the page shows of a job, with the tests that it does not have yet."""
     tests = list(job.tests.items())[told:]
     done = job.phase is Phase.DONE
-    following = address(place, *_NEXT.get(job.name, ()))
+    _, _, following, called = COMMANDS[job.name]
     return {
         "phase": job.phase,
         "before": site.jobs.before(job) if job.phase is Phase.WAITING else 0,
         "task": job.task,
         "tests": [{"test": name, **said, "address": address(place, "tests", name)} for name, said in tests],
         "messages": list(job.messages),
-        "next": following if done else "",
+        "next": address(place, *following) if done else "",
         "command": job.name,
-        "called": _CALLED.get(job.name, "Show the model"),
+        "called": called,
+    }
+
+
+def ask_routes(site: Site) -> list[Route]:
+    """The page, its start, and its events."""
+
+    def shown(place: Place, request: Request) -> dict[str, Any]:
+        name = request.query_params.get("command", "")
+        job = site.answers.of(place)
+        return {
+            "commands": site.commands,
+            "asked": asked_named(site.commands, name) if name else None,
+            "stated": dict(request.query_params),
+            "job": job if job is not None and job.name == name else None,
+        }
+
+    async def start(request: Request) -> Response:
+        place, form = site.place(request), await body_of(request)
+        stated = {str(name): str(value) for name, value in form.items()} if isinstance(form, dict) else {}
+        asked = asked_named(site.commands, stated.get("command", ""))
+        site.answers.start(place, asked.name, *asked.words(stated))
+        return Response(status_code=204)
+
+    return [
+        site.page_route("/c/{key}/ask", "ask.html", shown, of_results=True),
+        Route("/c/{key}/ask", start, methods=["POST"]),
+        *job_routes(site, site.answers, "ask", _ask_documents),
+    ]
+
+
+async def _ask_documents(_: Place, job: Job) -> AsyncIterator[dict[str, Any]]:
+    """How far the command is, whenever it changes."""
+    async for _change in job.changes():
+        yield {"phase": job.phase, "task": job.task}
+    yield {"phase": job.phase, "task": job.task}
+
+
+def watch_routes(site: Site) -> list[Route]:
+    """The page, its events, and the buttons."""
+
+    def shown(place: Place, _: Request) -> dict[str, Any]:
+        return {"data": Markup(embedded(_judged(site, place, site.watches.of(place))))}
+
+    async def start(request: Request) -> Response:
+        site.watches.start(site.place(request), "watch")
+        return Response(status_code=204)
+
+    return [
+        site.page_route("/c/{key}/watch", "watch.html", shown),
+        Route("/c/{key}/watch", start, methods=["POST"]),
+        *job_routes(site, site.watches, "watch", partial(_judgements, site)),
+    ]
+
+
+async def _judgements(site: Site, place: Place, job: Job) -> AsyncIterator[dict[str, Any]]:
+    """The judgements whenever one is added."""
+    async for _ in job.changes():
+        yield await run_in_threadpool(_judged, site, place, job)
+    yield await run_in_threadpool(_judged, site, place, job)
+
+
+def _judged(site: Site, place: Place, job: Job | None) -> dict[str, Any]:
+    """The judgements, the last one first."""
+    if job is None:
+        return {"phase": "", "ready": False, "judged": [], "messages": []}
+    named: set[str] = set()
+    with suppress(FourpoleError):
+        named = {test.name for test in site.held.campaign(place).tests}
+    judged = [
+        {
+            "test": one["test"],
+            "address": address(place, "tests", one["test"]) if one["test"] in named else "",
+            "verdict": one["verdict"],
+            "condition": one["condition"],
+            "remarks": one["remarks"],
+            "results": one["results"],
+            "doubts": one["doubts"],
+        }
+        for one in reversed(job.judged)
+    ]
+    return {
+        "phase": job.phase,
+        "ready": "watching" in job.task,
+        "judged": judged,
+        "messages": [*job.together, *([f"error: {job.error}"] if job.error else [])],
     }

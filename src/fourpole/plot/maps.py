@@ -1,12 +1,15 @@
-"""The figure of the operating map: its curves over pressure at constant frequency and preload, and the tests."""
+"""Maps: the operating map over pressure, and quantities over pressure and frequency between the tests."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, FloatArray
@@ -17,11 +20,20 @@ from fourpole.fitting.modelfile import MapEntry, ModelFile, map_of
 from fourpole.models.answer import Answer
 from fourpole.models.operating import OperatingMap
 from fourpole.plot.cards import linked
-from fourpole.plot.data import AxisData, FigureData, Panel, Role, Series, shade
-from fourpole.plot.names import plain_text
+from fourpole.plot.data import AxisData, Field, FigureData, Panel, Role, Series, plain_text, shade
 from fourpole.plot.part import part_of
-from fourpole.plot.sheet import Sheet, few, leading, read_sheet
-from fourpole.plot.states import axis_shown, place_text
+from fourpole.plot.sheet import Sheet, few, leading, means, read_sheet
+from fourpole.plot.states import (
+    DECADE,
+    State,
+    axis_shown,
+    by_tyre,
+    curve_of,
+    place_text,
+    stated_text,
+    tested,
+    values_of,
+)
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
 
@@ -101,7 +113,7 @@ def operating(results: Study) -> FigureData | None:
     pair = (q.K2, q.C) if _has_arm(sheet, cuts) else (q.STORAGE, q.LOSS)
     said: list[str] = []
     groups = _frequencies(sheet, cuts, said)
-    panels = [_panel(results, sheet, one, groups, pair, at) for at in range(2) for one in cuts]
+    panels = [_cut_panel(results, sheet, one, groups, pair, at) for at in range(2) for one in cuts]
     notes = [*_maps_said(sheet, cuts), *said, *notes, *_said(results, cuts, pair)]
     return FigureData(tuple(panels), len(cuts), sheet.labels, notes=tuple(notes), panel_height=2.2, aligned=True,
                       block=2)  # fmt: skip
@@ -131,8 +143,8 @@ def _cuts(entry: MapEntry, sheet: Sheet, file: ModelFile) -> list[_Cut]:
 
 def _levels(axis: Axis, values: FloatArray) -> list[tuple[float, BoolArray]]:
     """Distinct values on an axis in rising order, each with a mask of the points that have it."""
-    groups = axis.groups(values.tolist())
-    return [(float(np.median(values[groups == at])), groups == at) for at in np.unique(groups)]
+    groups, middles = axis.middles(values)
+    return [(middle, groups == at) for at, middle in enumerate(middles)]
 
 
 def _has_arm(sheet: Sheet, panels: Sequence[_Cut]) -> bool:
@@ -158,7 +170,7 @@ def _in_band(frequency: float, band: tuple[float, float]) -> bool:
     return band[0] <= frequency <= band[1] or any(FREQUENCY.same(frequency, end) for end in band)
 
 
-def _panel(results: Study, sheet: Sheet, cut: _Cut, groups: Sequence[float], pair: _Pair, which: int) -> Panel:
+def _cut_panel(results: Study, sheet: Sheet, cut: _Cut, groups: Sequence[float], pair: _Pair, which: int) -> Panel:
     """One quantity of a cut through a map: a curve per frequency, and the tests; frequencies beyond the map have none.
 
     `which` is 0 for the first quantity of the pair, 1 for the second.
@@ -222,5 +234,96 @@ def _said(results: Study, cuts: Sequence[_Cut], pair: _Pair) -> list[str]:
     return [*said, "curves end where the tests do"]
 
 
+#: Least number of pressures of a map, and largest number of specimens.
+_FEWEST, _MOST_TYRES = 3, 3
+#: Number of pressures and frequencies of the grid of a map.
+_ROWS, _COLUMNS = 41, 61
+
+
+def over_pressure_and_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData | None:
+    """Quantities over frequency and pressure, a column of panels per specimen with three pressures or more.
+
+    Along frequency the values are those of the model, or of the tests where there is none; between the tested
+    pressures they are interpolated by monotone cubics.
+    """
+    sheet = read_sheet(results, texts_only=True)
+    frequency, (first, _) = sheet.values(q.FREQUENCY.head), values_of(sheet, quantities[0])
+    known = np.isfinite(frequency) & np.isfinite(first) & ~sheet.rejected
+    every = {tyre: _at_one_load(own) for tyre, own in by_tyre(tested(results, known)).items()}
+    each = {tyre: own for tyre, own in every.items() if len(own) >= _FEWEST}
+    each = {tyre: own for tyre, own in each.items() if _fields(results, sheet, own, quantities[0], known) is not None}
+    if not each:
+        return None
+    notes: list[str] = []
+    tyres = few(list(each), _MOST_TYRES, "specimens", notes)
+    notes.append("between the tested pressures: monotone cubic interpolation")
+    panels = [_field_panel(results, sheet, each[tyre], quantity, known) for quantity in quantities for tyre in tyres]
+    return FigureData(tuple(panels), len(tyres), sheet.labels, notes=tuple(notes), panel_height=1.9)
+
+
+def _at_one_load(found: Sequence[State]) -> list[State]:
+    """The conditions that differ in pressure alone, of the preload and further values with the most pressures."""
+    stated = [one for one in found if not np.isnan(one.place[q.PRESSURE.head])]
+    others = [tuple((k, str(v)) for k, v in one.place.items() if k != q.PRESSURE.head) for one in stated]
+    if not stated:
+        return []
+    usual = Counter(others).most_common(1)[0][0]
+    return [one for one, other in zip(stated, others, strict=True) if other == usual]
+
+
+def _fields(
+    results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Frequencies [Hz], pressures [bar] and values (pressures, frequencies); None without a band in common."""
+    lines = [_line(results, sheet, one, quantity, known) for one in found]
+    low, high = max(x[0] for x, _ in lines), min(x[-1] for x, _ in lines)
+    if not high > 1.02 * low:
+        return None
+    grid = np.geomspace(low, high, _COLUMNS) if high > DECADE * low else np.linspace(low, high, _COLUMNS)
+    pressures = np.array([one.place[q.PRESSURE.head] for one in found]) / q.PRESSURE.scale
+    tested = np.array([np.interp(grid, x, y) for x, y in lines])
+    rows = np.linspace(pressures[0], pressures[-1], _ROWS)
+    values = np.asarray(PchipInterpolator(pressures, tested, axis=0)(rows))
+    return grid, rows, values
+
+
+def _line(
+    results: Study, sheet: Sheet, state: State, quantity: Quantity, known: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Frequencies [Hz] and values of a condition: of its model, or of its tests."""
+    curve = curve_of(results, state, quantity)
+    if curve is not None:
+        return curve[0], curve[1]
+    rows = known & state.rows
+    return means(
+        sheet.values(q.FREQUENCY.head)[rows], values_of(sheet, quantity)[0][rows], sheet.frequency[rows].tolist()
+    )
+
+
+def _field_panel(results: Study, sheet: Sheet, found: Sequence[State], quantity: Quantity, known: BoolArray) -> Panel:
+    tyre, made = found[0].tyre, _fields(results, sheet, found, quantity, known)
+    assert made is not None  # specimens without a map are left out
+    x, y, z = made
+    pressures, seen = results.shown.of(q.PRESSURE), results.shown.of(quantity)
+    bar = q.PRESSURE.scale / pressures.scale
+    rows = np.flatnonzero(known & np.any([one.rows for one in found], axis=0))
+    frequency, pressure = sheet.values(q.FREQUENCY.head)[rows], sheet.values(q.PRESSURE.head)[rows] / pressures.scale
+    tests = linked(results, Series(Role.POINTS, frequency, pressure), rows)
+    others = {column: value for column, value in found[0].place.items() if column != q.PRESSURE.head}
+    place = stated_text(results, others)
+    return Panel(
+        AxisData.of(q.FREQUENCY, log=bool(x[-1] > DECADE * x[0])),
+        AxisData.of(pressures),
+        (tests,),
+        title=sheet.labels[tyre],
+        right=f"{seen.label}, {place}" if place else seen.label,
+        tyre=tyre,
+        field=Field(x, bar * y, quantity.scale / seen.scale * z, seen.name, seen.shown),
+    )
+
+
 #: The figures of this module by their keys in catalogue.toml.
-FIGURES = {"map": operating}
+FIGURES = {
+    "map": operating,
+    "pressure-frequency": partial(over_pressure_and_frequency, quantities=(q.MODULUS, q.LOSS_ANGLE)),
+}
