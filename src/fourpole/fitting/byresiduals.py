@@ -1,9 +1,4 @@
-"""The uncertainty of K* where nobody states it: by the residuals of the chosen model, with Student's t.
-
-References
-----------
-G. A. F. Seber, C. J. Wild, "Nonlinear regression", 1989, 5.1 (scale and intervals by t).
-"""
+"""The uncertainty of K* where nobody states it: by the residuals of the chosen model, with Student's t."""
 
 from __future__ import annotations
 
@@ -11,16 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from fourpole.core import stats
-from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.models.choice import Choice, Trial, choose, fit_conditions
 from fourpole.models.data import StiffnessData
-from fourpole.models.discrepancy import model_discrepancy, with_error
+from fourpole.models.discrepancy import LEAST_DOF, model_discrepancy, student_factor, with_error
 from fourpole.models.interface import Model
 
-#: Degrees of freedom that show the uncertainty, and times that the model is chosen.
-_LEAST_DOF, _MOST_CHOICES = 3, 4
+#: Times that the model is chosen.
+_MOST_CHOICES = 4
 
 
 def by_residuals(
@@ -38,7 +31,7 @@ def by_residuals(
         again = choose([with_error(one, error) for one in stated], names, held)
         if again.best.name == best.name:
             break
-    error *= float(stats.t.ppf(0.975, best.dof)) / NORMAL_95
+    error *= student_factor(best.dof)
     data = [with_error(one, error) for one in stated]
     best = replace(best, fits=fit_conditions(best.fit.model, data, held))
     rest = tuple(one for one in again.candidates if one.name != best.name)
@@ -48,11 +41,11 @@ def by_residuals(
 def _with_enough(choice: Choice) -> Trial:
     """The best candidate whose residuals show the error of K*; ModelError if there is none."""
     for one in choice.candidates:
-        if one.dof >= _LEAST_DOF:
+        if one.dof >= LEAST_DOF:
             return one
     raise ModelError(
         f"no uncertainty of K* is stated, and it cannot be found from these data: {choice.best.name} has "
-        f"{choice.best.dof} numbers more than parameters, and {_LEAST_DOF} are needed. State --std, as --std '1 %', or "
+        f"{choice.best.dof} numbers more than parameters, and {LEAST_DOF} are needed. State --std, as --std '1 %', or "
         "name a model with fewer parameters"
     )
 

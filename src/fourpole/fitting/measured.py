@@ -99,13 +99,10 @@ class Measured(ByValue):
     @property
     def data(self) -> StiffnessData:
         """K* with its whole covariance, shared errors included."""
-        own = self.own
         if not self.shared.size:
-            return own
-        k1 = {"k1": own.k1, "k1_std": own.k1_std}
-        data = StiffnessData.of(own.omega, own.stiffness, covariance=own.covariance, shared=self.shared, **k1)
-        data = replace(data, amplitude=own.amplitude, **own.ramp)
-        if self.recorded is None or not bends(own, self.shared):
+            return self.own
+        data = self.own.with_errors(self.shared)
+        if self.recorded is None or not bends(self.own, self.shared):
             return data
         return replace(data, recorded=np.array(self.recorded, dtype=object))
 

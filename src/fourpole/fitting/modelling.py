@@ -49,7 +49,6 @@ from fourpole.models.shape import Shape
 from fourpole.models.together import fit_together
 from fourpole.quantities import ShownUnits
 from fourpole.units import nearest, shown
-from fourpole.version import VERSION
 
 Progress = Callable[[int, int], None]
 _Step = Callable[[], None]
@@ -411,13 +410,7 @@ def model_file(
             for axis in measured.rule.further
             if not axis.text
         ],
-        provenance=Provenance(
-            fourpole=VERSION,
-            source=measured.source,
-            sha256=measured.sha256,
-            settings=dict(settings or {}),
-            notes=list(measured.notes),
-        ),
+        provenance=Provenance.of(measured.source, measured.sha256, settings, measured.notes),
     )
 
 

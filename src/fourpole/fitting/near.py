@@ -41,10 +41,9 @@ def near_model(measured: Sequence[Measured], model: Model, values: Sequence[Floa
     made, at = [], 0
     for one, k in zip(measured, stiffness, strict=True):
         found = whole.part(slice(at, at := at + k.size))
-        own = own_near(one.own.omega, k, found)
-        effect = real_columns(found.relative * own.stiffness[:, None])
-        kept = {"k1": one.own.k1, "k1_std": one.own.k1_std, "amplitude": one.own.amplitude, **one.own.ramp}
-        made.append(replace(one, own=replace(own, **kept), shared=effect))
+        near = own_near(one.own.omega, k, found)
+        own = replace(one.own, stiffness=near.stiffness, covariance=near.covariance)
+        made.append(replace(one, own=own, shared=real_columns(found.relative * own.stiffness[:, None])))
     return made
 
 

@@ -14,10 +14,12 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray
-from fourpole.core.confidence import CHANCE
+from fourpole.core.confidence import CHANCE, LEVELS, NORMAL_95
 from fourpole.models.causality import check_possible
 from fourpole.models.data import StiffnessData
 
+#: Degrees of freedom from which on residuals show an uncertainty that is not stated.
+LEAST_DOF = 3
 #: Probability of a larger chi-square at which the search for a better passive tyre ends.
 _LIKELY = 0.5
 #: The search ends when chi-square equals its degrees of freedom within this fraction.
@@ -100,6 +102,16 @@ def model_discrepancy(
         guess = error * np.sqrt(ratio)
         error = float(guess) if low < guess < high else float(np.sqrt(low * high))
     return error
+
+
+def student_factor(dof: int) -> float:
+    """Factor of an uncertainty that residuals with so many degrees of freedom show, with which ±1.96 u holds 95 % [1].
+
+    References
+    ----------
+    G. A. F. Seber, C. J. Wild, "Nonlinear regression", 1989, 5.1 (scale and intervals by t).
+    """
+    return float(stats.t.ppf(LEVELS[-1], dof)) / NORMAL_95
 
 
 def least_misfit(conditions: Sequence[StiffnessData]) -> tuple[float, int]:

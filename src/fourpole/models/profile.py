@@ -21,7 +21,7 @@ from fourpole.models.choice import STOPPED
 from fourpole.models.data import StiffnessData, stacked
 from fourpole.models.fit import Fit, least_chi2, linear_problem
 from fourpole.models.interface import Parameter
-from fourpole.models.nonnegative import profiles_of, whitened_conditions
+from fourpole.models.nonnegative import NonNegative, whitened_conditions
 from fourpole.models.problem import free_places, problem_of, starts_of
 
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
@@ -43,12 +43,7 @@ _INSTEAD = "their intervals are from the covariance"
 
 
 def profile_intervals(
-    found: Fit,
-    data: StiffnessData,
-    level: float = COVERAGE,
-    *,
-    fixed: Mapping[str, float] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
+    found: Fit, data: StiffnessData, level: float = COVERAGE, *, fixed: Mapping[str, float] | Sequence[str] = ()
 ) -> FloatArray:
     """Profile-likelihood intervals (P, 2) of the parameters of a fit to one condition.
 
@@ -60,14 +55,14 @@ def profile_intervals(
         Data of the fit.
     level : float [1]
         Coverage probability.
-    fixed, tied
-        The fixed and tied parameters of the fit.
+    fixed
+        The fixed parameters of the fit.
 
     Returns
     -------
     (P, 2) float array
         Ends of the intervals in the units of the parameters: the bound of the parameter where the data set no end, the
-        value twice for a fixed parameter, the multiple of its partner's for a tied one.
+        value twice for a fixed parameter.
 
     Raises
     ------
@@ -89,7 +84,7 @@ def profile_intervals(
     """
     if found.values.ndim > 1:
         raise ModelError("profile intervals are for one condition at a time: choose one")
-    return profiles_together([found], [data], level, fixed=fixed, tied=tied)[0]
+    return profiles_together([found], [data], level, fixed=fixed)[0]
 
 
 def profiles_together(
@@ -98,26 +93,20 @@ def profiles_together(
     level: float = COVERAGE,
     *,
     fixed: Mapping[str, float] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
 ) -> list[FloatArray]:
     """Profile-likelihood intervals (P, 2) of the fits of one model to several conditions, in their order.
 
     The values of `profile_intervals` for each, but the profiles of all conditions, parameters and sides are searched
     side by side.
     """
-    tied = tied or {}
     rise = float(np.sqrt(stats.chi2.ppf(level, 1)))
-    if fits[0].model.linear and not tied:
+    if fits[0].model.linear:
         return [_nonnegative_intervals(one, row, rise, fixed) for one, row in zip(fits, data, strict=True)]
     ends = [np.stack([one.values, one.values], axis=1) for one in fits]
     plain = [replace(one, relative=None, reference=None, recorded=None) for one in data]
     for places, group in stacked(plain):
-        for (which, at, side), end in _ends_of(_Profiles([fits[one] for one in places], group, fixed, tied), rise):
+        for (which, at, side), end in _ends_of(_Profiles([fits[one] for one in places], group, fixed), rise):
             ends[places[which]][at, side] = end
-    symbols = fits[0].model.symbols
-    for symbol, (partner, factor) in tied.items():
-        for interval in ends:
-            interval[symbols.index(symbol)] = factor * interval[symbols.index(partner)]
     return ends
 
 
@@ -190,8 +179,8 @@ def _nonnegative_intervals(found: Fit, data: StiffnessData, rise: float, fixed: 
     free, (condition,) = free_places(found.model, fixed), whitened_conditions(data)
     rows, target = linear_problem(found.model, condition, found.values, free)
     ends = np.stack([found.values, found.values], axis=1)
-    every = np.arange(free.size)
-    ends[free] = profiles_of(rows, target, found.values[free], found.std[free], float(found.chi2), rise, every)
+    best = NonNegative(rows, target, found.values[free], float(found.chi2))
+    ends[free] = best.profiles(np.arange(free.size), found.std[free], rise)
     return ends
 
 
@@ -294,12 +283,10 @@ class _Profile:
 class _Profiles:
     """Fits of one model to conditions (C, N), whose profiles are searched in one batch."""
 
-    def __init__(
-        self, fits: Sequence[Fit], data: StiffnessData, fixed: Collection[str], tied: Mapping[str, tuple[str, float]]
-    ) -> None:
+    def __init__(self, fits: Sequence[Fit], data: StiffnessData, fixed: Collection[str]) -> None:
         self.fits, self.data, self.model = fits, data, fits[0].model
         self.best = np.stack([one.values for one in fits])
-        self.problem = problem_of(self.model, data, self.best, [*fixed], tied)
+        self.problem = problem_of(self.model, data, self.best, [*fixed])
         self.at_free = self.problem.free.tolist()
 
     def heights(self, wanted: Mapping[_Key, FloatArray]) -> dict[_Key, FloatArray | None]:
