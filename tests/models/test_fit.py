@@ -123,6 +123,15 @@ def test_what_cannot_be_fitted_is_told(call, said):
         call(data)
 
 
+def test_a_parameter_on_a_bound_or_without_effect_has_no_uncertainty():
+    """Two arms for tyres with one: a time without effect may be any, however large."""
+    model, omega = GeneralisedMaxwell(2), 2 * np.pi * np.geomspace(3.0, 60.0, 20)
+    _, data = drawn(Zener(), [180e3, 120e3, 700.0], omega, count=60)
+    found = fit(model, data, [180e3, 1e4, 120e3, 1e3, 6e-3])
+    assert 10 < np.count_nonzero(found.on_bound)
+    assert np.all(found.covariance[found.on_bound] == 0.0)
+
+
 def test_each_condition_may_have_frequencies_of_its_own():
     model, base, omega = CASES["zener"]
     own = np.stack([omega, 1.1 * omega])

@@ -286,7 +286,8 @@ def _step(
 
 def _covariance(problem: FitProblem, slopes: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:
     """Covariance (B, P, P) of all parameters; held parameters have no uncertainty."""
-    slopes, unit = np.where(held[:, None, :], 0.0, slopes), problem.unit_of(values)
+    # Round-off of the inverse would be large in the unit of a time that may be any.
+    slopes, unit = np.where(held[:, None, :], 0.0, slopes), np.where(held, 0.0, problem.unit_of(values))
     found = np.zeros((*values.shape, values.shape[-1]))
     by_search = inverse(np.swapaxes(slopes, 1, 2) @ slopes)
     found[:, problem.free[:, None], problem.free] = by_search * unit[:, :, None] * unit[:, None, :]
