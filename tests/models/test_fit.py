@@ -128,7 +128,7 @@ def test_a_parameter_on_a_bound_or_without_effect_has_no_uncertainty():
     model, omega = GeneralisedMaxwell(2), 2 * np.pi * np.geomspace(3.0, 60.0, 20)
     _, data = drawn(Zener(), [180e3, 120e3, 700.0], omega, count=60)
     found = fit(model, data, [180e3, 1e4, 120e3, 1e3, 6e-3])
-    assert 10 < np.count_nonzero(found.on_bound)
+    assert np.count_nonzero(found.on_bound) > 10
     assert np.all(found.covariance[found.on_bound] == 0.0)
 
 

@@ -21,8 +21,6 @@ from fourpole.models.ramp import takes_k1
 
 #: Reason why a model that was not compared was left out: the user stopped the fits.
 STOPPED = "stopped by Ctrl-C"
-#: Models that are tried if none is named, over a wide band.
-AUTO = automatic()
 #: The model of a master curve: no law with few parameters holds over so many decades.
 _OF_MASTER_CURVES = ("prony",)
 #: Two models are equally good if their BIC differ by less than this: odds of 20 to 1.

@@ -101,9 +101,8 @@ class Resonant(Model):
         s = 1j * positive(omega)
         found = self.rest.stiffness(relaxing, omega)
         for one in each:
-            natural, ratio, above, below, _ = _turned(one)
-            top = above * s**2 + _middle(one) * s + below * natural**2
-            found = found + s * top / (s**2 + 2 * ratio * natural * s + natural**2)
+            top, bottom = _quotient(one, s)
+            found = found + s * top / bottom
         return np.asarray(found)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -167,11 +166,16 @@ def _middle(one: FloatArray) -> FloatArray:
     return np.asarray(natural * (np.sqrt(above) - np.sqrt(below)) ** 2 / (2 * ratio) + strength)
 
 
+def _quotient(one: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Numerator and denominator (..., N) of one resonance without the factor s."""
+    natural, ratio, above, below, _ = _turned(one)
+    return above * s**2 + _middle(one) * s + below * natural**2, s**2 + 2 * ratio * natural * s + natural**2
+
+
 def _slopes(one: FloatArray, s: ComplexArray) -> ComplexArray:
     """Derivatives (..., N, 5) of one resonance by its parameters."""
     natural, ratio, above, below, _ = _turned(one)
-    bottom = s**2 + 2 * ratio * natural * s + natural**2
-    top = above * s**2 + _middle(one) * s + below * natural**2
+    top, bottom = _quotient(one, s)
     apart = (np.sqrt(above) - np.sqrt(below)) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         up, down = (np.where(part > 0, np.sqrt(other / part), 0.0) for part, other in ((above, below), (below, above)))
