@@ -11,10 +11,10 @@ from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, amplitudes_of
 from fourpole.fitting.byamplitude import told_apart
 from fourpole.fitting.measured import measured_of
-from fourpole.fitting.measuredtable import STD
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
 from fourpole.fitting.query import Query, ask
+from fourpole.fitting.rows import STD
 from fourpole.models import profile
 
 LEVELS = (0.1e-3, 0.5e-3, 2e-3)

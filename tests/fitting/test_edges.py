@@ -15,10 +15,10 @@ from fourpole.errors import ModelError
 from fourpole.fitting import byamplitude, measured, query, ranges, shifting, static
 from fourpole.fitting.amplitude import levels_of, mixed
 from fourpole.fitting.byamplitude import outside_levels
-from fourpole.fitting.byresiduals import _with_enough
 from fourpole.fitting.static import StaticFile, slowest
 from fourpole.fitting.temperature import NO_SHIFT, TemperatureFile
 from fourpole.models.data import StiffnessData
+from fourpole.models.discrepancy import _with_enough
 from fourpole.models.shift_law import ShiftLaw
 
 

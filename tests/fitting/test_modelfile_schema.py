@@ -11,8 +11,9 @@ import pytest
 from fourpole.core.tyre import zener_stiffness
 from fourpole.fitting.document import FORMAT, VERSION
 from fourpole.fitting.measured import measured_of
-from fourpole.fitting.modelfile import LATER, ModelFile, read_model_file, schema
+from fourpole.fitting.modelfile import ModelFile, read_model_file, schema
 from fourpole.fitting.modelling import fit_tyres, map_tyres, model_file
+from fourpole.fitting.modelparts import Grown
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = (DOCS / "model-file.md").read_text(encoding="utf-8")
@@ -120,12 +121,13 @@ def test_the_example_of_the_page_can_be_read(tmp_path):
 
 
 def test_the_documentation_names_the_keys_that_version_1_has_gained(written, stated):
-    """A key that is added to version 1 is optional, is written only where it holds something, and stands in LATER."""
+    """A key that is added to version 1 is optional, and is written only where it holds something; a link always."""
     (paragraph,) = (part for part in PAGE.split("\n\n") if part.startswith("**Keys that version 1 has gained.**"))
-    assert [key for key in re.findall(r"`(\w+)`", paragraph) if key != "K"] == list(LATER)
-    for part in (stated, stated["$defs"]["ConditionFile"]):
-        later = [key for key in LATER if key in part["properties"]]
-        assert later
+    kinds = {one.__name__: one.later for one in Grown.__subclasses__() for one in (one, *one.__subclasses__())}
+    gained = {"link"}.union(*kinds.values()) - {"passive"}  # which is of files before `ranges`
+    assert {key for key in re.findall(r"`(\w+)`", paragraph) if key != "K"} == gained
+    for name, later in kinds.items():
+        part = stated if name == "ModelFile" else stated["$defs"].get(name, {})
         assert not set(later) & set(part.get("required", []))
     for document in written:
         assert "axes" not in document

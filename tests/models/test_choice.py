@@ -8,9 +8,9 @@ import pytest
 from scipy import stats
 
 from fourpole.models import choice as choice_module
-from fourpole.models.choice import AUTO, choose
+from fourpole.models.choice import choose
 from fourpole.models.data import StiffnessData
-from fourpole.models.families import contains, model_named
+from fourpole.models.families import automatic, contains, model_named
 
 pytestmark = pytest.mark.thorough
 
@@ -139,7 +139,7 @@ def test_data_too_poor_to_tell_say_so():
     rng = np.random.default_rng(1)
     std = 0.02 * np.abs(clean)
     seen = clean + std * (rng.standard_normal(5) + 1j * rng.standard_normal(5))
-    choice = choose(StiffnessData.of(omega, seen, std), [*AUTO, "maxwell:5"])
+    choice = choose(StiffnessData.of(omega, seen, std), [*automatic(), "maxwell:5"])
     assert choice.alike
     assert "cannot distinguish" in choice.text
     assert {name for name, _ in choice.failed} == {"maxwell:5"}

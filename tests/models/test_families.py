@@ -155,7 +155,6 @@ def test_a_relaxing_family_loses_energy_and_stiffens_with_frequency(model):
 
 
 def test_what_auto_and_maps_try_is_there():
-    assert automatic() == choice.AUTO
     assert "auto" not in automatic()
     for name in automatic():
         assert sizes_of(name) or model_named(name).name.partition(":")[0] == name

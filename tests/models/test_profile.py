@@ -53,17 +53,12 @@ def test_an_end_that_the_data_do_not_set_is_open():
     assert ends[1, 0] == 0.0
 
 
-def test_fixed_ones_have_no_width_and_tied_ones_their_partners():
+def test_fixed_ones_have_no_width():
     data = seen(Zener(), [180e3, 120e3, 700.0], 1e-3)
     fixed = fit(Zener(), data, [180e3, 120e3, 700.0], fixed=["K1"])
     ends = profile_intervals(fixed, data, fixed=["K1"])
     assert ends[0].tolist() == [180e3, 180e3]
     assert ends[1, 0] < 120e3 * 1.01 < ends[1, 1] * 1.02
-    ties = {"K2": ("K1", 2 / 3)}
-    tied = fit(Zener(), data, [180e3, 120e3, 700.0], tied=ties)
-    ends = profile_intervals(tied, data, tied=ties)
-    np.testing.assert_allclose(ends[1], ends[0] * 2 / 3, rtol=1e-12)
-    assert ends[0, 0] < tied.values[0] < ends[0, 1]
 
 
 def test_k1_counts_where_it_is_all_that_is_known():

@@ -15,8 +15,8 @@ from fourpole.core.joint.around import Likelihood
 from fourpole.core.joint.shared import SharedParameter
 from fourpole.core.joint.solve import solve
 from fourpole.core.sources import Kind, Source
+from fourpole.fitting.mapping import common_likelihood
 from fourpole.fitting.measured import Measured
-from fourpole.fitting.near import common_likelihood
 from fourpole.models.causality import check_possible
 from fourpole.models.ladder import Verdict
 

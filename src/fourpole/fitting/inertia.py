@@ -14,8 +14,8 @@ from fourpole import quantities as q
 from fourpole.core.condition import AXES, axis_of
 from fourpole.core.specimen import TYRE, Form, Specimen
 from fourpole.errors import UnitError
-from fourpole.fitting.measuredtable import as_frame
 from fourpole.fitting.modelparts import Strict
+from fourpole.fitting.rows import as_frame
 from fourpole.io.published import Published
 
 #: Table of a results folder with the inertia of each specimen at each condition.

@@ -1,21 +1,26 @@
-"""The operating map of one model for one tyre, its mean uncertainty, and the map in words."""
+"""The operating map of one model for one tyre, and the map in words; conditions that are fitted together."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from fourpole import quantities as q
+from fourpole.core.arrays import FloatArray
+from fourpole.core.joint.around import Likelihood
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN
 from fourpole.fitting.measured import Measured
 from fourpole.fitting.modelparts import split_column
-from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.models.choice import fit_conditions
+from fourpole.models.data import real_columns
 from fourpole.models.discrepancy import with_error
 from fourpole.models.families import model_named
-from fourpole.models.interface import Link
+from fourpole.models.interface import Link, Model
 from fourpole.models.operating import LINKS, OperatingMap, make_map, simplest
+from fourpole.models.recorded import bends, own_near
 from fourpole.models.surface import Axes
 
 #: Relative error that is added to each condition before the fits that start a map, so that none dominates.
@@ -62,6 +67,49 @@ def map_of_model(name: str, measured: Sequence[Measured], axes: Axes, *, alone: 
     values = found.parameters(axes.points if axes.names else np.zeros((len(measured), 0)))
     near = near_model(measured, model, list(values))
     return found if near is measured else made(near, [found.link])
+
+
+def common_likelihood(measured: Sequence[Measured]) -> Likelihood | None:
+    """The likelihood of the rig on which all conditions are recorded; None if there is none, or several."""
+    if any(one.recorded is None for one in measured):
+        return None
+    rigs = {id(one.recorded.likelihood): one.recorded.likelihood for one in measured if one.recorded is not None}
+    return next(iter(rigs.values())) if len(rigs) == 1 else None
+
+
+def near_model(measured: Sequence[Measured], model: Model, values: Sequence[FloatArray]) -> Sequence[Measured]:
+    """The conditions linear about K* of a model with parameters for each (B, P), for one set of shared errors.
+
+    They are returned as they are if they are not recorded on one rig, or if the shared errors are linear within the
+    noise.
+    """
+    likelihood = common_likelihood(measured)
+    if likelihood is None or not any(bends(one.own, one.shared) for one in measured):
+        return measured
+    recorded = [one.recorded for one in measured if one.recorded is not None]
+    stiffness = [model.on(one.own).stiffness(own, one.own.omega) for one, own in zip(measured, values, strict=True)]
+    places = np.concatenate([one.places for one in recorded])
+    given = np.concatenate([k / one.ratio for k, one in zip(stiffness, recorded, strict=True)])
+    whole = likelihood.around(places, given)
+    made, at = [], 0
+    for one, k in zip(measured, stiffness, strict=True):
+        found = whole.part(slice(at, at := at + k.size))
+        near = own_near(one.own.omega, k, found)
+        own = replace(one.own, stiffness=near.stiffness, covariance=near.covariance)
+        made.append(replace(one, own=own, shared=real_columns(found.relative * own.stiffness[:, None])))
+    return made
+
+
+def shared_effects(measured: Sequence[Measured]) -> list[FloatArray]:
+    """Effect (2N, p) [N/m] of the shared errors on each condition."""
+    width = max((one.shared.shape[1] for one in measured if one.shared.size), default=0)
+    return [one.shared if one.shared.size else np.zeros((2 * one.own.count, width)) for one in measured]
+
+
+def known_values(measured: Measured, given: Mapping[str, float]) -> dict[str, float]:
+    """Values of known parameters, by symbol: those given, and the inflation pressure p of the condition."""
+    pressure = measured.state.get(q.PRESSURE.head)
+    return {**({"p": pressure} if pressure is not None else {}), **given}
 
 
 def best_map(maps: Sequence[OperatingMap]) -> OperatingMap:

@@ -24,8 +24,24 @@ from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
 from fourpole.fitting.inertia import InertiaFile, inertias_in
 from fourpole.fitting.likelihood import COVARIANCE, MOST_BYTES, covariance_of, joined, read_likelihoods
-from fourpole.fitting.measuredtable import FREQUENCY, IM, RE, STD, as_frame, covariances, in_si, numbers_of, usable
-from fourpole.fitting.rows import KEY, Key, conditions_in, keys_of, names_apart, rule_in
+from fourpole.fitting.rows import (
+    FREQUENCY,
+    IM,
+    KEY,
+    RE,
+    STD,
+    Key,
+    as_frame,
+    conditions_in,
+    covariances,
+    in_si,
+    keys_of,
+    known_numbers,
+    lacking_std,
+    names_apart,
+    rule_in,
+    usable,
+)
 from fourpole.io.folders import results_in
 from fourpole.io.published import Published, published_beside, read_listed
 from fourpole.io.tables.kstar import TableOptions, read_k_star
@@ -36,7 +52,6 @@ from fourpole.models.recorded import Recorded, bends
 from fourpole.quantities import ShownUnits
 from fourpole.units import shown
 
-_K1 = (q.K1.head, q.K1.u_head)
 _TEMPERATURE = q.TEMPERATURE.head
 #: The note on a table without uncertainties of K*.
 NO_STD = "the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"
@@ -49,7 +64,6 @@ _NOMINAL = 1e-2
 _RULE = Sameness()
 #: Tables of a results folder, and the table of a master curve; covariance.parquet may lie beside each.
 _RESULTS, MASTER = ("dynamic.csv", "dynamic.parquet"), "master.csv"
-_USUAL = {axis.column for axis in AXES}
 #: Least variance of a test's K* as a share of that of its condition; from the second share on it is that of all tests.
 _LEAST_OWN, _COMMON = 1e-4, 0.9
 
@@ -99,13 +113,10 @@ class Measured(ByValue):
     @property
     def data(self) -> StiffnessData:
         """K* with its whole covariance, shared errors included."""
-        own = self.own
         if not self.shared.size:
-            return own
-        k1 = {"k1": own.k1, "k1_std": own.k1_std}
-        data = StiffnessData.of(own.omega, own.stiffness, covariance=own.covariance, shared=self.shared, **k1)
-        data = replace(data, amplitude=own.amplitude, **own.ramp)
-        if self.recorded is None or not bends(own, self.shared):
+            return self.own
+        data = self.own.with_errors(self.shared)
+        if self.recorded is None or not bends(self.own, self.shared):
             return data
         return replace(data, recorded=np.array(self.recorded, dtype=object))
 
@@ -297,7 +308,7 @@ def table_of(measured: MeasuredSet) -> pl.DataFrame:
             if measured.known:
                 row |= {STD[0]: u_re, STD[1]: u_im, STD[2]: float(cross[at] / (u_re * u_im)) if u_re * u_im else 0.0}
             static = [float(part) if np.isfinite(part) else None for part in (own.k1, own.k1_std)]
-            rows.append(row | dict(zip(_K1, static, strict=True)))
+            rows.append(row | dict(zip(q.K1.heads, static, strict=True)))
     return pl.DataFrame(rows, infer_schema_length=None)
 
 
@@ -317,7 +328,7 @@ def measured_of(
     over, frame = columns_of(over), with_amplitude(in_si(frame, name))
     rule = rule.over(over)
     rule = Sameness(without_amplitude(rule.axes)) if by_amplitude else rule
-    numbers = _numbers(frame, name, rule, [*over, *([COLUMN] if by_amplitude else [])])
+    numbers = known_numbers(frame, name, rule, [*over, *([COLUMN] if by_amplitude else [])])
     good, notes = usable(numbers, name, stated=std is None and covariance is None, by_amplitude=by_amplitude)
     if not good.any():
         raise ModelError(f"{name}: no row has a frequency and K*: nothing can be fitted")
@@ -379,13 +390,9 @@ class _Rows:
         elif covariance is not None and set(keys) <= set(keys_of(covariance)):
             own, shared, condition, places = joined(keys, covariance)
             source = _Source.COVARIANCE
-        elif not _lacking(numbers):
+        elif not lacking_std(numbers):
             own, source = covariances(numbers), _Source.TABLE
         return cls(tyres, keys, numbers, own, shared, condition, source, places=places)
-
-    @property
-    def count(self) -> int:
-        return len(self.tyres)
 
     @property
     def stiffness(self) -> ComplexArray:
@@ -409,7 +416,7 @@ class _Rows:
         Tests that share one K* in the joint route scatter about it with their amplitude. Without scatter each of them
         has K* of all tests, whose information then is divided among the levels.
         """
-        level = np.zeros(self.count, dtype=int)
+        level = np.zeros(len(self.tyres), dtype=int)
         for one in np.unique(label):
             level[label == one] = levels_of(self.numbers[COLUMN][label == one])
         condition = np.unique(np.stack([self.condition, level], axis=1), axis=0, return_inverse=True)[1].ravel()
@@ -428,36 +435,11 @@ class _Rows:
         said = []
         if self.source == _Source.NONE:
             given = any(column in self.numbers for column in STD[:2])
-            said = [*([_lacking(self.numbers)] if given else []), NO_STD]
+            said = [*([lacking_std(self.numbers)] if given else []), NO_STD]
         elif self.source == _Source.TABLE:
             why = "covariance.parquet is of other tests" if had_covariance else "only the table was given"
             said = [f"{why}: errors that tests share are taken as independent"]
         return [*said, _MOVED] if self.moved else said
-
-
-def _lacking(numbers: Mapping[str, FloatArray]) -> str:
-    """Why columns do not give the uncertainty of K*, as a sentence; empty if they do."""
-    without = [column for column in STD[:2] if column not in numbers or not np.all(np.isfinite(numbers[column]))]
-    if without:
-        return (
-            f"{shown(without[0])} has no value in some row, and so the other part's is not used: state both, or --std"
-        )
-    if not any(np.any(numbers[column]) for column in STD[:2]):
-        return f"{shown(STD[0])} and {shown(STD[1])} are zero in every row, as no measurement is: they are not used"
-    return ""
-
-
-def _numbers(frame: pl.DataFrame, name: str, rule: Sameness, needed: Sequence[str]) -> dict[str, FloatArray]:
-    """The columns of numbers that are known; ModelError if a needed one is not there."""
-    for column in (FREQUENCY, RE, IM, *needed):
-        if column not in frame.columns:
-            there = ", ".join(map(shown, frame.columns[:40]))
-            raise ModelError(f"{name}: has no column {shown(column)}: it has {there}")
-    found = {column: numbers_of(frame, column, name, np.ones(frame.height, dtype=bool)) for column in (RE, IM)}
-    measured = np.isfinite(found[RE]) & np.isfinite(found[IM])
-    known = {FREQUENCY, *STD, *_K1, COLUMN, *(axis.column for axis in rule.axes if not axis.text)} - {RE, IM}
-    others = [column for column in frame.columns if column in known]
-    return found | {column: numbers_of(frame, column, name, measured) for column in others}
 
 
 def _measured(
@@ -468,7 +450,6 @@ def _measured(
     groups = [places[condition == one] for one in dict.fromkeys(condition.tolist())]
     mean = sorted(groups, key=lambda members: float(np.mean(frequency[members])))
     shared = np.stack([rows.shared[members].mean(axis=0) for members in mean])
-    deflection = rows.numbers[COLUMN] if by_amplitude else None
     static = _static(rows, places) if k1 is None else k1
     own = StiffnessData.of(
         2 * np.pi * np.array([frequency[members].mean() for members in mean]),
@@ -477,8 +458,9 @@ def _measured(
         k1=static[0],
         k1_std=static[1],
     )
-    if deflection is not None:
-        own = replace(own, amplitude=np.array([np.exp(np.mean(np.log(deflection[members]))) for members in mean]))
+    if by_amplitude:
+        logs = np.log(rows.numbers[COLUMN])
+        own = replace(own, amplitude=np.array([np.exp(np.mean(logs[members])) for members in mean]))
     state = {column: float(np.mean(rows.numbers[column][places])) for column in axes}
     return Measured(
         tyre=rows.tyres[int(places[0])],
@@ -503,9 +485,9 @@ def _as_recorded(one: Measured, rows: _Rows, likelihoods: Mapping[str, Likelihoo
 
 def _static(rows: _Rows, places: np.ndarray) -> tuple[float, float]:
     """K1 of a condition and its standard uncertainty [N/m]; not-a-number if they are not stated."""
-    if not all(column in rows.numbers for column in _K1):
+    if not all(column in rows.numbers for column in q.K1.heads):
         return float("nan"), float("nan")
-    value, std = (rows.numbers[column][places] for column in _K1)
+    value, std = (rows.numbers[column][places] for column in q.K1.heads)
     good = np.isfinite(value) & np.isfinite(std) & (std > 0)
     if not good.any():
         return float("nan"), float("nan")

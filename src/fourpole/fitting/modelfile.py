@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -19,6 +19,7 @@ from fourpole.fitting.modelparts import (
     LARGEST,
     LONGEST,
     AxisFile,
+    Grown,
     NamedValue,
     OffsetFile,
     Provenance,
@@ -48,9 +49,6 @@ from fourpole.units import shown
 
 #: Largest number of parameters of a model: those of a Prony series with 300 arms.
 _MOST_PARAMETERS = 601
-#: Keys that version 1 has gained: of the document, of a condition, and of a model.
-LATER = ("axes", "points", "shape", "temperature", "amplitude", "logarithmic", "static", "inertia",
-         "ranges", "holds", "mass", "resonances", "shifts", "link", "offsets", "rest")  # fmt: skip
 #: Frequencies from low to high [Hz].
 Band = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 #: Amplitudes of the deflection, rising [m].
@@ -87,9 +85,10 @@ class CandidateFile(Strict):
     not_converged: int = Field(description="Number of conditions whose fit did not converge.")
 
 
-class ConditionFile(Strict):
+class ConditionFile(Grown):
     """One tested condition, with the parameters fitted to it."""
 
+    later: ClassVar = ("points", "amplitude", "static", "inertia", "ranges", "rest")
     state: list[NamedValue] = Field(max_length=20)
     tests: list[str] = Field(max_length=LONGEST)
     points: list[int] = Field(
@@ -110,7 +109,9 @@ class ConditionFile(Strict):
     verdict: VerdictFile | None = Field(description="null where the uncertainty of K* is not known.")
     static: StaticFile | None = Field(default=None, description="Static test that was joined as a ramp.")
     inertia: InertiaFile | None = Field(default=None, description="Mass of the specimen between its ends.")
-    ranges: list[RangeFile] = Field([], max_length=200, description="Range of K* below and above the band, rising.")
+    ranges: list[RangeFile] = Field(
+        default=[], max_length=200, description="Range of K* below and above the band, rising."
+    )
     rest: tuple[float, float] | None = Field(default=None, description="Range of K1 [N/m] where it was not measured.")
 
     @property
@@ -119,7 +120,7 @@ class ConditionFile(Strict):
         return {one.column: one.value for one in self.state}
 
 
-class _Entry(Strict):
+class _Entry(Grown):
     """Base of the entries of one tyre: its model."""
 
     tyre: str
@@ -131,6 +132,7 @@ class _Entry(Strict):
 class ModelEntry(_Entry):
     """A model of one tyre, with a set of parameters for each tested condition."""
 
+    later: ClassVar = ("shape", "temperature")
     discrepancy: Share = Field(
         description="Model discrepancy: relative error of K* that makes chi-square equal its degrees of freedom [1]."
     )
@@ -150,6 +152,7 @@ class ModelEntry(_Entry):
 class MapEntry(_Entry):
     """An operating map of one tyre: each linked parameter is a polynomial of the scaled axes."""
 
+    later: ClassVar = ("amplitude", "inertia", "offsets")
     link: Link = Field(default="log", description="Whether stiffness and damping or their logarithms are polynomials.")
 
     axes: list[AxisFile] = Field(max_length=10)
@@ -177,9 +180,10 @@ class MapEntry(_Entry):
     )
 
 
-class ModelFile(Strict):
+class ModelFile(Grown):
     """The whole document."""
 
+    later: ClassVar = ("axes",)
     format: Literal["fourpole-model"] = "fourpole-model"
     version: Literal[1] = 1
     kind: Literal["model", "map"]
@@ -221,28 +225,8 @@ class ModelFile(Strict):
         return sealed(self._content())
 
     def _content(self) -> dict[str, Any]:
-        """The document without its seal; the keys of `LATER` stand only where they hold something."""
-        document: dict[str, Any] = self.model_dump(mode="json", by_alias=True)
-        models = document["models"]
-        for entry in document["maps"]:
-            for part, key in (
-                (entry, "amplitude"),
-                (entry, "inertia"),
-                (entry, "offsets"),
-                *((axis, "logarithmic") for axis in entry["axes"]),
-            ):
-                if not part[key]:
-                    del part[key]
-        conditions = [one for entry in models for one in entry["conditions"]]
-        for static in (one["static"] for one in conditions if one["static"]):
-            if not static["passive"]:
-                del static["passive"]
-        parts = [*(one["verdict"] for one in conditions), *(one["temperature"] for one in models)]
-        for part in (document, *models, *conditions, *filter(None, parts)):
-            for key in LATER:
-                if key in part and part[key] in ([], None):
-                    del part[key]
-        return document
+        """The document without its seal."""
+        return self.model_dump(mode="json", by_alias=True)
 
     def write(self, path: str | Path) -> None:
         """Write the document in one step, sealed, with the time."""

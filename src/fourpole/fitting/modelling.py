@@ -16,9 +16,16 @@ from fourpole.core.notebook import notebook_html
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import columns_of
 from fourpole.fitting.byamplitude import tested, told_apart
-from fourpole.fitting.byresiduals import by_residuals, misfit_of
 from fourpole.fitting.inertia import InertiaFile, mean_inertia
-from fourpole.fitting.mapping import best_map, map_axes, map_of_model, map_text
+from fourpole.fitting.mapping import (
+    best_map,
+    known_values,
+    map_axes,
+    map_of_model,
+    map_text,
+    near_model,
+    shared_effects,
+)
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import (
     CandidateFile,
@@ -30,7 +37,6 @@ from fourpole.fitting.modelfile import (
     model_parts,
 )
 from fourpole.fitting.modelparts import NamedValue, Provenance, ToleranceFile, VerdictFile
-from fourpole.fitting.near import known_values, near_model, shared_effects
 from fourpole.fitting.ranges import REACH, ranges_of, rest_of
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence, slowest
@@ -38,7 +44,7 @@ from fourpole.fitting.temperature import TemperatureFile
 from fourpole.models.causality import near_passive
 from fourpole.models.choice import STOPPED, Choice, Trial, choose, fit_conditions, fixed_of
 from fourpole.models.data import StiffnessData
-from fourpole.models.discrepancy import model_discrepancy, with_error
+from fourpole.models.discrepancy import by_residuals, misfit_of, model_discrepancy, with_error
 from fourpole.models.families import BELT, by_amplitude, check_several, for_maps, has_inertia, model_named, sizes_of
 from fourpole.models.fit import Fit
 from fourpole.models.interface import Model
@@ -49,7 +55,6 @@ from fourpole.models.shape import Shape
 from fourpole.models.together import fit_together
 from fourpole.quantities import ShownUnits
 from fourpole.units import nearest, shown
-from fourpole.version import VERSION
 
 Progress = Callable[[int, int], None]
 _Step = Callable[[], None]
@@ -411,13 +416,7 @@ def model_file(
             for axis in measured.rule.further
             if not axis.text
         ],
-        provenance=Provenance(
-            fourpole=VERSION,
-            source=measured.source,
-            sha256=measured.sha256,
-            settings=dict(settings or {}),
-            notes=list(measured.notes),
-        ),
+        provenance=Provenance.of(measured.source, measured.sha256, settings, measured.notes),
     )
 
 

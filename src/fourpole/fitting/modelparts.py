@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, StrictBool
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, StrictBool, model_serializer
 
 from fourpole.errors import ModelError
+from fourpole.version import VERSION
 
 #: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
 _ROUND_OFF = 1e-6
@@ -39,13 +40,30 @@ class Strict(BaseModel):
     )
 
 
-class VerdictFile(Strict):
+class Grown(Strict):
+    """Base of records that version 1 has given further keys, which are written only where they hold something."""
+
+    later: ClassVar[tuple[str, ...]] = ()
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        found: dict[str, Any] = write(self)
+        lacking = [key for key in self.later if found.get(key) is None or found[key] is False or found[key] == []]
+        return {key: one for key, one in found.items() if key not in lacking}
+
+
+class VerdictFile(Grown):
     """The smallest kind of passive linear specimen that can have K* as it was measured."""
 
+    later: ClassVar = ("holds", "mass", "resonances")
     possible: bool
-    holds: str | None = Field(None, max_length=20, description="mass, resonant or none; left out for a relaxing one.")
-    mass: float | None = Field(None, description="Mass at the driven end that was taken off K* before the fit [kg].")
-    resonances: list[float] = Field([], max_length=10, description="Frequencies of its resonances [Hz].")
+    holds: str | None = Field(
+        default=None, max_length=20, description="mass, resonant or none; left out for a relaxing one."
+    )
+    mass: float | None = Field(
+        default=None, description="Mass at the driven end that was taken off K* before the fit [kg]."
+    )
+    resonances: list[float] = Field(default=[], max_length=10, description="Frequencies of its resonances [Hz].")
     chance: float = Field(description="Probability of a larger chi-square by noise alone [1].")
     misfit: float = Field(description="Relative error of K* at each frequency that would make it possible [1].")
     impossible: list[float] = Field(max_length=LONGEST, description="Frequencies at which K* is not possible [Hz].")
@@ -59,6 +77,11 @@ class Provenance(Strict):
     sha256: str
     settings: dict[str, Any] = Field(default_factory=dict)
     notes: list[str] = Field(default_factory=list)
+
+    @classmethod
+    def of(cls, source: str, sha256: str, settings: Mapping[str, Any] | None, notes: Sequence[str]) -> Provenance:
+        """That of a document which this program makes."""
+        return cls(fourpole=VERSION, source=source, sha256=sha256, settings=dict(settings or {}), notes=list(notes))
 
     @property
     def earlier(self) -> dict[str, Any]:
@@ -102,9 +125,10 @@ def split_column(column: str) -> tuple[str, str]:
     return (name, unit.removesuffix("]")) if mark else (column, "1")
 
 
-class AxisFile(Named):
+class AxisFile(Grown, Named):
     """An axis of a map, with the value of each tested condition."""
 
+    later: ClassVar = ("logarithmic",)
     values: list[float] = Field(max_length=LONGEST)
     logarithmic: StrictBool = Field(default=False, description="Whether the axis is scaled by its logarithm.")
 

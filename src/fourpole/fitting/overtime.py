@@ -20,11 +20,11 @@ from fourpole.fitting.rows import conditions_in, names_apart
 from fourpole.io.published import read_listed
 from fourpole.io.tables.kstar import TableOptions
 from fourpole.io.tables.overtime import TimeTable, read_over_time
+from fourpole.models.choice import criteria
 from fourpole.models.families import model_named
 from fourpole.models.maxwell import Prony
 from fourpole.models.overtime import TimeFit, density, fit_creep, fit_relaxation
 from fourpole.models.shape import Shape
-from fourpole.version import VERSION
 
 _RULE = Sameness()
 _Condition = tuple[dict[str, float], tuple[float, float], TimeFit]
@@ -75,12 +75,11 @@ def fit_over_time(
     return ModelFile(
         kind="model",
         models=entries,
-        provenance=Provenance(
-            fourpole=VERSION,
-            source=path.name,
-            sha256=hashlib.sha256(read_listed(path, max_bytes=MOST_BYTES)).hexdigest(),
-            settings=dict(settings or {}),
-            notes=[f"understood {'; '.join(table.understood)}", *table.warnings],
+        provenance=Provenance.of(
+            path.name,
+            hashlib.sha256(read_listed(path, max_bytes=MOST_BYTES)).hexdigest(),
+            settings,
+            [f"understood {'; '.join(table.understood)}", *table.warnings],
         ),
     )
 
@@ -128,11 +127,10 @@ def _entry(
     chi2, dof = sum(one.chi2 for one in fits), sum(one.dof for one in fits)
     free = sum(1 + one.arms.springs.size for one in fits)
     said = f"{placed.name}: the non-negative spectrum of {what} over time, {free} parameters above zero"
-    size = free + dof
+    aicc, bic = criteria(chi2, free + dof, free)
     candidate = CandidateFile(
         model=placed.name, causal=True, free=free, chi2=chi2, dof=dof,
-        aicc=chi2 + 2 * free + 2 * free * (free + 1) / max(size - free - 1, 1), bic=chi2 + free * float(np.log(size)),
-        cross_validation=None, on_bound=0, not_converged=0,
+        aicc=aicc, bic=bic, cross_validation=None, on_bound=0, not_converged=0,
     )  # fmt: skip
     return ModelEntry(
         tyre=tyre,
@@ -156,14 +154,7 @@ def _condition(
     covariance, ends = np.zeros((values.size, values.size)), np.stack([values, values], axis=1)
     covariance[np.ix_(places, places)], ends[places] = found.covariance, found.intervals
     chance = float(stats.chi2.sf(found.chi2, max(found.dof, 1)))
-    possible = not found.error
-    verdict = (
-        VerdictFile(
-            possible=possible, chance=chance, misfit=found.error, impossible=[], holds=None, mass=None, resonances=[]
-        )
-        if known
-        else None
-    )
+    verdict = VerdictFile(possible=not found.error, chance=chance, misfit=found.error, impossible=[])
     return ConditionFile(
         state=NamedValue.of(state),
         tests=[],
@@ -176,6 +167,5 @@ def _condition(
         dof=found.dof,
         converged=True,
         agreed=1.0,
-        verdict=verdict,
-        ranges=[],
+        verdict=verdict if known else None,
     )

@@ -17,6 +17,7 @@ from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, rea
 from fourpole.fitting.placed import PlacedModel, placed_models
 from fourpole.io.folders import model_in, resolved
 from fourpole.models.discrepancy import with_error
+from fourpole.models.shift_law import root_of
 from fourpole.quantities import ShownUnits
 from fourpole.ride.compare import Tyre
 
@@ -140,8 +141,7 @@ def _split(one: RideTyre, file: ModelFile, measured: Sequence[Measured], place: 
     if entry is None or condition is None or of is None or not of.shared.size:
         return one
     shared = _by_shared_errors(entry, condition, one.tyre, of)
-    values, vectors = np.linalg.eigh(np.array(condition.covariance) - shared @ shared.T)
-    own = vectors * np.sqrt(np.maximum(values, 0.0))
+    own = root_of(np.array(condition.covariance) - shared @ shared.T)
     errors = {next(iter(one.tyre.errors)): own, f"{place.parent}: sensors and rig": shared}
     return replace(one, tyre=replace(one.tyre, errors=errors))
 

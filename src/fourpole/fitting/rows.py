@@ -1,4 +1,4 @@
-"""Rows of the result tables: the key (test, point), the condition and the values of the tyre in each row.
+"""Rows of tables of K*: the key (test, point), the condition and the values of the tyre in each row.
 
 A row of a dynamic test is identified by its test and its point, since one recording may give several frequencies. The
 column `point` is written only if a test has more than one point.
@@ -6,6 +6,7 @@ column `point` is written only if a test has more than one point.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,13 @@ import numpy as np
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.core.arrays import FloatArray
+from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.checks import VERDICTS
 from fourpole.core.condition import AXES, Axis, Condition, Sameness, Value
-from fourpole.errors import TableError
+from fourpole.errors import ModelError, TableError, UnitError
 from fourpole.io.documents import GREATEST
 from fourpole.quantities import Quantity
-from fourpole.units import column_unit, shown
+from fourpole.units import column_unit, shown, to_si
 
 if TYPE_CHECKING:
     from fourpole.core.identify import Identification
@@ -29,6 +30,18 @@ if TYPE_CHECKING:
 KEY = (q.TEST.head, q.POINT.head)
 
 Key = tuple[str, int]
+FREQUENCY, RE, IM = q.FREQUENCY.head, q.STORAGE.head, q.LOSS.head
+STD = (q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K.head)
+#: Kinds of the columns whose unit may be another than that of dynamic.csv.
+_KINDS = {
+    FREQUENCY: "frequency", RE: "stiffness", IM: "stiffness", STD[0]: "stiffness", STD[1]: "stiffness",
+    q.K1.head: "stiffness", q.K1.u_head: "stiffness", q.PRESSURE.head: "pressure", q.PRELOAD.head: "force",
+    q.TEMPERATURE.head: "temperature",
+}  # fmt: skip
+#: Bounds of a frequency [Hz]: a product of two of them, or of one and its reciprocal, is a number.
+_LOWEST, _HIGHEST = 1e-100, 1e100
+#: Upper bound of a stiffness [N/m].
+_LARGEST = 1e25
 
 
 def checked(table: pl.DataFrame, name: str, kinds: Mapping[str, Any] | None = None) -> pl.DataFrame:
@@ -201,3 +214,132 @@ def rule_in(record: Mapping[str, Any]) -> Sameness:
 def _axis(one: Mapping[str, Any]) -> Axis:
     relative, absolute = (float(x) if isinstance(x := one.get(name), int | float) else 0.0 for name in _TOLERANCES)
     return Axis(str(one.get("column") or ""), "", relative, absolute, one.get("text") is True)
+
+
+def covariances(numbers: dict[str, FloatArray]) -> FloatArray:
+    """Covariance (N, 2, 2) [N²/m²] from the columns of uncertainty and correlation."""
+    first, second = numbers[STD[0]], numbers[STD[1]]
+    correlation = np.nan_to_num(numbers.get(STD[2], np.zeros(first.size)))
+    impossible = {
+        STD[0]: ~(first >= 0), STD[1]: ~(second >= 0), STD[2]: np.abs(correlation) > 1,
+    }  # fmt: skip
+    for head, rows in impossible.items():
+        if np.any(rows):
+            at = int(np.argmax(rows))
+            raise ModelError(
+                f"{shown(head)} at {numbers[FREQUENCY][at]:.6g} Hz is {numbers[head][at]:g}, which is no covariance: "
+                "an uncertainty is not negative, a correlation lies between -1 and 1. Correct the cell or state --std"
+            )
+    cross = correlation * first * second
+    return np.stack([np.stack([first**2, cross], axis=-1), np.stack([cross, second**2], axis=-1)], axis=-2)
+
+
+def as_frame(name: str, content: bytes) -> pl.DataFrame:
+    """A table of results, all cells of a CSV file as text; TableError if it is none."""
+    try:
+        if name.endswith(".parquet"):
+            return pl.read_parquet(io.BytesIO(content))
+        return each_once(pl.read_csv(content, infer_schema=False, comment_prefix="#"), name)
+    except pl.exceptions.PolarsError as error:
+        raise TableError(f"{name}: is no table of results ({str(error).splitlines()[0]})") from None
+
+
+def in_si(frame: pl.DataFrame, name: str) -> pl.DataFrame:
+    """The table with the usual columns in SI, where they stand in another unit: "pressure [bar]", "Re K* [kN/m]".
+
+    Raises
+    ------
+    TableError
+        If the unit of such a column is none of its quantity.
+    """
+    for head, kind in _KINDS.items():
+        usual = column_unit(head)[0]
+        other = next((one for one in frame.columns if column_unit(one)[0] == usual and column_unit(one)[1]), None)
+        if head in frame.columns or other is None:
+            continue
+        values = numbers_of(frame, other, name, np.ones(frame.height, dtype=bool))
+        try:
+            frame = frame.with_columns(pl.Series(head, to_si(values, column_unit(other)[1] or "", kind)))
+        except UnitError as error:
+            raise TableError(f"{name}: column {shown(other)}: {error}") from None
+    return frame
+
+
+def numbers_of(frame: pl.DataFrame, column: str, name: str, used: BoolArray) -> FloatArray:
+    """A column as numbers; TableError where a row that is used has other text."""
+    series = frame[column]
+    if series.dtype == pl.String:
+        stripped = series.str.strip_chars()
+        found = stripped.cast(pl.Float64, strict=False)
+        lost = found.is_null() & stripped.is_not_null() & (stripped != "") & pl.Series(used)
+        if lost.any():
+            at = int(lost.arg_max() or 0)
+            raise TableError(f"{name}: row {at + 2}, column {shown(column)}: {shown(str(series[at]))} is no number")
+        series = found
+    numbers = np.asarray(series.cast(pl.Float64).fill_null(np.nan).to_numpy(), dtype=float)
+    beyond = used & (np.abs(numbers) > GREATEST)
+    if np.any(beyond):
+        at = int(np.argmax(beyond))
+        raise TableError(
+            f"{name}: row {at + 2}, column {shown(column)}: {numbers[at]:g} is no number up to {GREATEST:g}"
+        )
+    return numbers
+
+
+def known_numbers(frame: pl.DataFrame, name: str, rule: Sameness, needed: Sequence[str]) -> dict[str, FloatArray]:
+    """The columns of numbers that are known; ModelError if a needed one is not there."""
+    for column in (FREQUENCY, RE, IM, *needed):
+        if column not in frame.columns:
+            there = ", ".join(map(shown, frame.columns[:40]))
+            raise ModelError(f"{name}: has no column {shown(column)}: it has {there}")
+    found = {column: numbers_of(frame, column, name, np.ones(frame.height, dtype=bool)) for column in (RE, IM)}
+    measured = np.isfinite(found[RE]) & np.isfinite(found[IM])
+    known = {
+        FREQUENCY,
+        *STD,
+        *q.K1.heads,
+        q.DEFLECTION_AMPLITUDE.head,
+        *(axis.column for axis in rule.axes if not axis.text),
+    } - {RE, IM}
+    others = [column for column in frame.columns if column in known]
+    return found | {column: numbers_of(frame, column, name, measured) for column in others}
+
+
+def usable(
+    numbers: Mapping[str, FloatArray], name: str, *, stated: bool, by_amplitude: bool
+) -> tuple[BoolArray, list[str]]:
+    """Flags of the rows used, and notes on the others; if some rows state an uncertainty, rows without are not used."""
+    frequency, real, imag = (numbers[head] for head in (FREQUENCY, RE, IM))
+    good = np.isfinite(frequency) & np.isfinite(real) & np.isfinite(imag) & (frequency > 0)
+    notes = [] if good.all() else [f"{int(np.sum(~good))} of {good.size} rows of {name} have no K* and were left out"]
+
+    def only(wanted: BoolArray, said: str) -> BoolArray:
+        """The rows used that are wanted; a note on the others."""
+        if np.any(good & ~wanted):
+            notes.append(f"{int(np.sum(good & ~wanted))} rows of {name} {said} and were left out")
+        return good & wanted
+
+    inside = (frequency >= _LOWEST) & (frequency <= _HIGHEST)
+    good = only(inside, f"have a frequency beyond {_LOWEST:g} to {_HIGHEST:g} Hz")
+    size = np.hypot(np.nan_to_num(real), np.nan_to_num(imag))
+    good = only((size > 0) & (size < _LARGEST), f"have a K* that is zero, or beyond {_LARGEST:g} N/m,")
+    if stated and all(column in numbers for column in STD[:2]):
+        sure = np.isfinite(numbers[STD[0]]) & np.isfinite(numbers[STD[1]])
+        good = only(sure, "state no uncertainty of K*") if np.any(sure & good) else good
+    if by_amplitude:
+        moved = numbers[q.DEFLECTION_AMPLITUDE.head]
+        known = np.isfinite(moved) & (np.nan_to_num(moved) > 0)
+        good = only(known, f"have no {shown(q.DEFLECTION_AMPLITUDE.head)}")
+    return good, notes
+
+
+def lacking_std(numbers: Mapping[str, FloatArray]) -> str:
+    """Why columns do not give the uncertainty of K*, as a sentence; empty if they do."""
+    without = [column for column in STD[:2] if column not in numbers or not np.all(np.isfinite(numbers[column]))]
+    if without:
+        return (
+            f"{shown(without[0])} has no value in some row, and so the other part's is not used: state both, or --std"
+        )
+    if not any(np.any(numbers[column]) for column in STD[:2]):
+        return f"{shown(STD[0])} and {shown(STD[1])} are zero in every row, as no measurement is: they are not used"
+    return ""

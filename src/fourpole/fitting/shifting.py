@@ -15,6 +15,7 @@ from fourpole import quantities as q
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.condition import AXES, Condition, Sameness
 from fourpole.errors import FileError, ModelError
+from fourpole.fitting.document import MOST_BYTES
 from fourpole.fitting.likelihood import COVARIANCE_COLUMNS
 from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
 from fourpole.fitting.modelparts import NamedValue
@@ -33,7 +34,6 @@ from fourpole.models.superposition import Superposition, superpose
 APART = 1.0
 #: Files beside the table of a master curve.
 LAW, COVARIANCE = "temperature.json", "covariance.parquet"
-_MOST_BYTES = 50_000_000
 _TEMPERATURE = q.TEMPERATURE.head
 
 
@@ -303,7 +303,7 @@ def laws_beside(table: Path, sha256: str) -> tuple[dict[str, TemperatureFile], s
     if table.name != MASTER or not beside.is_file():
         return {}, ""
     try:
-        document = json_of(read_bytes(beside, max_bytes=_MOST_BYTES, within=beside.parent), LAW)
+        document = json_of(read_bytes(beside, max_bytes=MOST_BYTES, within=beside.parent), LAW)
         changed, same = alterations(document), document["master sha256"] == sha256
         laws = {one["tyre"]: TemperatureFile.model_validate(one["temperature"]) for one in document["laws"]}
         single = len(laws) == len(document["laws"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import polars as pl
@@ -19,7 +19,7 @@ from fourpole.core.condition import AXES
 from fourpole.errors import ModelError, TableError
 from fourpole.fitting.likelihood import MOST_BYTES
 from fourpole.fitting.measured import Measured, MeasuredSet
-from fourpole.fitting.modelparts import Strict
+from fourpole.fitting.modelparts import Grown
 from fourpole.fitting.ranges import IN_RANGE, RangeFile
 from fourpole.fitting.rows import checked
 from fourpole.io.published import published_beside
@@ -42,9 +42,10 @@ _NEAR = 0.4
 _LOWEST = 0.25
 
 
-class StaticFile(Strict):
+class StaticFile(Grown):
     """The static test of a condition, joined as a ramp."""
 
+    later: ClassVar = ("passive",)
     branch_time: float = Field(gt=0, description="Duration of a branch [s].")
     cycle: int = Field(ge=1, description="Number of the cycle.")
     place: float = Field(ge=0, le=1, description="Deflection of the tangent as a share of the branch [1].")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,7 +12,7 @@ from pydantic import Field
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError
-from fourpole.fitting.modelparts import LARGEST, NamedValue, Strict, check_covariance
+from fourpole.fitting.modelparts import LARGEST, Grown, NamedValue, Strict, check_covariance
 from fourpole.models.answer import Answer
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import Fit
@@ -134,9 +134,10 @@ class ShiftsFile(Strict):
         return shift
 
 
-class TemperatureFile(Strict):
+class TemperatureFile(Grown):
     """The shift factors of a master curve: K*(f, T) = K*(f aT, reference) / bT."""
 
+    later: ClassVar = ("shifts",)
     law: Literal["WLF", "Arrhenius"] = Field(
         description="WLF: log10 aT = -C1 dT/(C2 + dT), dT = T - reference. Arrhenius: ln aT = E/R (1/T - 1/reference)."
     )

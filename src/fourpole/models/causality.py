@@ -19,8 +19,8 @@ from fourpole.core import stats
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import CHANCE, NORMAL_95
 from fourpole.errors import ModelError
-from fourpole.models.data import SCALINGS, StiffnessData, relaxation, spring_and_arms
-from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
+from fourpole.models.data import StiffnessData, relaxation, spring_and_arms
+from fourpole.models.nonnegative import NonNegative, WhitenedCondition, profile_ends, rise_of, whitened_conditions
 
 #: Relaxation times per decade of the grid, and decades of the grid beyond each end of the band.
 _PER_DECADE, _BEYOND = 12, 2.0
@@ -143,51 +143,45 @@ def near_passive(data: StiffnessData) -> StiffnessData:
 def _near_best(data: StiffnessData, enough: float) -> tuple[StiffnessData, PassiveTyre]:
     """The best passive tyre, and the data with their shared errors at its K*."""
     best = _best(data if data.reference is not None else data.eased(), enough)
-    for _ in range(SCALINGS):
-        there = data.at(best.best)
-        if there is data:
-            break
-        data, best = there, _best(there, enough)
-    return data, best
+    return data.settled(best, lambda one: one.best, lambda there, _: _best(there, enough))
 
 
 def _best(data: StiffnessData, enough: float) -> PassiveTyre:
     """The best passive tyre on a grid of times that is refined, and searched, until the probability is `enough`."""
-    whiten, before, times = data.whitener(), np.inf, grid_of(data)
+    (condition,), before, times = whitened_conditions(data), np.inf, grid_of(data)
     for _ in range(_ROUNDS):
-        best = _with_times(data, whiten, times)
+        best = _with_times(condition, times)
         if best.chance > enough or before - best.chi2 < _STUCK * (best.chi2 - best.dof):
             break
         times, before = _finer(times, best.spectrum > 0), best.chi2
-    return best if best.chance > enough else _with_best_times(data, whiten, best)
+    return best if best.chance > enough else _with_best_times(condition, best)
 
 
-def grid_of(data: StiffnessData) -> FloatArray:
-    """Relaxation times (T,) [s] evenly over the band of the data and beyond it, by their logarithms."""
-    low, high = data.lowest / 10**_BEYOND, float(data.omega.max()) * 10**_BEYOND
+def grid_of(data: StiffnessData, beyond: float = _BEYOND) -> FloatArray:
+    """Relaxation times (T,) [s] evenly over the band of the data and decades beyond it, by their logarithms."""
+    low, high = data.lowest / 10**beyond, float(data.omega.max()) * 10**beyond
     return 1.0 / np.geomspace(low, high, int(np.ceil(np.log10(high / low) * _PER_DECADE)) + 1)[::-1]
 
 
-def _with_times(data: StiffnessData, whiten: FloatArray, times: FloatArray) -> PassiveTyre:
+def _with_times(condition: WhitenedCondition, times: FloatArray) -> PassiveTyre:
     """The best passive tyre with given relaxation times."""
-    terms = terms_of(data.omega, times, known=data.has_k1 and not data.ramp)
-    rows, target = data.whitened(whiten, terms), data.whitened(whiten, data.stiffness[:, None])[:, 0]
-    if data.has_k1:  # one more row: K_inf, and the share of each arm if the static test was a ramp
-        k1 = np.zeros(terms.shape[1])
-        k1[0] = 1.0 / data.k1_std
-        k1[-times.size - 1 : -1] = data.static_share(times) / data.k1_std
-        rows, target = np.vstack([rows, k1]), np.append(target, data.k1 / data.k1_std)
-    weights, chi2 = least_squares(rows, target)
-    dof = max(target.size - int(np.sum(weights > 0)), 1)
-    chance = float(stats.chi2.sf(chi2, dof))
+    terms, static = relaxing_terms(condition.data, times)
+    found = NonNegative.best(condition.rows(terms, static), condition.target)
+    dof = max(condition.data.numbers - found.used, 1)
     return PassiveTyre(
-        chi2, dof, chance, terms @ weights, target - rows @ weights, times, weights[-times.size - 1 : -1]
+        chi2=found.chi2,
+        dof=dof,
+        chance=float(stats.chi2.sf(found.chi2, dof)),
+        best=terms @ found.weights,
+        whitened=found.residuals[: condition.data.numbers],
+        times=times,
+        spectrum=found.weights[-times.size - 1 : -1],
     )
 
 
-def _with_best_times(data: StiffnessData, whiten: FloatArray, best: PassiveTyre) -> PassiveTyre:
+def _with_best_times(condition: WhitenedCondition, best: PassiveTyre) -> PassiveTyre:
     """The passive tyre whose times are merged where they are close together, then moved by Gauss-Newton steps."""
-    used = best.spectrum > 0
+    data, used = condition.data, best.spectrum > 0
     logs, weights = np.log(best.times[used]), best.spectrum[used]
     if not logs.size:
         return best
@@ -197,14 +191,14 @@ def _with_best_times(data: StiffnessData, whiten: FloatArray, best: PassiveTyre)
     if place.size > _MOST_MOVED:
         return best
     for _ in range(_MOVES):
-        tried = _with_times(data, whiten, np.exp(place))
+        tried = _with_times(condition, np.exp(place))
         if tried.chi2 < best.chi2 * (1 - 1e-9):
             best = tried
         if best.possible:
             break
         arms = relaxation(data.omega, np.exp(place))
-        slopes = data.whitened(whiten, tried.spectrum * arms * (1 - arms))
-        flat = data.whitened(whiten, terms_of(data.omega, np.exp(place), known=False))
+        slopes = data.whitened(condition.whiten, tried.spectrum * arms * (1 - arms))
+        flat = data.whitened(condition.whiten, terms_of(data.omega, np.exp(place), data.omega.max()))
         residuals = tried.whitened[: 2 * data.count]
         step = np.linalg.lstsq(np.concatenate([slopes, flat], axis=1), residuals, rcond=1e-12)[0]
         place = place + np.clip(step[: place.size], -_FARTHEST_MOVE, _FARTHEST_MOVE)
@@ -229,14 +223,26 @@ def _impossible(data: StiffnessData, far: FloatArray) -> tuple[np.ndarray, bool]
     return np.flatnonzero(far > _FAR), False
 
 
-def terms_of(omega: FloatArray, times: FloatArray, *, known: bool) -> ComplexArray:
-    """K* of the terms per unit of their coefficients (N, k): K_inf, arms, a damper.
+def relaxing_terms(data: StiffnessData, times: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """K* (N, k) and K1 (k,) of the terms of the best relaxing specimen of one condition, per unit of coefficients.
 
-    If K1 is `known` at zero frequency, a second constant is an arm that relaxes too slowly for the band: it is part of
+    If K1 is known at zero frequency, a second constant is an arm that relaxes too slowly for the band: it is part of
     K*, but not of K1.
     """
-    constant = np.ones((omega.size, 2 if known else 1))
-    return np.concatenate([constant, relaxation(omega, times), 1j * omega[:, None] / omega.max()], axis=1)
+    terms, static = terms_of(data.omega, times, data.omega.max()), _static_of(data, times)
+    if data.has_k1 and not data.ramp:
+        terms, static = np.insert(terms, 1, 1.0, axis=1), np.insert(static, 1, 0.0)
+    return terms, static
+
+
+def terms_of(omega: FloatArray, times: FloatArray, top: float) -> ComplexArray:
+    """K* (F, T + 2) of a unit spring, of unit arms, and of a damper that is 1 N/m at `top` [rad/s]."""
+    return np.concatenate([spring_and_arms(omega, times), 1j * omega[:, None] / top], axis=1)
+
+
+def _static_of(data: StiffnessData, times: FloatArray) -> FloatArray:
+    """K1 (T + 2,) of these terms."""
+    return np.concatenate([[1.0], data.static_share(times), [0.0]])
 
 
 def _finer(times: FloatArray, active: np.ndarray) -> FloatArray:
@@ -262,24 +268,18 @@ def passive_range(data: StiffnessData, omega: FloatArray) -> FloatArray:
         Angular frequencies.
     """
     (condition,) = whitened_conditions(data)
-    low, high = data.lowest / 10**_BEYOND_RANGE, float(data.omega.max()) * 10**_BEYOND_RANGE
-    times = 1.0 / np.geomspace(low, high, int(np.ceil(np.log10(high / low) * _PER_DECADE)) + 1)
-    rows = condition.rows(_spring_arms_damper(data.omega, times), np.append(data.static_share(times), 0.0))
-    found, least = least_squares(rows, condition.target)
+    times = grid_of(data, _BEYOND_RANGE)
+    rows = condition.rows(terms_of(data.omega, times, data.omega.max()), _static_of(data, times))
+    best = NonNegative.best(rows, condition.target)
     ends = np.empty((omega.size, 2, 2))
-    for at, answer in enumerate(_spring_arms_damper(omega, times)):
-        step = 0.01 * float(np.abs(answer @ found))
+    for at, answer in enumerate(terms_of(omega, times, data.omega.max())):
+        step = 0.01 * float(np.abs(answer @ best.weights))
         for part, term in enumerate((answer.real, answer.imag)):
 
             def height(value: float, term: FloatArray = term) -> float:
                 scale = _HELD / max(abs(value), float(np.max(term)) * 1e-3)
                 held = np.vstack([rows, scale * term])
-                return rise_of(held, np.append(condition.target, scale * value), least)
+                return rise_of(held, np.append(condition.target, scale * value), best.chi2)
 
-            ends[at, part] = profile_ends(height, float(term @ found), step, NORMAL_95)
+            ends[at, part] = profile_ends(height, float(term @ best.weights), step, NORMAL_95)
     return ends
-
-
-def _spring_arms_damper(omega: FloatArray, times: FloatArray) -> ComplexArray:
-    """K* (F, T + 2) of a unit spring, of unit arms and of a damper."""
-    return np.concatenate([spring_and_arms(omega, times), 1j * omega[:, None] * times.min()], axis=1)

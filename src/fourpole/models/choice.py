@@ -12,7 +12,7 @@ from fourpole.core import stats
 from fourpole.core.arrays import BoolArray, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
-from fourpole.models.data import MASTER_DECADES, SCALINGS, StiffnessData, stacked
+from fourpole.models.data import MASTER_DECADES, StiffnessData, stacked
 from fourpole.models.families import automatic, contains, model_named, sizes_of
 from fourpole.models.fit import Fit, best_fit, fit
 from fourpole.models.interface import Model
@@ -21,8 +21,6 @@ from fourpole.models.ramp import takes_k1
 
 #: Reason why a model that was not compared was left out: the user stopped the fits.
 STOPPED = "stopped by Ctrl-C"
-#: Models that are tried if none is named, over a wide band.
-AUTO = automatic()
 #: The model of a master curve: no law with few parameters holds over so many decades.
 _OF_MASTER_CURVES = ("prony",)
 #: Two models are equally good if their BIC differ by less than this: odds of 20 to 1.
@@ -247,7 +245,7 @@ def fit_conditions(
     """
     fits: dict[int, Fit] = {}
     model = model.placed(conditions)
-    for places, together in _together(model, conditions):
+    for places, together in stacked(conditions, apart=model.linear):
         fixed = fixed_of(model, [given[place] for place in places] if given is not None else [{}] * len(places))
         easy = together if together.reference is not None else together.eased()
         found = best_fit(model, easy, starts_of(model, together, _STARTS), fixed=fixed)
@@ -258,21 +256,12 @@ def fit_conditions(
 
 def _at_own_errors(model: Model, data: StiffnessData, found: Fit, fixed: Sequence[str]) -> Fit:
     """The fit with the errors that frequencies share at K* of the fit itself."""
-    agreed = found.agreed
-    for _ in range(SCALINGS):
-        there = data.at(model.on(data).stiffness(found.values, data.omega))
-        if there is data:
-            break
-        data, found = there, fit(model, there, found.values, fixed=fixed)
-    return replace(found, agreed=agreed)
-
-
-def _together(model: Model, conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:
-    """Conditions that are fitted at once; those of a linear model one by one, as their degrees of freedom differ."""
-    for at, one in enumerate(conditions if model.linear else ()):
-        yield from (([at], part) for _, part in stacked([one]))
-    if not model.linear:
-        yield from stacked(conditions)
+    _, settled = data.settled(
+        found,
+        lambda one: model.on(data).stiffness(one.values, data.omega),
+        lambda there, one: fit(model, there, one.values, fixed=fixed),
+    )
+    return replace(settled, agreed=found.agreed)
 
 
 def fixed_of(model: Model, given: Sequence[Mapping[str, float]]) -> dict[str, FloatArray]:
@@ -310,9 +299,15 @@ def _candidate(model: Model, conditions: Sequence[StiffnessData], given: Sequenc
         # For a model that flows, K1 is a datum and a parameter of its own: all models are compared on the same data.
         count = one.residuals.shape[-1] + int(data.has_k1 and not takes_k1(model, data))
         free = count - one.dof
-        aicc += float(one.chi2) + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
-        bic += float(one.chi2) + free * float(np.log(count))
+        both = criteria(float(one.chi2), count, free)
+        aicc, bic = aicc + both[0], bic + both[1]
     return Trial(fits, aicc, bic)
+
+
+def criteria(chi2: float, count: int, free: int) -> tuple[float, float]:
+    """AICc and BIC of a fit of so many free parameters to so many data."""
+    aicc = chi2 + 2 * free + 2 * free * (free + 1) / max(count - free - 1, 1)
+    return aicc, chi2 + free * float(np.log(count))
 
 
 def _cross_validate(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from fourpole.errors import ModelError
 #: Relative uncertainty that is added to every K*: the resolution of single precision.
 _FLOOR = 1e-7
 #: Largest number of times that a fit takes the shared errors at its K*, and begins again.
-SCALINGS = 8
+_SCALINGS = 8
 #: Second-order effect of shared errors that is negligible, in standard uncertainties.
 _NEGLIGIBLE = 0.1
 #: Distance of K* of a model, in standard uncertainties from the shared errors, beyond which they do not explain it.
@@ -26,6 +26,9 @@ MASTER_DECADES = 6.0
 _LARGEST = 1e60
 #: Lowest frequency of which a static ramp says something, over the lowest in its weighted sum.
 _SLOWEST = 10.0
+
+#: What is fitted to data.
+_Found = TypeVar("_Found")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,13 +124,14 @@ class StiffnessData(ByValue):
         else:
             whole = np.asarray(covariance, dtype=float)
         _check_covariance(whole, k.shape)
-        relative = None
-        if shared is not None:
-            columns = np.asarray(shared, dtype=float)
-            whole = with_shared(whole, columns, k.shape)
-            relative = complex_columns(columns) / k[..., None]
         known = [np.broadcast_to(np.asarray(x, dtype=float), k.shape[:-1]) for x in (k1, k1_std)]
-        return cls(w, k, whole, known[0], known[1], relative)
+        found = cls(w, k, whole, known[0], known[1])
+        return found if shared is None else found.with_errors(np.asarray(shared, dtype=float))
+
+    def with_errors(self, shared: FloatArray) -> StiffnessData:
+        """The same data with the errors (..., 2N, p) that all frequencies share; see `of`."""
+        relative = complex_columns(shared) / self.stiffness[..., None]
+        return replace(self, covariance=with_shared(self.covariance, shared, self.stiffness.shape), relative=relative)
 
     @property
     def count(self) -> int:
@@ -143,6 +147,11 @@ class StiffnessData(ByValue):
     def has_k1(self) -> bool:
         """Whether at least one condition has a known static stiffness."""
         return bool(np.any(np.isfinite(self.k1) & np.isfinite(self.k1_std)))
+
+    @property
+    def numbers(self) -> int:
+        """Number of data of each condition: two for each frequency, and K1 if it is known."""
+        return 2 * self.count + int(self.has_k1)
 
     @property
     def ramp(self) -> dict[str, Any]:
@@ -190,6 +199,13 @@ class StiffnessData(ByValue):
             },
         )
 
+    def conditions(self, rows: np.ndarray | int) -> StiffnessData:
+        """One or some of the conditions (B, N), each once or several times; the covariance stays that of all."""
+        found = {name: getattr(self, name)[rows] for name in ("stiffness", "k1", "k1_std", *self.ramp)}
+        common = {name: getattr(self, name) for name in ("omega", "amplitude")}
+        found |= {name: one if one is None or one.ndim < 2 else one[rows] for name, one in common.items()}
+        return replace(self, **found)
+
     def at(self, stiffness: ComplexArray) -> StiffnessData:
         r"""The same data with the shared errors of K* = `stiffness`, that of a model.
 
@@ -226,6 +242,21 @@ class StiffnessData(ByValue):
         held, there = (real_columns(self.relative * k[..., None]) for k in (self._nominal, now))
         more = there @ np.swapaxes(there, -1, -2) - held @ np.swapaxes(held, -1, -2)
         return replace(self, covariance=self.covariance + more, reference=now)
+
+    def settled(
+        self,
+        found: _Found,
+        stiffness: Callable[[_Found], ComplexArray],
+        again: Callable[[StiffnessData, _Found], _Found],
+    ) -> tuple[StiffnessData, _Found]:
+        """The data with the shared errors at K* of a fit to them, and this fit: each is taken anew until they agree."""
+        data = self
+        for _ in range(_SCALINGS):
+            there = data.at(stiffness(found))
+            if there is data:
+                break
+            data, found = there, again(there, found)
+        return data, found
 
     def eased(self) -> StiffnessData:
         """The same data with the second order of the shared errors as noise.
@@ -352,18 +383,18 @@ def multiplication(values: ComplexArray) -> FloatArray:
     return np.stack(rows, -2)
 
 
-def stacked(conditions: Sequence[StiffnessData]) -> Iterator[tuple[list[int], StiffnessData]]:
+def stacked(conditions: Sequence[StiffnessData], *, apart: bool = False) -> Iterator[tuple[list[int], StiffnessData]]:
     """Groups of conditions as one array (B, N) each, with the places of their members in `conditions`.
 
     The members of a group have the same number of frequencies and of shared errors, and the same form of covariance.
-    All or none of them have K1.
+    All or none of them have K1. If they are `apart`, each condition is a group.
     """
     names = [one.name for one in fields(StiffnessData)]
     kinds: dict[tuple[Any, ...], list[int]] = {}
     for at, one in enumerate(conditions):
         shared = None if one.relative is None else one.relative.shape[-1]
         held = (getattr(one, name) is not None for name in names)
-        kinds.setdefault((one.count, one.full, one.has_k1, shared, *held), []).append(at)
+        kinds.setdefault((at if apart else -1, one.count, one.full, one.has_k1, shared, *held), []).append(at)
     for places in kinds.values():
         parts = [conditions[at] for at in places]
         there = [name for name in names if getattr(parts[0], name) is not None]

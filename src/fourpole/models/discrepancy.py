@@ -6,7 +6,7 @@ Without it, intervals of parameters would be too narrow and comparisons of model
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -14,10 +14,15 @@ import numpy as np
 
 from fourpole.core import stats
 from fourpole.core.arrays import ComplexArray
-from fourpole.core.confidence import CHANCE
+from fourpole.core.confidence import CHANCE, LEVELS, NORMAL_95
+from fourpole.errors import ModelError
 from fourpole.models.causality import check_possible
+from fourpole.models.choice import Choice, Trial, choose, fit_conditions
 from fourpole.models.data import StiffnessData
+from fourpole.models.interface import Model
 
+#: Degrees of freedom from which on residuals show an uncertainty that is not stated; times that a model is chosen then.
+LEAST_DOF, _MOST_CHOICES = 3, 4
 #: Probability of a larger chi-square at which the search for a better passive tyre ends.
 _LIKELY = 0.5
 #: The search ends when chi-square equals its degrees of freedom within this fraction.
@@ -102,7 +107,57 @@ def model_discrepancy(
     return error
 
 
+def student_factor(dof: int) -> float:
+    """Factor of an uncertainty that residuals with so many degrees of freedom show, with which ±1.96 u holds 95 % [1].
+
+    References
+    ----------
+    G. A. F. Seber, C. J. Wild, "Nonlinear regression", 1989, 5.1 (scale and intervals by t).
+    """
+    return float(stats.t.ppf(LEVELS[-1], dof)) / NORMAL_95
+
+
 def least_misfit(conditions: Sequence[StiffnessData]) -> tuple[float, int]:
     """Chi-square and degrees of freedom, summed over the conditions, of the best passive linear tyre of each."""
     found = [check_possible(one, _LIKELY) for one in conditions]
     return sum(one.chi2 for one in found), sum(one.dof for one in found)
+
+
+def by_residuals(
+    choice: Choice, stated: Sequence[StiffnessData], held: Sequence[Mapping[str, float]], model: str
+) -> tuple[Choice, list[StiffnessData], float]:
+    """The choice, the data and their error [1], where nobody states the uncertainty of K*.
+
+    The error is that of the chosen model by its own residuals, wider by Student's t for its degrees of freedom, so that
+    value ± 1.96 u is a 95 % interval. The choice is made again until it stays.
+    """
+    names, again = None if model == "auto" else (model,), choice
+    for _ in range(_MOST_CHOICES):
+        choice, best = again, _with_enough(again)
+        error = model_discrepancy(stated, partial(misfit_of, best.fit.model, given=held), always=True)
+        again = choose([with_error(one, error) for one in stated], names, held)
+        if again.best.name == best.name:
+            break
+    error *= student_factor(best.dof)
+    data = [with_error(one, error) for one in stated]
+    best = replace(best, fits=fit_conditions(best.fit.model, data, held))
+    rest = tuple(one for one in again.candidates if one.name != best.name)
+    return Choice.of((best, *rest), again.failed), data, error
+
+
+def _with_enough(choice: Choice) -> Trial:
+    """The best candidate whose residuals show the error of K*; ModelError if there is none."""
+    for one in choice.candidates:
+        if one.dof >= LEAST_DOF:
+            return one
+    raise ModelError(
+        f"no uncertainty of K* is stated, and it cannot be found from these data: {choice.best.name} has "
+        f"{choice.best.dof} numbers more than parameters, and {LEAST_DOF} are needed. State --std, as --std '1 %', or "
+        "name a model with fewer parameters"
+    )
+
+
+def misfit_of(model: Model, data: Sequence[StiffnessData], given: Sequence[Mapping[str, float]]) -> tuple[float, int]:
+    """Chi-square and degrees of freedom of a model, summed over the conditions."""
+    fits = fit_conditions(model, data, given)
+    return sum(float(one.chi2) for one in fits), sum(one.dof for one in fits)

@@ -5,7 +5,7 @@ The search is projected onto the bounds: a parameter on its bound whose step wou
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,9 +16,10 @@ from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
-from fourpole.models.nonnegative import WhitenedCondition, least_squares, whitened_conditions
+from fourpole.models.laws import inverse
+from fourpole.models.nonnegative import NonNegative, WhitenedCondition, whitened_conditions
 from fourpole.models.problem import FitProblem, begin_of, free_places, problem_of
-from fourpole.models.ramp import static_derivative, static_stiffness, takes_k1
+from fourpole.models.ramp import static_derivative, static_stiffness
 
 #: Most numbers of K* times parameters in one search from several starts, or along several profiles.
 _TOGETHER = 100_000
@@ -35,8 +36,6 @@ _MOST_DONE = 0.25
 _NO_EFFECT = 1e-4
 #: Fits from several starts have the same optimum if their chi-squares differ by less than this.
 _SAME_OPTIMUM = 1e-3
-#: Singular values of the scaled rows that are smaller than this fraction of the largest count as zero.
-_ROUND_OFF = 1e-12
 #: Attributes of a fit that have a row for each condition.
 _BY_CONDITION = ("values", "covariance", "chi2", "residuals", "on_bound", "converged", "agreed")
 
@@ -61,8 +60,6 @@ class Fit(ByValue):
     on_bound : (..., P) bool array
         Whether a parameter is on a bound, or its value has no effect on the data.
     converged : (...,) bool array
-    steps : int
-        Number of steps of the slowest condition.
     agreed : (...,) float array [1]
         Fraction of the starts that led to this optimum; 1 if there was one start.
     """
@@ -75,15 +72,12 @@ class Fit(ByValue):
     residuals: FloatArray
     on_bound: BoolArray
     converged: BoolArray
-    steps: int = 0
     agreed: FloatArray = field(default_factory=lambda: np.ones(()))
 
     @classmethod
-    def shaped(cls, lead: tuple[int, ...], model: Model, dof: int, steps: int, **parts: np.ndarray) -> Fit:
+    def shaped(cls, lead: tuple[int, ...], model: Model, dof: int, **parts: np.ndarray) -> Fit:
         """The fit whose attributes with a row for each condition (B,) have the shape of the conditions."""
-        return cls(
-            model=model, dof=dof, steps=steps, **{n: one.reshape((*lead, *one.shape[1:])) for n, one in parts.items()}
-        )
+        return cls(model=model, dof=dof, **{n: one.reshape((*lead, *one.shape[1:])) for n, one in parts.items()})
 
     @property
     def std(self) -> FloatArray:
@@ -108,12 +102,7 @@ class Fit(ByValue):
 
 
 def fit(
-    model: Model,
-    data: StiffnessData,
-    start: ArrayLike,
-    *,
-    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
+    model: Model, data: StiffnessData, start: ArrayLike, *, fixed: Mapping[str, ArrayLike] | Sequence[str] = ()
 ) -> Fit:
     """Fit a model to each condition, from one start.
 
@@ -126,8 +115,6 @@ def fit(
         Start values; see `starts.start_of`.
     fixed : sequence of str, or mapping of str to (...,) float array
         Parameters that keep their start value, or the value of the mapping.
-    tied : mapping of str to (str, float), optional
-        Parameters that are a positive multiple of a free parameter: {"tau_2": ("tau_1", 10.0)}.
 
     Returns
     -------
@@ -150,19 +137,11 @@ def fit(
     >>> fit(Zener(), StiffnessData.of(omega, truth, 100.0), [150e3, 100e3, 500.0]).values.round(3).tolist()
     [180000.0, 120000.0, 700.0]
     """
-    if model.linear and not tied:
-        return _fit_nonnegative(model, data, start, fixed)
-    problem = problem_of(model, data, start, fixed, tied or {})
-    return _fit_of(problem, data.stiffness.shape[:-1], *_search(problem, problem.place_of(problem.fixed)))
+    return best_fit(model, data, np.asarray(start, dtype=float)[None], fixed=fixed)
 
 
 def best_fit(
-    model: Model,
-    data: StiffnessData,
-    starts: ArrayLike,
-    *,
-    fixed: Mapping[str, ArrayLike] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
+    model: Model, data: StiffnessData, starts: ArrayLike, *, fixed: Mapping[str, ArrayLike] | Sequence[str] = ()
 ) -> Fit:
     """The fit with the least chi-square of the fits from several starts (S, ..., P); see `starts.starts_of`.
 
@@ -175,26 +154,23 @@ def best_fit(
     1.0
     """
     begins = np.asarray(starts, dtype=float)
-    if model.linear and not tied:
+    if model.linear:
         return _fit_nonnegative(model, data, begins[0], fixed)
     lead = data.stiffness.shape[:-1]
-    problem = problem_of(model, data, begins[0], fixed, tied or {})
+    problem = problem_of(model, data, begins[0], fixed)
     count, size = problem.fixed.shape
-    fits = []
-    together = max(_TOGETHER // (count * data.count * size), 1)
-    for first in range(0, len(begins), together):
-        some = [np.broadcast_to(model.checked(one), (*lead, size)) for one in begins[first : first + together]]
-        whole = np.tile(problem.fixed, (len(some), 1))
-        whole[:, problem.free] = np.reshape(some, whole.shape)[:, problem.free]
-        started = problem.part(np.tile(np.arange(count), len(some))).begun(whole)
-        fits.append(_fit_of(started, (len(some), count), *_search(started, started.place_of(started.fixed))))
-    parts = {name: np.concatenate([getattr(one, name) for one in fits]) for name in _BY_CONDITION}
+    wide = np.stack([np.broadcast_to(model.checked(one), (*lead, size)) for one in begins]).reshape(-1, size)
+    whole = np.tile(problem.fixed, (len(begins), 1))
+    whole[:, problem.free] = wide[:, problem.free]
+    fits = [_fit_of(*one) for one in _searches(problem, np.tile(np.arange(count), len(begins)), whole)]
+    every = {name: np.concatenate([getattr(one, name) for one in fits]) for name in _BY_CONDITION}
+    parts = {name: one.reshape(len(begins), count, *one.shape[1:]) for name, one in every.items()}
     chi2 = np.where(parts["converged"], parts["chi2"], np.inf)
     chi2 = np.where(np.all(np.isinf(chi2), axis=0), parts["chi2"], chi2)
     best = np.argmin(chi2, axis=0)
     same = chi2 <= chi2.min(axis=0) * (1 + 1e-6) + _SAME_OPTIMUM
     chosen = {name: part[best, np.arange(count)] for name, part in parts.items()}
-    return Fit.shaped(lead, model, fits[0].dof, fits[0].steps, **{**chosen, "agreed": np.mean(same, axis=0)})
+    return Fit.shaped(lead, model, fits[0].dof, **{**chosen, "agreed": np.mean(same, axis=0)})
 
 
 def least_chi2(
@@ -213,17 +189,25 @@ def least_chi2(
     pinned : (R, F) bool array
         Free parameters of the problem that keep their start value.
     """
-    values, chi2 = np.empty(begins.shape), np.empty(len(rows))
+    found = [
+        (one.values_of(place), np.sum(one.residuals(place) ** 2, axis=1))
+        for one, place, _ in _searches(problem, rows, begins, pinned)
+    ]
+    return np.concatenate([values for values, _ in found]), np.concatenate([chi2 for _, chi2 in found])
+
+
+def _searches(
+    problem: FitProblem, rows: np.ndarray, begins: FloatArray, pinned: BoolArray | None = None
+) -> Iterator[tuple[FitProblem, FloatArray, BoolArray]]:
+    """Searches from starts (R, P) of the conditions `rows` (R,), some at a time: problem, last place, convergence."""
     together = max(_TOGETHER // (problem.data.count * begins.shape[1]), 1)
     for first in range(0, len(rows), together):
         some = slice(first, first + together)
-        one = replace(problem.part(rows[some]).begun(begins[some]), pinned=pinned[some])
-        place, _, _ = _search(one, one.place_of(one.fixed))
-        values[some], chi2[some] = one.values_of(place), np.sum(one.residuals(place) ** 2, axis=1)
-    return values, chi2
+        one = replace(problem.part(rows[some]).begun(begins[some]), pinned=None if pinned is None else pinned[some])
+        yield one, *_search(one, one.place_of(one.fixed))
 
 
-def _fit_of(problem: FitProblem, lead: tuple[int, ...], place: FloatArray, steps: int, converged: BoolArray) -> Fit:
+def _fit_of(problem: FitProblem, place: FloatArray, converged: BoolArray) -> Fit:
     """The result of a search that ended at `place` (B, F)."""
     values = problem.values_of(place)
     residuals = problem.residuals(place)
@@ -239,15 +223,15 @@ def _fit_of(problem: FitProblem, lead: tuple[int, ...], place: FloatArray, steps
         values, on_bound = (np.take_along_axis(one, order, axis=1) for one in (values, on_bound))
         covariance = np.take_along_axis(covariance, order[:, :, None], axis=1)
         covariance = np.take_along_axis(covariance, order[:, None, :], axis=2)
-    return Fit.shaped(
-        lead, problem.model, residuals.shape[1] - problem.free.size, steps,
-        values=values, covariance=covariance, chi2=np.sum(residuals**2, axis=1), residuals=residuals,
-        on_bound=on_bound, converged=converged, agreed=np.ones(len(values)),
+    return Fit(
+        model=problem.model, values=values, covariance=covariance, chi2=np.sum(residuals**2, axis=1),
+        dof=residuals.shape[1] - problem.free.size, residuals=residuals, on_bound=on_bound, converged=converged,
+        agreed=np.ones(len(values)),
     )  # fmt: skip
 
 
-def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, BoolArray]:
-    """Levenberg-Marquardt from `place` (B, F): the last place, the number of steps, and which conditions converged."""
+def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Levenberg-Marquardt from `place` (B, F): the last place, and which conditions converged."""
     place = np.clip(place, *problem.ends)
     residuals = problem.residuals(place)
     chi2 = np.sum(residuals**2, axis=1)
@@ -275,7 +259,7 @@ def _search(problem: FitProblem, place: FloatArray) -> tuple[FloatArray, int, Bo
         if np.mean(done[rows]) > _MOST_DONE:
             rows = np.flatnonzero(~done)
             left = problem.part(rows)
-    return problem.snapped(place), steps, done & np.isfinite(chi2)
+    return problem.snapped(place), done & np.isfinite(chi2)
 
 
 def _step(
@@ -302,14 +286,12 @@ def _step(
 
 def _covariance(problem: FitProblem, slopes: FloatArray, held: BoolArray, values: FloatArray) -> FloatArray:
     """Covariance (B, P, P) of all parameters; held parameters have no uncertainty."""
-    slopes = np.where(held[:, None, :], 0.0, slopes)
-    normal = np.swapaxes(slopes, 1, 2) @ slopes
-    at = np.arange(slopes.shape[2])
-    scale = 1.0 / np.sqrt(np.where(normal[:, at, at] > 0, normal[:, at, at], 1.0))
-    inverse = np.linalg.pinv(normal * scale[:, :, None] * scale[:, None, :], rcond=1e-13, hermitian=True)
-    unit = problem.unit_of(values) * scale
-    free = inverse * unit[:, :, None] * unit[:, None, :]
-    return np.asarray(problem.spread @ free @ problem.spread.T)
+    # Round-off of the inverse would be large in the unit of a time that may be any.
+    slopes, unit = np.where(held[:, None, :], 0.0, slopes), np.where(held, 0.0, problem.unit_of(values))
+    found = np.zeros((*values.shape, values.shape[-1]))
+    by_search = inverse(np.swapaxes(slopes, 1, 2) @ slopes)
+    found[:, problem.free[:, None], problem.free] = by_search * unit[:, :, None] * unit[:, None, :]
+    return found
 
 
 def _fit_nonnegative(
@@ -329,19 +311,17 @@ def _fit_nonnegative(
     begins, free = begin_of(model, lead, start, fixed), free_places(model, fixed)
     found = []
     for condition, values in zip(whitened_conditions(data), begins, strict=True):
-        rows, target = linear_problem(model, condition, values, free)
-        weights, misfit = least_squares(rows, target)
-        active = weights > 0
+        best = NonNegative.best(*linear_problem(model, condition, values, free))
         covariance, held = np.zeros((size, size)), np.zeros(size, dtype=bool)
-        covariance[np.ix_(free[active], free[active])] = _inverse_normal(rows[:, active])
-        values[free], held[free] = weights, ~active
-        found.append((values, covariance, misfit, target - rows @ weights, held))
+        covariance[np.ix_(free, free)] = best.covariance
+        values[free], held[free] = best.weights, best.weights == 0
+        found.append((values, covariance, best.chi2, best.residuals[: condition.data.numbers], held))
     values, covariance, chi2, residuals, on_bound = (np.array(part) for part in zip(*found, strict=True))
     used = free.size - int(on_bound.sum(axis=1).min())
     if residuals.shape[1] < used:
         raise ModelError(f"{residuals.shape[1]} numbers are too few for {used} terms of the {model.name} model")
     return Fit.shaped(
-        lead, model, residuals.shape[1] - used, 1,
+        lead, model, residuals.shape[1] - used,
         values=values, covariance=covariance, chi2=chi2, residuals=residuals,
         on_bound=on_bound, converged=np.ones(len(values), dtype=bool), agreed=np.ones(len(values)),
     )  # fmt: skip
@@ -353,19 +333,7 @@ def linear_problem(
     """Rows (M, F) of the free parameters of a linear model, and the target (M,) without what the fixed ones give."""
     data, values = condition.data, np.array(start)
     values[free] = 0.0
-    rows = data.whitened(condition.whiten, model.derivative(values, data.omega)[:, free])
+    rows = condition.rows(model.derivative(values, data.omega)[:, free], static_derivative(model, values, data)[free])
     off = data.stiffness - model.stiffness(values, data.omega)
-    target = data.whitened(condition.whiten, off[:, None])[:, 0]
-    if takes_k1(model, data):
-        rows = np.vstack([rows, static_derivative(model, values, data)[free] / data.k1_std])
-        target = np.append(target, (data.k1 - static_stiffness(model, values, data)) / data.k1_std)
-    return rows, target
-
-
-def _inverse_normal(rows: FloatArray) -> FloatArray:
-    """Inverse (k, k) of the normal matrix of rows (M, k)."""
-    size = np.linalg.norm(rows, axis=0)
-    _, values, right = np.linalg.svd(rows / size, full_matrices=False)
-    kept = values > _ROUND_OFF * values.max(initial=0.0)
-    half = right[kept].T / values[kept] / size[:, None]
-    return np.asarray(half @ half.T)
+    rest = replace(data, stiffness=off, k1=data.k1 - static_stiffness(model, values, data))
+    return rows, replace(condition, data=rest).target

@@ -60,16 +60,27 @@ class FractionalZener(Model):
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
-        low, high, tau, alpha = columns(self.checked(values))
-        share, _ = _share(positive(omega), tau, alpha)
-        return np.asarray(low + (high - low) * share)
+        low, high, share, _, beta = self._parts(values, omega)
+        return np.asarray(low + (high - low) * share**beta)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives by K0, K_inf, tau and alpha."""
-        low, high, tau, alpha = columns(self.checked(values))
-        share, log = _share(positive(omega), tau, alpha)
-        slope = (high - low) * share * (1 - share)
-        return np.stack([1 - share, share, slope * alpha / tau, slope * log], axis=-1)
+        """Derivatives by K0, K_inf, tau, alpha and, where there is one, beta."""
+        tau, alpha = columns(self.checked(values))[2:4]
+        low, high, share, log, beta = self._parts(values, omega)
+        power = share**beta
+        slope = (high - low) * beta * power * (1 - share)
+        by_beta = [(high - low) * power * np.log(share)] if self._betas is not None else []
+        return np.stack([1 - power, power, slope * alpha / tau, slope * log, *by_beta], axis=-1)
+
+    def _parts(
+        self, values: ArrayLike, omega: ArrayLike
+    ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray, FloatArray | int]:
+        """K0, K_inf, (jw tau)^alpha/(1 + (jw tau)^alpha), log(jw tau), and beta: 1 for a model without it."""
+        low, high, tau, alpha, *beta = columns(self.checked(values))
+        with np.errstate(divide="ignore"):
+            log = np.log(positive(omega) * tau) + 0.5j * np.pi
+        power = np.exp(alpha * log)
+        return low, high, np.asarray(power / (1 + power)), np.asarray(log), beta[0] if beta else 1
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:
         """The best K0 and K_inf on a grid of tau, alpha and, where there is one, beta."""
@@ -99,29 +110,6 @@ class FractionalZener5(FractionalZener):
     special_cases = ("fractional",)
     for_maps = ()
     _betas = _BETAS
-
-    def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """K* [N/m]."""
-        low, high, tau, alpha, beta = columns(self.checked(values))
-        share, _ = _share(positive(omega), tau, alpha)
-        return np.asarray(low + (high - low) * share**beta)
-
-    def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
-        """Derivatives by K0, K_inf, tau, alpha and beta."""
-        low, high, tau, alpha, beta = columns(self.checked(values))
-        share, log = _share(positive(omega), tau, alpha)
-        power = share**beta
-        slope = (high - low) * beta * power * (1 - share)
-        by_beta = (high - low) * power * np.log(share)
-        return np.stack([1 - power, power, slope * alpha / tau, slope * log, by_beta], axis=-1)
-
-
-def _share(omega: FloatArray, tau: FloatArray, alpha: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """(jw tau)^alpha/(1 + (jw tau)^alpha) and log(jw tau)."""
-    with np.errstate(divide="ignore"):
-        log = np.log(omega * tau) + 0.5j * np.pi
-    power = np.exp(alpha * log)
-    return np.asarray(power / (1 + power)), np.asarray(log)
 
 
 def rational(

@@ -133,6 +133,14 @@ class Arms(ByValue):
         """Stiffness of a sudden deflection [N/m]: that of all springs together."""
         return float(self.rest + np.sum(self.springs))
 
+    @property
+    def space(self) -> StateSpace:
+        """State space with one state per arm, the deflection of its damper; an arm with tau = 0 or K = 0 has none."""
+        moves = (self.times > 0) & (self.springs > 0)
+        springs, rates = self.springs[moves], 1.0 / self.times[moves]
+        inputs = np.stack([rates, np.zeros_like(rates)], axis=1)
+        return StateSpace(-np.diag(rates), inputs, -springs, np.array([self.rest + springs.sum(), 0.0]))
+
 
 class Model(ABC):
     """A model of K*(omega). A model has no values of its own: each method takes them, one set or many at once.

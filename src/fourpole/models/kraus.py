@@ -2,7 +2,7 @@ r"""Filled rubber: a fractional Zener model, and Kraus's law of the amplitude (t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.errors import ModelError
-from fourpole.models.data import StiffnessData, real_columns
+from fourpole.models.data import StiffnessData
 from fourpole.models.fractional import FractionalZener
 from fourpole.models.interface import Model, Parameter, columns, positive
+from fourpole.models.nonnegative import WhitenedCondition, whitened_conditions
 
 #: Angular frequency to which D and L refer [rad/s]: 10 Hz.
 _REFERENCE = 2 * np.pi * 10.0
@@ -147,28 +148,26 @@ class Kraus(Model):
         amplitude = self._amplitude if data.amplitude is None else data.amplitude
         if amplitude is None:
             raise ModelError("the kraus model needs the amplitude of the deflection at each frequency")
-        moved, found = np.broadcast_to(amplitude, data.stiffness.shape), []
-        for at, whiten in enumerate(data.whitener()):
-            weigh = whiten if data.full else _block(whiten)
-            found.append(_starts_of_one(data.omega[at], data.stiffness[at], weigh, moved[at], count))
-        return np.stack(found, axis=1)
+        conditions = whitened_conditions(replace(data, amplitude=np.broadcast_to(amplitude, data.stiffness.shape)))
+        return np.stack([_starts_of_one(one, count) for one in conditions], axis=1)
 
 
-def _starts_of_one(
-    omega: FloatArray, stiffness: ComplexArray, weigh: FloatArray, amplitude: FloatArray, count: int
-) -> FloatArray:
-    """Starts (count, P) for one condition (N,) with its whitener (2N, 2N)."""
+def _starts_of_one(condition: WhitenedCondition, count: int) -> FloatArray:
+    """Starts (count, P) for one condition with amplitudes."""
+    data, omega, amplitude = condition.data, condition.data.omega, condition.data.amplitude
+    assert amplitude is not None
     grid = _grid(omega, amplitude)
     power = (1j * omega * grid[:, :1]) ** grid[:, 1:2]
     y = (amplitude / grid[:, 2:3]) ** grid[:, 3:4]
     share, fall = power / (1 + power), 1 / (1 + y**2)
     terms = np.stack([1 - share, share, (1 + _LOSS * 1j) * fall, 2j * y * fall], axis=-1)
-    rows, target = weigh @ real_columns(terms), (weigh @ real_columns(stiffness[:, None]))[:, 0]
+    rows = data.whitened(condition.whiten, terms)
+    target = data.whitened(condition.whiten, data.stiffness[:, None])[:, 0]
     turned = np.swapaxes(rows, 1, 2)
     normal = turned @ rows
     size = np.maximum(np.diagonal(normal, 0, 1, 2), 1e-300)
     normal = normal + 1e-9 * size[:, :, None] * np.eye(4)
-    least = _LEAST_SPRING * np.mean(np.abs(stiffness))
+    least = _LEAST_SPRING * np.mean(np.abs(data.stiffness))
     springs = np.maximum(np.linalg.solve(normal, (turned @ target)[..., None])[..., 0], least)
     springs[:, 1] = np.maximum(springs[:, 1], springs[:, 0] * (1 + _LEAST_RISE))
     misfit = np.sum(((rows @ springs[..., None])[..., 0] - target) ** 2, axis=1)
@@ -184,14 +183,6 @@ def _grid(omega: FloatArray, amplitude: FloatArray) -> FloatArray:
     sizes = np.geomspace(amplitude.min() / 3, amplitude.max() * 3, _AMPLITUDES)
     mesh = np.meshgrid(times, _ORDERS, sizes, _EXPONENTS, indexing="ij")
     return np.stack([one.ravel() for one in mesh], axis=1)
-
-
-def _block(whiten: FloatArray) -> FloatArray:
-    """Whiteners (N, 2, 2) as one matrix (2N, 2N)."""
-    count = len(whiten)
-    whole = np.zeros((count, 2, count, 2))
-    whole[np.arange(count), :, np.arange(count), :] = whiten
-    return whole.reshape(2 * count, 2 * count)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.specimen import TYRE
 from fourpole.errors import ModelError
-from fourpole.models.causality import Possible, check_possible, grid_of, terms_of
+from fourpole.models.causality import Possible, check_possible, grid_of, relaxing_terms
 from fourpole.models.data import MASTER_DECADES, StiffnessData
 from fourpole.models.inertial import Belt, Of, carried, inertia_of, springs_of, turned
 from fourpole.models.nonnegative import least_squares, profile_ends, rise_of, whitened_conditions
@@ -195,7 +195,7 @@ def verdict_of(data: StiffnessData, of: Of = Of.DRIVING_POINT, *, belted: bool =
     ('mass', 1.0)
     """
     relaxing = check_possible(data, SEARCH_CHANCE)
-    lowest = _Best(relaxing.chi2, _free(data, relaxing), _count(data), 0.0, np.zeros((0, 2)))
+    lowest = _Best(relaxing.chi2, data.numbers - relaxing.dof, data.numbers, 0.0, np.zeros((0, 2)))
     if belted:
         return _with_belt(data, relaxing, of)
     if lowest.chance > SEARCH_CHANCE or data.omega.max() > 10.0**MASTER_DECADES * data.omega.min():
@@ -262,31 +262,19 @@ def without_inertia(data: StiffnessData, verdict: Verdict) -> StiffnessData:
     return turned(data, data.stiffness + square * verdict.mass, None, (square * verdict.mass_std)[:, None] + 0j)
 
 
-def _count(data: StiffnessData) -> int:
-    return 2 * data.count + int(data.has_k1)
-
-
-def _free(data: StiffnessData, relaxing: Possible) -> int:
-    return _count(data) - relaxing.dof
-
-
 class Ladder:
     """The rungs above the lowest, on a grid of relaxation times, and single errors beside them."""
 
     def __init__(self, data: StiffnessData) -> None:
-        self.data, self.times = data, grid_of(data)
-        (self.condition,) = whitened_conditions(data)
-        self.count = _count(data)
-        self.terms = terms_of(data.omega, self.times, known=data.has_k1 and not data.ramp)
-        self.static = np.zeros(self.terms.shape[1] - 1)  # share of each term but the first in K1
-        self.static[-self.times.size - 1 : -1] = data.static_share(self.times)
+        self.data, (self.condition,) = data, whitened_conditions(data)
+        self.terms, self.static = relaxing_terms(data, grid_of(data))
         self.rows, self.target = self.condition.rows(self.terms, self.static), self.condition.target
+        self.count = data.numbers
         self.mass = -np.asarray(data.omega**2 / data.omega.max() ** 2, dtype=complex)[:, None]
 
     def _with(self, more: ComplexArray) -> FloatArray:
         """Rows of the relaxing terms and of `more` (N, k), which have no share in K1."""
-        rows = self.data.whitened(self.condition.whiten, more)
-        return np.concatenate([self.rows, np.vstack([rows, np.zeros((1, more.shape[1]))])], axis=1)
+        return np.concatenate([self.rows, self.condition.rows(more, np.zeros(more.shape[1]))], axis=1)
 
     def with_pairs(self, places: FloatArray, wrong: int | None = None) -> _Best:
         """The best specimen with a mass, and with resonances at `places` (n, 2): frequency [rad/s], damping ratio.

@@ -94,11 +94,7 @@ class Zener(Model):
 
     def state_space(self, values: ArrayLike) -> StateSpace:
         """State space with one state, the deflection of the damper."""
-        k1, k2, c = self.checked(values)
-        if c == 0 or k2 == 0:
-            return StateSpace(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array([k1, 0.0]))
-        rate = k2 / c
-        return StateSpace(np.array([[-rate]]), np.array([[rate, 0.0]]), np.array([-k2]), np.array([k1 + k2, 0.0]))
+        return self.prony(values).space
 
 
 class RelaxingArms(Model):
@@ -145,12 +141,8 @@ class RelaxingArms(Model):
         return Arms(float(checked[0]), checked[1 : 1 + self.arms], checked[1 + self.arms :])
 
     def state_space(self, values: ArrayLike) -> StateSpace:
-        """State space with one state per arm, the deflection of its damper; an arm with tau = 0 or K = 0 has none."""
-        arms = self.prony(values)
-        moves = (arms.times > 0) & (arms.springs > 0)
-        springs, rates = arms.springs[moves], 1.0 / arms.times[moves]
-        inputs = np.stack([rates, np.zeros_like(rates)], axis=1)
-        return StateSpace(-np.diag(rates), inputs, -springs, np.array([arms.rest + springs.sum(), 0.0]))
+        """State space with one state per arm, the deflection of its damper."""
+        return self.prony(values).space
 
 
 class GeneralisedMaxwell(RelaxingArms):

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.models.data import StiffnessData, spring_and_arms
 
 #: Steps of the search for the end of an interval, and relative tolerance of the rise of chi-square there.
 _STEPS, _CLOSE = 12, 0.01
+#: Singular values of the scaled rows that are smaller than this fraction of the largest count as zero.
+_ROUND_OFF = 1e-12
 
 
 def least_squares(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, float]:
@@ -31,6 +33,65 @@ def least_squares(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, flo
     return found / size, float(misfit**2)
 
 
+@dataclass(frozen=True, eq=False)
+class NonNegative(ByValue):
+    """The best weights >= 0 (k,) for rows (M, k) and a target (M,) in standard uncertainties, and their chi-square."""
+
+    rows: FloatArray
+    target: FloatArray
+    weights: FloatArray
+    chi2: float
+
+    @classmethod
+    def best(cls, rows: FloatArray, target: FloatArray) -> NonNegative:
+        """The least-squares solution."""
+        return cls(rows, target, *least_squares(rows, target))
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Target minus the weighted rows (M,)."""
+        return self.target - self.rows @ self.weights
+
+    @property
+    def used(self) -> int:
+        """Number of weights above zero: the expected degrees of freedom that they take."""
+        return int(np.count_nonzero(self.weights))
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Covariance (k, k) of the weights; 0 for those at zero."""
+        active = np.flatnonzero(self.weights)
+        size = np.linalg.norm(self.rows[:, active], axis=0)
+        _, values, right = np.linalg.svd(self.rows[:, active] / size, full_matrices=False)
+        kept = values > _ROUND_OFF * values.max(initial=0.0)
+        half = right[kept].T / values[kept] / size[:, None]
+        found = np.zeros((self.weights.size, self.weights.size))
+        found[np.ix_(active, active)] = half @ half.T
+        return found
+
+    def profiles(self, places: np.ndarray, stds: FloatArray, rise: float) -> FloatArray:
+        """Ends (n, 2) of the profiles of some of the weights, at which chi-square has risen by `rise` squared.
+
+        The search begins at their standard uncertainties (k,).
+        """
+        rows, target, least = self.rows, self.target, self.chi2
+        if rows.shape[0] > rows.shape[1]:  # fewer rows with the same problem, which lack a part of chi-square
+            whole = float(target @ target)
+            orthogonal, rows = np.linalg.qr(rows)
+            target = orthogonal.T @ target
+            least -= max(float(whole - target @ target), 0.0)
+        ends = np.empty((len(places), 2))
+        for row, at in enumerate(places.tolist()):
+            term, others = rows[:, at], np.delete(rows, at, axis=1)
+            step = rise * (float(stds[at]) or 1.0 / max(float(np.linalg.norm(term)), 1e-300))
+
+            def height(value: float, term: FloatArray = term, others: FloatArray = others) -> float:
+                return rise_of(others, target - value * term, least)
+
+            ends[row] = profile_ends(height, float(self.weights[at]), step, rise)
+        return ends
+
+
 def rise_of(rows: FloatArray, target: FloatArray, least: float) -> float:
     """Square root of the rise of the least sum of squares above its minimum `least`."""
     chi2 = least_squares(rows, target)[1] if rows.size else 0.0
@@ -41,34 +102,6 @@ def profile_ends(height: Callable[[float], float], best: float, step: float, ris
     """The values >= 0 below and above the best one at which the height of its profile is `rise`."""
     high = _end(height, best, step, rise)
     return max(_end(height, best, -min(step, best), rise), 0.0) if best > 0 else 0.0, high
-
-
-def profiles_of(
-    rows: FloatArray,
-    target: FloatArray,
-    weights: FloatArray,
-    stds: FloatArray,
-    chi2: float,
-    rise: float,
-    places: np.ndarray,
-) -> FloatArray:
-    """Ends (n, 2) of the profiles of some of the best weights (k,), at which chi-square has risen by `rise` squared."""
-    least = chi2
-    if rows.shape[0] > rows.shape[1]:  # fewer rows with the same problem, which lack a part of chi-square
-        whole = float(target @ target)
-        orthogonal, rows = np.linalg.qr(rows)
-        target = orthogonal.T @ target
-        least -= max(float(whole - target @ target), 0.0)
-    ends = np.empty((len(places), 2))
-    for row, at in enumerate(places.tolist()):
-        term, others = rows[:, at], np.delete(rows, at, axis=1)
-        step = rise * (float(stds[at]) or 1.0 / max(float(np.linalg.norm(term)), 1e-300))
-
-        def height(value: float, term: FloatArray = term, others: FloatArray = others) -> float:
-            return rise_of(others, target - value * term, least)
-
-        ends[row] = profile_ends(height, float(weights[at]), step, rise)
-    return ends
 
 
 def _end(height: Callable[[float], float], best: float, step: float, rise: float) -> float:
@@ -123,15 +156,11 @@ class WhitenedCondition(ByValue):
     data: StiffnessData
     whiten: FloatArray
 
-    def rows(self, terms: ComplexArray, static: ArrayLike = 0.0) -> FloatArray:
-        """Terms of K* (..., N, k) as rows (..., 2N + 1, k); the first term is the stiffness at zero frequency.
-
-        `static` is the share of the other terms in K1 [1].
-        """
+    def rows(self, terms: ComplexArray, static: FloatArray | None = None) -> FloatArray:
+        """Terms of K* (..., N, k) as rows (..., 2N + 1, k); `static` (k,) is their K1, by default that of the first."""
         k1 = np.zeros((*terms.shape[:-2], 1, terms.shape[-1]))
         if self.data.has_k1:
-            k1[..., 0] = 1.0 / self.data.k1_std
-            k1[..., 1:] = np.asarray(static) / self.data.k1_std
+            k1 += (np.eye(1, terms.shape[-1])[0] if static is None else static) / self.data.k1_std
         return np.concatenate([self.data.whitened(self.whiten, terms), k1], axis=-2)
 
     @property
@@ -142,13 +171,14 @@ class WhitenedCondition(ByValue):
 
     def arms(self, times: FloatArray) -> FloatArray:
         """Rows (2N + 1, T + 1) of a unit spring and of unit arms with relaxation times (T,) [s]."""
-        return self.rows(spring_and_arms(self.data.omega, times), self.data.static_share(times))
+        return self.rows(spring_and_arms(self.data.omega, times), np.append(1.0, self.data.static_share(times)))
 
 
 def whitened_conditions(data: StiffnessData) -> list[WhitenedCondition]:
     """Each of the conditions (...,) with its whitener."""
     flat = data.flat()
-    parts = (np.broadcast_to(flat.omega, flat.stiffness.shape), flat.stiffness, flat.covariance, flat.k1, flat.k1_std)
-    ramps = [{name: one[at] for name, one in flat.ramp.items()} for at in range(len(flat.stiffness))]
-    rows = zip(*parts, flat.whitener(), ramps, strict=True)
-    return [WhitenedCondition(StiffnessData(*row, **ramp), whiten) for *row, whiten, ramp in rows]
+    whole = replace(flat, omega=np.broadcast_to(flat.omega, flat.stiffness.shape))
+    return [
+        WhitenedCondition(replace(whole.conditions(at), covariance=flat.covariance[at]), whiten)
+        for at, whiten in enumerate(flat.whitener())
+    ]

@@ -10,7 +10,6 @@ K(t) is the force after a step of the deflection over the step, J(t) the deflect
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,8 +20,9 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE, COVERAGE, NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.models.data import MASTER_DECADES
+from fourpole.models.discrepancy import LEAST_DOF, student_factor
 from fourpole.models.interface import Arms
-from fourpole.models.nonnegative import least_squares, profiles_of
+from fourpole.models.nonnegative import NonNegative
 
 #: Times per decade of the grid: a single relaxation is met within 0.1 %. Those of a master curve, which has many.
 _FINE, _COARSE = 12, 4
@@ -33,8 +33,6 @@ _BELOW, _ABOVE = 0.25, 0.5
 _SUDDEN = 1e-3
 #: A part of the compliance that is a smaller share of the largest one is round-off.
 _ROUND_OFF = 1e-9
-#: Degrees of freedom that show an unknown uncertainty.
-_LEAST_DOF = 3
 #: Halvings by which a root between two poles is found.
 _HALVINGS = 100
 #: Ends of the search for a relative error.
@@ -104,15 +102,16 @@ def fit_relaxation(
     """
     times = _grid(time, per_decade)
     rows = np.concatenate([np.ones((time.size, 1)), np.exp(-time[:, None] / times)], axis=1)
-    found = _fitted(rows, stiffness, stiffness, std)
+    found, error, dof = _fitted(rows, stiffness, stiffness, std)
     arms = np.flatnonzero(found.weights[1:] > 0)
     kept, none = np.append(0, 1 + arms), np.zeros((arms.size, arms.size))
     values = np.concatenate([found.weights[kept], times[arms]])
     covariance = scipy.linalg.block_diag(found.covariance[np.ix_(kept, kept)], none)
     ends = np.stack([values, values], axis=1)
-    ends[: kept.size] = found.profiles(kept)
+    stds = np.sqrt(np.diag(found.covariance))
+    ends[: kept.size] = found.profiles(kept, stds, float(np.sqrt(stats.chi2.ppf(COVERAGE, 1))))
     arms_of = Arms(float(values[0]), values[1 : kept.size], values[kept.size :])
-    return TimeFit(arms_of, covariance, ends, found.error, found.chi2, found.dof)
+    return TimeFit(arms_of, covariance, ends, error, found.chi2, dof)
 
 
 def fit_creep(
@@ -131,7 +130,7 @@ def fit_creep(
     delayed = -np.expm1(-time[:, None] / times)
     rows = np.concatenate([np.ones((time.size, 1)), delayed, time[:, None] / time.max()], axis=1)
     sudden = _SUDDEN * float(compliance.min())
-    found = _fitted(rows, compliance - sudden, compliance, std)
+    found, error, dof = _fitted(rows, compliance - sudden, compliance, std)
     weights = found.weights + np.append(sudden, np.zeros(times.size + 1))
     weights = np.where(weights > _ROUND_OFF * weights.max(), weights, 0.0)
     used = np.flatnonzero(weights[1:-1])
@@ -143,7 +142,7 @@ def fit_creep(
     values = np.concatenate([[arms.rest], arms.springs, arms.times])
     half = NORMAL_95 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     ends = np.stack([np.maximum(values - half, 0.0), values + half], axis=1)
-    return TimeFit(arms, covariance, ends, found.error, found.chi2, found.dof)
+    return TimeFit(arms, covariance, ends, error, found.chi2, dof)
 
 
 def stiffness_of(
@@ -227,54 +226,31 @@ def _grid(time: FloatArray, per_decade: int | None) -> FloatArray:
     return np.logspace(low, high, int(np.ceil((high - low) * per_decade)) + 1)
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Weights (k,) >= 0 with their covariance; `profiles` gives intervals (n, 2) of some of them."""
+def _fitted(
+    rows: FloatArray, target: FloatArray, values: FloatArray, std: FloatArray | None
+) -> tuple[NonNegative, float, int]:
+    """The best weights, the relative error of the data and the degrees of freedom; the error is one of `values`."""
 
-    weights: FloatArray
-    covariance: FloatArray
-    error: float
-    chi2: float
-    dof: int
-    profiles: Callable[[FloatArray], FloatArray]
-
-
-def _fitted(rows: FloatArray, target: FloatArray, values: FloatArray, std: FloatArray | None) -> _Found:
-    """Weights with the least chi-square; `values` are those to which a relative error is relative."""
-
-    def at(error: float) -> tuple[FloatArray, FloatArray, FloatArray, float, int]:
+    def at(error: float) -> tuple[NonNegative, int]:
         size = np.hypot(0.0 if std is None else std, error * values)
-        weighted, right = rows / size[:, None], target / size
-        weights, chi2 = least_squares(weighted, right)
-        return weighted, right, weights, chi2, right.size - int(np.count_nonzero(weights))
+        found = NonNegative.best(rows / size[:, None], target / size)
+        return found, target.size - found.used
 
     def excess(log: float) -> float:
-        *_, chi2, dof = at(float(np.exp(log)))
-        return float(np.log(max(chi2, 1e-300) / max(dof, 1)))
+        found, dof = at(float(np.exp(log)))
+        return float(np.log(max(found.chi2, 1e-300) / max(dof, 1)))
 
+    found, dof = at(1.0 if std is None else 0.0)
     error = 0.0
     if std is None:
-        *_, chi2, dof = at(1.0)
-        if dof < _LEAST_DOF:
+        if dof < LEAST_DOF:
             raise ModelError(
                 f"no uncertainty is stated, and it cannot be found from {target.size} rows: state --std, as --std '1 %'"
             )
-        error = max(float(np.sqrt(chi2 / dof)), _LEAST_ERROR) * float(stats.t.ppf(0.975, dof)) / NORMAL_95
-    else:
-        *_, chi2, dof = at(0.0)
-        if stats.chi2.sf(chi2, max(dof, 1)) < CHANCE:
-            error = float(np.exp(scipy.optimize.brentq(excess, np.log(_LEAST_ERROR), np.log(_MOST_ERROR), xtol=1e-3)))
-    weighted, right, weights, chi2, dof = at(error)
+        error = max(float(np.sqrt(found.chi2 / dof)), _LEAST_ERROR) * student_factor(dof)
+    elif stats.chi2.sf(found.chi2, max(dof, 1)) < CHANCE:
+        error = float(np.exp(scipy.optimize.brentq(excess, np.log(_LEAST_ERROR), np.log(_MOST_ERROR), xtol=1e-3)))
+    found, dof = at(error)
     if dof < 0:
         raise ModelError(f"{target.size} rows are too few for {target.size - dof} terms")
-    active = np.flatnonzero(weights)
-    covariance = np.zeros((weights.size, weights.size))
-    scale = np.linalg.norm(weighted[:, active], axis=0)
-    inner = weighted[:, active] / scale
-    covariance[np.ix_(active, active)] = np.linalg.pinv(inner.T @ inner, hermitian=True) / np.outer(scale, scale)
-    rise = float(np.sqrt(stats.chi2.ppf(COVERAGE, 1)))
-
-    def profiles(some: FloatArray) -> FloatArray:
-        return profiles_of(weighted, right, weights, np.sqrt(np.diag(covariance)), chi2, rise, some)
-
-    return _Found(weights, covariance, error, chi2, dof, profiles)
+    return found, error, dof

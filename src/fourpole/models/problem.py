@@ -1,4 +1,4 @@
-"""The least-squares problem of a fit: starts, residuals, derivatives, and the free, fixed and tied parameters.
+"""The least-squares problem of a fit: starts, residuals, derivatives, and the free and fixed parameters.
 
 The search variable of a free parameter is its logarithm if `Parameter.log` is set, otherwise its ratio to a scale.
 """
@@ -42,10 +42,8 @@ class FitProblem(ByValue):
         Whitener of the data, one matrix for each condition, or one for all.
     free : (F,) int array
         Places of the free parameters.
-    spread : (P, F) float array
-        Factors of the free parameters in all parameters: 1 of a parameter in itself, or the factor of a tie.
     fixed : (B, P) float array
-        Start values; parameters that are neither free nor tied keep them.
+        Start values; parameters that are not free keep them.
     log : (F,) bool array
         Whether the search variable is the logarithm.
     scale : (B, F) float array
@@ -62,7 +60,6 @@ class FitProblem(ByValue):
     data: StiffnessData
     whiten: FloatArray
     free: np.ndarray
-    spread: FloatArray
     fixed: FloatArray
     log: BoolArray
     scale: FloatArray
@@ -75,42 +72,29 @@ class FitProblem(ByValue):
         """The same problem with other start values (B, P)."""
         usual = np.array([abs(self.model.parameters[at].default) or 1.0 for at in self.free])
         chosen = begin[:, self.free]
-        return replace(self, fixed=self._tied(begin), scale=np.where(chosen != 0, np.abs(chosen), usual))
+        return replace(self, fixed=begin, scale=np.where(chosen != 0, np.abs(chosen), usual))
 
     def part(self, rows: np.ndarray) -> FitProblem:
         """The same problem for some of the conditions, each once or several times.
 
-        The whitener is that of these conditions, or the one that all have. The data keep the covariance of all
-        conditions, which is used for the whitener alone.
+        The whitener is that of these conditions, or the one that all have. The covariance is used for it alone.
         """
-        names = ("stiffness", "k1", "k1_std", *self.data.ramp)
-        data = replace(self.data, **{name: getattr(self.data, name)[rows] for name in names})
-        if data.omega.ndim > 1:
-            data = replace(data, omega=data.omega[rows])
-        if data.amplitude is not None and data.amplitude.ndim > 1:
-            data = replace(data, amplitude=data.amplitude[rows])
         whiten = self.whiten if len(self.whiten) == 1 else self.whiten[rows]
         pinned = None if self.pinned is None else self.pinned[rows]
-        return replace(self, data=data, whiten=whiten, fixed=self.fixed[rows], scale=self.scale[rows], pinned=pinned)
+        return replace(
+            self,
+            data=self.data.conditions(rows),
+            whiten=whiten,
+            fixed=self.fixed[rows],
+            scale=self.scale[rows],
+            pinned=pinned,
+        )
 
     def values_of(self, place: FloatArray) -> FloatArray:
         """All parameters (B, P), from the search variables (B, F)."""
         values = np.array(self.fixed)
         found = np.where(self.log, np.exp(np.minimum(place, 700.0)), place * self.scale)
         values[:, self.free] = np.clip(found, self.low, self.high)  # round-off may step over a bound
-        return self._tied(values)
-
-    @cached_property
-    def _follows(self) -> IntArray:
-        """Places of the parameters that are tied to a free parameter."""
-        return np.setdiff1d(np.flatnonzero(np.any(self.spread != 0, axis=1)), self.free)
-
-    def _tied(self, values: FloatArray) -> FloatArray:
-        """Values (B, P) in which each tied parameter follows its partner."""
-        if not self._follows.size:
-            return values
-        values = np.array(values)
-        values[:, self._follows] = values[:, self.free] @ self.spread[self._follows].T
         return values
 
     def place_of(self, values: FloatArray) -> FloatArray:
@@ -136,16 +120,12 @@ class FitProblem(ByValue):
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Derivatives (B, M, F) of the whitened model by the search variables."""
         values = self.values_of(place)
-        model = self.model.on(self.data)
         unit = self.unit_of(values)
-        tied, omega = self._follows.size > 0, self.data.omega
-        by = model.derivative(values, omega)
-        by = by @ self.spread if tied else by[..., self.free]
+        by = self.model.on(self.data).derivative(values, self.data.omega)[..., self.free]
         rows = self.data.whitened(self.whiten, by * unit[:, None, :])
         if not self.has_k1:
             return rows
-        slopes = static_derivative(self.model, values, self.data, None if tied else self.free)
-        at_rest = slopes @ self.spread if tied else slopes
+        at_rest = static_derivative(self.model, values, self.data)[..., self.free]
         return np.concatenate([rows, (at_rest * unit / self._k1_std()[:, None])[:, None, :]], axis=1)
 
     def _k1_std(self) -> FloatArray:
@@ -177,15 +157,10 @@ class FitProblem(ByValue):
 
 
 def problem_of(
-    model: Model,
-    data: StiffnessData,
-    start: ArrayLike,
-    fixed: Mapping[str, ArrayLike] | Sequence[str],
-    tied: Mapping[str, tuple[str, float]],
+    model: Model, data: StiffnessData, start: ArrayLike, fixed: Mapping[str, ArrayLike] | Sequence[str]
 ) -> FitProblem:
     """The least-squares problem of `fit.fit`, checked; ModelError if it has no solution or a name is not known."""
-    model.known((*tied, *(partner for partner, _ in tied.values())))
-    begin, free = begin_of(model, data.stiffness.shape[:-1], start, fixed), free_places(model, (*fixed, *tied))
+    begin, free = begin_of(model, data.stiffness.shape[:-1], start, fixed), free_places(model, fixed)
     flat = data.flat()
     has_k1 = takes_k1(model, data)
     known = 2 * data.count + int(has_k1)
@@ -196,39 +171,19 @@ def problem_of(
             "take a smaller model, or measure at more frequencies"
         )
     chosen = [model.parameters[at] for at in free]
-    spread, high = _spread(model, free, tied)
     problem = FitProblem(
         model=model,
         data=flat,
         whiten=flat.whitener(),
         free=free,
-        spread=spread,
         fixed=begin,
         log=np.array([one.log for one in chosen]),
         scale=np.ones((len(begin), free.size)),
         low=np.array([one.low for one in chosen]),
-        high=high,
+        high=np.array([one.high for one in chosen]),
         has_k1=has_k1,
     )
     return problem.begun(begin)
-
-
-def _spread(model: Model, free: IntArray, tied: Mapping[str, tuple[str, float]]) -> tuple[FloatArray, FloatArray]:
-    """Factors (P, F) of the free parameters in all parameters, and upper bounds (F,) that keep tied ones in theirs."""
-    symbols = [*model.symbols]
-    spread = np.zeros((len(symbols), free.size))
-    spread[free, np.arange(free.size)] = 1.0
-    high = np.array([model.parameters[place].high for place in free])
-    for name, (partner, factor) in tied.items():
-        column = np.flatnonzero(free == symbols.index(partner))
-        if not column.size:
-            raise ModelError(f"{name} is tied to {partner}, which is not free: tie it to a free parameter")
-        if not factor > 0:
-            raise ModelError(f"{name} is tied to {factor:g} times {partner}: the factor must be positive")
-        place = symbols.index(name)
-        spread[place, column[0]] = factor
-        high[column[0]] = min(high[column[0]], model.parameters[place].high / factor)
-    return spread, high
 
 
 def begin_of(

@@ -6,8 +6,8 @@ of probability :math:`P(\chi^2_1 < q)` ends where the profile is :math:`q` above
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -20,8 +20,7 @@ from fourpole.errors import ModelError
 from fourpole.models.choice import STOPPED
 from fourpole.models.data import StiffnessData, stacked
 from fourpole.models.fit import Fit, least_chi2, linear_problem
-from fourpole.models.interface import Parameter
-from fourpole.models.nonnegative import profiles_of, whitened_conditions
+from fourpole.models.nonnegative import NonNegative, whitened_conditions
 from fourpole.models.problem import free_places, problem_of, starts_of
 
 #: Distances from the best value, in standard uncertainties, at which the profile is evaluated: first near, then far.
@@ -43,12 +42,7 @@ _INSTEAD = "their intervals are from the covariance"
 
 
 def profile_intervals(
-    found: Fit,
-    data: StiffnessData,
-    level: float = COVERAGE,
-    *,
-    fixed: Mapping[str, float] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
+    found: Fit, data: StiffnessData, level: float = COVERAGE, *, fixed: Mapping[str, float] | Sequence[str] = ()
 ) -> FloatArray:
     """Profile-likelihood intervals (P, 2) of the parameters of a fit to one condition.
 
@@ -60,14 +54,14 @@ def profile_intervals(
         Data of the fit.
     level : float [1]
         Coverage probability.
-    fixed, tied
-        The fixed and tied parameters of the fit.
+    fixed
+        The fixed parameters of the fit.
 
     Returns
     -------
     (P, 2) float array
         Ends of the intervals in the units of the parameters: the bound of the parameter where the data set no end, the
-        value twice for a fixed parameter, the multiple of its partner's for a tied one.
+        value twice for a fixed parameter.
 
     Raises
     ------
@@ -89,7 +83,7 @@ def profile_intervals(
     """
     if found.values.ndim > 1:
         raise ModelError("profile intervals are for one condition at a time: choose one")
-    return profiles_together([found], [data], level, fixed=fixed, tied=tied)[0]
+    return profiles_together([found], [data], level, fixed=fixed)[0]
 
 
 def profiles_together(
@@ -98,26 +92,20 @@ def profiles_together(
     level: float = COVERAGE,
     *,
     fixed: Mapping[str, float] | Sequence[str] = (),
-    tied: Mapping[str, tuple[str, float]] | None = None,
 ) -> list[FloatArray]:
     """Profile-likelihood intervals (P, 2) of the fits of one model to several conditions, in their order.
 
     The values of `profile_intervals` for each, but the profiles of all conditions, parameters and sides are searched
     side by side.
     """
-    tied = tied or {}
     rise = float(np.sqrt(stats.chi2.ppf(level, 1)))
-    if fits[0].model.linear and not tied:
+    if fits[0].model.linear:
         return [_nonnegative_intervals(one, row, rise, fixed) for one, row in zip(fits, data, strict=True)]
     ends = [np.stack([one.values, one.values], axis=1) for one in fits]
     plain = [replace(one, relative=None, reference=None, recorded=None) for one in data]
     for places, group in stacked(plain):
-        for (which, at, side), end in _ends_of(_Profiles([fits[one] for one in places], group, fixed, tied), rise):
+        for (which, at, side), end in _ends_of(_Profiles([fits[one] for one in places], group, fixed), rise):
             ends[places[which]][at, side] = end
-    symbols = fits[0].model.symbols
-    for symbol, (partner, factor) in tied.items():
-        for interval in ends:
-            interval[symbols.index(symbol)] = factor * interval[symbols.index(partner)]
     return ends
 
 
@@ -190,8 +178,8 @@ def _nonnegative_intervals(found: Fit, data: StiffnessData, rise: float, fixed: 
     free, (condition,) = free_places(found.model, fixed), whitened_conditions(data)
     rows, target = linear_problem(found.model, condition, found.values, free)
     ends = np.stack([found.values, found.values], axis=1)
-    every = np.arange(free.size)
-    ends[free] = profiles_of(rows, target, found.values[free], found.std[free], float(found.chi2), rise, every)
+    best = NonNegative(rows, target, found.values[free], float(found.chi2))
+    ends[free] = best.profiles(np.arange(free.size), found.std[free], rise)
     return ends
 
 
@@ -201,70 +189,64 @@ _Key = tuple[int, int, int]
 
 def _ends_of(profiles: _Profiles, rise: float) -> Iterator[tuple[_Key, float]]:
     """The ends of all intervals, each with the places of its condition, parameter and side."""
-    searches = {
-        (which, at, side): _Profile(one, at, 2 * side - 1).end(rise)
+    every = {
+        (which, at, side): _Profile(one, at, 2 * side - 1)
         for which, one in enumerate(profiles.fits)
         for at in profiles.at_free
         for side in (0, 1)
     }
-    heights: dict[_Key, FloatArray | None] = dict.fromkeys(searches)
-    while heights:
-        wanted = {}
-        for key, found in heights.items():
-            try:
-                wanted[key] = searches[key].send(found)
-            except StopIteration as done:
-                yield key, done.value
-        heights = profiles.heights(wanted) if wanted else {}
+
+    def evaluate(wanted: Mapping[_Key, FloatArray]) -> None:
+        for key, heights in profiles.heights({key: one for key, one in wanted.items() if one.size}).items():
+            every[key].extend(wanted[key], heights)
+
+    for distances in (_NEAR, _FAR):
+        evaluate({key: one.values(distances) for key, one in every.items() if one.heights[-1] < rise})
+    ended = {key: one for key, one in every.items() if one.heights[-1] >= rise}
+    evaluate({key: one.between(rise) for key, one in ended.items()})
+    for key, one in every.items():
+        yield key, one.crossing(rise) if key in ended else one.bound
 
 
-@dataclass(frozen=True)
 class _Profile:
-    """The profile of one parameter of a fit to one side of its best value.
+    """The profile of one parameter of a fit to one side of its best value, as far as it is known.
 
-    A place is a value of a parameter, or its logarithm if `Parameter.log` is set. A height is the square root of the
+    A place is a value of the parameter, or its logarithm if `Parameter.log` is set. A height is the square root of the
     rise of the profile above its minimum.
     """
 
-    found: Fit
-    at: int
-    side: int
+    def __init__(self, found: Fit, at: int, side: int) -> None:
+        self.parameter, self.side = found.model.parameters[at], side
+        self.best, self.std = float(found.values[at]), float(found.std[at])
+        self.places, self.heights = np.atleast_1d(self._place(self.best)), np.zeros(1)
 
     @property
-    def parameter(self) -> Parameter:
-        """The parameter."""
-        return self.found.model.parameters[self.at]
+    def bound(self) -> float:
+        """The bound of the parameter on this side."""
+        return self.parameter.low if self.side < 0 else self.parameter.high
 
-    def end(self, rise: float) -> Generator[FloatArray, FloatArray | None, float]:
-        """The value at which the height of the profile is `rise`; yields values, and is sent the heights at them."""
-        places: FloatArray = np.array([self._place(self.found.values[self.at])])
-        heights: FloatArray = np.zeros(1)
-        for distances in (_NEAR, _FAR):
-            values = self._values(distances)
-            if not values.size:
-                continue
-            found = yield values
-            places, heights = self._extended(values, found, places, heights)
-            if heights[-1] >= rise:
-                break
-        else:
-            return self.parameter.low if self.side < 0 else self.parameter.high
-        to = int(np.flatnonzero(heights >= rise)[0])
-        if heights[to] - heights[to - 1] > _COARSE:
-            between = self._value(np.linspace(places[to - 1], places[to], _BETWEEN + 2)[1:])
-            found = yield between
-            places, heights = self._extended(between, found, places[:to], heights[:to])
-            to = int(np.flatnonzero(heights >= rise)[0]) if heights[-1] >= rise else heights.size - 1
-        share = (rise - heights[to - 1]) / max(heights[to] - heights[to - 1], 1e-300)
-        return float(self._value(places[to - 1] + min(share, 1.0) * (places[to] - places[to - 1])))
+    def extend(self, values: FloatArray, heights: FloatArray) -> None:
+        """Take the heights at further values; no height exceeds one beyond it, as in a local minimum."""
+        every = np.append(self.heights, heights)
+        self.places = np.append(self.places, self._place(values))
+        self.heights = np.minimum.accumulate(every[::-1])[::-1]
 
-    def _extended(
-        self, values: FloatArray, found: FloatArray | None, places: FloatArray, heights: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Places and heights with those of further values; no height exceeds one beyond it, as in a local minimum."""
-        assert found is not None
-        every = np.append(heights, found)
-        return np.append(places, self._place(values)), np.minimum.accumulate(every[::-1])[::-1]
+    def between(self, rise: float) -> FloatArray:
+        """Values up to the first at which the profile has risen; none if the last step was small."""
+        to = int(np.flatnonzero(self.heights >= rise)[0])
+        if self.heights[to] - self.heights[to - 1] <= _COARSE:
+            return np.empty(0)
+        found = self._value(np.linspace(self.places[to - 1], self.places[to], _BETWEEN + 2)[1:])
+        self.places, self.heights = self.places[:to], self.heights[:to]
+        return found
+
+    def crossing(self, rise: float) -> float:
+        """The value at which the height of the profile is `rise`."""
+        above = np.flatnonzero(self.heights >= rise)
+        to = int(above[0]) if above.size else self.heights.size - 1
+        share = (rise - self.heights[to - 1]) / max(self.heights[to] - self.heights[to - 1], 1e-300)
+        before = self.places[to - 1]
+        return float(self._value(before + min(share, 1.0) * (self.places[to] - before)))
 
     def _value(self, place: ArrayLike) -> FloatArray:
         """Values of the parameter, from its places."""
@@ -276,17 +258,23 @@ class _Profile:
         array = np.asarray(values, dtype=float)
         return np.log(np.maximum(array, 1e-300)) if self.parameter.log else array
 
-    def _values(self, distances: FloatArray) -> FloatArray:
-        """Values within the bounds at which the profile is evaluated, the nearest first."""
-        parameter, best = self.parameter, float(self.found.values[self.at])
-        std = float(self.found.std[self.at])
-        values = _at_distances(parameter, best, std, self.side, distances)
-        bound = parameter.low if self.side < 0 else parameter.high
-        if not parameter.log and np.isfinite(bound) and abs(bound - best) < distances[-1] * std:
-            values = best + (bound - best) * _SHARES
+    def values(self, distances: FloatArray) -> FloatArray:
+        """Values within the bounds at distances from the best one in standard uncertainties, the nearest first.
+
+        The distances of a logarithmic parameter are in ln.
+        """
+        parameter, best, std = self.parameter, self.best, self.std
+        if parameter.log and best > 0:
+            step = min(std / best, 1.0) if std > 0 else 1.0
+            values = best * np.exp(self.side * np.minimum(distances * step, _FARTHEST))
+        else:
+            usual = 0.1 * (abs(best) or parameter.default or 1.0)
+            values = best + self.side * distances * (std if std > 0 else usual)
+        if not parameter.log and np.isfinite(self.bound) and abs(self.bound - best) < distances[-1] * std:
+            values = best + (self.bound - best) * _SHARES
         inside = values[(values > parameter.low) & (values < parameter.high)]
-        if inside.size < values.size and np.isfinite(bound) and best != bound and not parameter.log:
-            inside = np.append(inside, bound)
+        if inside.size < values.size and np.isfinite(self.bound) and best != self.bound and not parameter.log:
+            inside = np.append(inside, self.bound)
         order = np.unique(inside)
         return order if self.side > 0 else order[::-1]
 
@@ -294,16 +282,16 @@ class _Profile:
 class _Profiles:
     """Fits of one model to conditions (C, N), whose profiles are searched in one batch."""
 
-    def __init__(
-        self, fits: Sequence[Fit], data: StiffnessData, fixed: Collection[str], tied: Mapping[str, tuple[str, float]]
-    ) -> None:
+    def __init__(self, fits: Sequence[Fit], data: StiffnessData, fixed: Collection[str]) -> None:
         self.fits, self.data, self.model = fits, data, fits[0].model
         self.best = np.stack([one.values for one in fits])
-        self.problem = problem_of(self.model, data, self.best, [*fixed], tied)
+        self.problem = problem_of(self.model, data, self.best, [*fixed])
         self.at_free = self.problem.free.tolist()
 
-    def heights(self, wanted: Mapping[_Key, FloatArray]) -> dict[_Key, FloatArray | None]:
+    def heights(self, wanted: Mapping[_Key, FloatArray]) -> dict[_Key, FloatArray]:
         """Heights (T,) of the profiles at the wanted values (T,) of their parameters."""
+        if not wanted:
+            return {}
         sizes = [values.size for values in wanted.values()]
         rows = np.repeat([which for which, _, _ in wanted], sizes)
         least = np.array([float(one.chi2) for one in self.fits])[rows]
@@ -362,11 +350,3 @@ class _Profiles:
         relative = np.divide(std, self.best, out=np.zeros(std.shape), where=self.best != 0)
         on_bound = np.stack([one.on_bound for one in self.fits]).any(axis=1)
         return np.asarray(on_bound | np.any(relative[:, logs] > _UNCERTAIN, axis=1))
-
-
-def _at_distances(parameter: Parameter, best: float, std: float, side: int, distances: FloatArray) -> FloatArray:
-    """Values at distances in standard uncertainties to one side; those of a logarithmic parameter are in ln."""
-    if parameter.log and best > 0:
-        step = min(std / best, 1.0) if std > 0 else 1.0
-        return np.asarray(best * np.exp(side * np.minimum(distances * step, _FARTHEST)))
-    return best + side * distances * (std if std > 0 else 0.1 * (abs(best) or parameter.default or 1.0))

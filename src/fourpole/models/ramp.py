@@ -178,13 +178,9 @@ def static_stiffness(model: Model, values: FloatArray, data: StiffnessData) -> F
     return np.asarray(np.sum((weights * model.stiffness(values, omega)).real, axis=-1))
 
 
-def static_derivative(
-    model: Model, values: FloatArray, data: StiffnessData, places: np.ndarray | None = None
-) -> FloatArray:
-    """Derivatives (..., P) of `static_stiffness` by each parameter, or (..., F) by those at some places."""
-    if _ramped(model, data):
-        slopes = data.ramp["static_weights"][..., None] * model.derivative(values, data.ramp["static_omega"])
-        found = np.sum(slopes.real, axis=-2)
-    else:
-        found = model.static_derivative(values)
-    return np.asarray(found if places is None else found[..., places])
+def static_derivative(model: Model, values: FloatArray, data: StiffnessData) -> FloatArray:
+    """Derivatives (..., P) of `static_stiffness` by each parameter."""
+    if not _ramped(model, data):
+        return model.static_derivative(values)
+    slopes = data.ramp["static_weights"][..., None] * model.derivative(values, data.ramp["static_omega"])
+    return np.asarray(np.sum(slopes.real, axis=-2))

@@ -65,8 +65,7 @@ class Recorded(ByValue):
         found = self.likelihood.around(self.places, stiffness / self.ratio)
         own = own_near(self.omega, stiffness, found)
         shared = real_columns(found.relative * stiffness[:, None])
-        data = StiffnessData.of(self.omega, own.stiffness, covariance=own.covariance, shared=shared)
-        return replace(data, relative=found.relative, reference=stiffness)
+        return replace(own.with_errors(shared), relative=found.relative, reference=stiffness)
 
 
 def own_near(omega: FloatArray, stiffness: ComplexArray, found: Around) -> StiffnessData:

@@ -28,6 +28,7 @@ from fourpole.models.fit import best_fit
 from fourpole.models.interface import Model, Parameter, StateSpace, columns, positive
 from fourpole.models.ladder import Ladder
 from fourpole.models.maxwell import GeneralisedMaxwell
+from fourpole.models.nonnegative import whitened_conditions
 from fourpole.models.problem import starts_of
 
 #: Most resonances; most arms beside them; parameters of a resonance.
@@ -100,9 +101,8 @@ class Resonant(Model):
         s = 1j * positive(omega)
         found = self.rest.stiffness(relaxing, omega)
         for one in each:
-            natural, ratio, above, below, _ = _turned(one)
-            top = above * s**2 + _middle(one) * s + below * natural**2
-            found = found + s * top / (s**2 + 2 * ratio * natural * s + natural**2)
+            top, bottom = _quotient(one, s)
+            found = found + s * top / bottom
         return np.asarray(found)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
@@ -113,9 +113,7 @@ class Resonant(Model):
 
     def starts(self, data: StiffnessData, count: int) -> FloatArray:
         """Frequencies where a search finds them, the best weights at these, and arms of the rest."""
-        flat = data.flat()
-        rows = [_condition(flat, at) for at in range(len(flat.stiffness))]
-        return np.stack([self._start(one, count) for one in rows], axis=1)
+        return np.stack([self._start(one.data, count) for one in whitened_conditions(data)], axis=1)
 
     def _start(self, data: StiffnessData, count: int) -> FloatArray:
         """Starts (count or fewer, P) of one condition."""
@@ -137,7 +135,7 @@ class Resonant(Model):
         relaxing, each = self._split(values)
         spaces = [self.rest.state_space(relaxing), *(_space(one) for one in each)]
         return StateSpace(
-            scipy.linalg.block_diag(*(one.a for one in spaces)) if any(one.a.size for one in spaces) else spaces[0].a,
+            scipy.linalg.block_diag(*(one.a for one in spaces)),
             np.concatenate([one.b for one in spaces]),
             np.concatenate([one.c for one in spaces]),
             np.sum([one.d for one in spaces], axis=0),
@@ -168,11 +166,16 @@ def _middle(one: FloatArray) -> FloatArray:
     return np.asarray(natural * (np.sqrt(above) - np.sqrt(below)) ** 2 / (2 * ratio) + strength)
 
 
+def _quotient(one: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Numerator and denominator (..., N) of one resonance without the factor s."""
+    natural, ratio, above, below, _ = _turned(one)
+    return above * s**2 + _middle(one) * s + below * natural**2, s**2 + 2 * ratio * natural * s + natural**2
+
+
 def _slopes(one: FloatArray, s: ComplexArray) -> ComplexArray:
     """Derivatives (..., N, 5) of one resonance by its parameters."""
     natural, ratio, above, below, _ = _turned(one)
-    bottom = s**2 + 2 * ratio * natural * s + natural**2
-    top = above * s**2 + _middle(one) * s + below * natural**2
+    top, bottom = _quotient(one, s)
     apart = (np.sqrt(above) - np.sqrt(below)) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         up, down = (np.where(part > 0, np.sqrt(other / part), 0.0) for part, other in ((above, below), (below, above)))
@@ -198,13 +201,6 @@ def _space(one: FloatArray) -> StateSpace:
     return StateSpace(
         rates, np.array([[0.0, 0.0], [natural, 0.0]]), np.array([-direct, rest / natural]), np.array([direct, above])
     )
-
-
-def _condition(flat: StiffnessData, at: int) -> StiffnessData:
-    """One of the conditions (B, N)."""
-    omega = flat.omega[at] if flat.omega.ndim > 1 else flat.omega
-    ramp = {name: part[at] for name, part in flat.ramp.items()}
-    return StiffnessData(omega, flat.stiffness[at], flat.covariance[at], flat.k1[at], flat.k1_std[at], **ramp)
 
 
 def _parts(data: StiffnessData, count: int) -> tuple[FloatArray, FloatArray, StiffnessData]:

@@ -244,19 +244,24 @@ def fit_laws(temperatures: FloatArray, log_a: FloatArray, covariance: FloatArray
 
 
 def _law(name: str, values: FloatArray, reference: float, t: FloatArray) -> FloatArray:
+    """The logarithm ln a_T (N,) at temperatures (N,) [degC]; each law is linear in its first constant."""
+    return np.asarray(values[0] * _shape(name, values, reference, t))
+
+
+def _shape(name: str, values: FloatArray, reference: float, t: FloatArray) -> FloatArray:
+    """The logarithm ln a_T (N,) per unit of the first constant."""
     if name == "WLF":
         x = t - reference
-        return np.asarray(-_DECADE * values[0] * x / (values[1] + x))
-    return np.asarray(values[0] / GAS_CONSTANT * (1 / (t + ZERO_CELSIUS) - 1 / (reference + ZERO_CELSIUS)))
+        return np.asarray(-_DECADE * x / (values[1] + x))
+    return np.asarray((1 / (t + ZERO_CELSIUS) - 1 / (reference + ZERO_CELSIUS)) / GAS_CONSTANT)
 
 
 def _slopes(name: str, values: FloatArray, reference: float, t: FloatArray) -> FloatArray:
     """Derivatives (N, k) of ln a_T by the constants."""
+    shape = _shape(name, values, reference, t)
     if name == "WLF":
-        x = t - reference
-        whole = values[1] + x
-        return np.stack([-_DECADE * x / whole, _DECADE * values[0] * x / whole**2], axis=1)
-    return (1 / (t + ZERO_CELSIUS) - 1 / (reference + ZERO_CELSIUS))[:, None] / GAS_CONSTANT
+        return np.stack([shape, -values[0] * shape / (values[1] + t - reference)], axis=1)
+    return shape[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,21 +298,25 @@ class _Problem:
     def fitted(self, name: str) -> ShiftLaw | None:
         """The law with the least chi-square; None if WLF has no bend that the data show."""
         if name == "Arrhenius":
-            column = self.whiten @ _slopes(name, np.ones(1), self.reference, self.t)[:, 0]
-            return self._judged(name, np.array([column @ self.target / (column @ column)]))
+            return self._judged(name, np.array([self._first(name)[0]]))
         # The law is linear in C1, so that C2 alone is searched.
         grid = np.linspace(np.log(0.05), np.log(1e5), 120)
-        at, found = _minimum(lambda log_c2: self._linear(self.least + float(np.exp(log_c2)))[1], grid)
+        at, found = _minimum(lambda log_c2: self._first(name, self.least + float(np.exp(log_c2)))[1], grid)
         if at == grid.size - 1:
             return None  # a straight line in temperature is as good as any bend
         c2 = self.least + float(np.exp(found.x))
-        return self._judged(name, np.array([self._linear(c2)[0], c2]))
+        return self._judged(name, np.array([self._first(name, c2)[0], c2]))
 
-    def _linear(self, c2: float) -> tuple[float, float]:
-        """C1 that fits best for a given C2, and chi-square."""
-        column = self.whiten @ (-_DECADE * self.x / (c2 + self.x))
-        c1 = float(column @ self.target / (column @ column))
-        return c1, float(np.sum((self.target - c1 * column) ** 2))
+    def _first(self, name: str, second: float = 0.0) -> tuple[float, float]:
+        """The first constant that fits best for a given second one, and chi-square."""
+        column = self.whiten @ _shape(name, np.array([1.0, second]), self.reference, self.t)
+        first = float(column @ self.target / (column @ column))
+        return first, float(np.sum((self.target - first * column) ** 2))
+
+    def _chi2(self, name: str, *values: float) -> float:
+        """Chi-square of a law with these constants."""
+        law = _law(name, np.array(values), self.reference, self.t)
+        return float(np.sum((self.target - self.whiten @ law) ** 2))
 
     def _judged(self, name: str, values: FloatArray) -> ShiftLaw:
         """A law with covariance, intervals and BIC."""
@@ -328,18 +337,13 @@ class _Problem:
 
     def _profile(self, name: str, at: int, value: float) -> float:
         """Least chi-square for a fixed constant."""
-        if name == "Arrhenius":
-            law = _law(name, np.array([value]), self.reference, self.t)
-            return float(np.sum((self.target - self.whiten @ law) ** 2))
         if at == 1:
-            return self._linear(value)[1] if value > self.least * (1 + 1e-9) else np.inf
-
-        def chi2(log_c2: float) -> float:
-            c2 = self.least + np.exp(log_c2)
-            return float(np.sum((self.target + self.whiten @ (_DECADE * value * self.x / (c2 + self.x))) ** 2))
-
+            return self._first(name, value)[1] if value > self.least * (1 + 1e-9) else np.inf
+        if name == "Arrhenius":
+            return self._chi2(name, value)
         # ln a_T at small differences fixes C1/C2, so that the best C2 is near value C2/C1.
-        return float(_minimum(chi2, np.linspace(np.log(0.05), np.log(1e6), 60))[1].fun)
+        grid = np.linspace(np.log(0.05), np.log(1e6), 60)
+        return float(_minimum(lambda log_c2: self._chi2(name, value, self.least + np.exp(log_c2)), grid)[1].fun)
 
 
 def _minimum(chi2: Callable[[float], float], grid: FloatArray) -> tuple[int, Any]:
