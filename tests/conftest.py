@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import shutil
 import tempfile
@@ -25,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 USER = Path(tempfile.mkdtemp(prefix="fourpole-tests-"))
 os.environ |= {f"XDG_{name}_HOME": str(USER / name.lower()) for name in ("CONFIG", "CACHE")}
 atexit.register(shutil.rmtree, USER, ignore_errors=True)
+gc.disable()  # what is imported and collected stays; to look through all of it again and again takes seconds
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -40,6 +42,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if left and not any("::" in argument for argument in config.args):  # what is named runs
         config.hook.pytest_deselected(items=list(left))
         items[:] = [item for item in items if item not in left]
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
