@@ -15,6 +15,7 @@ import numpy as np
 import polars as pl
 import pytest
 from numpy.typing import NDArray
+from tests.kept import user_folders
 from tests.reference import claims
 from tests.selection import EVERY, left_out, turn
 
@@ -24,7 +25,7 @@ from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 ROOT = Path(__file__).resolve().parents[1]
 #: The user's folders, with the key, are of the tests alone, and of all processes that they start.
 USER = Path(tempfile.mkdtemp(prefix="fourpole-tests-"))
-os.environ |= {f"XDG_{name}_HOME": str(USER / name.lower()) for name in ("CONFIG", "CACHE")}
+os.environ |= user_folders(USER)
 atexit.register(shutil.rmtree, USER, ignore_errors=True)
 gc.disable()  # what is imported and collected stays; to look through all of it again and again takes seconds
 
