@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import shutil
 import tempfile
@@ -14,6 +15,7 @@ import numpy as np
 import polars as pl
 import pytest
 from numpy.typing import NDArray
+from tests.kept import user_folders
 from tests.reference import claims
 from tests.selection import EVERY, left_out, turn
 
@@ -23,8 +25,9 @@ from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 ROOT = Path(__file__).resolve().parents[1]
 #: The user's folders, with the key, are of the tests alone, and of all processes that they start.
 USER = Path(tempfile.mkdtemp(prefix="fourpole-tests-"))
-os.environ |= {f"XDG_{name}_HOME": str(USER / name.lower()) for name in ("CONFIG", "CACHE")}
+os.environ |= user_folders(USER)
 atexit.register(shutil.rmtree, USER, ignore_errors=True)
+gc.disable()  # what is imported and collected stays; to look through all of it again and again takes seconds
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -40,6 +43,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if left and not any("::" in argument for argument in config.args):  # what is named runs
         config.hook.pytest_deselected(items=list(left))
         items[:] = [item for item in items if item not in left]
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

@@ -9,10 +9,10 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1] / "src"
+from tests.sources import Module, modules, nodes_of
+
 FUNCTIONS = ("compile", "match", "search", "fullmatch", "sub", "subn", "split", "findall", "finditer")
 
 
@@ -28,44 +28,43 @@ class Use:
 def uses() -> dict[str, list[Use]]:
     """All regular expressions of the package: room/module.NAME, or room/module.function with #2 from the second on."""
     found: dict[str, list[Use]] = {}
-    for path in sorted(ROOT.rglob("*.py")):
-        tree = ast.parse(path.read_text())
-        if any(isinstance(node, ast.Import) and any(one.name == "re" for one in node.names) for node in ast.walk(tree)):
-            for use in _of_module(path, tree):
+    for module in modules().values():
+        imports = (one for one in module.nodes if isinstance(one, ast.Import))
+        if any(alias.name == "re" for one in imports for alias in one.names):
+            for use in _of_module(module):
                 found.setdefault(use.key, []).append(use)
     return found
 
 
-def _of_module(path: Path, tree: ast.Module) -> Iterator[Use]:
-    place = path.relative_to(ROOT).with_suffix("")
-    module = importlib.import_module(".".join(place.parts).removesuffix(".__init__"))
-    room = place.relative_to("fourpole").as_posix().removesuffix("/__init__")
+def _of_module(module: Module) -> Iterator[Use]:
+    imported = importlib.import_module(module.name)
+    room = module.place.removesuffix(".py").removesuffix("/__init__")
     methods: dict[str, set[str]] = {}
-    for node in ast.walk(tree):
+    for node in module.nodes:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.attr in FUNCTIONS:
             methods.setdefault(node.value.id, set()).add(node.attr)
     variables = {method for name, several in methods.items() if name.islower() and name != "re" for method in several}
     variables = variables or {"search", "fullmatch", "finditer"}
     named: set[ast.AST] = set()
-    for statement in tree.body:
+    for statement in module.tree.body:
         if isinstance(statement, ast.Assign | ast.AnnAssign):
             for name in _stored(statement):
-                patterns = list(_patterns(vars(module).get(name)))
+                patterns = list(_patterns(vars(imported).get(name)))
                 for pattern in patterns:
                     yield Use(f"{room}.{name}", pattern, frozenset(methods.get(name, variables)))
-            named.update(ast.walk(statement))
+            named.update(nodes_of(statement))
     counts: Counter[str] = Counter()
-    for function in (one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef)):
-        for node in ast.walk(function):
+    for function in (one for one in module.nodes if isinstance(one, ast.FunctionDef)):
+        for node in nodes_of(function):
             if node not in named and isinstance(node, ast.Call) and _is_of_re(node.func):
                 named.add(node)
                 counts[function.name] += 1
                 key = f"{room}.{function.name}" + (f"#{counts[function.name]}" if counts[function.name] > 1 else "")
-                yield Use(key, _evaluated(node, module), frozenset({node.func.attr}))
+                yield Use(key, _evaluated(node, imported), frozenset({node.func.attr}))
 
 
 def _stored(statement: ast.stmt) -> list[str]:
-    names = (one for one in ast.walk(statement) if isinstance(one, ast.Name))
+    names = (one for one in nodes_of(statement) if isinstance(one, ast.Name))
     return [one.id for one in names if isinstance(one.ctx, ast.Store)]
 
 

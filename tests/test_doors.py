@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 
 import pytest
+from tests.sources import modules, name_of, nodes_of
 
 from fourpole.io.recordings import BY_PATH as FORMATS
 
@@ -14,7 +14,6 @@ pytestmark = pytest.mark.thorough
 
 #: Formats whose libraries open paths by themselves, in the guarded worker alone.
 BY_PATH = [f"io/formats/{name}.py" for name in FORMATS]
-SOURCE = Path(__file__).resolve().parents[1] / "src" / "fourpole"
 #: Calls by which bytes of a file come in, by the last part of their name.
 READS = {
     "open", "fdopen", "read_text", "read_bytes", "open_code", "FileIO", "mmap", "fromfile", "memmap", "loadtxt",
@@ -60,16 +59,16 @@ MAY = {
 }
 
 
-def openings(source: str) -> Iterator[tuple[int, str]]:
+def openings(nodes: Iterable[ast.AST]) -> Iterator[tuple[int, str]]:
     """Line and text of each call that opens a path to read it."""
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes:
         if not isinstance(node, ast.Call):
             continue
-        name = ast.unparse(node.func)
-        given = ast.unparse(node.args[0]) if node.args else ""
+        name = name_of(node.func)
         last = name.rpartition(".")[2]
         if last not in READS or name in OPENS_NONE or (last == "File" and name == "File"):
             continue
+        given = ast.unparse(node.args[0]) if node.args else ""
         in_memory = given in IN_MEMORY or given.startswith(IN_MEMORY_BEGINS)
         if not (in_memory and name != "open") and not is_write(node):
             yield node.lineno, ast.unparse(node)
@@ -85,16 +84,15 @@ def is_write(call: ast.Call) -> bool:
 
 def test_only_the_door_opens_files() -> None:
     found = {}
-    for path in sorted(SOURCE.rglob("*.py")):
-        where = path.relative_to(SOURCE).as_posix()
-        if where not in MAY and where not in BY_PATH:
-            found |= {f"{where}:{line}": text for line, text in openings(path.read_text(encoding="utf-8"))}
+    for place, module in modules().items():
+        if place not in MAY and place not in BY_PATH:
+            found |= {f"{place}:{line}": text for line, text in openings(module.nodes)}
     assert found == {}
 
 
 def test_each_exception_is_one() -> None:
-    for where in (*MAY, *BY_PATH):
-        assert list(openings((SOURCE / where).read_text(encoding="utf-8"))), where
+    for place in (*MAY, *BY_PATH):
+        assert list(openings(modules()[place].nodes)), place
 
 
 @pytest.mark.parametrize(
@@ -116,4 +114,4 @@ def test_each_exception_is_one() -> None:
     ],
 )
 def test_a_call_that_opens_a_path_is_seen(line: str) -> None:
-    assert list(openings(line))
+    assert list(openings(nodes_of(ast.parse(line))))

@@ -9,10 +9,10 @@ import sys
 import tomllib
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from packaging.requirements import Requirement
+from tests.sources import modules, name_of, nodes_of
 
 import fourpole
 from fourpole.quantities import QUANTITIES
@@ -20,7 +20,6 @@ from fourpole.quantities import QUANTITIES
 pytestmark = pytest.mark.thorough
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = sorted((ROOT / "src" / "fourpole").rglob("*.py"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LOCKS = [ROOT / f"requirements{name}.lock" for name in ("", "-lowest", "-demo")]
 HEAVY = {"matplotlib", "pint", "polars", "pydantic", "rich", "typer"}
@@ -37,14 +36,12 @@ def in_source(path):
     return path.relative_to(ROOT).as_posix()
 
 
-def called_names(tree):
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call):
-            yield ast.unparse(node.func)
+def called_names(nodes):
+    return (name_of(node.func) for node in nodes if isinstance(node, ast.Call))
 
 
-def imported_names(tree):
-    for node in ast.walk(tree):
+def imported_names(nodes):
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -68,47 +65,24 @@ def base_requirements():
 HEADS_AT_HOME = {"quantities.py", "campaign/schema.py"}
 
 
-def literals(tree):
+def literals(nodes):
     """Texts of a module, its docstrings left out."""
     said = {
         id(node.body[0].value)
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and isinstance(node.body[0], ast.Expr)
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
             yield node.value
 
 
-class Module(NamedTuple):
-    """What a module says and does, as its syntax tree has it."""
-
-    docstring: str | None
-    called: set[str]
-    imported: set[str]
-    starts: set[str]
-    texts: set[str]
-
-
-@pytest.fixture(scope="module")
-def modules():
-    """The modules of the package by their place in it; each is parsed once."""
-    found = {}
-    for path in SOURCES:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        facts = (called_names(tree), imported_names(tree), starts_of(tree), literals(tree))
-        found[path.relative_to(ROOT / "src" / "fourpole").as_posix()] = Module(
-            ast.get_docstring(tree), *map(set, facts)
-        )
-    return found
-
-
-def test_a_head_stands_in_one_file_besides_the_table_of_quantities(modules):
+def test_a_head_stands_in_one_file_besides_the_table_of_quantities():
     """A column's head is taken from `fourpole.quantities`; one of a single file's own may stand there."""
     known = {head for one in QUANTITIES for head in (*one.heads, one.stated_head, one.label) if " [" in head}
     places = {}
-    for name, module in modules.items():
-        for text in module.texts if name not in HEADS_AT_HOME else ():
+    for name, module in modules().items():
+        for text in set(literals(module.nodes)) if name not in HEADS_AT_HOME else ():
             if text in known or re.fullmatch(r"[^\s,:;][^:;]{0,40} \[[^\[\]\s][^\[\]]{0,11}\]", text):
                 places.setdefault(text, set()).add(name)
     assert {head: names for head, names in places.items() if len(names) > 1} == {}
@@ -183,13 +157,16 @@ def test_public_names_come_with_an_example(name):
     assert ">>> " in examples
 
 
-def test_every_module_says_what_it_is_and_keeps_quiet(modules):
-    assert [name for name, module in modules.items() if not module.docstring] == []
+def test_every_module_says_what_it_is_and_keeps_quiet():
+    assert [name for name, module in modules().items() if not ast.get_docstring(module.tree)] == []
+    called = {name: set(called_names(module.nodes)) for name, module in modules().items()}
     barred = {"eval", "exec", "builtins.eval", "builtins.exec"}
-    assert {name: bad for name, module in modules.items() if (bad := barred & module.called)} == {}
-    assert [name for name, module in modules.items() if "print" in module.called and "app" not in name.split("/")] == []
+    assert {name: bad for name, several in called.items() if (bad := barred & several)} == {}
+    assert [name for name, several in called.items() if "print" in several and "app" not in name.split("/")] == []
     unsafe = {"pickle", "cPickle", "cloudpickle", "dill", "joblib", "marshal", "shelve"}
-    imported = {name: {one.partition(".")[0] for one in module.imported} for name, module in modules.items()}
+    imported = {
+        name: {one.partition(".")[0] for one in imported_names(module.nodes)} for name, module in modules().items()
+    }
     assert {name: bad for name, several in imported.items() if (bad := unsafe & several)} == {}
 
 
@@ -201,23 +178,23 @@ OF_SYSTEM = re.compile("exec[lv]p?e?|fork|forkpty|popen|posix_spawnp?|spawn[lv]p
 ASKED = {("study/workers.py", "ProcessPoolExecutor")}
 
 
-def starts_of(tree):
+def starts_of(nodes):
     """Names in a module by which it could start a process."""
-    yield from (name for name in imported_names(tree) if name.partition(".")[0] in STARTERS)
-    for node in ast.walk(tree):
+    yield from (name for name in imported_names(nodes) if name.partition(".")[0] in STARTERS)
+    for node in nodes:
         if isinstance(node, ast.ImportFrom):
             module, names = node.module or "", [alias.name for alias in node.names]
         elif isinstance(node, ast.Attribute):
-            module, names = ast.unparse(node.value), [node.attr]
+            module, names = name_of(node.value) if OF_SYSTEM.fullmatch(node.attr) else "", [node.attr]
         else:
             continue
         yield from filter(STARTS.fullmatch, names)
         yield from filter(OF_SYSTEM.fullmatch, names if module == "os" else ())
 
 
-def test_processes_are_started_by_one_module(modules):
+def test_processes_are_started_by_one_module():
     """`fourpole.io.processes` is the door out: every other start would have the working folder and all variables."""
-    starts = {(name, start) for name, module in modules.items() for start in module.starts}
+    starts = {(name, start) for name, module in modules().items() for start in starts_of(module.nodes)}
     assert {start for name, start in starts if name == "io/processes.py"} >= {"subprocess", "create_subprocess_exec"}
     assert {one for one in starts if one[0] != "io/processes.py"} <= ASKED
 
@@ -233,7 +210,7 @@ def test_processes_are_started_by_one_module(modules):
     ],
 )  # fmt: skip
 def test_each_way_to_start_a_process_is_seen(code):
-    assert list(starts_of(ast.parse(code)))
+    assert list(starts_of(nodes_of(ast.parse(code))))
 
 
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
@@ -252,18 +229,21 @@ def test_a_float_without_decimals_is_seen(want):
     assert not bare_floats(">>> x\n[0.0, 12, 1e3, 2..12] maxwell:4. The data")
 
 
+def docstrings(module):
+    """Docstrings of a module, its classes and functions, which have examples."""
+    found = (ast.get_docstring(node) for node in module.nodes if isinstance(node, _DOCUMENTED))
+    return "\n\n".join(said for said in found if said and ">>>" in said)
+
+
 def test_examples_have_no_float_without_decimals():
     """pytest's NUMBER compares to the decimals written: `0.` also matches 0.9; write 0.000 or print a list."""
-    said = {path: path.read_text(encoding="utf-8") for path in PAGES + SOURCES}
-    for path in SOURCES:
-        nodes = [node for node in ast.walk(ast.parse(said[path])) if isinstance(node, _DOCUMENTED)]
-        said[path] = "\n\n".join(ast.get_docstring(node) or "" for node in nodes)
-    assert {in_source(path): found for path, text in said.items() if (found := bare_floats(text))} == {}
+    said = {in_source(path): path.read_text(encoding="utf-8") for path in PAGES}
+    said |= {in_source(module.path): docstrings(module) for module in modules().values()}
+    assert {path: found for path, text in said.items() if (found := bare_floats(text))} == {}
 
 
 def test_no_file_is_longer_than_500_lines():
-    long = {path for path in SOURCES if len(path.read_text(encoding="utf-8").splitlines()) > 500}
-    assert {path.relative_to(ROOT / "src" / "fourpole").as_posix() for path in long} <= LONG
+    assert {place for place, module in modules().items() if len(module.text.splitlines()) > 500} <= LONG
 
 
 @pytest.mark.parametrize("lock", LOCKS, ids=in_source)

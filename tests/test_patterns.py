@@ -221,7 +221,6 @@ def test_every_pattern_has_its_worst_text(known):
 
 
 @pytest.mark.parametrize("key", WORST)
-@pytest.mark.sampled(2)
 def test_a_pattern_is_linear(known, key):
     before, repeated, after = WORST[key]
     longest, each = LONGEST.get(key, 250_000), LIMIT

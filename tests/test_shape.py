@@ -3,39 +3,32 @@
 import ast
 from enum import Enum
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.sources import modules, name_of, nodes_of
 
 from fourpole.core.checks import Check
 from fourpole.core.joint.misfit import Candidate
 from fourpole.errors import Message
 from fourpole.study import analysis
 from fourpole.study.selection import select_tables
-from fourpole.virtual import FAULTS, simulate_campaign
-
-ROOT = Path(__file__).resolve().parents[1] / "src"
+from fourpole.virtual import FAULTS, RADIAL_PLY, simulate_campaign
 
 
 @cache
-def modules():
-    """Module -> its tree; read where a test asks, for all processes collect the tests and one runs them."""
-    return {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
-            path.read_text(encoding="utf-8")
-        )
-        for path in sorted((ROOT / "fourpole").rglob("*.py"))
-    }
+def names():
+    """Names of all modules; read where a test asks, for all processes collect the tests and one runs them."""
+    return {module.name for module in modules().values()}
 
 
-def imports_of(tree):
+def imports_of(nodes):
     """Modules of the house that a module imports: at its top, inside functions, and for types only."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 within = f"{node.module}.{alias.name}"
-                yield within if within in modules() else node.module
+                yield within if within in names() else node.module
         elif isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
 
@@ -54,16 +47,16 @@ def test_a_circle_is_seen():
 
 
 def test_imports_run_in_no_circle():
-    assert not circles({module: list(imports_of(tree)) for module, tree in modules().items()})
+    assert not circles({module.name: list(imports_of(module.nodes)) for module in modules().values()})
 
 
 #: Functions that make a check; their arguments by name are its values.
 MAKERS = {"reported", "judged", "Check"}
 
 
-def worded_values(tree):
+def worded_values(nodes):
     """Values of checks that are made of text where the check is made."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS:
             for keyword in node.keywords:
                 if is_worded(keyword.value):
@@ -87,11 +80,11 @@ def is_worded(node):
     "code", ["reported(Code.K1, v, why='no test is there')", "judged(c, 1.0, 2.0, names=', '.join(names))"]
 )
 def test_a_check_with_words_is_seen(code):
-    assert list(worded_values(ast.parse(code)))
+    assert list(worded_values(nodes_of(ast.parse(code))))
 
 
 def test_checks_are_made_with_values_and_no_words():
-    found = {module: made for module, tree in modules().items() if (made := list(worded_values(tree)))}
+    found = {place: made for place, module in modules().items() if (made := list(worded_values(module.nodes)))}
     assert not found
 
 
@@ -108,30 +101,38 @@ def words_in(value, names):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    "faults",
+    ("route", "faults"),
     [
-        ("one test: gain of V1, +20 %", "static test: zero of the load, +150 N", "drop-outs of V2, 4 %"),
+        ("joint", ("one test: gain of V1, +20 %", "static test: zero of the load, +150 N", "drop-outs of V2, 4 %")),
         (
-            "two tests: labels of pressure swapped",
-            "soft clipping of F1, at 500 N",
-            "static test: labels of two swapped",
+            "mobility",
+            (
+                "two tests: labels of pressure swapped",
+                "soft clipping of F1, at 500 N",
+                "static test: labels of two swapped",
+            ),
         ),
-        ("moving mass, +1 kg", "amplitude-dependent tyre, 20 %", "two tests: the same recording, of a repeat"),
-        ("V2 with the other sign", "one test: wrong pressure in its row, 2.05 for 1.35 bar"),
+        (
+            "mobility",
+            ("moving mass, +1 kg", "amplitude-dependent tyre, 20 %", "two tests: the same recording, of a repeat"),
+        ),
+        ("joint", ("V2 with the other sign", "one test: wrong pressure in its row, 2.05 for 1.35 bar")),
     ],
 )
-@pytest.mark.sampled(4)
-def test_values_of_checks_are_numbers_names_codes_and_errors(faults, tmp_path, monkeypatch):
-    """Laboratories with faults, one of whose recordings is no table, and one of whose static tests is missing."""
+def test_values_of_checks_are_numbers_names_codes_and_errors(route, faults, tmp_path, monkeypatch):
+    """Laboratories with faults, one of whose recordings is no table, and one of whose static tests is missing.
+
+    The rig contradicts its statement by the sign of V2, which is quickly found; the others have 22 checks or more.
+    """
     seen = []
     monkeypatch.setattr(analysis, "select_tables", lambda *given: seen.append(given) or select_tables(*given))
     made = simulate_campaign(
-        tmp_path / "made", pressures=[135e3, 205e3], preloads=[1000.0], frequencies=[11.0, 14.0, 17.0, 20.0], repeats=2,
-        faults=[FAULTS[fault] for fault in faults],
+        tmp_path / "made", tyres=[RADIAL_PLY], pressures=[135e3, 205e3], preloads=[1000.0],
+        frequencies=[11.0, 14.0, 17.0], repeats=2, faults=[FAULTS[fault] for fault in faults],
     )  # fmt: skip
     (made.folder / "recordings" / "D3.csv").write_text("t,F1,V1,V2\n0,1,2,x\n")
     (made.folder / "recordings" / "S2.csv").unlink()
-    study = analysis.analyse(made.folder)
+    study = analysis.analyse(made.folder, route=route)
     ((campaign, statics, points, _, _, conditions, _),) = seen
     checks = [check for row in statics for check in row.checks] + [check for row in points.checks for check in row]
     checks += [check for _, check in conditions]
@@ -154,11 +155,11 @@ SENTENCES = ("remark", "sentence", "remedy", "remedies", "cause", "message")
 SHOWN = {("fourpole.findings.list", "remarks.split('; ', maxsplit=1)")}
 
 
-def parsed_sentences(tree):
+def parsed_sentences(nodes):
     """Calls that take a sentence apart."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in TAKES_APART:
-            for part in (node.func.value, *(node.args if ast.unparse(node.func.value) == "re" else ())):
+            for part in (node.func.value, *(node.args if name_of(node.func.value) == "re" else ())):
                 named = part.attr if isinstance(part, ast.Attribute) else getattr(part, "id", "")
                 if any(word in named.lower() for word in SENTENCES):
                     yield ast.unparse(node)
@@ -166,8 +167,9 @@ def parsed_sentences(tree):
 
 @pytest.mark.parametrize("code", ["remarks.split('; ')", "re.sub('[0-9]', '', check.remark)", "cause.find(':')"])
 def test_a_parsed_sentence_is_seen(code):
-    assert list(parsed_sentences(ast.parse(code)))
+    assert list(parsed_sentences(nodes_of(ast.parse(code))))
 
 
 def test_no_room_parses_a_sentence():
-    assert {(module, call) for module, tree in modules().items() for call in parsed_sentences(tree)} == SHOWN
+    found = {(module.name, call) for module in modules().values() for call in parsed_sentences(module.nodes)}
+    assert found == SHOWN

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
+from tests.kept import kept
 from typer.testing import CliRunner
 
 from fourpole.app.cli import app
@@ -128,8 +130,14 @@ def campaign(small_campaign: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def demonstration(
-    fourpole: Callable[..., subprocess.CompletedProcess[str]], tmp_path_factory: pytest.TempPathFactory
+    fourpole: Callable[..., subprocess.CompletedProcess[str]],
 ) -> tuple[Path, subprocess.CompletedProcess[str]]:
-    """The folder that `fourpole demo` leaves, and what it printed."""
-    place = tmp_path_factory.mktemp("demonstration")
-    return place / "fourpole-demo", fourpole("demo", cwd=place)
+    """The folder that `fourpole demo` leaves, and what it printed; tests change nothing there."""
+
+    def make(place: Path) -> None:
+        place.mkdir()
+        ran = fourpole("demo", cwd=place)
+        (place / "ran.json").write_text(json.dumps([ran.returncode, ran.stdout, ran.stderr]))
+
+    place = kept("demonstration", make)
+    return place / "fourpole-demo", subprocess.CompletedProcess("demo", *json.loads((place / "ran.json").read_text()))

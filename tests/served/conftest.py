@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.kept import kept
 from tests.served.server import Server, serving
 
 from fourpole.app.analysis import run_analysis
@@ -14,13 +15,15 @@ from fourpole.app.options import RunOptions, Wanted
 from fourpole.virtual import simulate_campaign
 
 
-@pytest.fixture(scope="session")
-def analysed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign with its results; tests copy it."""
-    folder = tmp_path_factory.mktemp("made") / "campaign"
+def _analysed(folder: Path) -> None:
     simulate_campaign(folder, pressures=[170e3, 240e3], preloads=[1000.0], frequencies=[10.0, 13.0, 16.0, 20.0])
     run_analysis(folder, None, "joint", 0, RunOptions(workers=1), Wanted(models=True), as_json=True)
-    return folder
+
+
+@pytest.fixture(scope="session")
+def analysed() -> Path:
+    """A campaign with its results, its models and its report; tests copy it."""
+    return kept("served", _analysed)
 
 
 @pytest.fixture(scope="module")

@@ -22,10 +22,9 @@ from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.joint.shared import BELTS, BLOCKS, DRIFTS, OF_FAMILY, PARTS_OF_RUN, STEPS, Shared
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.sources import Kind, Role, Source
+from fourpole.core.sources import Kind, Role
 from fourpole.core.specimen import Ends, ends_of, massless
 
-_INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "input"))
 #: Values of the rig on which an unstated frame in series with the preload spring acts.
 _SUPPORT = ("preload_stiffness", "preload_damping", "preload_loss_factor", "frame_stiffness")
 #: Least relative uncertainty of an amplitude, which is the resolution of single precision.
@@ -147,16 +146,17 @@ class Observed(ByRows):
     def by_drift(self, shared: Shared) -> FloatArray:
         """Derivatives of Re and Im of log `drifted` by the shared values (N, 2, p), per stated uncertainty."""
         change, block = np.zeros((self.place.size, len(shared)), dtype=complex), self.block(shared)
-        for index, parameter in enumerate(shared.parameters):
-            kind = parameter.source.kind
-            if kind in DRIFTS:
-                change[:, index] = np.where(self.specimen == parameter.index, DRIFTS[kind] * self.place, 0.0)
-            elif kind in BLOCKS:
-                change[:, index] = np.where(block == parameter.index, BLOCKS[kind], 0.0)
-            elif kind in STEPS:
-                change[:, index] = STEPS[kind] * self.is_after(parameter.index)
-            elif kind is Kind.AMPLITUDE:
-                change[:, index] = self.deflection
+        for kind, unit in DRIFTS.items():
+            for place, number in shared.of_kind(kind):
+                change[:, place] = np.where(self.specimen == number, unit * self.place, 0.0)
+        for kind, unit in BLOCKS.items():
+            for place, number in shared.of_kind(kind):
+                change[:, place] = np.where(block == number, unit, 0.0)
+        for kind, unit in STEPS.items():
+            for place, number in shared.of_kind(kind):
+                change[:, place] = unit * self.is_after(number)
+        for place, _ in shared.of_kind(Kind.AMPLITUDE):
+            change[:, place] = self.deflection
         return parts(np.asarray(change * shared.std), axis=1)
 
     def ends(self, shared: Shared, z: FloatArray, stiffness: ComplexArray) -> Ends:
@@ -173,11 +173,10 @@ class Observed(ByRows):
 
     def belt_columns(self, shared: Shared) -> Iterator[tuple[int, ComplexArray, int]]:
         """Each shared value of the belts: its place, its change (N,) of what it acts on, its place in `Ends.by`."""
-        for place, parameter in enumerate(shared.parameters):
-            if (kind := parameter.source.kind) in BELTS:
-                number = self.family if kind in OF_FAMILY else self.specimen
-                unit, which = BELTS[kind]
-                yield place, np.where(number == parameter.index, unit * parameter.std, 0.0), which
+        for kind, (unit, which) in BELTS.items():
+            of = self.family if kind in OF_FAMILY else self.specimen
+            for place, number in shared.of_kind(kind):
+                yield place, np.where(of == number, unit * shared.parameters[place].std, 0.0), which
 
 
 def whitening(covariance: FloatArray, amplitudes: ComplexArray, present: BoolArray) -> FloatArray:
@@ -213,6 +212,8 @@ class Linear(ByValue):
         True V1, as estimated.
     impedance, ratio : (N,) complex arrays [N s/m], [1]
         Zr, and T = V2/V1.
+    gains : (N, 3) complex array [1]
+        Gains of F1, V1 and V2.
     ends : Ends
         The springs and masses of the specimens.
     predicted : (N, 3) complex array
@@ -232,6 +233,7 @@ class Linear(ByValue):
     drive: ComplexArray
     impedance: ComplexArray
     ratio: ComplexArray
+    gains: ComplexArray
     ends: Ends
     predicted: ComplexArray
     basis: FloatArray
@@ -307,6 +309,7 @@ def linearise(observed: Observed, shared: Shared, z: FloatArray, stiffness: Comp
         drive=drive,
         impedance=impedance,
         ratio=ratio,
+        gains=gains,
         ends=ends,
         predicted=predicted,
         basis=rotation[:, :, 2:],
@@ -364,20 +367,19 @@ def _impedance_by_shared(observed: Observed, shared: Shared, z: FloatArray) -> C
     support = _support(observed.omega, rig)
     through_frame = 1 - 2j * observed.omega * support * extra.get("frame", 0.0)
     change = np.zeros((observed.omega.size, len(shared)), dtype=complex)
-    for index, parameter in enumerate(shared.parameters):
-        role, of = parameter.source.role, parameter.source.of
-        if role is Role.RIG:
-            change[:, index] = gradient[:, parameter.index]
-            if of in _SUPPORT:
-                change[:, index] *= through_frame
-            if of == "preload_stiffness":
-                change[:, index] += extra.get("loss", 0.0) / observed.omega
-            if of == "tyre_mass":
-                change[observed.rigid, index] = 0.0
-        elif role is Role.UNSTATED and of in shapes:
-            change[:, index] = shapes[of]
-        elif role is Role.MASS:
-            change[:, index] = np.where(observed.mass_at == parameter.index, gradient[:, -1], 0.0)
+    for place, index in shared.of_role(Role.RIG):
+        of = shared.parameters[place].source.of
+        change[:, place] = gradient[:, index]
+        if of in _SUPPORT:
+            change[:, place] *= through_frame
+        if of == "preload_stiffness":
+            change[:, place] += extra.get("loss", 0.0) / observed.omega
+        if of == "tyre_mass":
+            change[observed.rigid, place] = 0.0
+    for place, _ in shared.of_role(Role.UNSTATED):
+        change[:, place] = shapes.get(shared.parameters[place].source.of, 0.0)
+    for place, index in shared.of_role(Role.MASS):
+        change[:, place] = np.where(observed.mass_at == index, gradient[:, -1], 0.0)
     return np.asarray(change * shared.std)
 
 
@@ -386,7 +388,7 @@ def _by_belts(linear: Linear) -> ComplexArray:
     observed, shared, ends = linear.observed, linear.shared, linear.ends
     change = np.zeros((len(linear.predicted), 3, len(shared)), dtype=complex)
     tyre, jw = ~observed.rigid, 1j * observed.omega
-    scaled = observed.gains(shared, linear.z) * np.where(tyre, linear.drive, 0.0)[:, None]
+    scaled = linear.gains * np.where(tyre, linear.drive, 0.0)[:, None]
     beyond = linear.impedance + jw * ends.wheel
     by_zr = -jw * ends.spring / (ends.spring + jw * beyond) ** 2
     for place, turn, which in observed.belt_columns(shared):
@@ -399,15 +401,14 @@ def _by_belts(linear: Linear) -> ComplexArray:
 def _by_channels(linear: Linear) -> ComplexArray:
     """Derivatives of the three amplitudes by z (N, 3, p), for fixed Zr and K*."""
     observed, shared, predicted = linear.observed, linear.shared, linear.predicted
-    of = np.array([parameter.source.of_channel for parameter in shared.parameters], dtype=bool)
+    of = shared.of_channel
     change = np.zeros((len(predicted), 3, len(shared)), dtype=complex)
     if of.any():
-        index = np.where(of, [parameter.index for parameter in shared.parameters], 0)
-        change = np.take(observed.turns, index, axis=2) * (predicted[:, :, None] * np.where(of, shared.std, 0.0))
-    for place, parameter in enumerate(shared.parameters):
-        if parameter.source in _INPUT_MASSES:
-            drive = observed.gains(shared, linear.z)[:, 0] * linear.drive
-            change[:, 0, place] = parameter.std * 1j * observed.omega * drive
+        turns = np.take(observed.turns, np.where(of, shared.index, 0), axis=2)
+        change = turns * (predicted[:, :, None] * np.where(of, shared.std, 0.0))
+    for place in shared.of_input_mass:
+        drive = linear.gains[:, 0] * linear.drive
+        change[:, 0, place] = shared.parameters[place].std * 1j * observed.omega * drive
     return change
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
-from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.channelerrors import ChannelError
 from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.sources import Kind, Role, Source
@@ -24,6 +25,10 @@ PARTS_OF_RUN = 8
 BELTS = {Kind.BELT_MASS: (1.0, 1), Kind.BELT_SHARE: (1.0, 2), Kind.BELT_ANGLE: (1j, 2), Kind.BELT_EXPONENT: (1.0, 3)}
 #: Those of each condition without its frequency; the others are of a specimen.
 OF_FAMILY = (Kind.BELT_SHARE, Kind.BELT_ANGLE)
+_INPUT_MASSES = (Source(Kind.RIG_VALUE, "input_mass"), Source(Kind.UNSTATED, "input"))
+#: Places and indices of the values of a role that no value has.
+_NONE = np.zeros((2, 0), dtype=int)
+_Key = TypeVar("_Key")
 
 
 @dataclass(frozen=True)
@@ -100,17 +105,57 @@ class Shared(ByValue):
         return len(self.parameters)
 
     @cached_property
+    def stated_values(self) -> FloatArray:
+        """Stated values (p,), each in its unit."""
+        return np.array([parameter.stated for parameter in self.parameters])
+
+    @cached_property
     def std(self) -> FloatArray:
         """Stated standard uncertainties (p,), each in its unit."""
         return np.array([parameter.std for parameter in self.parameters])
 
+    @cached_property
+    def _of_roles(self) -> dict[Role, IntArray]:
+        return {role: np.array(pairs).T for role, pairs in self._gathered(lambda source: source.role).items()}
+
+    @cached_property
+    def _of_kinds(self) -> dict[Kind, list[tuple[int, int]]]:
+        return self._gathered(lambda source: source.kind)
+
+    def _gathered(self, key: Callable[[Source], _Key]) -> dict[_Key, list[tuple[int, int]]]:
+        """Place in z and index of each value, by a key of its source."""
+        pairs: dict[_Key, list[tuple[int, int]]] = {}
+        for place, parameter in enumerate(self.parameters):
+            pairs.setdefault(key(parameter.source), []).append((place, parameter.index))
+        return pairs
+
+    def of_role(self, role: Role) -> list[tuple[int, int]]:
+        """Place in z and index of each value of a role."""
+        return [(place, index) for place, index in self._of_roles.get(role, _NONE).T.tolist()]
+
+    def of_kind(self, kind: Kind) -> list[tuple[int, int]]:
+        """Place in z and index of each value of a kind."""
+        return self._of_kinds.get(kind, [])
+
+    @cached_property
+    def of_input_mass(self) -> tuple[int, ...]:
+        """Places in z of the mass between force cell and contact, stated or not."""
+        return tuple(row for row, parameter in enumerate(self.parameters) if parameter.source in _INPUT_MASSES)
+
+    @cached_property
+    def index(self) -> IntArray:
+        """`SharedParameter.index` (p,) of the values."""
+        return np.array([parameter.index for parameter in self.parameters], dtype=int)
+
+    @cached_property
+    def of_channel(self) -> BoolArray:
+        """Whether each value (p,) is an error of a channel."""
+        return np.array([parameter.source.of_channel for parameter in self.parameters], dtype=bool)
+
     def offsets(self, z: FloatArray, role: Role, count: int) -> FloatArray:
         """Departures (count,) of the values of a role from their statement, each in its unit."""
-        offsets = np.zeros(count)
-        for value, parameter in zip(z * self.std, self.parameters, strict=True):
-            if parameter.source.role is role:
-                offsets[parameter.index] += value
-        return offsets
+        place, index = self._of_roles.get(role, _NONE)
+        return np.asarray(np.bincount(index, (z * self.std)[place], count), dtype=float)
 
     def of_channels(self, z: FloatArray, count: int) -> FloatArray:
         """Errors (count,) of the channels at z, each in its unit."""
@@ -128,16 +173,20 @@ class Shared(ByValue):
 
     def by_amplitude_at(self, z: FloatArray) -> float:
         """Change of the logarithm of the modulus of K* per unit of the logarithm of the deflection's amplitude at z."""
-        values = zip(z * self.std, self.parameters, strict=True)
-        return float(sum(value for value, parameter in values if parameter.source.kind is Kind.AMPLITUDE))
+        return float(sum(z[place] * self.std[place] for place, _ in self.of_kind(Kind.AMPLITUDE)))
 
     def of_specimens_at(self, z: FloatArray, units: Mapping[Kind, complex], count: int) -> ComplexArray:
         """Change of log K* at z (count,) [1] + j [rad], by drifts of the specimens or by blocks as `units` are."""
-        change = np.zeros(count, dtype=complex)
-        for value, parameter in zip(z * self.std, self.parameters, strict=True):
-            if parameter.source.kind in units and parameter.index < count:  # a chunk need not have all specimens
-                change[parameter.index] += units[parameter.source.kind] * value
+        change, values = np.zeros(count, dtype=complex), z * self.std
+        for kind, unit in units.items():
+            self._add(change, kind, unit, values)
         return change
+
+    def _add(self, into: np.ndarray, kind: Kind, unit: complex, values: FloatArray) -> None:
+        """Add values (p,) of a kind times their unit, each at its index; a chunk of the tests need not have all."""
+        for place, index in self.of_kind(kind):
+            if index < into.size:
+                into[index] += unit * values[place]
 
     @cached_property
     def has_belts(self) -> bool:
@@ -151,23 +200,22 @@ class Shared(ByValue):
         """
         mass, share, exponent = np.zeros(counts[0]), np.zeros(counts[1], dtype=complex), np.zeros(counts[0])
         of_kind = {Kind.BELT_MASS: mass, Kind.BELT_SHARE: share, Kind.BELT_ANGLE: share, Kind.BELT_EXPONENT: exponent}
-        for value, parameter in zip(z * self.std, self.parameters, strict=True):
-            into = of_kind.get(parameter.source.kind)
-            if into is not None and parameter.index < into.size:  # a chunk need not have all of them
-                into[parameter.index] += BELTS[parameter.source.kind][0] * (parameter.stated + value)
+        values = self.stated_values + z * self.std
+        for kind, into in of_kind.items():
+            self._add(into, kind, BELTS[kind][0], values)
         return mass, share, exponent
 
     def extra_at(self, z: FloatArray) -> dict[str, float]:
         """Sizes of the unstated parts at z, by name, in the units of `core.sources.PARTS`."""
         sizes: dict[str, float] = {}
-        for value, parameter in zip(z * self.std, self.parameters, strict=True):
-            if parameter.source.kind is Kind.UNSTATED:
-                sizes[parameter.source.of] = sizes.get(parameter.source.of, 0.0) + float(value)
+        values = z * self.std
+        for place, _ in self.of_kind(Kind.UNSTATED):
+            part = self.parameters[place].source.of
+            sizes[part] = sizes.get(part, 0.0) + float(values[place])
         return sizes
 
     def found(self, z: FloatArray) -> FloatArray:
         """Values at z (p,), each in its unit."""
         moved = z * self.std
         gain = np.array([parameter.is_gain for parameter in self.parameters], dtype=bool)
-        stated = np.array([parameter.stated for parameter in self.parameters])
-        return np.where(gain, np.exp(np.where(gain, moved, 0.0)), stated + moved)
+        return np.where(gain, np.exp(np.where(gain, moved, 0.0)), self.stated_values + moved)
