@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of
+from fourpole.fitting.modelfile import ConditionFile, MapEntry, ModelEntry, map_of, map_of_condition
 from fourpole.fitting.modelparts import VerdictFile
-from fourpole.fitting.onepoint import map_of_condition
 from fourpole.models.families import by_amplitude
 from fourpole.models.ladder import Rung
 from fourpole.models.operating import OperatingMap

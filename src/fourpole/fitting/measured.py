@@ -45,7 +45,7 @@ from fourpole.fitting.rows import (
 from fourpole.io.folders import results_in
 from fourpole.io.published import Published, published_beside, read_listed
 from fourpole.io.tables.kstar import TableOptions, read_k_star
-from fourpole.models.data import StiffnessData
+from fourpole.models.data import StiffnessData, complex_columns, real_columns
 from fourpole.models.inertial import Of
 from fourpole.models.ramp import Loop
 from fourpole.models.recorded import Recorded, bends
@@ -191,9 +191,8 @@ def _within(one: Measured, band: tuple[float, float]) -> Measured | None:
     rows = np.flatnonzero((one.frequency >= band[0] * (1 - _NOMINAL)) & (one.frequency <= band[1] * (1 + _NOMINAL)))
     if not rows.size:
         return None
-    both = np.stack([2 * rows, 2 * rows + 1], axis=1).ravel()
     keys = tuple(one.keys[at] for at in rows.tolist())
-    shared = one.shared[both] if one.shared.size else one.shared
+    shared = real_columns(complex_columns(one.shared)[rows]) if one.shared.size else one.shared
     recorded = None if one.recorded is None else one.recorded.part(rows)
     return replace(one, keys=keys, own=one.own.part(rows), shared=shared, recorded=recorded)
 

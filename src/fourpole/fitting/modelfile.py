@@ -30,6 +30,7 @@ from fourpole.fitting.modelparts import (
     VerdictFile,
     check_covariance,
     check_offsets,
+    finite_or_none,
     split_column,
 )  # fmt: skip
 from fourpole.fitting.ranges import RangeFile
@@ -43,7 +44,7 @@ from fourpole.models.interface import Link, Model
 from fourpole.models.linearised import Scatter
 from fourpole.models.operating import Offsets, OperatingMap
 from fourpole.models.shape import Shape
-from fourpole.models.surface import Axes, ValueSurface
+from fourpole.models.surface import Axes
 from fourpole.models.together import LeaveOneOut
 from fourpole.units import shown
 
@@ -406,11 +407,6 @@ def entry_of(
     tyre: str, found: OperatingMap, choice: str, amplitude: Amplitudes = None, inertia: InertiaFile | None = None
 ) -> MapEntry:
     """A map as it is in a file; `amplitude` is the tested range if the model depends on it."""
-    surface = None
-    if found.static is not None:
-        surface = SurfaceFile(
-            **{name: np.asarray(getattr(found.static, name)).tolist() for name in SurfaceFile.model_fields}
-        )
     offsets = (
         () if found.offsets is None else zip(*(each.tolist() for each in vars(found.offsets).values()), strict=True)
     )
@@ -433,7 +429,7 @@ def entry_of(
         band=found.band,
         amplitude=amplitude,
         leave_one_out=(error, inside, conditions),
-        static=surface,
+        static=None if found.static is None else SurfaceFile.of(found.static),
         choice=choice,
         inertia=inertia,
         link=found.link,
@@ -441,23 +437,12 @@ def entry_of(
     )
 
 
-def finite_or_none(value: float) -> float | None:
-    """The number, or None if it is not finite, because JSON has no such number."""
-    return value if np.isfinite(value) else None
-
-
 def map_of(entry: MapEntry) -> OperatingMap:
     """The operating map of an entry."""
     model = model_of(entry).with_link(entry.link)
     count = len(entry.axes[0].values) if entry.axes else 1
     points = np.array([axis.values for axis in entry.axes], dtype=float).reshape(len(entry.axes), count).T
-    size, file, static = sum(len(one) for one in entry.coefficients), entry.static, None
-    if file is not None:
-        covariance = np.array(file.covariance, dtype=float).reshape(len(file.terms), len(file.terms))
-        terms = tuple(tuple(one) for one in file.terms)
-        static = ValueSurface(
-            terms, np.array(file.coefficients, dtype=float), covariance, file.scatter, file.std, entry.link
-        )
+    size = sum(len(one) for one in entry.coefficients)
     condition, *frequency = entry.scatter[:3]
     errors = [[*one.value] for one in entry.offsets], [one.covariance for one in entry.offsets]
     return OperatingMap(
@@ -476,6 +461,26 @@ def map_of(entry: MapEntry) -> OperatingMap:
         ),
         band=entry.band,
         leave_one_out=LeaveOneOut(*(float("nan") if one is None else one for one in entry.leave_one_out)),
-        static=static,
+        static=None if entry.static is None else entry.static.surface(entry.link),
         offsets=Offsets(*map(np.array, errors)) if entry.offsets else None,
+    )
+
+
+def map_of_condition(entry: ModelEntry, one: ConditionFile) -> OperatingMap:
+    """The parameters of a condition as a map of one point with its band and covariance."""
+    model = model_of(entry)
+    linked = model.link(np.array(one.values))
+    _, slopes = model.unlink(linked)
+    scale = np.divide(1.0, slopes, out=np.zeros_like(slopes), where=np.abs(slopes) > 1e-100)
+    covariance = np.array(one.covariance) * np.outer(scale, scale)
+    return OperatingMap(
+        model=model,
+        axes=Axes((), np.zeros((1, 0)), dict(one.coordinates)),
+        terms=((),),
+        coefficients=linked[:, None],
+        covariance=covariance,
+        scatter=Scatter(frequency=(entry.discrepancy, entry.discrepancy)),
+        band=one.band,
+        leave_one_out=LeaveOneOut(),
+        offsets=Offsets(np.zeros((1, 2)), np.pad(covariance, (0, 2))[None]),
     )

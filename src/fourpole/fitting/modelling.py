@@ -27,16 +27,8 @@ from fourpole.fitting.mapping import (
     shared_effects,
 )
 from fourpole.fitting.measured import Measured, MeasuredSet
-from fourpole.fitting.modelfile import (
-    CandidateFile,
-    ConditionFile,
-    ModelEntry,
-    ModelFile,
-    entry_of,
-    finite_or_none,
-    model_parts,
-)
-from fourpole.fitting.modelparts import NamedValue, Provenance, ToleranceFile, VerdictFile
+from fourpole.fitting.modelfile import CandidateFile, ConditionFile, ModelEntry, ModelFile, entry_of, model_parts
+from fourpole.fitting.modelparts import NamedValue, Provenance, ToleranceFile, VerdictFile, finite_or_none
 from fourpole.fitting.ranges import REACH, ranges_of, rest_of
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence, slowest
@@ -260,7 +252,8 @@ def _fit_tyre(
     fixed = list(fixed_of(best.fit.model, held))
     ends, why, stopped = intervals(best.fits, data, fixed, step, shared=bool(share), stopped=stopped)
     said = factor_sentence(best.fits, [one.loop for one in measured], data)
-    choice = replace(choice, text=". ".join(filter(None, [choice.text, *said, *_not_compared(choice), *why, told])))
+    lacking = [f"{name} was not compared: {reason.rstrip('.')}" for name, reason in choice.failed]
+    choice = replace(choice, text=". ".join(filter(None, [choice.text, *said, *lacking, *why, told])))
     return TyreFit(tyre, measured, tuple(data), choice, best, ends, verdicts, whole, stopped)
 
 
@@ -270,11 +263,6 @@ def with_belt(measured: Measured, verdict: Verdict) -> Measured:
         return measured
     belt = InertiaFile(form="belt", mass=verdict.belt.mass, share=verdict.belt.share)
     return replace(measured, inertia=belt)
-
-
-def _not_compared(choice: Choice) -> list[str]:
-    """Models that could not be compared, each with the reason, as sentences."""
-    return [f"{name} was not compared: {reason.rstrip('.')}" for name, reason in choice.failed]
 
 
 def _widened(

@@ -9,6 +9,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, StrictBool, model_serializer
 
 from fourpole.errors import ModelError
+from fourpole.models.interface import Link
+from fourpole.models.surface import ValueSurface
 from fourpole.version import VERSION
 
 #: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
@@ -119,6 +121,11 @@ class NamedValue(Named):
         return [cls(name=name, unit=unit, value=value) for name, unit, value in split]
 
 
+def finite_or_none(value: float) -> float | None:
+    """The number, or None if it is not finite, because JSON has no such number."""
+    return value if np.isfinite(value) else None
+
+
 def split_column(column: str) -> tuple[str, str]:
     """Name and unit of a column: "pressure [Pa]"; the unit is 1 where there is none."""
     name, mark, unit = column.rpartition(" [")
@@ -141,6 +148,17 @@ class SurfaceFile(Strict):
     covariance: list[list[float]] = Field(max_length=500)
     scatter: Share = Field(description="Relative scatter of conditions [1].")
     std: Share = Field(description="Relative standard uncertainty that all static tests share [1].")
+
+    @classmethod
+    def of(cls, found: ValueSurface) -> SurfaceFile:
+        """The record of a surface."""
+        return cls(**{name: np.asarray(getattr(found, name)).tolist() for name in cls.model_fields})
+
+    def surface(self, link: Link) -> ValueSurface:
+        """The surface of this record."""
+        terms, size = tuple(tuple(one) for one in self.terms), len(self.terms)
+        covariance = np.array(self.covariance, dtype=float).reshape(size, size)
+        return ValueSurface(terms, np.array(self.coefficients, dtype=float), covariance, self.scatter, self.std, link)
 
 
 class ToleranceFile(Strict):

@@ -30,8 +30,7 @@ from fourpole.fitting.byamplitude import (
     outside_levels,
 )
 from fourpole.fitting.inertia import InertiaFile, mean_inertia
-from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, model_of
-from fourpole.fitting.onepoint import map_of_condition
+from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, map_of, map_of_condition, model_of
 from fourpole.fitting.ranges import IN_RANGE, wider
 from fourpole.fitting.rows import tyre_columns
 from fourpole.fitting.stated import rig_in

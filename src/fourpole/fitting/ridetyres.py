@@ -17,7 +17,8 @@ from fourpole.fitting.modelfile import ConditionFile, ModelEntry, ModelFile, rea
 from fourpole.fitting.placed import PlacedModel, placed_models
 from fourpole.io.folders import model_in, resolved
 from fourpole.models.discrepancy import with_error
-from fourpole.models.shift_law import root_of
+from fourpole.models.fit import moved_by
+from fourpole.models.laws import root_of
 from fourpole.quantities import ShownUnits
 from fourpole.ride.compare import Tyre
 
@@ -147,16 +148,9 @@ def _split(one: RideTyre, file: ModelFile, measured: Sequence[Measured], place: 
 
 
 def _by_shared_errors(entry: ModelEntry, condition: ConditionFile, tyre: Tyre, measured: Measured) -> FloatArray:
-    """Changes (P, p) of fitted parameters by one standard uncertainty of each error that conditions share.
-
-    A least-squares fit moves by C J' V^-1 S for a change S of its data, with the covariance C of its parameters.
-    """
-    omega = measured.own.omega
-    k = tyre.stiffness(omega)
+    """Changes (P, p) of fitted parameters by one standard uncertainty of each error that conditions share."""
+    k = tyre.stiffness(measured.own.omega)
     data = with_error(measured.data, entry.discrepancy).at(k)
     if data.relative is None:
         return np.zeros((tyre.values.size, 0))
-    whiten = data.whitener()
-    slopes = data.whitened(whiten, tyre.model.derivative(tyre.values, omega))
-    moved = data.whitened(whiten, data.relative * k[:, None])
-    return np.asarray(np.array(condition.covariance) @ slopes.T @ moved)
+    return moved_by(tyre.model, tyre.values, np.array(condition.covariance), data, data.relative * k[:, None])

@@ -156,19 +156,21 @@ def _shift(members: Sequence[Measured], reference: float | None, *, known: bool,
 def _isotherm(one: Measured, *, known: bool) -> Isotherm:
     """The isotherm of a condition; rows of one frequency are their mean."""
     omega, at = _frequencies(one)
-    count = np.bincount(at)
-    stiffness = (np.bincount(at, one.own.stiffness.real) + 1j * np.bincount(at, one.own.stiffness.imag)) / count
-    covariance = None
-    if known:
-        flat = one.own.covariance.reshape(-1, 4)
-        covariance = np.stack([np.bincount(at, column) / count**2 for column in flat.T], axis=-1).reshape(-1, 2, 2)
-    return Isotherm(one.state[_TEMPERATURE], omega, np.asarray(stiffness, dtype=complex), covariance)
+    covariance = _means(one.own.covariance, at) / np.bincount(at)[:, None, None] if known else None
+    return Isotherm(one.state[_TEMPERATURE], omega, _means(one.own.stiffness, at), covariance)
 
 
 def _frequencies(one: Measured) -> tuple[FloatArray, np.ndarray]:
     """The distinct angular frequencies of a condition, and the number of each row's."""
     _, first, at = np.unique(np.round(np.log(one.own.omega), 10), return_index=True, return_inverse=True)
     return one.own.omega[first], at
+
+
+def _means(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Means (n, ...) of the rows (N, ...) of each frequency, by their numbers."""
+    found = np.zeros((at.max() + 1, *values.shape[1:]), dtype=values.dtype)
+    np.add.at(found, at, values)
+    return np.asarray(found / np.bincount(at).reshape(-1, *[1] * (values.ndim - 1)))
 
 
 def _vertical(found: Superposition) -> tuple[float, float]:
@@ -285,9 +287,7 @@ def _errors(found: Superposition, at: int, measured: Measured) -> tuple[FloatArr
         return own, np.zeros((stiffness.size, 2, 0))
     relative = complex_columns(measured.shared) / measured.own.stiffness[:, None]
     _, same = _frequencies(measured)
-    mean = [np.bincount(same, part) / np.bincount(same) for part in (*relative.real.T, *relative.imag.T)]
-    count = relative.shape[1]
-    whole = stiffness[:, None] * (np.stack(mean[:count], axis=1) + 1j * np.stack(mean[count:], axis=1))
+    whole = stiffness[:, None] * _means(relative, same)
     return own, np.stack([whole.real, whole.imag], axis=1)
 
 

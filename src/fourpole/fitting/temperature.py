@@ -14,12 +14,12 @@ from fourpole.core.confidence import NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.fitting.modelparts import LARGEST, Grown, NamedValue, Strict, check_covariance
 from fourpole.models.answer import Answer
-from fourpole.models.data import StiffnessData
-from fourpole.models.fit import Fit
+from fourpole.models.data import DECADE, StiffnessData
+from fourpole.models.fit import Fit, moved_by
+from fourpole.models.laws import root_of
 from fourpole.models.operating import OperatingMap
-from fourpole.models.shift_law import CONSTANTS, ShiftLaw, interpolated, root_of, worst_miss
+from fourpole.models.shift_law import CONSTANTS, ShiftLaw, interpolated, worst_miss
 
-_DECADE = np.log(10.0)
 #: Most isotherms of a master curve.
 _MOST = 1000
 #: A temperature [degC].
@@ -120,7 +120,7 @@ class ShiftsFile(Strict):
         every = [(self.log10_a, self.covariance_a, self.sensitivity_a)]
         every += [(self.log10_b, self.covariance_b, self.sensitivity_b)] if self.log10_b else []
         return [
-            (_DECADE * np.array(values), _DECADE * root_of(np.array(rows)), np.array(slopes) / _DECADE)
+            (DECADE * np.array(values), DECADE * root_of(np.array(rows)), np.array(slopes) / DECADE)
             for values, rows, slopes in every
         ]
 
@@ -184,13 +184,11 @@ class TemperatureFile(Grown):
         mine = np.array(tests)[:, None] == np.array(self.shifts.tests)
         model, step = fit.model, 1e-4
         above, below = (model.stiffness(fit.values, data.omega * np.exp(side)) for side in (step, -step))
-        slope, whiten = (above - below) / (2 * step), data.whitener()
-        gain = fit.covariance @ data.whitened(whiten, model.derivative(fit.values, data.omega)).T
-        moved = (-slope, data.stiffness)[: len(self.shifts.kinds)]
-        by = [gain @ data.whitened(whiten, one[:, None] * mine) for one in moved]
+        moved = ((below - above) / (2 * step), data.stiffness)[: len(self.shifts.kinds)]
+        by = [moved_by(model, fit.values, fit.covariance, data, one[:, None] * mine) for one in moved]
         roots = [slopes @ root for slopes, (_, root, _) in zip(by, self.shifts.kinds, strict=True)]
         names = ("sensitivity_a", "sensitivity_b")
-        found = {name: (_DECADE * one).tolist() for name, one in zip(names, by, strict=False)}
+        found = {name: (DECADE * one).tolist() for name, one in zip(names, by, strict=False)}
         shifts = self.shifts.model_copy(update=found)
         more = np.sum([one @ one.T for one in roots], axis=0)
         values, half = fit.values[:, None], NORMAL_95 * np.sqrt(np.diag(more))[:, None]
@@ -202,18 +200,18 @@ class TemperatureFile(Grown):
         low, high = self.range
         said = f"beyond the tested {low:.4g} to {high:.4g} °C: by the {self.law} law"
         values, std = np.array(self.shifts.log10_a), np.sqrt(np.diag(np.array(self.shifts.covariance_a)))
-        where, miss, u = worst_miss(law, np.array(self.shifts.temperatures), values * _DECADE, std * _DECADE)
+        where, miss, u = worst_miss(law, np.array(self.shifts.temperatures), values * DECADE, std * DECADE)
         return said if miss <= 2 * u else f"{said}, which misses the shift found at {where:.4g} °C by {_decades(miss)}"
 
 
 def _decades(log: float) -> str:
-    return f"{log / _DECADE:.2g} decades"
+    return f"{log / DECADE:.2g} decades"
 
 
 def miss_in_words(law: ShiftLaw, temperatures: FloatArray, log_a: FloatArray, std: FloatArray) -> str:
     """Where a law misses its own shift factors most, in standard uncertainties of these: size and temperature."""
     where, miss, u = worst_miss(law, temperatures, log_a, std)
-    return f"by {_decades(miss)} at {where:.4g} degC, where their u is {u / _DECADE:.2g}"
+    return f"by {_decades(miss)} at {where:.4g} degC, where their u is {u / DECADE:.2g}"
 
 
 def check_temperature(where: str, file: TemperatureFile, size: int) -> None:

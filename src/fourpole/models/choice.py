@@ -346,21 +346,17 @@ def _cross_validation_error(
 
 def _without(data: StiffnessData, unused: BoolArray) -> StiffnessData:
     """The conditions (B, N) once per row of `unused` (folds, N), with unused frequencies without weight."""
-    folds, count = unused.shape
-    lead = (folds, *data.stiffness.shape[:-1])
-    covariance = np.broadcast_to(data.covariance, (folds, *data.covariance.shape)).copy()
-    huge = np.broadcast_to((_NO_WEIGHT * np.abs(data.stiffness)) ** 2, (folds, *data.stiffness.shape))
+    lead = (len(unused), *data.stiffness.shape[:-1])
     if data.full:
-        both = np.repeat(unused, 2, axis=1)[:, None, :]
-        covariance = np.where(both[..., :, None] | both[..., None, :], 0.0, covariance)
-        at = np.arange(2 * count)
-        covariance[..., at, at] += np.where(both, np.repeat(huge, 2, axis=-1), 0.0)
+        both = np.repeat(unused, 2, axis=1)[:, None]
+        alone = both[..., :, None] | both[..., None, :]
     else:
-        covariance = np.where(unused[:, None, :, None, None], huge[..., None, None] * np.eye(2), covariance)
+        alone = unused[:, None, :, None, None]
     names = ("omega", "stiffness", "k1", "k1_std", "amplitude")
     held = {name: one for name in names if (one := getattr(data, name)) is not None}
     wide: dict[str, Any] = {name: np.broadcast_to(one, (*lead, *one.shape[1:])) for name, one in held.items()}
-    return StiffnessData(**wide, covariance=covariance, **data.ramp)
+    found = StiffnessData(**wide, covariance=np.where(alone, 0.0, data.covariance), **data.ramp)
+    return found.with_noise(np.where(unused[:, None], (_NO_WEIGHT * np.abs(data.stiffness)) ** 2, 0.0))
 
 
 def _text(candidates: Sequence[Trial], alike: Sequence[str], unneeded: Sequence[str]) -> str:

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.models.data import relaxation
+from fourpole.models.data import DECADE, relaxation
+from fourpole.models.nonnegative import least_squares
 
 #: Decades of times beyond each end of the reduced frequencies.
 _BEYOND = 2.0
@@ -21,7 +21,6 @@ _BEYOND = 2.0
 _LEAST = 1e-6
 #: Least error of K' or K'' as a share of the modulus of K*, for each unit of the relative error.
 _SHARE = 1e-3
-_DECADE = np.log(10.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ def by_spectra(part: ComplexArray, springs: FloatArray) -> ComplexArray:
 
 def _times(isotherms: Sequence[Isotherm], log_a: FloatArray, density: int) -> FloatArray:
     """Relaxation times [s], on fixed places of the logarithmic axis; the first is infinite."""
-    ends = [np.log10(one.omega[[0, -1]]) + shift / _DECADE for one, shift in zip(isotherms, log_a, strict=True)]
+    ends = [np.log10(one.omega[[0, -1]]) + shift / DECADE for one, shift in zip(isotherms, log_a, strict=True)]
     low = int(np.floor((-np.max(ends) - _BEYOND) * density))
     high = int(np.ceil((-np.min(ends) + _BEYOND) * density))
     return np.append(np.inf, 10.0 ** (np.arange(low, high + 1) / density))
@@ -118,9 +117,7 @@ def fit_spectra(
     springs, residual, used = [], [], []
     for at, (rows, target) in enumerate(((every.real, measured.real), (every.imag, measured.imag))):
         weighted, right = rows / std[:, at, None], target / std[:, at]
-        size = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
-        found, _ = scipy.optimize.nnls(weighted / size, right, maxiter=50 * size.size)
-        springs.append(found / size)
+        springs.append(least_squares(weighted, right)[0])
         residual.append(right - weighted @ springs[-1])
         used.append(weighted)
     both, whole = np.array(springs), np.concatenate(residual)

@@ -22,6 +22,8 @@ _NEGLIGIBLE = 0.1
 _REACH = 5.0
 #: Decades of a band that no machine has at one temperature: the data are a master curve, over reduced frequency.
 MASTER_DECADES = 6.0
+#: A decade in natural logarithms.
+DECADE = np.log(10.0)
 #: Largest entry of a covariance that is accepted [N²/m²].
 _LARGEST = 1e60
 #: Lowest frequency of which a static ramp says something, over the lowest in its weighted sum.
@@ -268,11 +270,15 @@ class StiffnessData(ByValue):
         size = np.abs(self.stiffness)
         if self.recorded is not None:  # near a resonance of the rig K* itself may be far too small
             size = np.maximum(size, np.median(size, axis=-1, keepdims=True))
-        second = size * self.shared_variance
-        at = np.arange(2 * self.count)
-        whole = self.covariance.copy()
-        whole[..., at, at] += np.repeat(second, 2, axis=-1) ** 2
-        return replace(self, covariance=whole)
+        return self.with_noise((size * self.shared_variance) ** 2)
+
+    def with_noise(self, variance: FloatArray) -> StiffnessData:
+        """The same data with a further variance (..., N) [N²/m²] of Re K* and of Im K* of each frequency by itself."""
+        if self.full:
+            more = np.repeat(variance, 2, axis=-1)[..., None] * np.eye(2 * self.count)
+        else:
+            more = variance[..., None, None] * np.eye(2)
+        return replace(self, covariance=self.covariance + more)
 
     def _stale(self, now: ComplexArray) -> BoolArray:
         """Whether the shared errors of each condition (...,) have to be taken anew at K* = `now`.
@@ -318,11 +324,8 @@ class StiffnessData(ByValue):
         """
         size = np.abs(self.stiffness) * _FLOOR
         if self.full:
-            at = np.arange(2 * self.count)
-            whole = self.covariance.copy()
-            whole[..., at, at] += np.repeat(size, 2, axis=-1) ** 2
             try:
-                return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)))
+                return np.asarray(np.linalg.inv(np.linalg.cholesky(self.with_noise(size**2).covariance)))
             except np.linalg.LinAlgError:
                 raise ModelError(
                     "the covariance of K* is not positive definite: are the stated uncertainties of the channels right?"

@@ -51,12 +51,7 @@ def with_error(data: StiffnessData, error: float) -> StiffnessData:
     if recorded is not None:
         wider = [partial(_wider, one, error) for one in recorded.ravel()]
         recorded = np.array([*wider, None], dtype=object)[:-1].reshape(recorded.shape)
-    square = (error * np.abs(data.stiffness)) ** 2
-    if data.full:
-        more = np.repeat(square, 2, axis=-1)[..., None] * np.eye(2 * data.count)
-    else:
-        more = square[..., None, None] * np.eye(2)
-    return replace(data, covariance=data.covariance + more, recorded=recorded)
+    return replace(data.with_noise((error * np.abs(data.stiffness)) ** 2), recorded=recorded)
 
 
 def _wider(recorded: Callable[[ComplexArray], StiffnessData], error: float, stiffness: ComplexArray) -> StiffnessData:

@@ -12,9 +12,9 @@ from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.fit import fit
 from fourpole.models.fractional import arms_at
+from fourpole.models.laws import root_of
 from fourpole.models.operating import OperatingMap
 from fourpole.models.realised import Realised, realised
-from fourpole.models.shift_law import root_of
 from fourpole.models.surface import design
 
 #: Number of draws that an export keeps, of those made, some of which may have another structure; their seed.

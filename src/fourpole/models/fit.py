@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core import stats
-from fourpole.core.arrays import BoolArray, ByValue, FloatArray, IntArray
+from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.errors import ModelError
 from fourpole.models.data import StiffnessData
 from fourpole.models.interface import Model
@@ -162,7 +162,7 @@ def best_fit(
     wide = np.stack([np.broadcast_to(model.checked(one), (*lead, size)) for one in begins]).reshape(-1, size)
     whole = np.tile(problem.fixed, (len(begins), 1))
     whole[:, problem.free] = wide[:, problem.free]
-    fits = [_fit_of(*one) for one in _searches(problem, np.tile(np.arange(count), len(begins)), whole)]
+    fits = [_fit_of(*one) for one in searches(problem, np.tile(np.arange(count), len(begins)), whole)]
     every = {name: np.concatenate([getattr(one, name) for one in fits]) for name in _BY_CONDITION}
     parts = {name: one.reshape(len(begins), count, *one.shape[1:]) for name, one in every.items()}
     chi2 = np.where(parts["converged"], parts["chi2"], np.inf)
@@ -173,10 +173,10 @@ def best_fit(
     return Fit.shaped(lead, model, fits[0].dof, **{**chosen, "agreed": np.mean(same, axis=0)})
 
 
-def least_chi2(
-    problem: FitProblem, rows: np.ndarray, begins: FloatArray, pinned: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """Values (R, P) with the least chi-square (R,) [1], and it, from several starts along profiles.
+def searches(
+    problem: FitProblem, rows: np.ndarray, begins: FloatArray, pinned: BoolArray | None = None
+) -> Iterator[tuple[FitProblem, FloatArray, BoolArray]]:
+    """Searches from several starts, some at a time: the problem, the last place and the convergence of each.
 
     Parameters
     ----------
@@ -186,20 +186,9 @@ def least_chi2(
         The condition of each start.
     begins : (R, P) float array
         Starts.
-    pinned : (R, F) bool array
+    pinned : (R, F) bool array, optional
         Free parameters of the problem that keep their start value.
     """
-    found = [
-        (one.values_of(place), np.sum(one.residuals(place) ** 2, axis=1))
-        for one, place, _ in _searches(problem, rows, begins, pinned)
-    ]
-    return np.concatenate([values for values, _ in found]), np.concatenate([chi2 for _, chi2 in found])
-
-
-def _searches(
-    problem: FitProblem, rows: np.ndarray, begins: FloatArray, pinned: BoolArray | None = None
-) -> Iterator[tuple[FitProblem, FloatArray, BoolArray]]:
-    """Searches from starts (R, P) of the conditions `rows` (R,), some at a time: problem, last place, convergence."""
     together = max(_TOGETHER // (problem.data.count * begins.shape[1]), 1)
     for first in range(0, len(rows), together):
         some = slice(first, first + together)
@@ -292,6 +281,15 @@ def _covariance(problem: FitProblem, slopes: FloatArray, held: BoolArray, values
     by_search = inverse(np.swapaxes(slopes, 1, 2) @ slopes)
     found[:, problem.free[:, None], problem.free] = by_search * unit[:, :, None] * unit[:, None, :]
     return found
+
+
+def moved_by(
+    model: Model, values: FloatArray, covariance: FloatArray, data: StiffnessData, changes: ComplexArray
+) -> FloatArray:
+    """Changes (P, k) of fitted parameters by changes (N, k) [N/m] of K* of the data: C J' V^-1 S of least squares."""
+    whiten = data.whitener()
+    slopes = data.whitened(whiten, model.derivative(values, data.omega))
+    return np.asarray(covariance @ slopes.T @ data.whitened(whiten, changes))
 
 
 def _fit_nonnegative(

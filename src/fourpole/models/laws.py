@@ -221,6 +221,12 @@ class Normal(ByValue):
         return local
 
 
+def root_of(covariance: FloatArray) -> FloatArray:
+    """L (n, n) with L L^T equal to a covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
 def inverse(matrices: FloatArray) -> FloatArray:
     """Pseudo-inverses (..., n, n) of symmetric matrices, after scaling to a diagonal of 1."""
     diagonal = np.diagonal(matrices, 0, -2, -1)

@@ -29,7 +29,7 @@ def least_squares(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, flo
     """
     size = np.linalg.norm(rows, axis=0)
     size = np.where(size > 0, size, 1.0)
-    found, misfit = scipy.optimize.nnls(rows / size, target, maxiter=max(30 * rows.shape[1], 100))
+    found, misfit = scipy.optimize.nnls(rows / size, target, maxiter=max(50 * rows.shape[1], 100))
     return found / size, float(misfit**2)
 
 

@@ -19,6 +19,7 @@ from fourpole.errors import ModelError
 from fourpole.models.answer import Answer
 from fourpole.models.data import StiffnessData, multiplication
 from fourpole.models.interface import Link, Model
+from fourpole.models.laws import root_of
 from fourpole.models.linearised import Conditions, Scatter
 from fourpole.models.surface import Axes, Terms, ValueSurface, bends, design, term_sets, value_surface
 from fourpole.models.surface_choice import MOST_TERMS, Plan, SurfaceChoice, place_of_simplest, started
@@ -114,9 +115,7 @@ class OperatingMap(ByValue):
         errors at all points of the map. Their variance is that of the parameters, without scatter about the surfaces.
         """
         place = np.asarray(point, dtype=float).reshape(1, -1)
-        values, vectors = np.linalg.eigh(self.covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        columns = [self._parameters(place)[1][0] @ root]
+        columns = [self._parameters(place)[1][0] @ root_of(self.covariance)]
         for share, *ends in bends(self.axes.scaled(place), self.axes.straight):
             low, high = (self._unlinked(design(self.terms, one))[0][0] for one in ends)
             columns.append((share[0] * (high - low))[:, None])

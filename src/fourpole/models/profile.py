@@ -19,7 +19,7 @@ from fourpole.core.confidence import COVERAGE, NORMAL_95
 from fourpole.errors import ModelError
 from fourpole.models.choice import STOPPED
 from fourpole.models.data import StiffnessData, stacked
-from fourpole.models.fit import Fit, least_chi2, linear_problem
+from fourpole.models.fit import Fit, linear_problem, searches
 from fourpole.models.nonnegative import NonNegative, whitened_conditions
 from fourpole.models.problem import free_places, problem_of, starts_of
 
@@ -309,7 +309,11 @@ class _Profiles:
             """Values and chi-square of some of the rows, from these starts with the wanted parameters."""
             begins = np.where(held, self.best[rows[some]], begins)
             begins[np.arange(some.size), at[some]] = starts[some, at[some]]
-            return least_chi2(self.problem, rows[some], begins, pinned[some])
+            found = [
+                (one.values_of(place), np.sum(one.residuals(place) ** 2, axis=1))
+                for one, place, _ in searches(self.problem, rows[some], begins, pinned[some])
+            ]
+            return np.concatenate([values for values, _ in found]), np.concatenate([squares for _, squares in found])
 
         every = np.arange(rows.size)
         lowest, chi2 = least(every, starts)

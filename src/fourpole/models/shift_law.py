@@ -18,12 +18,12 @@ from fourpole.core import stats
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.confidence import CHANCE
 from fourpole.errors import ModelError
+from fourpole.models.data import DECADE
 
 #: Molar gas constant [J/(mol K)], exact in the SI since 2019.
 GAS_CONSTANT = 8.31446261815324
 #: Zero of the Celsius scale [K].
 ZERO_CELSIUS = 273.15
-_DECADE = np.log(10.0)
 #: Difference of BIC below which two laws are equally good.
 UNDECIDED = 2.0
 #: Least variance of a shift factor besides that of the overlap: a temperature is seldom known better than this [K].
@@ -171,12 +171,6 @@ def interpolated(
     return float(found[0]), spread, between
 
 
-def root_of(covariance: FloatArray) -> FloatArray:
-    """L (n, n) with L L^T equal to a covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
 def worst_miss(
     law: ShiftLaw, temperatures: FloatArray, log_a: FloatArray, std: FloatArray
 ) -> tuple[float, float, float]:
@@ -252,7 +246,7 @@ def _shape(name: str, values: FloatArray, reference: float, t: FloatArray) -> Fl
     """The logarithm ln a_T (N,) per unit of the first constant."""
     if name == "WLF":
         x = t - reference
-        return np.asarray(-_DECADE * x / (values[1] + x))
+        return np.asarray(-DECADE * x / (values[1] + x))
     return np.asarray((1 / (t + ZERO_CELSIUS) - 1 / (reference + ZERO_CELSIUS)) / GAS_CONSTANT)
 
 

@@ -26,6 +26,7 @@ from fourpole.models.common_curve import (
     stated_errors,
     terms,
 )
+from fourpole.models.data import DECADE
 
 #: Relaxation times per decade of the common curve.
 _DENSITY = 4
@@ -45,7 +46,6 @@ FEWEST_POINTS = 2
 _VAGUE = 0.25 * np.log(10.0)
 #: Difference of BIC above which the isotherms need vertical shifts.
 _NEEDED = 10.0
-_DECADE = np.log(10.0)
 #: Relative tolerance of the ends of an overlap.
 _EDGE = 1e-9
 
@@ -283,7 +283,7 @@ def _distance(warm: Isotherm, cold: Isotherm, size: tuple[float, float]) -> floa
     pair = (cold, warm)
     errors = [relative_errors(one.stiffness, size) for one in pair]
     best, least = 0.0, np.inf
-    for step in np.arange(-1.0, decades, _STEP) * _DECADE:
+    for step in np.arange(-1.0, decades, _STEP) * DECADE:
         if common_points(cold, warm, 0.0, -step) >= FEWEST_POINTS:
             chi2 = fit_spectra(pair, np.array([[0.0, -step], [0.0, 0.0]]), errors, _COARSE).chi2
             best, least = (float(step), chi2) if chi2 < least else (best, least)
@@ -445,4 +445,4 @@ class _Search:
         covariance = np.linalg.inv(normal)
         step = covariance @ right
         size = float(np.max(np.abs(step) / np.sqrt(np.diag(covariance))))
-        return step * min(1.0, _DECADE / max(float(np.max(np.abs(step))), 1e-300)), size
+        return step * min(1.0, DECADE / max(float(np.max(np.abs(step))), 1e-300)), size

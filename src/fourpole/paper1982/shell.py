@@ -171,13 +171,7 @@ class Shell(Model):
 
     def stiffness(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """K* [N/m]."""
-        sets, w = self.checked(values), positive(omega)
-        springs, shape, patch, rest = self.parts(sets)
-        gains = (shape[..., 2, :] ** 2 * patch.weight[..., None]).reshape(*sets.shape[:-1], 1, -1)
-        kappa = springs.reshape(*sets.shape[:-1], 1, -1)
-        mass, lossy = sets[..., 6, None], 1 + 1j * w * sets[..., 7, None]
-        moved = np.sum(gains / (lossy[..., None] * kappa - (mass * w**2)[..., None]), axis=-1)
-        return np.asarray(1.0 / (moved + rest[..., None] / lossy))
+        return np.asarray(1.0 / _Moving.of(self, self.checked(values), positive(omega)).receptance)
 
     def derivative(self, values: ArrayLike, omega: ArrayLike) -> ComplexArray:
         """Derivatives by R, B, S, D, p, k, mu, tau, l and beta."""
