@@ -15,7 +15,7 @@ from fourpole.app.group import Group
 from fourpole.version import VERSION
 
 if TYPE_CHECKING:
-    from fourpole.app.options import PlotOptions
+    from fourpole.app.options import PlotOptions, RunOptions, Wanted
 
 app = typer.Typer(
     name="fourpole",
@@ -45,6 +45,34 @@ def _root(
     ] = False,
 ) -> None:
     pass
+
+
+def analyse(
+    campaigns: list[Path],
+    folder: Path | None = None,
+    route: str = "joint",
+    monte_carlo: int = 10000,
+    *,
+    wanted: Wanted,
+    options: RunOptions,
+    as_json: bool = False,
+) -> Answer:
+    """Analyse campaigns, but for those whose results stand."""
+    from fourpole.app.options import allow_remote
+    from fourpole.app.standing import answer_of, results_of, run_each, settings_of, standing
+
+    settings = settings_of(route, monte_carlo, wanted)
+    allow_remote(options.remote)
+
+    def run(campaign: Path) -> Answer:
+        former = standing(campaign, results_of(campaign, folder), settings, verify=options.verify)
+        if former is not None:
+            return answer_of(former, stands=True)
+        from fourpole.app.analysis import run_analysis  # its modules take a second to load
+
+        return run_analysis(campaign, folder, route, monte_carlo, options, wanted, as_json=as_json)
+
+    return run_each(campaigns, folder, run, as_json=as_json)
 
 
 def report(

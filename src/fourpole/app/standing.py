@@ -19,7 +19,7 @@ import fourpole
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, STOPPED, TERMINATED, UNREADABLE, one_of_several, run_to_exit, say
 from fourpole.app.group import show
-from fourpole.app.options import RunOptions, Wanted, allow_remote
+from fourpole.app.options import Wanted
 from fourpole.core.checks import VERDICTS
 from fourpole.errors import CampaignError, FourpoleError
 from fourpole.io.door import check_name, read_bytes, sha256_of
@@ -229,31 +229,6 @@ def _programs() -> dict[str, str]:
 
 #: Exit codes from good to bad; of several campaigns, the worst counts. Any other code is a fault of Fourpole.
 _ORDER = (OK, SOME_REJECTED, UNREADABLE)
-
-
-def run_analyse(
-    campaigns: list[Path],
-    folder: Path | None = None,
-    route: str = "joint",
-    monte_carlo: int = 10000,
-    *,
-    wanted: Wanted,
-    options: RunOptions,
-    as_json: bool = False,
-) -> Answer:
-    """Analyse campaigns, but for those whose results stand."""
-    settings = settings_of(route, monte_carlo, wanted)
-    allow_remote(options.remote)
-
-    def run(campaign: Path) -> Answer:
-        former = standing(campaign, results_of(campaign, folder), settings, verify=options.verify)
-        if former is not None:
-            return answer_of(former, stands=True)
-        from fourpole.app.analysis import run_analysis  # its modules take a second to load
-
-        return run_analysis(campaign, folder, route, monte_carlo, options, wanted, as_json=as_json)
-
-    return run_each(campaigns, folder, run, as_json=as_json)
 
 
 def run_each(campaigns: Sequence[Path], folder: Path | None, run: Callable[[Path], Answer], *, as_json: bool) -> Answer:
