@@ -55,7 +55,7 @@ def scores(found, points, frequency, wanted, purpose):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize(("bad", "most"), [(0, 0.8e-3), (10, 1.0e-3)])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_stiffness_linear_in_pressure_is_found_again(bad, most):
     """With 6 coefficients and 144 numbers K* is known to some 0.07 %; noisy rows weigh by their u."""
     every, errors, links = [], [], []
@@ -89,7 +89,7 @@ def test_an_automatic_map_is_of_the_right_causal_model():
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_an_interval_holds_what_it_is_for():
     """1 % from mounting to mounting: 24 maps, of which each has one set of 9 mountings; 95 % within 5 % or so."""
     inside = {"next": [], "specimen": []}

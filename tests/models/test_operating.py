@@ -196,7 +196,7 @@ AT = np.array([6.0, 12.0, 20.0, 35.0])
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_intervals_of_maps_with_common_errors_hold():
     """24 maps whose points share a gain of 3 %: with 95 % each, fewer than 19 inside happen once in 1000 times."""
     scores, parameters = [], []
@@ -255,7 +255,7 @@ def test_the_unstated_common_error_of_k1_is_not_averaged_away():
     assert np.all(std > 0.01)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_many_conditions_over_three_axes_keep_their_scatter():
     points = np.array(
         [

@@ -54,7 +54,7 @@ def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("name", LABS)
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_uncertainties_are_those_of_many_laboratories(name):
     each = [solved(LABS[name], seed) for seed in range(100, 103)]
     fits = [joint.misfit.fits for joint, _ in each]

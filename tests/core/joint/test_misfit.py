@@ -128,7 +128,7 @@ def test_unlikely_is_less_than_once_in_a_thousand(chi2, dof, expected):
 )
 @pytest.mark.sampled(4)
 def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, size):
-    made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=8, families=4, within=1.0)
+    made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=6, families=2, within=1.0)
     joint = made.identify()
     tied = joint.misfit.candidates[: joint.misfit.tied]
     best = next(each for each in tied if (each.name, each.unit) == (name, unit))
@@ -138,8 +138,8 @@ def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, si
 
 @pytest.mark.sampled(2)
 def test_a_delay_is_told_from_a_phase(make):
-    made = make(GOOD, masses=(0.0, 10.0), frequencies=8, families=4)
-    late = made.phasors.amplitudes * np.stack([np.exp(-2e-4j * made.phasors.omega), np.ones(64), np.ones(64)], axis=1)
+    made = make(GOOD, masses=(0.0, 10.0), frequencies=6, families=2)
+    late = made.phasors.amplitudes * np.stack([np.exp(-2e-4j * made.phasors.omega), np.ones(24), np.ones(24)], axis=1)
     joint = made.recorded(late).identify()
     tied = joint.misfit.candidates[: joint.misfit.tied]
     best = next(each for each in tied if each.source == Source(Kind.DELAY, "F1"))
@@ -150,7 +150,7 @@ def test_a_delay_is_told_from_a_phase(make):
 
 def test_a_phase_that_nothing_could_tell_is_no_cause(make):
     """With one mass V1 turned is K* turned: its share after all is fitted out is round-off."""
-    made = make(replace(GOOD, undeclared={"frame_stiffness": 1e5}), frequencies=8, families=4)
+    made = make(replace(GOOD, undeclared={"frame_stiffness": 1e5}), frequencies=6, families=2)
     assert not [each for each in made.identify().misfit.candidates if each.name == "sensor V1"]
 
 

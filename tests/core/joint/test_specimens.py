@@ -46,15 +46,15 @@ def test_k_of_each_test_is_its_own(make):
     """With exact channels nothing is left but its own noise; the scatter itself is in no uncertainty."""
     exact = replace(USUAL, std_gain=(1e-5,) * 3, std_phase=(1e-5,) * 3)
     squares = []
-    for seed in range(8):
+    for seed in range(5):
         made = make(exact, masses=THREE, spread=3e-3, families=2, scatter=5e-3, within=2.0, seed=seed)
         joint = made.identify()
         off, relative = made.errors_of(joint)
         squares.append(np.mean(off**2))
         # The noise of 2e-4 and what the resonance makes of it; K* of the condition would be off by 5e-3.
         assert np.median(np.abs(relative)) < 1.5e-3
-    # 60 numbers in each of 8 campaigns
-    assert np.mean(squares) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 480))
+    # 60 numbers in each of 5 campaigns
+    assert np.mean(squares) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
 
 
 @pytest.mark.parametrize("drift", [0.01, 0.05, -0.05, 0.02 + 0.02j])
@@ -82,9 +82,9 @@ def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
 @pytest.mark.statistical
 @pytest.mark.sampled(2)
 def test_honest_campaigns_have_neither_scatter_nor_drift(make):
-    """Each asks once in a thousand times: of 40 campaigns one may."""
+    """Each asks once in a thousand times: of 20 campaigns one may."""
     scatter, drifts = 0, 0
-    for seed in range(40):
+    for seed in range(20):
         misfit = (
             make(USUAL, masses=THREE, spread=3e-3, families=2, frequencies=4, seed=seed, drift=1e-12).identify().misfit
         )
@@ -113,7 +113,7 @@ def test_one_test_in_fifteen_whose_gain_is_far_off_is_found(make, channel):
     assert np.abs(bad.errors_of(joint)[0][others]).max() < 4
 
 
-def _recordings(seed, *, count=8, lines=16, scatter=0.01):
+def _recordings(seed, *, count=6, lines=16, scatter=0.01):
     """Recordings with and without 10 kg, with many lines each; K' and K'' of all lines of one are off together."""
     rng = np.random.default_rng(seed)
     frequency = np.tile(np.geomspace(8.0, 60.0, lines), count)
@@ -140,7 +140,7 @@ def test_the_scatter_of_recordings_with_many_lines_is_that_of_few_values():
     rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.01, "preload_stiffness": 10.0})
     channels = ChannelUncertainty(np.full(3, 0.03), np.full(3, 0.02))
     pulls = []
-    for seed in range(12):
+    for seed in range(8):
         added, phasors = _recordings(seed)
         given = {"added_mass": added, "added_mass_std": 1e-4 * added, "channels": channels}
         joint = solve_joint(phasors, rig, 120e3, **given, lines=16)
@@ -150,5 +150,5 @@ def test_the_scatter_of_recordings_with_many_lines_is_that_of_few_values():
         turn *= joint.problem.shared.std
         found = turn @ joint.solution.z - np.log(1.02 / 0.98)
         pulls.append(found / np.sqrt(turn @ joint.solution.covariance @ turn))
-    # four standard deviations of the root mean square of 12 numbers
-    assert np.sqrt(np.mean(np.square(pulls))) < 1.0 + 4.0 / np.sqrt(2 * 12)
+    # four standard deviations of the root mean square of 8 numbers; lines that averaged their scatter would make it 4
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.0 + 4.0 / np.sqrt(2 * 8)
