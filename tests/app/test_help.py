@@ -11,8 +11,9 @@ import pytest
 import typer
 from tests.app.conftest import ENVIRONMENT
 
+from fourpole.app import group
 from fourpole.app.cli import app
-from fourpole.app.group import _RUNS
+from fourpole.app.group import _run_of
 
 GROUP = typer.main.get_command(app)
 COMMANDS = {name: GROUP.get_command(None, name) for name in GROUP.list_commands(None)}
@@ -118,13 +119,14 @@ def test_every_command_and_every_parameter_has_a_help_text(command):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_function_that_does_the_work_takes_what_the_command_states(command):
-    """An answer is shown as --json says; a function that prints by itself takes this option too."""
-    stated = inspect.signature(_RUNS[command])
-    if place := inspect.getclosurevars(_RUNS[command]).nonlocals["place"]:
-        working = inspect.signature(resolve_name(f"fourpole.app.{place}"))
-        by_itself = working.return_annotation != "Answer"
-        assert set(working.parameters) == set(stated.parameters) - {"remote", *([] if by_itself else ["as_json"])}
+def test_the_signature_that_is_read_is_that_of_the_function(command):
+    """A function that prints by itself takes --json, too; the answer of another one is shown as this option says."""
+    place = group._COMMANDS[command]["run"]
+    work = inspect.signature(resolve_name(f"fourpole.app.{place}"))
+    read = inspect.signature(_run_of(command)).parameters
+    assert {*work.parameters} <= {*read} <= {*work.parameters, "as_json", "remote"}
+    assert all(read[name].default == one.default for name, one in work.parameters.items())
+    assert work.return_annotation in ("Answer", "Answer | None") or "as_json" not in {*read} - {*work.parameters}
 
 
 def test_the_main_command_has_a_help_text_for_all_its_options():

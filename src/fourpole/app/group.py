@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import functools
 import inspect
 import sys
@@ -125,7 +126,7 @@ _STATED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("commands.toml"
 #: Names of the commands that a page of the app may start on a campaign.
 BROWSER: list[str] = _STATED.pop("browser")
 _COMMANDS: dict[str, dict[str, Any]] = {name: one for members in _STATED.values() for name, one in members.items()}
-#: Functions of the commands by name; None for one of commands.toml that was not called for yet.
+#: Functions of the commands by name; None for one of commands.toml that was not asked for yet.
 _RUNS: dict[str, Callable[..., int | None] | None] = dict.fromkeys(_COMMANDS)
 #: An example of each command by the heading of its group and its name.
 GROUPS = {head: {name: one["example"] for name, one in members.items()} for head, members in _STATED.items()}
@@ -155,8 +156,10 @@ def registered(*, browser: bool = False) -> Callable[[Run], Run]:
     """
 
     def register(stated: Run) -> Run:
-        name = stated.__name__.rstrip("_")
-        _RUNS[name] = _with_options(stated, ())
+        from fourpole.app import options
+
+        name, signature = stated.__name__.rstrip("_"), inspect.signature(stated, eval_str=True, locals=vars(options))
+        _RUNS[name] = functools.update_wrapper(_with_options(lambda: stated, signature, ()), stated)
         if browser:
             BROWSER.append(name)
         return stated
@@ -165,29 +168,41 @@ def registered(*, browser: bool = False) -> Callable[[Run], Run]:
 
 
 def _run_of(name: str) -> Callable[..., int | None]:
-    """The function of a command; its module is loaded when it is first called for."""
+    """The function of a command, with all its options; the module that does the work is loaded when it runs."""
     found = _RUNS[name]
     if found is None:
         stated = _COMMANDS[name]
-        work = resolve_name(f"fourpole.app.{stated['run']}")
-        found = _RUNS[name] = _with_options(work, stated.get("also", ("as_json",)))
+        place, also = f"fourpole.app.{stated['run']}", stated.get("also", ("as_json",))
+        found = _RUNS[name] = _with_options(lambda: resolve_name(place), _signature_in(stated["run"]), also)
     return found
 
 
-def _with_options(work: Callable[..., Any], also: Sequence[str]) -> Callable[..., int | None]:
-    """A function that shows the answer of another one, with further options, which that one need not take."""
+def _signature_in(place: str) -> inspect.Signature:
+    """The signature of a function of this room, from its source: to load its module takes longer than a help may."""
     from fourpole.app import options
 
-    signature = inspect.signature(work, eval_str=True, locals=vars(options))
-    own = signature.parameters
-    flags = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool) for name in also]
+    module, _, name = place.rpartition(".")
+    tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
+    (stated,) = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == name)
+    stated.body, stated.returns, known = stated.body[:1], None, dict(vars(options))
+    exec(compile(ast.Module([stated], []), module, "exec", dont_inherit=True), known)  # noqa: S102 - this room's own
+    return inspect.signature(known[name])
 
-    @functools.wraps(work)
+
+def _with_options(
+    work_of: Callable[[], Callable[..., Any]], signature: inspect.Signature, also: Sequence[str]
+) -> Callable[..., int | None]:
+    """A function that shows the answer of another one, with further options, which that one need not take."""
+    own = signature.parameters
+
     def run(**given: Any) -> int | None:
-        options.allow_remote(given.pop("remote", False))
-        found = work(**{name: value for name, value in given.items() if name in own})
+        from fourpole.app.options import allow_remote
+
+        allow_remote(given.pop("remote", False))
+        found = work_of()(**{name: value for name, value in given.items() if name in own})
         return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
 
+    flags = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool) for name in also]
     parameters = [one for name, one in own.items() if name not in also]
     run.__signature__ = signature.replace(parameters=[*parameters, *flags])  # type: ignore[attr-defined]
     return run

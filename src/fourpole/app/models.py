@@ -18,7 +18,7 @@ from fourpole.answer import Answer, Part
 from fourpole.app.console import frequencies, option, progress, say, warn
 from fourpole.app.group import rows_answer
 from fourpole.app.model_words import show_fit, show_map, show_row
-from fourpole.app.options import DataOptions, FitOptions, RigOptions, Selection, answered_in
+from fourpole.app.options import DataOptions, FitOptions, Purpose, RigOptions, Selection, answered_in
 from fourpole.core.digits import number
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
 from fourpole.fitting.hint import channel_hint
@@ -36,7 +36,6 @@ from fourpole.io.published import published_beside, publishing
 from fourpole.models.families import BELT, automatic, by_amplitude, model_named, sizes_of
 from fourpole.models.inertial import Of
 from fourpole.models.ladder import Rung, Verdict, verdict_of
-from fourpole.models.operating import Purpose
 from fourpole.quantities import ShownUnits
 from fourpole.report.models import kind_that_holds, lie_in_words
 from fourpole.study.record import units_beside

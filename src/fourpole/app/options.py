@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from fourpole.quantities import ShownUnits
 
 
+#: What a query is for, as `fourpole.models.operating.Purpose`, which loads numpy.
+Purpose = Literal["mean", "next", "specimen"]
 #: What options.toml says of the parameters of the commands and of the fields of the groups.
 _STATED: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("options.toml").read_text(encoding="utf-8"))
 
