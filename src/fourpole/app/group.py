@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -184,9 +184,28 @@ def _signature_in(place: str) -> inspect.Signature:
     module, _, name = place.rpartition(".")
     tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
     (stated,) = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == name)
-    stated.body, stated.returns, known = stated.body[:1], None, dict(vars(options))
-    exec(compile(ast.Module([stated], []), module, "exec", dont_inherit=True), known)  # noqa: S102 - this room's own
-    return inspect.signature(known[name])
+
+    def alike() -> None: ...
+
+    own, named = stated.args.args, stated.args.kwonlyargs
+    alike.__annotations__ = {one.arg: ast.unparse(one.annotation) for one in [*own, *named] if one.annotation}
+    types = get_type_hints(alike, vars(options), include_extras=True)
+    ends = stated.args.defaults
+    defaults = [*[None] * (len(own) - len(ends)), *ends, *stated.args.kw_defaults]
+    kinds = [inspect.Parameter.POSITIONAL_OR_KEYWORD] * len(own) + [inspect.Parameter.KEYWORD_ONLY] * len(named)
+    return inspect.Signature(
+        [
+            inspect.Parameter(one.arg, kind, default=_default(given), annotation=types.get(one.arg, Any))
+            for one, kind, given in zip([*own, *named], kinds, defaults, strict=True)
+        ]
+    )
+
+
+def _default(given: ast.expr | None) -> Any:
+    """A default value, which is a literal or a path of literals."""
+    if isinstance(given, ast.Call) and ast.unparse(given.func) == "Path":
+        return Path(*map(ast.literal_eval, given.args))
+    return inspect.Parameter.empty if given is None else ast.literal_eval(given)
 
 
 def _with_options(
