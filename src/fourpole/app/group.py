@@ -10,7 +10,8 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, TypeVar
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -184,9 +185,23 @@ def _signature_in(place: str) -> inspect.Signature:
     module, _, name = place.rpartition(".")
     tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
     (stated,) = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == name)
-    stated.body, stated.returns, known = stated.body[:1], None, dict(vars(options))
-    exec(compile(ast.Module([stated], []), module, "exec", dont_inherit=True), known)  # noqa: S102 - this room's own
-    return inspect.signature(known[name])
+    own = stated.args
+    hints = {one.arg: ast.unparse(one.annotation) for one in (*own.args, *own.kwonlyargs) if one.annotation}
+    kinds = get_type_hints(SimpleNamespace(__annotations__=hints), vars(options))
+    values = [*[None] * (len(own.args) - len(own.defaults)), *own.defaults, *own.kw_defaults]
+    return inspect.Signature(
+        [
+            inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=_default(value), annotation=kind)
+            for (key, kind), value in zip(kinds.items(), values, strict=True)
+        ]
+    )
+
+
+def _default(stated: ast.expr | None) -> Any:
+    """The default of a parameter: a literal, or a path."""
+    if stated is None:
+        return inspect.Parameter.empty
+    return Path(*map(ast.literal_eval, stated.args)) if isinstance(stated, ast.Call) else ast.literal_eval(stated)
 
 
 def _with_options(
