@@ -10,6 +10,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import typer
@@ -184,28 +185,23 @@ def _signature_in(place: str) -> inspect.Signature:
     module, _, name = place.rpartition(".")
     tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
     (stated,) = (one for one in tree.body if isinstance(one, ast.FunctionDef) and one.name == name)
-
-    def alike() -> None: ...
-
-    own, named = stated.args.args, stated.args.kwonlyargs
-    alike.__annotations__ = {one.arg: ast.unparse(one.annotation) for one in [*own, *named] if one.annotation}
-    types = get_type_hints(alike, vars(options), include_extras=True)
-    ends = stated.args.defaults
-    defaults = [*[None] * (len(own) - len(ends)), *ends, *stated.args.kw_defaults]
-    kinds = [inspect.Parameter.POSITIONAL_OR_KEYWORD] * len(own) + [inspect.Parameter.KEYWORD_ONLY] * len(named)
+    own = stated.args
+    hints = {one.arg: ast.unparse(one.annotation) for one in (*own.args, *own.kwonlyargs) if one.annotation}
+    kinds = get_type_hints(SimpleNamespace(__annotations__=hints), vars(options))
+    values = [*[None] * (len(own.args) - len(own.defaults)), *own.defaults, *own.kw_defaults]
     return inspect.Signature(
         [
-            inspect.Parameter(one.arg, kind, default=_default(given), annotation=types.get(one.arg, Any))
-            for one, kind, given in zip([*own, *named], kinds, defaults, strict=True)
+            inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=_default(value), annotation=kind)
+            for (key, kind), value in zip(kinds.items(), values, strict=True)
         ]
     )
 
 
-def _default(given: ast.expr | None) -> Any:
-    """A default value, which is a literal or a path of literals."""
-    if isinstance(given, ast.Call) and ast.unparse(given.func) == "Path":
-        return Path(*map(ast.literal_eval, given.args))
-    return inspect.Parameter.empty if given is None else ast.literal_eval(given)
+def _default(stated: ast.expr | None) -> Any:
+    """The default of a parameter: a literal, or a path."""
+    if stated is None:
+        return inspect.Parameter.empty
+    return Path(*map(ast.literal_eval, stated.args)) if isinstance(stated, ast.Call) else ast.literal_eval(stated)
 
 
 def _with_options(
