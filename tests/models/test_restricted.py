@@ -84,6 +84,12 @@ def test_its_slope_is_that_of_differences():
         assert likelihood.at(here, UNKNOWN).downhill[at] == pytest.approx(-slope, rel=1e-4)
 
 
+def test_the_prior_of_mountings_is_one_percent_or_a_factor_of_three():
+    assert Scatter((0.01, 0.0)).log_prior == 0.0
+    assert Scatter((0.03, 0.01)).log_prior == pytest.approx(-0.5)
+    assert Scatter((0.01 / 9, 0.03)).log_prior == pytest.approx(-2.5)
+
+
 @pytest.mark.statistical
 @pytest.mark.sampled(2)
 def test_gains_and_phases_are_no_scatter():

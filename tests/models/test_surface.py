@@ -50,6 +50,12 @@ def test_terms_rise_from_a_constant_and_leave_conditions_to_judge_by():
     assert design(((0, 0), (1, 1)), axes.scaled(GRID))[:, 1].tolist() == [1.0, -1.0, 0.0, 0.0, -1.0, 1.0]
 
 
+def test_fewer_than_two_conditions_for_each_term_have_the_linear_surface_alone():
+    linear = ((0, 0), (1, 0), (0, 1))
+    assert term_sets([2, 2], 5) == [linear]
+    assert len(term_sets([3, 2], 6)) > 1
+
+
 def test_one_condition_has_no_axes():
     axes = Axes.of(NAMES, [[1e5, 1e3]])
     assert axes.names == ()

@@ -181,9 +181,12 @@ def _wider(answer: Answer, condition: ConditionFile, reduced: FloatArray, freque
     covariance = wider(ranges, condition.band, reduced, answer.stiffness, answer.covariance)
     if condition.rest is not None and reduced is frequency:
         far = np.max(np.abs(np.subtract.outer(answer.k1, condition.rest)), axis=1) / NORMAL_95
-        wide = np.sqrt(np.maximum(far**2 / covariance[:, 2, 2], 1.0))
-        covariance[:, 2, :] *= wide[:, None]
-        covariance[:, :, 2] *= wide[:, None]
+        was = covariance[:, 2, 2].copy()
+        wide = np.maximum(was, far**2)
+        factor = np.sqrt(np.divide(wide, was, out=np.ones(was.size), where=was > 0))
+        covariance[:, 2, :] *= factor[:, None]
+        covariance[:, :, 2] *= factor[:, None]
+        covariance[:, 2, 2] = wide
     return Answer.of(answer.stiffness, answer.k1, covariance, 2 * np.pi * frequency)
 
 

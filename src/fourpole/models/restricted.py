@@ -49,7 +49,7 @@ def scatter_of(found: Together, free: Sequence[bool] = (True,) * 7, *, roughly: 
     free : sequence of bool
         Which of the seven variances are unknown; the others are zero.
     roughly : bool
-        Keep variances that might as well be zero; those of conditions are never zero.
+        Keep variances that might as well be zero.
     """
     likelihood = _Likelihood(found)
     conditions = found.conditions
