@@ -17,6 +17,8 @@ X = np.linspace(-1.0, 1.0, 6)
 BASIS = np.stack([np.ones(6), X], axis=1)
 TRUTH = np.stack([180e3 * np.exp(0.1 * X), 140e3 * np.exp(0.2 * X), np.full(6, 800.0)], axis=1)
 SCATTER = Scatter((1e-3, 2e-3), (5e-4, 3e-4))
+#: Log density of these scatters of conditions: normal about log 1 % with the standard deviation log 3.
+PRIOR = -0.5 * (np.log([0.1, 0.2]) / np.log(3)) @ (np.log([0.1, 0.2]) / np.log(3))
 
 
 def measured(noise):
@@ -97,7 +99,7 @@ def density_of(whole, at, part):
 def test_the_log_density_is_that_of_each_condition_under_a_fit_of_the_others(cases):
     """Against dense covariances; of first order in changes of 1e-3, in the density of 108 numbers."""
     _, _, whole, parts = cases
-    wanted = sum(density_of(whole, at, part) for at, part in enumerate(parts)) - 0.5 * whole.errors @ whole.errors
+    wanted = sum(density_of(whole, at, part) for at, part in enumerate(parts)) - 0.5 * whole.errors @ whole.errors + PRIOR
     found = LeaveOneOut.of(whole).density - 0.5 * 108 * np.log(2 * np.pi)
     assert found == pytest.approx(wanted, abs=0.1)
 
@@ -111,6 +113,7 @@ def test_candidates_are_compared_by_that_density(cases):
     zero = np.append(np.zeros(whole.laws.coefficients), whole.errors)
     (one,), (weight,) = rows, weights
     rest = np.sum(weight.log_density(one.off, one.scale))
+    rest += PRIOR
     found = density_without_each(replace(normal, unknowns=zero)) + rest
     assert found == pytest.approx(LeaveOneOut.of(whole).density, abs=0.1)
     constant = Laws((np.ones((6, 1)),) * 3, 2, 6)
