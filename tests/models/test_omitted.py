@@ -99,7 +99,8 @@ def density_of(whole, at, part):
 def test_the_log_density_is_that_of_each_condition_under_a_fit_of_the_others(cases):
     """Against dense covariances; of first order in changes of 1e-3, in the density of 108 numbers."""
     _, _, whole, parts = cases
-    wanted = sum(density_of(whole, at, part) for at, part in enumerate(parts)) - 0.5 * whole.errors @ whole.errors + PRIOR
+    wanted = sum(density_of(whole, at, part) for at, part in enumerate(parts))
+    wanted += PRIOR - 0.5 * whole.errors @ whole.errors
     found = LeaveOneOut.of(whole).density - 0.5 * 108 * np.log(2 * np.pi)
     assert found == pytest.approx(wanted, abs=0.1)
 
