@@ -38,7 +38,7 @@ def complaints(experiment: Experiment, faults: list[Fault]) -> list[str]:
     return [said for fault in faults if (said := experiment.complaint(fault))]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_faults_while_results_are_published_leave_the_former_or_the_new_ones(tmp_path: Path) -> None:
     with publishing_experiment(tmp_path) as experiment:
         faults = experiment.faults
@@ -49,7 +49,7 @@ def test_faults_while_results_are_published_leave_the_former_or_the_new_ones(tmp
         assert complaints(experiment, chosen) == []
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_faults_of_an_analysis_leave_the_former_or_the_new_results(tmp_path: Path) -> None:
     with analysis_experiment(tmp_path) as experiment:
         faults = experiment.faults

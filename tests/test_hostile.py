@@ -23,7 +23,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Corpus]:
         yield made
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_every_command_ends_with_a_message_and_changes_nothing_outside(folders: Corpus) -> None:
     before = state_of(folders.template)
     said = [folders.complaint(case) for case in cases(every=False)]
@@ -37,7 +37,7 @@ SHADOWS = (
 )  # fmt: skip
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_no_module_beside_campaign_and_recordings_is_run(folders: Corpus, tmp_path: Path) -> None:
     """Recordings that a library reads start a worker process; the figures of the report start others."""
     campaign, ran = Path(shutil.copytree(folders.template, tmp_path / "campaign")), tmp_path / "ran"

@@ -29,7 +29,7 @@ def validate(monkeypatch, tmp_path):
     return module
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_validation_runs_and_writes_its_document(validate, monkeypatch):
     """Campaign 0 is also held against the Cramér-Rao bound; all that the campaigns share has a true value."""
     asked = "--phasors 2 --recordings 1 --only phasors --only recordings --jobs 1"
@@ -55,7 +55,7 @@ def faulty(validate):
     return importlib.import_module("faulty")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_faults_run_and_their_table_is_written(validate, faulty, monkeypatch):
     """With three frequencies, for time: one campaign without a fault, and two with one."""
     faults = [None, FAULTS["F1 in kgf, stated in N"], FAULTS["V1 late, 0.5 ms"]]
@@ -104,7 +104,7 @@ def test_a_sentence_is_usual_up_to_twice_its_numbers(faulty):
         ("one test: gain of V1, +20 %", "does not go with"),
     ],
 )
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_wrong_statement_is_named_and_rows_that_are_ok_hold_it(faulty, title, named):
     """Part of docs/faults.md. Chance alone exceeds 4 u in 80 numbers once in 200 campaigns; the seeds are fixed."""
     (number,) = (at for at, cell in enumerate(faulty.CELLS) if cell.title == title and cell.masses == "weighed mass")

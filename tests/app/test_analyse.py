@@ -361,7 +361,7 @@ def test_a_folder_that_cannot_be_written_is_exit_2(run, campaign):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way there")
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, run, tmp_path):
     folder = simulate_campaign(
         tmp_path / "whole",
@@ -484,7 +484,7 @@ def test_a_report_of_other_tables_goes_where_none_is_made(run, analysed):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent in another way there")
 @pytest.mark.parametrize(("number", "code"), [("SIGKILL", -9), ("SIGTERM", 143)])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_process_that_is_ended_while_it_writes_leaves_the_former_results(start, run, analysed, number, code):
     results, command = analysed / "results", ("analyse", analysed, "--tables-only")
     former, undisturbed = without_cache(results), analysed.with_name("undisturbed")

@@ -179,7 +179,7 @@ def test_sensors_that_are_hardly_known_give_tables_without_a_model(run, folder, 
 
 
 @pytest.mark.usefixtures("without_figures")
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_a_report_of_new_results_says_nothing_of_former_models(run, small_campaign, tmp_path):
     folder = shutil.copytree(small_campaign, tmp_path / "campaign")
     assert run("analyse", folder).exit_code == 0

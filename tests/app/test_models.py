@@ -98,7 +98,7 @@ def test_k1_is_a_datum(run, tmp_path):
     assert known["values"][0] == pytest.approx(180e3, rel=0.02)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_causality_tells_possible_from_impossible(run, tmp_path):
     good = run("causality", reduced(tmp_path / "k.csv"))
     assert good.exit_code == 0
@@ -136,7 +136,7 @@ def shown_as(results):
     return ("query", results / "map.json", "--pressure", "1.85 bar", "--preload", "1400 N", "--frequency", "13.7 Hz")
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output
@@ -203,7 +203,7 @@ def models_in(folder, name="model.json"):
     return {one["tyre"]: one for one in document["models"] + document["maps"]}, document["provenance"]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     assert run("fit", folder, "--model", "zener").exit_code == 0

@@ -89,7 +89,7 @@ COMMANDS = [
     [*((80, one) for one in COMMANDS), (120, COMMANDS[1])],
     ids=lambda value: value[0] if isinstance(value, tuple) else str(value),
 )
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_a_terminal_shows_whole_numbers(terminal, analysed, columns, command):
     shown = terminal(columns, *(analysed[0] if one == "CAMPAIGN" else one for one in command))
     assert_fits(shown, columns, str(analysed[0]))

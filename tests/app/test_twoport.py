@@ -56,6 +56,7 @@ def specimens_csv(folder, form, mass=None, std=None):
     (folder / "results" / "study.json").write_text("{}")
 
 
+@pytest.mark.sampled(2)
 def test_broken_reciprocity_is_said_with_its_causes(run, tmp_path):
     ran = run("twoport", BeltedRig(active=0.05).write(tmp_path / "car", FREQUENCIES))
     assert ran.exit_code == 0
@@ -66,7 +67,7 @@ def test_broken_reciprocity_is_said_with_its_causes(run, tmp_path):
     assert "belt" not in said
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 def test_recordings_that_analyse_has_reduced_are_not_read_again_and_its_belt_is_held_against_the_poles(
     run, belted, tmp_path, monkeypatch
 ):
@@ -88,6 +89,7 @@ def test_recordings_that_analyse_has_reduced_are_not_read_again_and_its_belt_is_
         assert line in " ".join(ran.stdout.split())
 
 
+@pytest.mark.sampled(3)
 def test_without_the_library_of_uff_the_rest_is_written(run, belted, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyuff", None)
     ran = run("twoport", belted, "--out", tmp_path / "poles")

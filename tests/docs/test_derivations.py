@@ -233,7 +233,7 @@ def slopes(count, masses, input_mass=0):
 
 
 @pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_one_mass_leaves_five_directions_unseen_and_two_masses_leave_the_drive_alone(count):
     one, known = slopes(count, [0])
     two, _ = slopes(count, [0, 10])
@@ -255,6 +255,7 @@ def test_one_mass_leaves_five_directions_unseen_and_two_masses_leave_the_drive_a
     assert rig.row_join(phase_of_f1).rank() == rig.rank() + 1  # no rig and no tyre balance it
 
 
+@pytest.mark.sampled(3)
 def test_a_mass_at_the_force_cell_is_seen_over_frequency_only():
     for count, more in ((1, 0), (2, 1)):
         with_it, _ = slopes(count, [0, 10], 1)
@@ -359,6 +360,7 @@ def test_a_common_error_stays_in_a_mean():
     assert sp.expand((mean * covariance * mean.T)[0] - common**2 - own**2 / n) == 0
 
 
+@pytest.mark.sampled(3)
 def test_the_probability_behind_the_guard_band():
     z = sp.Symbol("z")
     density = sp.exp(-(z**2) / 2) / sp.sqrt(2 * sp.pi)

@@ -38,7 +38,7 @@ def own(point):
 
 
 @both
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_description_has_both_forces_and_no_problems(folders, version):
     assert validate_fmu(str(folders[version].parent / f"tyre{version}.fmu")) == []
     description = fmpy.read_model_description(str(folders[version]), validate=True)

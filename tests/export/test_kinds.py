@@ -38,7 +38,7 @@ def content_of(kind, path):
 
 
 @pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_each_is_written_beside_the_tables_by_default_leaves_nothing_else_and_is_the_same_again(results, kind):
     before = {path.name for path in results.iterdir()}
     exported = export_results(results, kind)

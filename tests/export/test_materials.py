@@ -182,7 +182,7 @@ def test_a_results_folder_stands_for_its_model(two, tmp_path):
         export_results(tmp_path, "xlsx", shape=BLOCK)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_names_are_distinct_and_of_letters(tmp_path):
     made("prony:1", BLOCK, tyres=("4 Büchse", "4 Buchse")).write(tmp_path / "model.json")
     names = list(read_abaqus(export_results(tmp_path, "abaqus").path.read_text(encoding="ascii")))

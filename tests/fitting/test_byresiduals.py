@@ -46,7 +46,7 @@ def inside(fit, specimen):
 @pytest.mark.parametrize(
     ("specimen", "model", "count"), [(kelvin, "kelvin", 3), (zener, "zener", 3), (zener, "zener", 4)]
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_few_rows_without_an_uncertainty_have_intervals_that_hold(tmp_path, specimen, model, count):
     """88 % at least; 40 draws, whose six numbers depend on three parameters, show 80 % in one of 1,000 trials."""
     found = [inside(fitted(tmp_path, specimen, count, seed, model), specimen) for seed in range(40)]

@@ -2,25 +2,30 @@
 
 import numpy as np
 import pytest
+from tests.kept import kept
 
 from fourpole.errors import ModelError
+from fourpole.study import read_results
 from fourpole.study.analysis import analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 
+def _analysed(folder):
+    simulate_campaign(
+        folder, pressures=[1.0e5, 1.7e5, 2.4e5], preloads=[1000.0, 2000.0], frequencies=[10.0, 14.0, 19.0, 24.0]
+    )
+    analyse(folder, monte_carlo=0).write(folder / "results")
+
+
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    made = simulate_campaign(
-        tmp_path_factory.mktemp("campaign"), pressures=[1.0e5, 1.7e5, 2.4e5], preloads=[1000.0, 2000.0],
-        frequencies=[10.0, 13.0, 16.0, 20.0, 24.0],
-    )  # fmt: skip
-    return analyse(made.folder, monte_carlo=0)
+def study():
+    return read_results(kept("grid", _analysed) / "results")
 
 
 @pytest.mark.thorough
 @pytest.mark.sampled(3)
 def test_a_point_between_the_tests(study):
-    found = study.map(at={"pressure": [1.85e5, 3.0e5], "preload": 1400.0, "frequency": [13.7, 40.0]})
+    found = study.map("zener", at={"pressure": [1.85e5, 3.0e5], "preload": 1400.0, "frequency": [13.7, 40.0]})
     assert dict(found.sizes) == {"tyre": 2, "pressure": 2, "preload": 1, "frequency": 2}
     for tyre in (CROSS_PLY, RADIAL_PLY):
         here = found.sel(tyre=tyre.name, pressure=1.85e5, frequency=13.7).squeeze()

@@ -52,7 +52,7 @@ def errors(rows, truth):
     return np.array([[(row[k] - one) / row[u] for row, one in zip(rows, part, strict=True)] for k, u, part in pairs])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 def test_a_belt_that_is_known_is_looked_for_where_a_smaller_kind_would_do(tmp_path):
     measured = read_measured(table(tmp_path, lambda w: driven(w, 0.8), 8, 24, 24))
     assert fit_tyres(measured)[0].measured[0].inertia is None
@@ -67,9 +67,9 @@ def test_a_belt_that_is_known_is_looked_for_where_a_smaller_kind_would_do(tmp_pa
         fit_tyres(few, "belt")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
-    measured = read_measured(table(tmp_path, track, 1, 40, 40))
+    measured = read_measured(table(tmp_path, track, 1, 40, 20))
     for name in ("inertia track", "resonant"):
         (found,) = fit_tyres(measured, name)
         assert found.model.name == "resonant:1"
@@ -79,7 +79,7 @@ def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
     assert found.measured[0].inertia is None  # the resonance is fitted, not taken off
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):
     path = table(tmp_path, track, 1, 40, 40)
     measured = read_measured(path)
@@ -98,7 +98,7 @@ def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):
 
 
 @pytest.mark.parametrize(("truth", "of"), [(driven, "driving point"), (transfer, "blocked transfer")])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_belt_is_taken_off_and_the_springs_are_fitted(tmp_path, run, truth, of):
     path = table(tmp_path, truth, 5, 60, 30)
     done = run("fit", str(path), "--of", of, "--out", str(tmp_path / "model.json"))
@@ -144,9 +144,12 @@ def test_what_k_is_of_is_asked_for_by_its_name(tmp_path, run):
     assert "none of springs, driving point, blocked transfer" in done.stderr
 
 
-@pytest.mark.sampled(3)
 def test_beyond_the_band_the_interval_is_that_of_all_relaxing_specimens(tmp_path):
+<<<<<<< HEAD
     """Three arms, of which the band shows two: 95 % intervals, at least 90 % asked for; K1, which is at rest, too."""
+=======
+    """Three arms, of which the band shows two: 20 draws, 95 % intervals, at least 90 % asked for."""
+>>>>>>> tests27
 
     def arms(w):
         parts = [(30e3, 0.1), (50e3, 0.01), (60e3, 0.001)]
@@ -155,7 +158,7 @@ def test_beyond_the_band_the_interval_is_that_of_all_relaxing_specimens(tmp_path
     inside, at_rest = [], []
     for seed in range(20):
         measured = read_measured(table(tmp_path, arms, 5, 40, 12, seed))
-        found = model_file(measured, fit_tyres(measured))
+        found = model_file(measured, fit_tyres(measured, "prony:3"))
         rows = ask(found, Query(frequency=[1.25, 2.5, 80.0, 160.0], beyond=True))
         inside.append(np.abs(errors(rows, arms)) < 1.96)
         assert "all massless, relaxing specimens" in rows[0]["remarks"]

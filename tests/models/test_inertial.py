@@ -66,6 +66,7 @@ def test_a_belt_is_found_with_its_mass_and_taken_off_with_its_uncertainty():
     assert 0.85 < np.sqrt(np.mean(np.square(left))) < 1.15
 
 
+@pytest.mark.sampled(2)
 def test_a_blocked_transfer_is_told_apart_and_springs_have_no_inertia():
     data = drawn(transfer, 1)
     found = verdict_of(data, Of.BLOCKED_TRANSFER)

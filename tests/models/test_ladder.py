@@ -65,7 +65,7 @@ def test_a_plate_that_nobody_stated_is_named_with_its_mass(mass):
     ("specimen", "high", "count", "hertz"),
     [(hydromount, 30, 25, np.sqrt(1.5e5 / 60) / 2 / np.pi), (belted, 120, 30, 75.0), (viscous, 120, 30, 75.0)],
 )
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_resonance_is_named_with_its_frequency(specimen, high, count, hertz):
     found = [verdict_of(drawn(specimen, 1 if specimen is hydromount else 5, high, count, seed)) for seed in range(5)]
     assert [one.holds for one in found].count(Rung.RESONANT) >= 4

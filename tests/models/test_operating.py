@@ -58,7 +58,7 @@ def maps():
     return found
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_the_scatter_of_conditions_is_found(maps):
     """From 30 numbers less those of some 5 terms: known to some 15 % each, to 6 % in the mean of six; t widens it."""
     widened = t.ppf(0.975, 15 - 5 - 1) / 1.96

@@ -165,7 +165,7 @@ def test_tr_of_the_model_is_a_smooth_resonance_through_the_tests():
 
 @pytest.mark.parametrize("key", WITH_DATA)
 @pytest.mark.parametrize("modelled", [False, True])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_no_panel_has_more_than_six_lines_of_one_colour_without_a_label(twelve, twelve_fitted, key, modelled):
     results = twelve_fitted if modelled else twelve
     data = figure_data(results, key)

@@ -86,6 +86,7 @@ def test_what_a_user_set_in_matplotlib_changes_nothing_and_is_kept(study):
         assert mpl.rcParams.copy() == before
 
 
+@pytest.mark.sampled(2)
 def test_drawing_needs_no_pyplot():
     code = (
         "import sys, matplotlib; before = matplotlib.rcParams.copy()\n"
@@ -107,7 +108,7 @@ def test_each_theme_draws_on_its_paper(study, theme):
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 def test_all_figures_are_written_and_light(tmp_path):
     calls = []
     results = against(study_with_models(), "kelvin")

@@ -60,7 +60,7 @@ CASES = [("one", "journal"), ("usual", "report"), *(("many", size) for size in S
 
 @pytest.mark.parametrize("key", KEYS)
 @pytest.mark.parametrize(("case", "size"), CASES)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_no_text_lies_on_another_or_is_cut(request, case, key, size):
     figure = draw(request.getfixturevalue(case), key, Style(size=SIZES[size]))
     if figure is None:

@@ -139,7 +139,7 @@ def test_a_step_too_long_and_a_road_with_a_gap_are_refused():
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_cleat_shorter_than_two_steps_has_its_comfort():
     """Against the integrator on samples that have every edge of the cleat."""
     speed = 22.2

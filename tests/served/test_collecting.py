@@ -84,7 +84,7 @@ def test_without_a_cache_folder_they_are_kept_while_the_server_runs(
     assert not kept.folder.parent.exists()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_what_a_folder_brings_as_such_samples_is_not_shown(analysed: Path, tmp_path: Path) -> None:
     """Samples of zeros, under the names that a page looks for, lie in the folder: the picture stays the same."""
     root = tmp_path / "root"

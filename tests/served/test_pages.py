@@ -303,7 +303,7 @@ def test_an_address_of_nothing_is_not_found(server: Server) -> None:
     assert server.ask("/c/nowhere")[0] == 404
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(8)
 def test_sessions_do_not_disturb_each_other(analysed: Path, tmp_path: Path) -> None:
     for number in range(2):
         shutil.copytree(analysed, tmp_path / f"campaign {number}", ignore=shutil.ignore_patterns("results"))

@@ -77,7 +77,7 @@ def dropped(tmp_path: Path) -> Dropped:
 
 
 @pytest.mark.parametrize("inside", [True, False])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_no_job_of_the_app_runs_what_is_dropped(dropped: Dropped, tmp_path: Path, inside: bool) -> None:
     """The server stands in the folder that it serves, or in another one."""
     where, named = (dropped.root, ".") if inside else (tmp_path, str(dropped.root))
@@ -91,7 +91,7 @@ def test_no_job_of_the_app_runs_what_is_dropped(dropped: Dropped, tmp_path: Path
     assert not dropped.note.exists()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_no_watch_runs_what_is_dropped(dropped: Dropped) -> None:
     """Neither what judges a new recording, nor the analysis of all of them."""
     tests = dropped.campaign / "tests.csv"
@@ -108,7 +108,7 @@ def test_no_watch_runs_what_is_dropped(dropped: Dropped) -> None:
     assert not dropped.note.exists()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_no_command_runs_what_is_dropped(dropped: Dropped) -> None:
     recording = next((dropped.campaign / "recordings").glob("D*.csv"))
     head, *lines = recording.read_text().splitlines()

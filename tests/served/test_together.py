@@ -65,7 +65,7 @@ def at_once(call: Callable[[int], Any]) -> list[Any]:
         return list(threads.map(wait, SIX))
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_of_six_saves_at_once_one_is_accepted(server: Server, folder: Path) -> None:
     for attempt in range(10):
         version = read_statement(folder).version
@@ -79,7 +79,7 @@ def test_of_six_saves_at_once_one_is_accepted(server: Server, folder: Path) -> N
         assert read_statement(folder).title == f"{attempt} {found.index(200)}"
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_six_tests_that_are_left_out_at_once_are_all_left_out(server: Server, folder: Path) -> None:
     found = at_once(lambda at: server.ask(f"/c/one/tests/D{at}/excluded", "PUT", {"reason": f"slipped {at}"})[0])
     assert found == [200] * len(SIX)
@@ -87,7 +87,7 @@ def test_six_tests_that_are_left_out_at_once_are_all_left_out(server: Server, fo
         assert [row["excluded"] for row in csv.DictReader(file, delimiter=";")] == [f"slipped {at}" for at in SIX]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_of_six_processes_that_save_one_is_accepted(folder: Path) -> None:
     version = read_statement(folder).version
     command = [sys.executable, "-c", SAVE, str(folder), version]

@@ -71,7 +71,7 @@ def visit(page: Page, name: str) -> None:
     expect(page.locator("nav [aria-current=page]")).to_have_text(name)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_from_files_to_an_export_by_keyboard(browser: Browser, dropped: list[Path], tmp_path: Path) -> None:
     root = tmp_path / "root"
     root.mkdir()

@@ -155,6 +155,7 @@ def test_a_k1_far_below_the_dynamic_stiffness_is_named(campaign):
     assert all("K1 looks too small" in remark for remark in study.dynamic["remarks"])
 
 
+@pytest.mark.sampled(2)
 def test_static_tests_of_exchanged_tyres_are_named(tmp_path):
     simulate_campaign(
         tmp_path, tyres=[CROSS_PLY, RADIAL_PLY], pressures=[170e3], preloads=[1000.0], frequencies=FREQUENCIES
@@ -179,6 +180,7 @@ def test_a_k1_above_the_dynamic_stiffness_is_named_on_the_tests_that_have_it(tmp
     assert large == study.dynamic.filter(study.dynamic["tyre"] == "cross-ply")["test"].to_list()
 
 
+@pytest.mark.sampled(2)
 def test_a_copy_under_another_frequency_is_named(campaign):
     """The search for the frequency begins elsewhere, so the amplitudes differ in their last digits."""
 
@@ -190,6 +192,7 @@ def test_a_copy_under_another_frequency_is_named(campaign):
     assert "the recording is that of D1" in remarks["D3"]
 
 
+@pytest.mark.sampled(2)
 def test_static_tests_of_exchanged_pressures_are_named(campaign):
     remarks = warned(campaign(lambda rows: exchange(rows, "S1", "S2")))
     assert len(remarks) == 20

@@ -40,6 +40,7 @@ def points_of(tests):
 
 
 @pytest.mark.parametrize("second", ["random", "sweep"])
+@pytest.mark.sampled(2)
 def test_a_linear_specimen_has_one_k_star_by_all_excitations(second):
     """A false alarm has the chance of all searches; ten times its mean number has less than 1e-4."""
     rng, told, runs = np.random.default_rng(40), 0, 300

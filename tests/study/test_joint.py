@@ -159,7 +159,7 @@ def test_every_route_has_a_budget(noisy, route):
     ],
     ids=lambda part: next(iter(part)) if isinstance(part, dict) else "",
 )
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_an_undeclared_part_is_seen_and_no_value_is_calibrated(tmp_path, part, named, words):
     stated = {"moving_mass": 0.1, "preload_stiffness": 100.0, "preload_damping": 0.5}
     folder = simulated(tmp_path, seed=9, undeclared=part, rig_std=stated)
@@ -189,7 +189,7 @@ def test_declared_parts_are_handled(tmp_path):
     assert max(errors(study, folder)[std].max() for _, _, std in PAIRS) < 4.0
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_rigid_mass_in_place_of_the_tyre_does_as_well(tmp_path):
     weighed = {"calibration_masses": (5.0, 15.0), "preloads": [1000.0]}
     folder = simulated(tmp_path, seed=9, sensors=ROUGH, rig_std=LOOSE, **weighed)
@@ -292,6 +292,7 @@ def test_a_calibration_that_cannot_be_one_is_a_row_that_says_why(noisy):
 # -- the order, the files --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 def test_the_order_of_the_tests_does_not_matter(rough, tmp_path):
     folder, study = rough
     other = shutil.copytree(folder, tmp_path / "other")

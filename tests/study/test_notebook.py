@@ -128,6 +128,7 @@ def test_fits_and_maps_show_their_parameters(study):
     assert re.search(r"K1 \[kN/m\].*± ", html, re.DOTALL)
 
 
+@pytest.mark.sampled(2)
 def test_figures_by_quantity_show_and_save_themselves(study, tmp_path):
     drawn = study.plot("K2")
     assert drawn.key == "arm"

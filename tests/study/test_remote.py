@@ -92,7 +92,7 @@ def bucket(client, monkeypatch):
         client.delete_object(Bucket="rig", Key=one["Key"])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
     before = noisy.analyse(route="mobility")
     for name in ("D2", "S1"):
@@ -168,7 +168,7 @@ def uploaded(noisy, bucket, monkeypatch):
     return noisy, before
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_argument_allows_it_for_the_call_alone(uploaded):
     noisy, before = uploaded
     assert noisy.analyse(route="mobility", remote=True).dynamic.equals(before.dynamic)
@@ -176,7 +176,7 @@ def test_the_argument_allows_it_for_the_call_alone(uploaded):
     assert noisy.analyse(route="mobility").counts["rejected"] == 2
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_users_configuration_reaches_worker_processes(uploaded, tmp_path, monkeypatch):
     noisy, before = uploaded
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "user"))
@@ -193,7 +193,7 @@ def without_permission():
     os.environ.pop(REMOTE, None)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_a_job_takes_the_permission_of_its_sender_along(uploaded):
     """As to a worker of a cluster, which was started by somebody else."""
     noisy, before = uploaded

@@ -215,6 +215,7 @@ def test_a_lost_pulse_is_no_slower_drive(bench, pulses, lost):
     within(row, bench)
 
 
+@pytest.mark.sampled(2)
 def test_a_wheel_with_a_tooth_left_out_is_read(bench):
     columns, angle = wandering(10.0)
     place = (12 * angle / (2 * np.pi)) % 12

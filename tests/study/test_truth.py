@@ -69,7 +69,7 @@ def errors(table, name, true=None, std=None):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("route", ROUTES)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_errors_agree_with_the_stated_uncertainties(laboratory, route):
     table = laboratory[route]
     assert set(table["verdict"]) == {"ok"}

@@ -53,23 +53,30 @@ def checked(table: pl.DataFrame, name: str, kinds: Mapping[str, Any] | None = No
         If a cell of a column of numbers has text, or a number that is infinite or whose square is none; or if a
         verdict is none. The message has the row as the file has it, and the column.
     """
-    for column, dtype in table.schema.items():
-        wanted = (kinds or {}).get(column, dtype)
-        cells = table[column] if dtype == wanted else table[column].cast(wanted, strict=False)
-        lost = cells.is_null() & table[column].is_not_null()
-        if wanted == pl.String and dtype != wanted and table.height:
-            lost = table[column].is_not_null()
-        elif wanted.is_float():
-            lost |= ~((cells.abs() <= GREATEST) | cells.is_nan()).fill_null(True)  # not-a-number is a blank cell
-        elif column == q.VERDICT.head:
-            lost |= ~cells.is_in(["", *VERDICTS])
-        if lost.any():
-            at = int(lost.arg_max() or 0)
+    wanted = [(kinds or {}).get(column, dtype) for column, dtype in table.schema.items()]
+    lost = table.select(
+        _lost(at, column, dtype, kind).alias(str(at))
+        for at, ((column, dtype), kind) in enumerate(zip(table.schema.items(), wanted, strict=True))
+    )
+    for at, (column, kind) in enumerate(zip(table.columns, wanted, strict=True)):
+        if lost[str(at)].any():
+            row = int(lost[str(at)].arg_max() or 0)
             what = "no verdict" if column == q.VERDICT.head else f"no number up to {GREATEST:g}"
-            where = f"{name} row {at + 2}, column {shown(column)}: {shown(table[column][at])}"
-            raise TableError(f"{where} is {what if wanted != pl.String or what == 'no verdict' else 'no text'}")
-        table = table.with_columns(cells)
-    return table
+            where = f"{name} row {row + 2}, column {shown(column)}: {shown(table[column][row])}"
+            raise TableError(f"{where} is {what if kind != pl.String or what == 'no verdict' else 'no text'}")
+    return table.select(pl.nth(at).cast(kind, strict=False) for at, kind in enumerate(wanted))
+
+
+def _lost(at: int, column: str, dtype: pl.DataType, wanted: Any) -> pl.Expr:
+    """Whether each cell of the column at a place is not of the wanted kind; null where it is blank."""
+    given = pl.nth(at)
+    cells = given if dtype == wanted else given.cast(wanted, strict=False)
+    lost = cells.is_null() & given.is_not_null()
+    if wanted == pl.String and dtype != wanted:
+        return given.is_not_null()
+    if wanted.is_float():
+        return lost | ~((cells.abs() <= GREATEST) | cells.is_nan()).fill_null(True)  # not-a-number is a blank cell
+    return lost | ~cells.is_in(["", *VERDICTS]) if column == q.VERDICT.head else lost
 
 
 def each_once(table: pl.DataFrame, name: str) -> pl.DataFrame:

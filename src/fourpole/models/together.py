@@ -320,7 +320,8 @@ class LeaveOneOut:
         Leave-one-out error: root mean square difference between measured and predicted K*, relative.
     density : float
         Log predictive density, summed over the conditions: that of K* as measured under the map of the others. Its
-        covariance is that of the map, of the scatter, of the data and of the shared errors, whose own density is added.
+        covariance is that of the map, of the scatter, of the data and of the shared errors, whose own density is added,
+        and that of the scatter of conditions.
         It is -inf for a map of a file.
     inside : float [1]
         Fraction of all K' and K'' that are inside the predicted 95 % intervals.

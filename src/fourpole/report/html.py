@@ -8,13 +8,14 @@ import re
 import shutil
 import tempfile
 from collections.abc import Mapping
+from functools import cache
 from importlib import resources
 from itertools import chain
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from jinja2 import BaseLoader, DictLoader, Environment, StrictUndefined
+from jinja2 import BaseLoader, DictLoader, Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from fourpole.errors import FileError
@@ -35,9 +36,15 @@ def rendered(templates: Mapping[str, str], **shown: Any) -> str:
     Each template may import "head", the head of a page with the policy that lets it load nothing from elsewhere.
     The name of a test leads to its card on the page.
     """
-    made = environment(DictLoader({"head": packaged("head.html"), **templates}))
+    return fit(_page(tuple(templates.items())).render(**shown))
+
+
+@cache
+def _page(templates: tuple[tuple[str, str], ...]) -> Template:
+    """The template named "page" of some; to compile it takes longer than to fill it in."""
+    made = environment(DictLoader({"head": packaged("head.html"), **dict(templates)}))
     made.globals["place"] = lambda card, _: f"#{card}"
-    return fit(made.get_template("page").render(**shown))
+    return made.get_template("page")
 
 
 def environment(loader: BaseLoader) -> Environment:

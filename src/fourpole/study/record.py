@@ -7,6 +7,7 @@ import os
 import platform
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -79,11 +80,16 @@ def texts(value: object) -> list[str]:
     return [str(item) for item in value] if isinstance(value, list) else []
 
 
-def study_record(campaign: Campaign, further: Mapping[str, Any]) -> dict[str, Any]:
-    """The record of an analysis: what the campaign and this installation determine, and `further` entries."""
+@cache
+def _libraries() -> dict[str, str]:
+    """Versions of the libraries that results depend on; to look them up takes as long as to reduce a recording."""
     from importlib.metadata import version  # slow to load
 
-    versions = {name: version(name) for name in ("numpy", "scipy", "polars", "pint", "pydantic")}
+    return {name: version(name) for name in ("numpy", "scipy", "polars", "pint", "pydantic")}
+
+
+def study_record(campaign: Campaign, further: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of an analysis: what the campaign and this installation determine, and `further` entries."""
     assumed = [
         f"tests.csv: {name} is stated without u({name}), taken as {taken}"
         for name, taken in (("K1", "2 %"), ("added_mass", "0.2 % of it"))
@@ -102,7 +108,7 @@ def study_record(campaign: Campaign, further: Mapping[str, Any]) -> dict[str, An
         "title": campaign.stated.title,
         "conditions": {"axes": axes_record(campaign.stated.sameness)},
         "stated": campaign.statement(),
-        "versions": {"python": platform.python_version(), "fourpole": VERSION} | versions,
+        "versions": {"python": platform.python_version(), "fourpole": VERSION} | _libraries(),
         "origin": origin().record,
         "assumptions": [*campaign.stated.assumptions(), *assumed],
         "tests": tests,

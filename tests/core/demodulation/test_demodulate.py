@@ -483,6 +483,7 @@ def test_a_noisy_displacement(record):
 
 
 @pytest.mark.statistical
+@pytest.mark.sampled(3)
 def test_noise_that_channels_share_makes_the_frequency_look_better_known_by_no_more_than_root_three(record):
     """A limit, said in docs/validation.md: channels inform the frequency as if their noise were independent.
 

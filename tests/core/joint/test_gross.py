@@ -31,7 +31,7 @@ def changed(made, factors):
 @pytest.mark.parametrize(
     ("name", "masses"), [*((name, (0.0,)) for name in GROSS), ("g", (0.0, 10.0)), ("kN and sign", (0.0, 10.0))]
 )
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_wrong_unit_or_sign_is_named(make, name, masses):
     factors, words = GROSS[name]
     made = changed(make(USUAL, masses=masses, frequencies=6, families=2, within=2.0), factors)

@@ -18,7 +18,7 @@ THREE = (0.0, 0.0, 0.0)
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("scatter", [3e-4, 3e-3, 1e-2])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_tyre_that_repeats_badly_is_no_error_of_the_rig(make, scatter):
     """One mass, three repeats at speeds 0.3 % apart: their slope over frequency looks like any error of a channel.
 
@@ -41,7 +41,7 @@ def test_a_tyre_that_repeats_badly_is_no_error_of_the_rig(make, scatter):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_k_of_each_test_is_its_own(make):
     """With exact channels nothing is left but its own noise; the scatter itself is in no uncertainty."""
     exact = replace(USUAL, std_gain=(1e-5,) * 3, std_phase=(1e-5,) * 3)
@@ -134,7 +134,7 @@ def _recordings(seed, *, count=6, lines=16, scatter=0.01):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_the_scatter_of_recordings_with_many_lines_is_that_of_few_values():
     """The lines of a recording do not average a scatter that they share: the gain keeps its uncertainty."""
     rig = Rig(moving_mass=15.0, preload_stiffness=12440.0, std={"moving_mass": 0.01, "preload_stiffness": 10.0})

@@ -19,7 +19,7 @@ def test_the_parts_of_a_run_have_equally_many_tests_of_each_specimen():
     assert part[16:].tolist() == [0, 0, 5]  # tests of one time are not parted
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_a_step_is_asked_for_and_k_is_right_on_both_sides():
     design = replace(DESIGNS["tyre-five"], repeats=2)
     world = draw_world(np.random.default_rng([8, 2]), design, "step of K*", 30.0)

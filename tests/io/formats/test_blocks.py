@@ -196,7 +196,7 @@ def folder() -> Path:
 @settings(max_examples=3, deadline=None)
 @example(rows=2 * N)
 @given(rows=st.one_of(st.integers(1, 40), st.integers(41, 2 * N)))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 def test_pieces_are_the_whole(folder: Path, kind: str, rows: int) -> None:
     library(kind)
     path = folder / f"a.{kind}"

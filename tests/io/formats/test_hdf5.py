@@ -131,6 +131,7 @@ def test_what_is_declared_and_not_there_is_not_made(tmp_path: Path) -> None:
     assert len(few.samples) == 0
 
 
+@pytest.mark.sampled(2)
 def test_a_part_that_unpacks_to_more_than_the_memory(
     tmp_path: Path, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:

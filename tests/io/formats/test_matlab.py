@@ -186,6 +186,7 @@ def nested(depth: int) -> bytes:
     return b"".join(struct.pack("<II", 14, size) + head for size in sizes)
 
 
+@pytest.mark.sampled(2)
 def test_what_is_cut_short_or_lies_is_refused(tmp_path: Path, outcome: Outcome) -> None:
     savemat(tmp_path / "a.mat", {"F1": FORCE})
     whole = (tmp_path / "a.mat").read_bytes()

@@ -211,6 +211,7 @@ def test_cells_far_apart_are_refused_before_they_cost_memory(tmp_path: Path, out
     assert read(path, "F1")[0].samples.size == N
 
 
+@pytest.mark.sampled(2)
 def test_the_size_after_unpacking_is_bounded(tmp_path: Path) -> None:
     path = packed(tmp_path / "a.xlsx", **{"xl/workbook.xml": "", "xl/worksheets/sheet1.xml": "x" * 70_000_000})
     with zipfile.ZipFile(path) as file, pytest.raises(ValueError, match="a part that does not end"):
@@ -247,6 +248,7 @@ def test_words_beyond_measure_are_refused_before_they_are_read(tmp_path: Path) -
         FORMAT.survey(path, path.name, 10**9)
 
 
+@pytest.mark.sampled(3)
 def test_cells_far_apart_in_an_old_workbook_end_the_worker_alone(tmp_path: Path) -> None:
     book = pytest.importorskip("xlwt").Workbook()
     for at in range(8):
