@@ -145,11 +145,7 @@ def test_what_k_is_of_is_asked_for_by_its_name(tmp_path, run):
 
 
 def test_beyond_the_band_the_interval_is_that_of_all_relaxing_specimens(tmp_path):
-<<<<<<< HEAD
     """Three arms, of which the band shows two: 95 % intervals, at least 90 % asked for; K1, which is at rest, too."""
-=======
-    """Three arms, of which the band shows two: 20 draws, 95 % intervals, at least 90 % asked for."""
->>>>>>> tests27
 
     def arms(w):
         parts = [(30e3, 0.1), (50e3, 0.01), (60e3, 0.001)]
