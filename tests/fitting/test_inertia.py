@@ -12,6 +12,8 @@ from fourpole.fitting.measured import read_measured
 from fourpole.fitting.modelfile import read_model_file
 from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.fitting.query import Query, ask
+from fourpole.fitting.ranges import rest_of
+from fourpole.models.data import StiffnessData
 
 NOISE = 0.003
 
@@ -162,6 +164,12 @@ def test_beyond_the_band_the_interval_is_that_of_all_relaxing_specimens(tmp_path
         at_rest.append(abs(row["K1 [N/m]"] - 150e3) < 1.96 * row["u(K1) [N/m]"])
     assert np.mean(inside) > 0.85  # 90 % less twice the scatter of 20 independent draws
     assert sum(at_rest) >= 17
+
+
+def test_the_range_of_k1_always_has_an_end():
+    """Where no relaxing specimen fits, any K1 does as badly: it is cut at ten times the largest modulus."""
+    data = StiffnessData.of(np.array([60.0, 90.0]), np.array([2e5 + 9e3j, -2e5 + 9e3j]), 2e3)
+    assert rest_of(data) == pytest.approx((0.0, 10 * abs(2e5 + 9e3j)))
 
 
 @pytest.fixture

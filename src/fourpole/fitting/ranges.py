@@ -61,7 +61,7 @@ def rest_of(data: StiffnessData) -> tuple[float, float] | None:
     if np.any(np.isfinite(data.k1)):
         return None
     ((least, largest), _) = passive_range(data, np.array([data.omega.min() * _AT_REST]))[0].tolist()
-    return least, largest
+    return least, min(largest, float(np.abs(data.stiffness).max()) * _CUT)
 
 
 def _steps(low: float, high: float) -> list[float]:
