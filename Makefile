@@ -133,10 +133,11 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 # those of an old library are nobody's to mend; the commands', the report's and the pages' own tests, which hold exact
 # output of the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many
 # times, which ask of our formulas, not of a library; core/joint and models, algebra on numpy and scipy, which the analyses
-# and fits of the other tests run.
+# and fits of the other tests run. Asserts are plain: to rewrite them takes a fifth of the time, and `make pytest`, which
+# says what the values were, mostly fails with it.
 lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
-		-W default $(TWO_AT_A_TIME) --first -m "not statistical and not thorough" tests \
+		-W default --assert=plain $(TWO_AT_A_TIME) --first -m "not statistical and not thorough" tests \
 		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools \
 		--ignore=tests/core/joint --ignore=tests/models
 

@@ -42,7 +42,8 @@ def share(number: int, parts: int) -> bool:
 def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.Item]:
     """Cases that a run leaves out: those of other turns.
 
-    With `first` these are all but the first case of every third test, except in LIBRARIES.
+    With `first` these are also all tests that are by turns, and all but the first case of every third other test; the
+    tests of LIBRARIES are chosen as without.
     """
     seen: Counter[str] = Counter()
     for item in items:
@@ -51,6 +52,9 @@ def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.It
         seen[name] += 1
         mark = item.get_closest_marker("sampled")
         place = number + zlib.crc32(name.encode())  # so that tests without cases do not all have one turn
-        further = first and (number or not share(place, 3)) and not name.startswith(LIBRARIES)
-        if further or (mark and not first and not share(place, *mark.args)):
+        if first and not name.startswith(LIBRARIES):
+            out = mark or number or not share(place, 3)
+        else:
+            out = mark and not share(place, *mark.args)
+        if out:
             yield item

@@ -15,6 +15,8 @@ from fourpole.study import analysis
 from fourpole.study.selection import select_tables
 from fourpole.virtual import FAULTS, RADIAL_PLY, simulate_campaign
 
+pytestmark = pytest.mark.thorough
+
 
 @cache
 def names():
@@ -99,7 +101,6 @@ def words_in(value, names):
     return [text for part in (value.values() if isinstance(value, dict) else value) for text in words_in(part, names)]
 
 
-@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("route", "faults"),
     [

@@ -17,7 +17,7 @@ from fourpole.fitting.modelling import fit_tyres, model_file
 from fourpole.models.families import model_named
 from fourpole.models.shape import Shape
 
-FREQUENCY = np.geomspace(1e-3, 1e3, 40)
+FREQUENCY = np.geomspace(1e-3, 1e3, 25)
 OMEGA = 2 * np.pi * FREQUENCY
 BLOCK = Shape("shear", 0.01, 5e-4, poisson=0.49)
 DISC = Shape("compression", 0.02, np.pi * 0.01**2, poisson=0.499, bonded="disc", bonded_factor=0.9)

@@ -223,7 +223,7 @@ def test_the_size_after_unpacking_is_bounded(tmp_path: Path) -> None:
 
 
 def test_damaged_workbooks_give_one_message(tmp_path: Path, outcome: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(children, "SECONDS", 10.0)
+    monkeypatch.setattr(children, "SECONDS", 3.0)
     rng = np.random.default_rng(3)
     for write in (write_xlsx, write_xls, write_ods):
         whole = write(tmp_path / "a.book", Run=TABLE[:40]).read_bytes()
