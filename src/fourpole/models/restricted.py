@@ -36,8 +36,8 @@ _STEPS, _HALVINGS, _SMALL = 40, 12, 1e-3
 _NEEDED = 1.642
 #: Least and largest variances.
 _LEAST, _MOST = np.array([LEAST_CONDITION**2] * 2 + [0.0] * 3 + [LEAST_COMMON] * 2), 1.0
-#: Relative scatters of conditions over which their posterior is summed.
-_GRID = np.geomspace(LEAST_CONDITION, 0.5, 25)
+#: Relative scatters of conditions over which their posterior is summed, and factors of the most probable one for more.
+_GRID, _NEAR = np.geomspace(LEAST_CONDITION, 0.5, 25), np.exp(np.linspace(-0.4, 0.4, 17))
 
 
 def scatter_of(found: Together, free: Sequence[bool] = (True,) * 7, *, roughly: bool = False) -> Scatter:
@@ -71,10 +71,11 @@ def widened(found: Together) -> Scatter:
     is returned has the same 95 % interval.
     """
     likelihood, scatter = _Likelihood(found), []
-    chance = np.append(1.0, np.full(_GRID.size, np.log(_GRID[1] / _GRID[0]) / (PRIOR_WIDTH * np.sqrt(2 * np.pi))))
-    for at in range(2):
+    for at, best in enumerate(found.scatter.condition):
         unknown = np.arange(7) == at
-        each = np.append(0.0, _GRID)
+        grid = np.unique(np.append(_GRID, best * _NEAR if best > LEAST_CONDITION else []))
+        chance = np.append(1.0, np.gradient(np.log(grid)) / (PRIOR_WIDTH * np.sqrt(2 * np.pi)))
+        each = np.append(0.0, grid)
         variances = np.tile(found.scatter.variances, (each.size, 1))
         variances[:, at] = each**2
         values = np.array([likelihood.at(one, unknown & (one > 0)).value for one in variances])
