@@ -5,7 +5,6 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
-from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -135,25 +134,28 @@ def run_demo(folder: Path = Path("fourpole-demo"), seed: int = 1982, workers: in
 
     The results stand for an analysis with default settings, which keeps the models of the folder.
     """
+    from fourpole.app.summary import summary_lines
     from fourpole.findings import findings
     from fourpole.report.words.sentence import headline
     from fourpole.study import DRAWS
     from fourpole.virtual import simulate_campaign
+    from fourpole.virtual.demo import demo_settings
 
     with progress("recording") as advance:
-        simulate_campaign(folder, seed=seed, progress=advance, **_demo_settings())
+        simulate_campaign(folder, seed=seed, progress=advance, **demo_settings())
     settings = settings_of("joint", DRAWS, Wanted())
     options, wanted = RunOptions(workers=workers), Wanted(models=True)
     study, outcome = _outcome(folder, results_of(folder, None), settings, options, wanted)
-    found = headline(findings(study))
+    first = next(iter(study.dynamic["tyre"]), None)
+    fit = "fit" if all(one.fits for one in study.rigs) else "do not fit"
+    made = f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}"
     lines = [
-        f"Virtual campaign in {folder} (seed {seed}): {counted_tests(study.counts)}.",
-        *found[1:],  # the first one repeats the number of tests
-        *outcome.lines,
-        "The virtual tyres have belts, and the paper's conclusions hold by design; they are not its data.",
-        "The rubber mount relaxes; no relaxing springs can be like those of the two tyres: the report says why.",
+        f"{made}; rig and sensors {fit} their statement.",
+        *summary_lines(study, of=first),
+        "The 1982 paper's two tyres stand behind it; its conclusions hold by design: the report compares them.",
+        f"report: {results_of(folder, None) / 'report.html'}; to see it: fourpole open {folder}",
     ]
-    return Answer(lines, lambda: {**outcome.document, "found": found}, code=outcome.code)
+    return Answer(lines, lambda: {**outcome.document, "found": headline(findings(study))}, code=outcome.code)
 
 
 def run_simulate(
@@ -170,20 +172,6 @@ def run_simulate(
     with progress("recording") as advance:
         made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance, **plan)
     say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
-
-
-def _demo_settings() -> dict[str, Any]:
-    """Settings of the demonstration: belts, usual uncertainties, a weighed mass at one condition, and a mount."""
-    from fourpole.virtual import BELTED, RADIAL_PLY, RUBBER_MOUNT
-
-    return {
-        "tyres": BELTED,
-        "sensors": (5e-3, radians(0.2)),
-        "rig_std": {"moving_mass": 0.15, "preload_stiffness": 120.0, "preload_damping": 5.0},
-        "added_masses": (0.0, 10.0),
-        "added_mass_at": (RADIAL_PLY.name, 170e3, 1000.0),
-        "mounts": (RUBBER_MOUNT,),
-    }
 
 
 def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, options: RunOptions) -> Study:

@@ -26,15 +26,15 @@ _MOST_LINES = 22
 _LONGEST = 24
 
 
-def summary_lines(results: Study) -> list[str]:
-    """The lines of the table, and a sentence for each specimen with a mass; none without a test in use."""
-    every = summary(results, most=None)
+def summary_lines(results: Study, of: str | None = None) -> list[str]:
+    """The lines of the table, and a sentence for each specimen with a mass, or `of` one; none without a test in use."""
+    every = [row for row in summary(results, most=None) if of in (None, row.specimen)]
     lines = _lines(bounded(every, MOST_CONDITIONS), results.shown)
     if len(lines) > _MOST_LINES:
         rows = bounded(every, 0)
         found = (_lines(rows, results.shown, most) for most in range(_MOST, 0, -1))
         lines = next(lines for lines in found if len(lines) <= _MOST_LINES)
-    masses = [f"{line}; K* is that of its springs" for line in short_lines(results)]
+    masses = [f"{line}; K* is that of its springs" for line in short_lines(results, of)]
     return [*lines, *(part for line in masses for part in wrap(line, _WIDTH, subsequent_indent=" "))]
 
 
@@ -125,10 +125,11 @@ def _cell(row: SummaryRow, quantity: Quantity, *, ranges: bool) -> str:
 
 
 def _as_exact(first: str, last: str) -> tuple[str, str]:
-    """Two numbers to the decimals of the one that has fewer."""
+    """Two numbers to the decimals of the one that has fewer, and to at most four figures."""
     if "×" in first + last:
         return first, last
-    decimals = min(len(one.partition(".")[2]) for one in (first, last))
+    whole, _, _ = max(first.lstrip("−-"), last.lstrip("−-"), key=len).partition(".")
+    decimals = min(max(4 - len(whole), 0), *(len(one.partition(".")[2]) for one in (first, last)))
     rounded = (f"{float(one.replace('−', '-')):.{decimals}f}".replace("-", "−") for one in (first, last))
     return next(rounded), next(rounded)
 

@@ -424,11 +424,9 @@ def pairs(means: Mapping[Name, float]) -> list[tuple[Name, Name]]:
 
 
 def natural(name: str) -> tuple[Any, ...]:
-    """A key that sorts D2 before D10."""
-    parts = re.split(r"([0-9]+)", name)
-    return tuple(
-        (0, len(part.lstrip("0")), part.lstrip("0")) if part.isdecimal() else (1, 0, part) for part in parts
-    ), name
+    """A key that sorts D2 before D10, and 1.35bar before 1.7bar."""
+    parts = re.split(r"([0-9]+(?:\.[0-9]+)?)", name)
+    return tuple((0, float(part), "") if at % 2 else (1, 0.0, part) for at, part in enumerate(parts)), name
 
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isnan
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from fourpole.virtual.cam import Cam
 from fourpole.virtual.dynamic_rig import run
 from fourpole.virtual.inertia import Laden
 from fourpole.virtual.phasor_rig import CHANNELS, Conditions, Laboratory, simulate_phasors
-from fourpole.virtual.plan import Planned, with_inertia
+from fourpole.virtual.plan import SERIES, Planned, with_inertia
 from fourpole.virtual.recordings import F1_GAIN, V1_DELAY
 from fourpole.virtual.runs import Run, cubic_of, laden, tyre_of
 from fourpole.virtual.truth import FURTHER, Statement, Truth
@@ -84,7 +84,7 @@ def prepare(folder: Path, tests: Sequence[Planned]) -> Path:
         (folder / "tests.csv").unlink(missing_ok=True)
         wanted = {f"{test.name}.csv" for test in tests}
         for path in recordings.iterdir():
-            if re.fullmatch(r"\.?[SDC]\d+\.csv(\.part)?", path.name) and path.name not in wanted:
+            if re.fullmatch(rf"\.?([SDC]\d+|{SERIES}_[^ ]+)\.csv(\.part)?", path.name) and path.name not in wanted:
                 path.unlink()
     except FileError:
         raise
@@ -104,7 +104,12 @@ def _is_virtual(folder: Path) -> bool:
 
 
 def finish(
-    folder: Path, tests: Sequence[Planned], rows: Sequence[tuple[object, ...]], statement: Statement, seed: int
+    folder: Path,
+    tests: Sequence[Planned],
+    rows: Sequence[tuple[object, ...]],
+    statement: Statement,
+    seed: int,
+    report: Mapping[str, str],
 ) -> None:
     """Write truth.csv, campaign.toml and, last, tests.csv, which make the recordings a campaign."""
     import polars as pl
@@ -114,7 +119,7 @@ def finish(
     columns = (*columns, *laden)
     truth = pl.DataFrame(rows, schema=list(columns), orient="row", infer_schema_length=None)
     _replace(folder / "truth.csv", truth.write_csv())
-    _replace(folder / "campaign.toml", _campaign_toml(tests, statement, seed))
+    _replace(folder / "campaign.toml", _campaign_toml(tests, statement, seed, report))
     table = pl.DataFrame(
         {
             "test": [test.name for test in tests],
@@ -133,7 +138,7 @@ def finish(
     _replace(folder / "tests.csv", table.write_csv())
 
 
-def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int) -> str:
+def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int, report: Mapping[str, str]) -> str:
     """The text of campaign.toml; a specimen without inflation stands under [specimens]."""
     clean = statement.clean
     tested = {test.tyre.name: (test.tyre, isnan(test.pressure)) for test in tests if test.tyre is not None}
@@ -148,6 +153,7 @@ def _campaign_toml(tests: Sequence[Planned], statement: Statement, seed: int) ->
     )
     parts = [
         f"title = {_quoted(title)}\n",
+        *(["[report]\n" + "".join(f"{name} = {_quoted(text)}\n" for name, text in report.items())] if report else []),
         '[unstated]\nordinary = "zero"\n',  # this rig draws no other errors than those that are stated
         "[rig]\n" + "".join(_rig_line(name, *values, clean) for name, values in statement.rig.items()),
         _CLEAN_CHANNELS if clean else noisy,

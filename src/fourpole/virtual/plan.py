@@ -13,6 +13,8 @@ from fourpole.virtual.tyres import ModelTyre, Tyre
 PRESSURES = (100e3, 135e3, 170e3, 205e3, 240e3)
 PRELOADS = (1000.0, 2000.0)
 FREQUENCIES = (10.0, 12.0, 14.0, 16.0, 17.0, 18.0, 19.0, 20.0, 22.0, 24.0)
+#: Beginning of the names of the demonstration's tests.
+SERIES = "Köln"
 
 #: Tyre, pressure [Pa] and preload [N].
 _Condition = tuple[Tyre, float, float]

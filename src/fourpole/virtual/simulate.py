@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.virtual.faults import Fault
 from fourpole.virtual.folder import finish, prepare, truth_rows, write_recording
-from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, plan_tests, with_inertia
+from fourpole.virtual.plan import FREQUENCIES, PRELOADS, PRESSURES, Planned, plan_tests, with_inertia
 from fourpole.virtual.recordings import cam_frequency, record_dynamic, record_static
 from fourpole.virtual.runs import runs_of
 from fourpole.virtual.truth import STD_GAIN, STD_PHASE, draw_truth, state
@@ -57,6 +57,8 @@ def simulate_campaign(
     faults: Sequence[Fault] = (),
     mounts: Sequence[ModelTyre] = (),
     eccentricity: float = 1e-3,
+    tests: Sequence[Planned] = (),
+    report: Mapping[str, str] | None = None,
 ) -> SimulatedCampaign:
     """Simulate static and dynamic tests of virtual tyres and write them as a campaign folder, with the true values.
 
@@ -105,6 +107,10 @@ def simulate_campaign(
         Their tests come after those of the tyres, whose files they do not change.
     eccentricity : float [m]
         Amplitude of the motion of the contact; > 0.
+    tests : sequence of Planned
+        The tests, in place of those at all combinations of the conditions.
+    report : mapping of str to str
+        What campaign.toml states under [report], such as laboratory and operator.
 
     Returns
     -------
@@ -134,7 +140,7 @@ def simulate_campaign(
     ...     made.tests, sorted(path.name for path in made.folder.iterdir())
     (6, ['campaign.toml', 'recordings', 'tests.csv', 'truth.csv'])
     """
-    tests = plan_tests(
+    tests = tests or plan_tests(
         tyres,
         pressures,
         preloads,
@@ -169,5 +175,5 @@ def simulate_campaign(
         rows += truth_rows(this, truth, preloads=preloads, frequency=frequency, more=more, inertia=inertia)
         if progress is not None:
             progress(done, len(runs))
-    finish(target, [this.row for this in runs], rows, statement, seed)
+    finish(target, [this.row for this in runs], rows, statement, seed, report or {})
     return SimulatedCampaign(folder=target, tests=len(runs), seed=seed)

@@ -32,8 +32,8 @@ def inertia(finding: Finding, found: Inertia, units: ShownUnits) -> str:
     return _SAID[found.form.value].format(name=finding.specimens[0], **values)
 
 
-def short_lines(results: Study) -> list[str]:
-    """A line for each specimen that has a mass: the mass and the frequency with the rim held."""
+def short_lines(results: Study, of: str | None = None) -> list[str]:
+    """A line for each specimen that has a mass, or `of` one: the mass and the frequency with the rim held."""
     units = results.shown
     said = ((one, one.detail) for one in inertias(results))
     return [
@@ -43,7 +43,7 @@ def short_lines(results: Study) -> list[str]:
             free=ranged_with_u(detail, q.BELT_FREE, units),
         )
         for one, detail in said
-        if isinstance(detail, Inertia)
+        if isinstance(detail, Inertia) and of in (None, one.specimens[0])
     ]
 
 
