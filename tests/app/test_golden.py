@@ -2,8 +2,8 @@
 
     FOURPOLE_GOLDEN=write python -m pytest tests/app/test_golden.py
 
-writes the files anew; read what changed before it is kept. Numbers and widths differ between machines, and have tests of
-their own.
+writes the files anew; read what changed before it is kept. Numbers and widths may differ between machines, and have
+tests of their own.
 """
 
 import os
@@ -56,8 +56,9 @@ ELSEWHERE = {"app", "demo", "open", "selftest", "simulate", "watch"}
 
 def campaign(folder, seed):
     simulate_campaign(
-        folder, seed=seed, tyres=[RADIAL_PLY], pressures=[1.7e5, 2.2e5], preloads=[1000.0], frequencies=[10.0, 16.0, 24.0],
-        added_masses=(0.0, 10.0), added_mass_at=("radial-ply", 1.7e5, 1000.0),
+        folder, seed=seed, tyres=[RADIAL_PLY], pressures=[1.7e5, 2.2e5], preloads=[1000.0],
+        frequencies=[10.0, 16.0, 24.0], added_masses=(0.0, 10.0),
+        added_mass_at=("radial-ply", 1.7e5, 1000.0),
     )  # fmt: skip
 
 
