@@ -56,13 +56,14 @@ $(READY_LOWEST): requirements-lowest.lock pyproject.toml
 	$(call install,.venv-lowest,requirements-lowest.lock)
 	@touch $@
 
-# The peers stand in no lock, and some need build tools that no lock has: so they are built in isolation. A library that
-# they share with Fourpole has its locked version.
-$(READY_BENCH): requirements.lock pyproject.toml
-	@echo "Installing the peers of bench/ into .venv-bench (once; a minute or two)"
+# The peers stand in no lock, and some need build tools that no lock has: so they are built in isolation. All libraries that
+# they share with Fourpole are those of .venv, which the file .pth adds to the path.
+$(READY_BENCH): $(READY)
+	@echo "Installing the peers of bench/ into .venv-bench (once; half a minute)"
 	@$(PYTHON) -m venv .venv-bench
-	@sed -n 's/^\([a-z0-9][^\\]*\) \\$$/\1/p' requirements.lock > .venv-bench/constraints.txt
-	@.venv-bench/bin/python -m pip install $(PIP_FLAGS) --constraint .venv-bench/constraints.txt --editable '.[bench]'
+	@$(BIN)/python -c "import site; print(f'import site; site.addsitedir({site.getsitepackages()[0]!r})')" > \
+		"$$(.venv-bench/bin/python -c 'import site; print(site.getsitepackages()[0])')/locked.pth"
+	@.venv-bench/bin/python -m pip install $(PIP_FLAGS) --no-warn-conflicts 'fourpole[bench]'
 	@touch $@
 
 demo: $(if $(wildcard $(READY)),$(READY),$(READY_DEMO))  ## make the demonstration campaign in ./fourpole-demo and analyse it
