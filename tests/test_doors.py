@@ -44,6 +44,7 @@ MAY = {
     "export/uff.py": "what it writes",
     "virtual/folder.py": "truth.csv of the folder that it made",
     # package data
+    "__main__.py": "the help",
     "report/html.py": "templates and styles, and what the browser printed",
     "app/group.py": "groups of commands",
     "app/options.py": "the words of options",

@@ -13,17 +13,26 @@ _NOT_THERE = {
         "causality", "convert", "fit", "identify", "info", "map", "query", "ride", "shift", "static", "verify",
     ),
 }  # fmt: skip
+#: Columns of the help that is kept beside this file; a narrower terminal has one of its own.
+_WIDTH = 80
 #: The exit code of an input that cannot be read; see `fourpole.app.console`.
 _UNREADABLE = 2
 
 
 def main() -> None:
-    """Run the command; its version, and a first argument that is not there, are told without the command line."""
+    """Run the command; its version, help, and a first argument that is not there are told without the command line.
+
+    To load the library of the command line takes most of the time of a help.
+    """
     words = sys.argv[1:]
     if words == ["--version"]:
         from fourpole.version import VERSION
 
         sys.stdout.write(f"fourpole {VERSION}\n")
+        return
+    if words in (["--help"], ["-h"]) and _columns() >= _WIDTH:
+        with open(f"{__file__.rpartition(os.sep)[0]}/help.txt", encoding="utf-8") as file:  # noqa: PTH123, for pathlib is slow
+            sys.stdout.write(file.read())
         return
     if missing := missing_argument(words):
         shown = sys.stderr.isatty() and not os.environ.get("NO_COLOR")
@@ -33,6 +42,14 @@ def main() -> None:
     from fourpole.app.cli import main as run
 
     run()
+
+
+def _columns() -> int:
+    """Columns of the terminal; those of the kept help where there is none."""
+    try:
+        return int(os.environ.get("COLUMNS") or 0) or os.get_terminal_size(sys.stdout.fileno()).columns
+    except (OSError, ValueError):
+        return _WIDTH
 
 
 def missing_argument(words: list[str]) -> str:

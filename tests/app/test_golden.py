@@ -9,12 +9,19 @@ tests of their own.
 import os
 import re
 import shutil
+import subprocess
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from tests.app.conftest import ENVIRONMENT
 from tests.fitting.test_shifting import table as isotherms
 from tests.kept import kept
+from typer.main import get_command
 
+from fourpole import __main__ as main
+from fourpole.app.cli import app
 from fourpole.app.group import groups_of
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
@@ -87,10 +94,6 @@ def plain(text):
 
 
 def test_each_command_has_its_words_here_or_its_tests_elsewhere():
-    from typer.main import get_command
-
-    from fourpole.app.cli import app
-
     names = get_command(app).list_commands(None)
     assert sorted(names) == sorted({*COMMANDS, *ELSEWHERE})
     assert groups_of(names)
@@ -107,3 +110,24 @@ def test_a_command_says_what_it_said(run, place, tmp_path, monkeypatch, command)
     if os.environ.get("FOURPOLE_GOLDEN") == "write":
         golden.write_text(said, encoding="utf-8")
     assert said == golden.read_text(encoding="utf-8")
+
+
+def test_the_help_that_is_kept_is_that_of_the_command_line():
+    kept_help = Path(main.__file__).with_name("help.txt")
+    code = "import sys; sys.argv = ['fourpole', '--help']; from fourpole.app.cli import main; main()"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], env={**ENVIRONMENT, "COLUMNS": "80"}, capture_output=True, check=True
+    )
+    if os.environ.get("FOURPOLE_GOLDEN") == "write":
+        kept_help.write_bytes(ran.stdout)
+    assert kept_help.read_bytes() == ran.stdout
+
+
+@pytest.mark.parametrize(("columns", "kept"), [("", True), ("80", True), ("200", True), ("60", False), ("x", True)])
+def test_a_narrow_terminal_has_a_help_of_its_own(monkeypatch, capsys, columns, kept):
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setattr("sys.argv", ["fourpole", "--help"])
+    with suppress(SystemExit):
+        main.main()
+    said = capsys.readouterr().out
+    assert (said == Path(main.__file__).with_name("help.txt").read_text(encoding="utf-8")) == kept
