@@ -87,7 +87,7 @@ def place(run):
 
 def plain(text):
     """Words and layout alone: numbers as a sign, blanks and rules as one of them."""
-    text = re.sub(r"commit \w+", "commit #", re.sub(r"[⠀-⣿]+", "~", text))
+    text = re.sub(r" \(commit [^)]*\)", "", re.sub(r"[⠀-⣿]+", "~", text))
     text = re.sub(r"(?<![A-Za-z0-9])[−-]?[0-9][0-9.,]*(?:e[-+]?[0-9]+)?", "#", text)
     lines = (re.sub(r"([ ─━═·-])[ ─━═·-]+", r"\1", line).rstrip() for line in text.splitlines())
     return "".join(f"{line}\n" for line in lines)
