@@ -208,7 +208,7 @@ def _wrong_values(test: Test, kind: str, tyre: str, stated: CampaignFile) -> Ite
         alone = f"frequency: a band is for kind {' or '.join(OF_BAND)}; a {kind} test has one number"
         yield Message("frequency", "band", alone)
     if kind == "calibration" and "added_mass" not in test.values:
-        unweighed = "the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
+        unweighed = "the mass in place of the specimen is not stated: fill in 'added_mass [kg]' with its weight"
         yield Message("added_mass", "missing", unweighed)
     preload, specimen = test.value("preload"), stated.all_specimens.get(tyre)
     fixed = specimen is not None and (tyre in stated.specimens if specimen.fixed is None else specimen.fixed)
@@ -326,10 +326,10 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[Mes
     tyre, rig = texts.get("tyre", ""), texts.get("rig", "")
     if kind == "calibration":
         if tyre:
-            named = "a calibration has a rigid mass in place of the tyre: leave the column 'tyre' blank"
+            named = "a calibration has a rigid mass in place of the specimen: leave the column 'tyre' blank"
             yield Message("tyre", "calibration", named)
     elif not tyre:
-        yield Message("tyre", "missing", "the tyre is not named: fill in the column 'tyre'")
+        yield Message("tyre", "missing", "the specimen is not named: fill in the column 'tyre'")
     elif tyre not in stated.all_specimens:
         yield _unknown("tyre", "tyres", tyre, stated.all_specimens)
     if rig and rig not in stated.all_rigs:
