@@ -190,8 +190,8 @@ _WIDTH = 78
 
 
 def keep_existing(folder: Path) -> None:
-    """CampaignError if a folder has a campaign.toml or a tests.csv."""
-    there = [name for name in _WRITTEN if (folder / name).exists() or (folder / name).is_symlink()]
+    """CampaignError if a folder has a campaign.toml, a tests.csv or a tests.xlsx."""
+    there = [name for name in (*_WRITTEN, "tests.xlsx") if (folder / name).exists() or (folder / name).is_symlink()]
     if there:
         raise CampaignError(
             f"{shown(folder, 200)[1:-1]}: there is a {' and a '.join(there)} already, which nothing here changes: "

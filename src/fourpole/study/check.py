@@ -213,7 +213,7 @@ class _Inspection:
         return rows
 
     def _say(self, test: Test, about: str, verdict: Verdict, message: str, kind: str = "") -> None:
-        text = message.removeprefix(f"tests.csv row {test.row}: ")
+        text = message.removeprefix(f"{test.table} row {test.row}: ")
         for label in (units.shown(test.file, 200)[1:-1], test.file):
             text = text.removeprefix(f"{label}: ").removeprefix(f"{label} ")
         problem = CampaignProblem(test.name, test.row, test.file, about, verdict, text, kind or text)
