@@ -224,7 +224,7 @@ REMARKS = _text("remarks", "reasons for the verdict or the finding, and what to 
 CONDITION = Quantity("condition", "condition", "condition", meaning="number shared by tests of one K*", kind="count")
 
 PRESSURE = Quantity("pressure", "p", "pressure", "Pa", "inflation pressure", "bar", 1e5, digits=3)
-PRELOAD = Quantity("preload", "preload", "preload", "N", "static load on the tyre")
+PRELOAD = Quantity("preload", "preload", "preload", "N", "static load on the specimen")
 ADDED_MASS = Quantity("added_mass", "added mass", "added mass", "kg", "mass added to the moving mass")
 TEMPERATURE = Quantity("temperature", "T", "temperature", "degC", "temperature of the test", "°C", digits=3)
 FREQUENCY = Quantity("frequency", "f", "frequency", "Hz", "frequency found in the recording")
@@ -240,7 +240,7 @@ PHASE_V2 = Quantity(
 
 DEFLECTION_AMPLITUDE = Quantity(
     "deflection_amplitude", "x", "deflection amplitude", "m",
-    "amplitude of the deflection of the tyre, |V1 - V2|/w; where V2 is not known |F1/K*|", "mm", 1e-3,
+    "amplitude of the deflection of the specimen, |V1 - V2|/w; where V2 is not known |F1/K*|", "mm", 1e-3,
 )  # fmt: skip
 
 R = Quantity("r", "R", "R", "m/(N s)", "real part of the mobility V1/F1", "mm/(N s)", 1e-3)
@@ -278,6 +278,11 @@ TR_MEASURED = Quantity("tr_measured", "TR", "TR measured", "1", "modulus of V2/V
 TR_PREDICTED = Quantity(
     "tr_predicted", "TR predicted", "TR predicted", "1", "modulus of V2/V1 that K* and the rig give", u_column="TR"
 )
+
+ENERGY = Quantity(
+    "cycle_energy", "W", "energy per cycle", "J",
+    "energy that the specimen loses in a cycle, π K'' x² with x its deflection amplitude",
+)  # fmt: skip
 
 SECANT = Quantity(
     "secant", "secant", "secant", "N/m", "secant static stiffness, from the point of zero load", "kN/m", 1e3

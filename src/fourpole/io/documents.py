@@ -38,6 +38,7 @@ _TEXTS = re.compile(
 )
 #: A number that stands bare behind the sign of a key, with a decimal comma or a unit.
 _BARE = re.compile(r"=\s*([-+]?\d+(?:[.,]\d+)?)[ \t]*([A-Za-zµ°%][^,}\]#\n]*)?")
+_AT_LINE = re.compile(r"at line (\d+)")
 _LONG_KEY = re.compile(rf"(?<![\w.-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 #: Most characters of a cell, which is the limit that Python's own reader has unless a program changes it.
 MOST_CHARACTERS = 131_072
@@ -158,7 +159,7 @@ def _of_digits(content: bytes | str, name: str) -> str:
 
 def _of_bare(text: str, error: str, name: str) -> str:
     """Message on a number with a decimal comma, or with a unit but no quotation marks, where TOML has an error."""
-    place = re.search(r"at line (\d+)", error)
+    place = _AT_LINE.search(error)
     found = place and _BARE.search(text.split("\n")[int(place[1]) - 1])
     if not found or not (found[2] or "," in found[1]):
         return ""
