@@ -231,12 +231,8 @@ FREQUENCY = Quantity("frequency", "f", "frequency", "Hz", "frequency found in th
 F1 = Quantity("f1", "F1", "F1", "N", "amplitude of the force at the contact")
 V1 = Quantity("v1", "V1", "V1", "m/s", "amplitude of the velocity at the contact", "mm/s", 1e-3)
 V2 = Quantity("v2", "V2", "V2", "m/s", "amplitude of the velocity of the moving mass", "mm/s", 1e-3)
-PHASE_F1 = Quantity(
-    "phase_f1_v1", "F1 ahead of V1", "phase F1-V1", "rad", "phase of F1 ahead of V1", "°", pi / 180
-)  # fmt: skip
-PHASE_V2 = Quantity(
-    "phase_v2_v1", "V2 ahead of V1", "phase V2-V1", "rad", "phase of V2 ahead of V1", "°", pi / 180
-)  # fmt: skip
+PHASE_F1 = Quantity("phase_f1_v1", "F1 ahead of V1", "phase F1-V1", "rad", "phase of F1 ahead of V1", "°", pi / 180)
+PHASE_V2 = Quantity("phase_v2_v1", "V2 ahead of V1", "phase V2-V1", "rad", "phase of V2 ahead of V1", "°", pi / 180)
 
 DEFLECTION_AMPLITUDE = Quantity(
     "deflection_amplitude", "x", "deflection amplitude", "m",
@@ -390,12 +386,9 @@ BELT_SHARE = Quantity(
 )
 BELT_EXPONENT = Quantity("belt_exponent", "p", "exponent", "1", "power of K* by which the share changes with frequency")
 BELT_EVIDENCE = Quantity(
-    "belt_evidence",
-    "",
-    "evidence over massless",
-    "1",
+    "belt_evidence", "", "evidence over massless", "1",
     "gain of the logarithm of the evidence by the mass of all specimens",
-)
+)  # fmt: skip
 
 CODE = _text("code", "name of the check")
 STATISTIC = Quantity("statistic", "", "statistic", meaning="what the check found; blank for a check without a number")
