@@ -96,6 +96,11 @@ class Quantity:
         return self._headed(f"u({self.u_column})")
 
     @property
+    def whole_head(self) -> str:
+        """Head of its standard uncertainty with the errors that all rows share, where `u_head` is without."""
+        return self._headed(f"u({self.column}) with shared errors")
+
+    @property
     def heads(self) -> tuple[str, str]:
         """Heads of the value and of its standard uncertainty."""
         return self.head, self.u_head
@@ -326,12 +331,8 @@ DETECTION_LIMIT = Quantity(
     meaning="smallest undeclared error that the tests would show; blank where they show none",
 )  # fmt: skip
 
-RESIDUAL_RE = Quantity(
-    "residual_re", "", "Re residual", "N s/m", "real part of F1/V2 - Zr", u_column="Re"
-)  # fmt: skip
-RESIDUAL_IM = Quantity(
-    "residual_im", "", "Im residual", "N s/m", "imaginary part of F1/V2 - Zr", u_column="Im"
-)  # fmt: skip
+RESIDUAL_RE = Quantity("residual_re", "", "Re residual", "N s/m", "real part of F1/V2 - Zr", u_column="Re")
+RESIDUAL_IM = Quantity("residual_im", "", "Im residual", "N s/m", "imaginary part of F1/V2 - Zr", u_column="Im")
 ZR = Quantity("zr", "Zr", "Zr", "N s/m", "impedance of the rig")
 CHI2 = Quantity("chi2", "χ²", "chi2", "1", "chi-square of the residual")
 DOF = Quantity("dof", "dof", "dof", "1", "degrees of freedom")

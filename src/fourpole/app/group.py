@@ -95,7 +95,13 @@ def _print_rows(rows: Rows) -> None:
 
 
 def rows_answer(
-    frame: pl.DataFrame, file: Path | None, units: ShownUnits, *, leave_out: Sequence[str] = (), code: int = 0
+    frame: pl.DataFrame,
+    file: Path | None,
+    units: ShownUnits,
+    *,
+    leave_out: Sequence[str] = (),
+    whole: Mapping[str, str] | None = None,
+    code: int = 0,
 ) -> Answer:
     """The answer of a command whose result is a table, which goes to `file` if it is given."""
     if file is not None:
@@ -104,7 +110,7 @@ def rows_answer(
         path = file if file.suffix else file.with_suffix(".csv")
         write_table(path, frame, label=str(path))
         say(f"written: {path}")
-    parts = [] if file is not None else [Rows(frame, units, leave_out)]
+    parts = [] if file is not None else [Rows(frame, units, leave_out, whole)]
     return Answer(parts, lambda: {"rows": frame.to_dicts()}, code=code)
 
 

@@ -138,8 +138,9 @@ _QUESTIONS = """\
 # Does one card sample all channels at once?
 # [logger]
 # simultaneous = true
-# Keys of a channel, in its { }: coupling = "dc", "ac" or "iepe" of its amplifier; std_delay = "10 us"
-# of motion_in: mounted = "specimen", or "drive" or "rig" if nobody touches the sensor when the specimen changes
+# Keys of a channel, in its { }: coupling = "dc", "ac" or "iepe" of its
+# amplifier; std_delay = "10 us"; of motion_in: mounted = "specimen", or "drive"
+# or "rig" if nobody touches the sensor when the specimen changes
 """
 #: The question that stands in the table of each tyre.
 _WEIGHT = (
