@@ -87,6 +87,8 @@ WORST = {
     "io/clock._UNDATED": ("", " ", "\n~"),
     "io/columns._SLASHED": ("", "0/9/0", "a"),
     "io/convert._OURS": ("", "19", "!"),
+    "io/documents._AT_LINE": ("", "at line ", ""),
+    "io/documents._BARE": ("=", "1", ","),
     "io/documents._HALF": ("", "é", ""),
     "io/documents._DIGITS": ("", "1_", "a"),
     "io/documents._LONG_KEY": ("-_.", " ", "a"),

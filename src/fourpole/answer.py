@@ -5,7 +5,7 @@ A command makes an `Answer` and prints nothing of it. The terminal, ``--json`` a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -51,17 +51,25 @@ class Rows:
     units : ShownUnits
     leave_out : sequence of str
         Heads of columns that a screen does not show.
+    whole : mapping of str to str
+        Heads of uncertainties that a screen shows in place of others, by the heads of these.
     """
 
-    def __init__(self, frame: pl.DataFrame, units: ShownUnits, leave_out: Sequence[str] = ()) -> None:
-        self.frame, self.units, self.leave_out = frame, units, leave_out
+    def __init__(
+        self,
+        frame: pl.DataFrame,
+        units: ShownUnits,
+        leave_out: Sequence[str] = (),
+        whole: Mapping[str, str] | None = None,
+    ) -> None:
+        self.frame, self.units, self.leave_out, self.whole = frame, units, leave_out, whole or {}
 
     @property
     def table(self) -> Table:
         """The rows in words, each value with its uncertainty, without columns that are blank."""
         from fourpole.report.digits import cell
 
-        rows = self.frame.to_dicts()
+        rows = [{**row, **{head: row[of] for head, of in self.whole.items()}} for row in self.frame.to_dicts()]
         heads = [one for one in self.frame.columns if one not in self.leave_out and not one.startswith(("u(", "corr("))]
         used = [head for head in heads if any(row[head] not in (None, "") for row in rows)]
         labels = {head: _label(head, self.units) for head in used}

@@ -96,6 +96,11 @@ class Quantity:
         return self._headed(f"u({self.u_column})")
 
     @property
+    def whole_head(self) -> str:
+        """Head of its standard uncertainty with the errors that all rows share, where `u_head` is without."""
+        return self._headed(f"u({self.column}) with shared errors")
+
+    @property
     def heads(self) -> tuple[str, str]:
         """Heads of the value and of its standard uncertainty."""
         return self.head, self.u_head
@@ -224,23 +229,19 @@ REMARKS = _text("remarks", "reasons for the verdict or the finding, and what to 
 CONDITION = Quantity("condition", "condition", "condition", meaning="number shared by tests of one K*", kind="count")
 
 PRESSURE = Quantity("pressure", "p", "pressure", "Pa", "inflation pressure", "bar", 1e5, digits=3)
-PRELOAD = Quantity("preload", "preload", "preload", "N", "static load on the tyre")
+PRELOAD = Quantity("preload", "preload", "preload", "N", "static load on the specimen")
 ADDED_MASS = Quantity("added_mass", "added mass", "added mass", "kg", "mass added to the moving mass")
 TEMPERATURE = Quantity("temperature", "T", "temperature", "degC", "temperature of the test", "°C", digits=3)
 FREQUENCY = Quantity("frequency", "f", "frequency", "Hz", "frequency found in the recording")
 F1 = Quantity("f1", "F1", "F1", "N", "amplitude of the force at the contact")
 V1 = Quantity("v1", "V1", "V1", "m/s", "amplitude of the velocity at the contact", "mm/s", 1e-3)
 V2 = Quantity("v2", "V2", "V2", "m/s", "amplitude of the velocity of the moving mass", "mm/s", 1e-3)
-PHASE_F1 = Quantity(
-    "phase_f1_v1", "F1 ahead of V1", "phase F1-V1", "rad", "phase of F1 ahead of V1", "°", pi / 180
-)  # fmt: skip
-PHASE_V2 = Quantity(
-    "phase_v2_v1", "V2 ahead of V1", "phase V2-V1", "rad", "phase of V2 ahead of V1", "°", pi / 180
-)  # fmt: skip
+PHASE_F1 = Quantity("phase_f1_v1", "F1 ahead of V1", "phase F1-V1", "rad", "phase of F1 ahead of V1", "°", pi / 180)
+PHASE_V2 = Quantity("phase_v2_v1", "V2 ahead of V1", "phase V2-V1", "rad", "phase of V2 ahead of V1", "°", pi / 180)
 
 DEFLECTION_AMPLITUDE = Quantity(
     "deflection_amplitude", "x", "deflection amplitude", "m",
-    "amplitude of the deflection of the tyre, |V1 - V2|/w; where V2 is not known |F1/K*|", "mm", 1e-3,
+    "amplitude of the deflection of the specimen, |V1 - V2|/w; where V2 is not known |F1/K*|", "mm", 1e-3,
 )  # fmt: skip
 
 R = Quantity("r", "R", "R", "m/(N s)", "real part of the mobility V1/F1", "mm/(N s)", 1e-3)
@@ -278,6 +279,11 @@ TR_MEASURED = Quantity("tr_measured", "TR", "TR measured", "1", "modulus of V2/V
 TR_PREDICTED = Quantity(
     "tr_predicted", "TR predicted", "TR predicted", "1", "modulus of V2/V1 that K* and the rig give", u_column="TR"
 )
+
+ENERGY = Quantity(
+    "cycle_energy", "W", "energy per cycle", "J",
+    "energy that the specimen loses in a cycle, π K'' x² with x its deflection amplitude",
+)  # fmt: skip
 
 SECANT = Quantity(
     "secant", "secant", "secant", "N/m", "secant static stiffness, from the point of zero load", "kN/m", 1e3
@@ -325,12 +331,8 @@ DETECTION_LIMIT = Quantity(
     meaning="smallest undeclared error that the tests would show; blank where they show none",
 )  # fmt: skip
 
-RESIDUAL_RE = Quantity(
-    "residual_re", "", "Re residual", "N s/m", "real part of F1/V2 - Zr", u_column="Re"
-)  # fmt: skip
-RESIDUAL_IM = Quantity(
-    "residual_im", "", "Im residual", "N s/m", "imaginary part of F1/V2 - Zr", u_column="Im"
-)  # fmt: skip
+RESIDUAL_RE = Quantity("residual_re", "", "Re residual", "N s/m", "real part of F1/V2 - Zr", u_column="Re")
+RESIDUAL_IM = Quantity("residual_im", "", "Im residual", "N s/m", "imaginary part of F1/V2 - Zr", u_column="Im")
 ZR = Quantity("zr", "Zr", "Zr", "N s/m", "impedance of the rig")
 CHI2 = Quantity("chi2", "χ²", "chi2", "1", "chi-square of the residual")
 DOF = Quantity("dof", "dof", "dof", "1", "degrees of freedom")
@@ -385,12 +387,9 @@ BELT_SHARE = Quantity(
 )
 BELT_EXPONENT = Quantity("belt_exponent", "p", "exponent", "1", "power of K* by which the share changes with frequency")
 BELT_EVIDENCE = Quantity(
-    "belt_evidence",
-    "",
-    "evidence over massless",
-    "1",
+    "belt_evidence", "", "evidence over massless", "1",
     "gain of the logarithm of the evidence by the mass of all specimens",
-)
+)  # fmt: skip
 
 CODE = _text("code", "name of the check")
 STATISTIC = Quantity("statistic", "", "statistic", meaning="what the check found; blank for a check without a number")

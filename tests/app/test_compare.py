@@ -54,6 +54,13 @@ def test_rows_and_page_are_written_and_json_is_in_si(run, both, tmp_path):
     assert "data:image/svg+xml;base64," in text
 
 
+def test_equal_results_are_one_line(run, both, tmp_path):
+    again = shutil.copytree(both, tmp_path / "again")
+    ran = run("compare", both, again)
+    assert ran.stdout == "no difference: all 26 values of again are those of two tyres\n"
+    assert (ran.exit_code, ran.stderr) == (0, "")
+
+
 def test_names_from_outside_are_escaped(run, both, tmp_path):
     again = shutil.copytree(both, tmp_path / "again <i>x")
     assert run("compare", both, again, "--page", tmp_path / "c.html").exit_code == 0

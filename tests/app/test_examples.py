@@ -38,6 +38,8 @@ def test_the_help_lists_the_groups_in_order(run):
     said = run("--help").stdout
     places = [said.index(f"\n{head}:\n") for head in GROUPS]
     assert places == sorted(places)
+    assert list(GROUPS["Start here"]) == ["demo", "init", "check", "analyse", "open", "app"]
+    assert all(head.startswith("More ") for head in [*GROUPS][1:])
 
 
 @pytest.mark.parametrize(("typo", "meant"), [("anaylse", "analyse"), ("repport", "report"), ("chek", "check")])

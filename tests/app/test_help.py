@@ -144,6 +144,17 @@ def test_the_default_of_out_is_shown(run):
     assert "CAMPAIGN/results" in run("analyse", "--help").stdout
 
 
+@pytest.mark.parametrize("command", ["fit", "map", "query", "ride", "causality", "shift", "export", "plot"])
+def test_a_specimen_is_chosen_by_specimen_and_by_its_former_name(run, command):
+    said = run(command, "--help").stdout
+    assert "--specimen" in said
+    assert "--tyre" not in said
+    context = COMMANDS[command].make_context(command, ["x", "--tyre", "radial"], resilient_parsing=True)
+    same = COMMANDS[command].make_context(command, ["x", "--specimen=radial"], resilient_parsing=True)
+    assert context.params == same.params
+    assert "radial" in str(context.params)
+
+
 def test_brackets_of_a_metavar_stand_once(run):
     usage = run("demo", "--help").stdout.strip().splitlines()[0]
     assert "[[" not in usage

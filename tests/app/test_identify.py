@@ -21,6 +21,9 @@ HEADER = [
     "verdict",
     "remarks",
 ]
+SHARED = [
+    "u(Re K*) with shared errors [N/m]", "u(Im K*) with shared errors [N/m]", "u(K2) [N/m]", "u(C) [N s/m]",
+]  # fmt: skip
 K1, K2, C, MASS, K3 = 180e3, 120e3, 700.0, 15.0, 12440.0
 RIG = ["--mass", "15 kg", "--preload-stiffness", "12.44 kN/m"]
 F = np.array([10.0, 14.0, 18.0, 24.0])
@@ -106,9 +109,11 @@ def test_every_form_gives_the_same_tyre(run, bench, form):
         np.testing.assert_allclose(found[name], np.broadcast_to(true, 4), rtol=1e-9, err_msg=name)
     assert {row["verdict"] for row in rows} == {"ok"}
     assert {row["remarks"] for row in rows} == {""}
-    *lines, counted = ran.stderr.splitlines()
+    *lines, shared, most, counted = ran.stderr.splitlines()
     understood = [line for line in lines if line.startswith("understood ")]
     assert lines == understood
+    assert shared.startswith("u of K*, K2 and C has ")
+    assert "moves C most: by up to " in most
     assert len(understood) == 3 + ("phase" in "".join(understood)) + ("temperature" in "".join(understood))
     assert counted.startswith("4 rows: 4 with K2 and C, 0 rejected")
 
@@ -204,7 +209,7 @@ def test_one_json_document_for_programs(run, bench):
     ran = run("identify", bench(HURT_ROWS), "--k1", "180 kN/m", *RIG, "--json")
     assert ran.exit_code == 3
     rows = json.loads(ran.stdout)["rows"]
-    assert [list(row) for row in rows] == [HEADER] * 8
+    assert [list(row) for row in rows] == [[*HEADER, *SHARED]] * 8
     assert rows[0]["K2 [N/m]"] == pytest.approx(K2, rel=1e-6)
     assert rows[1]["K2 [N/m]"] is None
     assert (rows[0]["verdict"], rows[0]["remarks"], rows[1]["verdict"]) == ("ok", "", "rejected")
@@ -276,3 +281,32 @@ def test_the_process_prints_the_table_alone_on_stdout(fourpole, bench):
     assert ran.stdout.splitlines()[0] == ",".join(HEADER).replace("corr(R,I)", '"corr(R,I)"')
     assert len(list(csv.DictReader(io.StringIO(ran.stdout)))) == 8
     assert "Traceback" not in ran.stderr
+
+
+def test_an_error_of_the_mass_is_what_makes_c_uncertain(run, bench):
+    """u is what an error of this size changes: here 1 % of m alone, by the same formulas with m 1 % larger."""
+    alone = ("--std-gain", "0 %", "--std-phase", "0 deg", "--std-k1", "0 %")
+    path = bench(FORMS["R, I"])
+    ran = run("identify", path, "--k1", "180 kN/m", *RIG, "--std-rig", "0.01 %", *alone)
+    rows = list(csv.DictReader(io.StringIO(ran.stdout)))
+    for head, u_head in zip(("Re K* [N/m]", "Im K* [N/m]", "K2 [N/m]", "C [N s/m]"), SHARED, strict=True):
+        moved = []
+        for rig in (("15.0015 kg", "12.44 kN/m"), ("15 kg", "12.441244 kN/m")):
+            other = run("identify", path, "--k1", "180 kN/m", "--mass", rig[0], "--preload-stiffness", rig[1])
+            moved.append(table_of(other)[1][head] - table_of(ran)[1][head])
+        np.testing.assert_allclose([float(row[u_head]) for row in rows], np.hypot(*moved), rtol=0.05)
+    assert "u of K*, K2 and C has m and K3 0.010 %;" in ran.stderr
+    assert "the uncertainty of moving mass moves C most" in ran.stderr
+
+
+def test_the_u_of_a_table_is_taken_for_all_of_it_but_k1(run, bench):
+    content = text("f [Hz],K' [N/m],K'' [N/m],u(K') [N/m],u(K'') [N/m]", F, STIFFNESS.real, STIFFNESS.imag, F, F)
+    rows = list(csv.DictReader(io.StringIO(run("identify", bench(content), "--k1", "180 kN/m").stdout)))
+    np.testing.assert_allclose([float(row[SHARED[0]]) for row in rows], F, rtol=1e-9)
+    assert all(float(row["u(C) [N s/m]"]) > 0 for row in rows)
+    assert list(rows[0])[-4:] == SHARED
+
+
+def test_a_fit_does_not_take_shared_errors_for_those_of_each_row(run, bench, tmp_path):
+    run("identify", bench(FORMS["R, I"]), "--k1", "180 kN/m", *RIG, "--out", tmp_path / "found.csv")
+    assert "states no uncertainty of K*" in run("causality", tmp_path / "found.csv").stderr

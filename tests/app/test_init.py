@@ -8,6 +8,8 @@ import shutil
 import pytest
 
 from fourpole.campaign import read_campaign
+from fourpole.campaign.report import Equipment, ReportFile
+from fourpole.campaign.schema import parse_campaign
 from fourpole.core.specimen import Body
 
 
@@ -69,12 +71,39 @@ def test_it_refuses_to_write_over_what_is_there(run, bare):
     assert (bare / "tests.csv").read_bytes() != before
 
 
+def test_it_ends_with_what_check_says(run, bare):
+    said = run("init", bare).stdout
+    checked = run("check", bare).stdout.replace("; nothing was analysed or written", "")
+    assert "no std_gain stated" in checked
+    assert said.splitlines()[:-1] == [*said.partition("fourpole check says")[0].splitlines(),
+                                      "fourpole check says of them:", *checked.splitlines()]  # fmt: skip
+
+
+def test_each_key_of_the_report_stands_there_and_is_taken_without_its_sign(run, bare):
+    run("init", bare)
+    _, mark, text = (bare / "campaign.toml").read_text().partition("# [report]\n")
+    stated = parse_campaign("[channels]\n[report]\n" + text.replace("# ", "", 1).replace("\n# ", "\n")).report
+    assert mark
+    assert stated.model_fields_set == set(ReportFile.model_fields)
+    assert stated.equipment[0].model_fields_set == set(Equipment.model_fields)
+
+
+def test_it_asks_for_what_makes_k_star_more_certain(run, bare):
+    said = run("init", bare).stdout
+    assert "With both (2 % is enough) TR is predicted" in said
+    assert "question: can some tests be run once more with a weighed mass" in said
+    lines = (bare / "campaign.toml").read_text().splitlines()
+    assert max(len(line) for line in lines if line.startswith(("# doubt", "# question", "#   "))) <= 80
+
+
 def test_for_programs_it_is_one_document(run, bare):
     found = json.loads(run("init", bare, "--json").stdout)
     assert [test["kind"] for test in found["tests"]].count("dynamic") == 3
     assert found["channels"]["motion_out"]["invert"] is True
     assert {doubt["about"] for doubt in found["doubts"]} >= {"rig", "force_in"}
     assert found["next"].startswith("next: fourpole analyse")
+    assert found["check"]["verdicts"] == {"ok": 4, "warning": 0, "rejected": 0}
+    assert list(found["questions"]) == ["added_mass", "specimen_mass"]
 
 
 def test_what_keeps_it_from_running_is_said(run, bare):
@@ -104,9 +133,9 @@ def test_a_doubt_goes_when_its_cell_is_corrected(run, bare):
     table = bare / "tests.csv"
     head, *rows = table.read_text().splitlines()
     table.write_text("\n".join([f"{head},doubts", *(f"{row},preload [1000]: taken as N" for row in rows)]) + "\n")
-    assert "doubts of fourpole init on preload (3)" in run("check", bare).stderr
+    assert "doubts of fourpole init on preload (3)" in run("check", bare).stdout
     table.write_text(table.read_text().replace(",1000,", ",1001,"))
-    said = run("check", bare).stderr
+    said = run("check", bare).stdout
     assert "doubts of fourpole init" not in said
     assert "columns of your own" not in said
 

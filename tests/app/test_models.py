@@ -208,7 +208,7 @@ def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     assert run("fit", folder, "--model", "zener").exit_code == 0
     before, _ = models_in(folder)
-    ran = run("fit", folder, "--model", "spring", "--tyre", "radial-ply")
+    ran = run("fit", folder, "--model", "spring", "--specimen", "radial-ply")
     assert ran.exit_code == 0, ran.output
     assert "model.json keeps 'cross-ply' of an earlier fit" in told(ran)
     after, made = models_in(folder)
@@ -218,7 +218,7 @@ def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     assert made["settings"] == {"model": "spring", "tyre": "radial-ply", "earlier": {"cross-ply": {"model": "zener"}}}
     assert "earlier   'cross-ply': model zener" in run("verify", folder / "model.json").stdout
     assert run("report", folder).exit_code == 0
-    run("fit", folder, "--model", "kelvin", "--tyre", "cross-ply")
+    run("fit", folder, "--model", "kelvin", "--specimen", "cross-ply")
     _, made = models_in(folder)
     assert made["settings"]["earlier"] == {"radial-ply": {"model": "spring", "tyre": "radial-ply"}}
     ran = run("fit", folder, "--model", "zener")
@@ -233,13 +233,13 @@ def test_a_file_of_its_own_keeps_other_tyres_of_the_same_table(run, tmp_path):
     rows = "".join(f"{t},{f},{200000 + 900 * f},{9000 + 300 * f}\n" for t in "AB" for f in range(5, 25, 4))
     table.write_text(f"tyre,frequency [Hz],Re K* [N/m],Im K* [N/m]\n{rows}")
     assert run("fit", table, "--std", "1 %", "--model", "kelvin", "--out", made).exit_code == 0
-    ran = run("fit", table, "--std", "1 %", "--model", "spring", "--tyre", "B", "--out", made)
+    ran = run("fit", table, "--std", "1 %", "--model", "spring", "--specimen", "B", "--out", made)
     assert "own.json keeps 'A' of an earlier fit" in told(ran)
     models = json.loads(made.read_text())["models"]
     assert {one["tyre"]: one["model"] for one in models} == {"A": "kelvin", "B": "spring"}
     table.write_text(table.read_text().replace("200900", "200901") + "A,30,230000,19000\n")
     assert "is replaced: it is of other results" in told(
-        run("fit", table, "--std", "1 %", "--tyre", "B", "--out", made)
+        run("fit", table, "--std", "1 %", "--specimen", "B", "--out", made)
     )
 
 
@@ -247,7 +247,7 @@ def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_pa
     """--out RESULTS/model.json is what fit does without the option: the models of other tyres stay."""
     folder = shutil.copytree(two, tmp_path / "results")
     run("fit", folder, "--model", "zener")
-    ran = run("fit", folder, "--model", "spring", "--tyre", "radial-ply", "--out", folder / "model.json")
+    ran = run("fit", folder, "--model", "spring", "--specimen", "radial-ply", "--out", folder / "model.json")
     assert ran.exit_code == 0, ran.output
     found, _ = models_in(folder)
     assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "spring", "cross-ply": "zener"}
@@ -257,7 +257,7 @@ def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_pa
 def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     for model, tyre in (("zener", "radial-ply"), ("kelvin", "cross-ply")):
-        assert run("map", folder, "--model", model, "--tyre", tyre).exit_code == 0
+        assert run("map", folder, "--model", model, "--specimen", tyre).exit_code == 0
     found, _ = models_in(folder, "map.json")
     assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "zener", "cross-ply": "kelvin"}
 
@@ -277,7 +277,7 @@ def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_pa
     unlisted(folder)
     text = (folder / "model.json").read_text()
     (folder / "model.json").write_text(text.replace(old, new, 1))
-    ran = run("fit", folder, "--model", "spring", "--tyre", "radial-ply")
+    ran = run("fit", folder, "--model", "spring", "--specimen", "radial-ply")
     assert ran.exit_code == 0, ran.output
     assert "the former model.json is replaced: " in told(ran)
     assert said in told(ran)
@@ -287,7 +287,7 @@ def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_pa
 def test_a_model_file_of_other_results_is_replaced(run, two, results, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     run("fit", results, "--model", "zener", "--out", folder / "model.json")
-    ran = run("fit", folder, "--model", "spring", "--tyre", "cross-ply")
+    ran = run("fit", folder, "--model", "spring", "--specimen", "cross-ply")
     assert "the former model.json is replaced: it is of other results" in told(ran)
     assert list(models_in(folder)[0]) == ["cross-ply"]
 
@@ -368,7 +368,7 @@ def test_a_query_outside_is_refused_and_writes_nothing(run, results, tmp_path):
             "--band: band '100:1 Hz' is not two rising, positive frequencies, as in '10:24 Hz'",
         ),
         (("fit", "k.csv", "--band", "200:300 Hz"), "no test between 200 and 300 Hz"),
-        (("fit", "k.csv", "--tyre", "x"), "no test of a tyre 'x'"),
+        (("fit", "k.csv", "--tyre", "x"), "no test of a specimen 'x'"),
         (("fit", "k.csv", "--fix", "K1=heavy"), "--fix K1:"),
         (("fit", "k.csv", "--fix", "K1=5 s"), "--fix K1:"),
         (("fit", "k.csv", "--fix", "K1=180"), "--fix: 'K1=180' has no unit: write --fix \"K1=180 kN/m\""),

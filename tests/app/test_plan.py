@@ -113,5 +113,5 @@ def test_mistakes_get_one_message(run, arguments, said, tmp_path, monkeypatch):
 def test_a_tyre_that_nobody_knows_is_asked_for(run, folder):
     ran = run("plan", folder)
     assert ran.exit_code == 2
-    assert "tyre 'winter' is not known yet: guess its K1, K2 and C, K1 at least (--k1, --k2, --c)" in ran.stderr
+    assert "specimen 'winter' is not known yet: guess its K1, K2 and C, K1 at least (--k1, --k2, --c)" in ran.stderr
     assert not (folder / "plan").exists()

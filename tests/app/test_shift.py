@@ -60,7 +60,7 @@ def test_a_gap_is_told_with_what_to_measure(tmp_path, capsys):
         (ShiftOptions(reference=200.0), ModelError, "no isotherm at the reference temperature"),
         (ShiftOptions(apart="warm"), UnitError, "--apart"),
         (ShiftOptions(std=2.0), UnitError, "--std"),
-        (ShiftOptions(tyre="other"), ModelError, "no test of a tyre 'other'"),
+        (ShiftOptions(tyre="other"), ModelError, "no test of a specimen 'other'"),
     ],
 )
 def test_a_mistake_is_one_sentence(isotherms, options, error, message):

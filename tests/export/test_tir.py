@@ -156,6 +156,6 @@ def test_what_is_not_stated_or_outside_is_refused(files, tmp_path):
         made(frequency=80.0)
     measured = measured_of(pl.concat([table((2e5,), (2e3,), tyre=one) for one in "ab"]), std=1e-3)
     model_file(measured, fit_tyres(measured, "zener")).write(tmp_path / "two.json")
-    with pytest.raises(ModelError, match="state --tyre, one of 'a', 'b'"):
+    with pytest.raises(ModelError, match="state --specimen, one of 'a', 'b'"):
         export_results(tmp_path / "two.json", "tir", frequency=F0)
     assert [one.name for one in tmp_path.iterdir()] == ["two.json"]

@@ -62,7 +62,7 @@ def test_a_whole_grid_of_one_tyre_survives_a_file(study, tmp_path):
 def test_what_it_cannot(study):
     with pytest.raises(ModelError, match="no axis 'camber'"):
         study.map("zener", at={"camber": [1.0]})
-    with pytest.raises(ModelError, match="no test of a tyre 'x'"):
+    with pytest.raises(ModelError, match="no test of a specimen 'x'"):
         study.map("zener", tyre="x")
 
 

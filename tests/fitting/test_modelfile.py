@@ -210,7 +210,7 @@ def test_a_fit_is_asked_at_its_conditions_only(fitted):
         ask(fitted, Query([13.7], {"pressure [Pa]": 1.7e5}, "a"))
     with pytest.raises(ModelError, match=r"no condition is the same .* fits at 1\.7 bar, 1000 N; 1\.7 bar, 2000 N"):
         ask(fitted, Query([13.7], {"pressure [Pa]": 1.9e5}, "a"))
-    with pytest.raises(ModelError, match="has 2 tyres: state --tyre"):
+    with pytest.raises(ModelError, match="has 2 specimens: state --specimen"):
         ask(fitted, Query([13.7]))
 
 

@@ -329,7 +329,7 @@ def test_words_that_vary_beside_the_tyre_are_doubted(cases, tmp_path):
     for case, source in cases:
         by_name("{who}_{radial}_{bar}bar_{N}N_{f}Hz", "{who}_{radial}_{bar}bar_static")(tmp_path, case, source)
     (doubt,) = [doubt for doubt in guess_campaign(tmp_path).doubts if doubt.about == "tyre"]
-    assert "6 tyres by the words that vary (" in doubt.text
+    assert "6 specimens by the words that vary (" in doubt.text
     assert "take them out" in doubt.text
 
 

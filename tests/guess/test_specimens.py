@@ -116,7 +116,7 @@ def test_dates_and_counters_of_runs_are_no_specimens():
     ]
     tyres, doubts = found(names)
     assert set(tyres) == {"tyre"}
-    assert doubts == {"no name of a tyre was found: all tests are taken as of one tyre"}
+    assert doubts == {"no name of a specimen was found: all tests are taken as of one"}
 
 
 def test_two_tests_at_one_condition_of_one_specimen_are_a_doubt():
@@ -131,7 +131,7 @@ def test_numbers_of_repeats_are_repeats():
     names = [f"{s}_2bar_{k}_{n}" for s in ("radial", "diagonal") for k in ("static", "1kN_10Hz") for n in (1, 2, 3)]
     tyres, doubts = found(names)
     assert set(tyres) == {"radial", "diagonal"}
-    assert doubts == {"the numbers 1, 2, 3 of their names are taken as repeats: or are they tyres?"}
+    assert doubts == {"the numbers 1, 2, 3 of their names are taken as repeats: or are they specimens?"}
 
 
 def test_temperatures_below_zero_keep_their_sign():

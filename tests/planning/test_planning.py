@@ -143,7 +143,7 @@ def campaign_with_results(tmp_path_factory):
 @pytest.mark.parametrize(
     ("old", "new", "guess", "said"),
     [
-        ("", "", Guess(110e3, None, 800.0), "tyre 'a' is not known yet: guess its K1, K2 and C, K2 at least"),
+        ("", "", Guess(110e3, None, 800.0), "specimen 'a' is not known yet: guess its K1, K2 and C, K2 at least"),
         ("1000,20,,", "1000,,,", GUESS, "row 4: frequency .* is blank"),
         ("dynamic,b", "dynamic,c", GUESS, "row 6: tyre 'c' is not in campaign.toml"),
         (ROWS, "S1,r/S1.csv,static,a,1.7,,,,\n", GUESS, "nothing to plan"),

@@ -145,7 +145,7 @@ def test_blocks_of_one_temperature_stand_together_and_the_tyre_is_brought_to_it(
         assert sum(one != other for one, other in pairwise(hot)) == 1
         steps = sheet["instruction"].drop_nulls().to_list()
         assert len(steps) == 4 * 2  # a block per temperature, pressure and mass
-        assert sum("bring the tyre to" in step for step in steps) == 4
+        assert sum("bring the specimen to" in step for step in steps) == 4
 
 
 def test_a_test_and_the_same_with_a_mass_are_one_condition_though_its_values_differ_a_little(tmp_path):

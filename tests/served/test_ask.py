@@ -39,7 +39,7 @@ def test_a_question_is_answered_as_the_terminal_answers_it(server: Server) -> No
 
 
 def test_a_mistake_is_a_message_on_the_page(server: Server) -> None:
-    assert "no test of a tyre &#39;none&#39;" in asked(server, "causality", tyre="none")
+    assert "no test of a specimen &#39;none&#39;" in asked(server, "causality", specimen="none")
 
 
 @pytest.mark.parametrize(

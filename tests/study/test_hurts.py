@@ -265,7 +265,7 @@ HURTS = {
         in_row("radial-ply", "slick"),
     ),
     "no tyre": Hurt(
-        "rejected", ("tests.csv row 4: the tyre is not named: fill in the column 'tyre'",), in_row("radial-ply", "")
+        "rejected", ("tests.csv row 4: the specimen is not named: fill in the column 'tyre'",), in_row("radial-ply", "")
     ),
     "no file": Hurt(
         "rejected",

@@ -286,7 +286,7 @@ def test_a_calibration_that_cannot_be_one_is_a_row_that_says_why(noisy):
     row = noisy.analyse().dynamic.row(1, named=True)
     assert row["verdict"] == "rejected"
     assert "leave the column 'tyre' blank" in row["remarks"]
-    assert "the mass in place of the tyre is not stated" in row["remarks"]
+    assert "the mass in place of the specimen is not stated" in row["remarks"]
 
 
 # -- the order, the files --------------------------------------------------------------------------------------------

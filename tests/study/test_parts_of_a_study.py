@@ -57,7 +57,7 @@ def test_a_study_that_is_read_fits_and_maps_as_the_analysis_does(study, again):
         for mine, theirs in zip(fit.chosen.fits, other.chosen.fits, strict=True):
             assert mine.values == pytest.approx(theirs.values, rel=1e-9)
     assert fits["radial-ply"] is fits[1]
-    with pytest.raises(ModelError, match=r"no tyre 'radial_ply': did you mean 'radial-ply'"):
+    with pytest.raises(ModelError, match=r"no specimen 'radial_ply': did you mean 'radial-ply'"):
         fits["radial_ply"]
 
 

@@ -73,6 +73,8 @@ DYNAMIC = [
     "TR measured [1]",
     "TR predicted [1]",
     "u(TR) [1]",
+    "energy per cycle [J]",
+    "u(energy per cycle) [J]",
     "route",
     "K* of",
     "verdict",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
+from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, warn
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict
@@ -17,7 +17,6 @@ from fourpole.core.condition import FREQUENCY
 from fourpole.core.phasor import SYMBOLS
 from fourpole.errors import CampaignError
 from fourpole.guess import GuessedCampaign, Row, guess_campaign, keep_existing
-from fourpole.guess.write import WEIGHT
 from fourpole.report.digits import spread
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
 from fourpole.study.identify import no_rig, possible_route
@@ -73,11 +72,17 @@ _MOST_OWN = 12
 
 def run_check(campaign: Path, route: str = "joint", workers: int | None = None) -> Answer:
     """What the analysis would reject; the exit code is the same as that of the analysis."""
-    stated = read_campaign(campaign)
-    with progress("checking") as advance:
-        checked = check_campaign(stated, route=route, workers=workers, progress=advance)
+    checked = _checked(read_campaign(campaign), route, workers)
+    for doubt in checked.campaign.doubts:
+        warn(doubt)
     code = SOME_REJECTED if checked.counts[Verdict.REJECTED] else OK
-    return Answer(_list(checked), lambda: _check_document(checked), code=code)
+    parts = [*_list(checked), f"{_counted(checked)}; nothing was analysed or written"]
+    return Answer(parts, lambda: _check_document(checked), code=code)
+
+
+def _checked(campaign: Campaign, route: str = "joint", workers: int | None = None) -> Checked:
+    with progress("checking") as advance:
+        return check_campaign(campaign, route=route, workers=workers, progress=advance)
 
 
 def _check_document(checked: Checked) -> dict[str, object]:
@@ -92,9 +97,7 @@ def _check_document(checked: Checked) -> dict[str, object]:
 
 
 def _list(checked: Checked) -> Iterator[Part]:
-    """One row for each kind of problem, with the tests that have it."""
-    for doubt in checked.campaign.doubts:
-        warn(doubt)
+    """What `analyse` would note, then one row for each kind of problem, with the tests that have it."""
     own = [name for name in checked.campaign.extra_columns if name != DOUBTS]
     notes = [
         *checked.notes,
@@ -102,17 +105,20 @@ def _list(checked: Checked) -> Iterator[Part]:
         *([f"columns of your own, for the results alone: {first_of(own, _MOST_OWN)}"] if own else []),
     ]
     for note in notes:
-        say(f"note: {note}")
+        yield f"note: {note}"
     rows = list(_rows(checked.problems))
     if rows:
+        yield ""
         yield Table(
             ("verdict", "tests", "rows of tests.csv", "about", "what is wrong, and what to do"), rows[:_MOST_PROBLEMS]
         )
         if len(rows) > _MOST_PROBLEMS:
             yield f"... and {len(rows) - _MOST_PROBLEMS} more; --json lists all"
         yield ""
-    counts = counted_tests(checked.counts, "would be rejected")
-    yield f"{counts} (route: {checked.route}); nothing was analysed or written"
+
+
+def _counted(checked: Checked) -> str:
+    return f"{counted_tests(checked.counts, 'would be rejected')} (route: {checked.route})"
 
 
 def _guessed(campaign: Campaign) -> Iterator[str]:
@@ -149,11 +155,11 @@ def run_init(folder: Path, force: bool = False, pattern: list[str] | None = None
     with progress("reading") as advance:
         guess = guess_campaign(folder, patterns=pattern or (), progress=advance)
     guess.write(force=force)
-    following = _following(folder)
-    return Answer(_parts(folder, guess, following), lambda: _guess_document(guess, following))
+    checked, following = _following(folder)
+    return Answer(_parts(folder, guess, checked, following), lambda: _guess_document(guess, checked, following))
 
 
-def _parts(folder: Path, guess: GuessedCampaign, following: str) -> Iterator[Part]:
+def _parts(folder: Path, guess: GuessedCampaign, checked: Checked | None, following: str) -> Iterator[Part]:
     yield from _tests(guess.rows)
     yield from _channels(guess)
     if guess.doubts:
@@ -161,26 +167,32 @@ def _parts(folder: Path, guess: GuessedCampaign, following: str) -> Iterator[Par
     for number, doubt in enumerate(guess.doubts, 1):
         yield f"{number:>3}. {doubt.text}"
         yield f"     -> {doubt.remedy}"
-    if guess.moving:
-        yield f"question: what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states {WEIGHT}"
+    for question in guess.questions.values():
+        yield f"question: {question}"
     yield f"written: campaign.toml and tests.csv in {folder}, {len(guess.rows)} tests"
+    if checked is not None:
+        yield "fourpole check says of them:"
+        yield from (f"warning: {doubt}" for doubt in checked.campaign.doubts)
+        yield from _list(checked)
+        yield _counted(checked)
     yield following
 
 
-def _following(folder: Path) -> str:
-    """The command to run next with the campaign as written, or the reason why none can run yet."""
+def _following(folder: Path) -> tuple[Checked | None, str]:
+    """The campaign as written, checked, and the command to run next, or the reason why none can run yet."""
     try:
         campaign = read_campaign(folder)
     except CampaignError as error:
-        return f"not ready yet: {error}"
+        return None, f"not ready yet: {error}"
     route, _ = possible_route(campaign, "joint")
     rigless = bool(campaign.of_kind("dynamic")) and not campaign.stated.all_rigs
     if rigless and route in ("mobility", "transmissibility"):
-        return f"not ready yet: {no_rig(campaign, route)}"
-    return f"next: fourpole analyse {folder}{' --route relative' if rigless and route == 'joint' else ''}"
+        return _checked(campaign), f"not ready yet: {no_rig(campaign, route)}"
+    option = " --route relative" if rigless and route == "joint" else ""
+    return _checked(campaign), f"next: fourpole analyse {folder}{option}"
 
 
-def _guess_document(guess: GuessedCampaign, following: str) -> dict[str, object]:
+def _guess_document(guess: GuessedCampaign, checked: Checked | None, following: str) -> dict[str, object]:
     return {
         "folder": str(guess.folder),
         "tests": [
@@ -201,8 +213,9 @@ def _guess_document(guess: GuessedCampaign, following: str) -> dict[str, object]
         },
         "rig": dict(guess.rig),
         "doubts": [asdict(doubt) for doubt in guess.doubts],
-        "questions": {"specimen_mass": WEIGHT} if guess.moving else {},
+        "questions": guess.questions,
         "left out": [{"file": file, "why": why} for file, why in guess.left_out],
+        "check": None if checked is None else _check_document(checked),
         "next": following,
     }
 
@@ -220,7 +233,7 @@ def _tests(rows: Sequence[Row]) -> Iterator[Part]:
         )
         groups.setdefault(cells, []).append(row)
     lines = [(*cells, str(len(members)), _frequencies(members)) for cells, members in groups.items()]
-    heads = ("kind", "tyre", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies")
+    heads = ("kind", "specimen", q.PRESSURE.label, q.PRELOAD.head, q.ADDED_MASS.head, "tests", "frequencies")
     yield Table(heads, lines[:_MOST_CONDITIONS], right=heads[2:-1])
     if len(groups) > _MOST_CONDITIONS:
         yield f"... and {len(groups) - _MOST_CONDITIONS} more conditions; see tests.csv"

@@ -207,7 +207,8 @@ def _folded(line: str, width: int) -> str:
     """A line folded between words, the parts indented as it is; a longer word, such as a path, stays whole."""
     if len(line) <= width:
         return line
-    indent = line[: len(line) - len(line.lstrip(" -"))]
+    mark = " -" if line[:1] != " " else " ->.0123456789"  # that of an item of a list, or its number
+    indent = line[: len(line) - len(line.lstrip(mark))]
     return textwrap.fill(
         line, width, subsequent_indent=" " * len(indent), break_long_words=False, break_on_hyphens=False
     )

@@ -95,7 +95,13 @@ def _print_rows(rows: Rows) -> None:
 
 
 def rows_answer(
-    frame: pl.DataFrame, file: Path | None, units: ShownUnits, *, leave_out: Sequence[str] = (), code: int = 0
+    frame: pl.DataFrame,
+    file: Path | None,
+    units: ShownUnits,
+    *,
+    leave_out: Sequence[str] = (),
+    whole: Mapping[str, str] | None = None,
+    code: int = 0,
 ) -> Answer:
     """The answer of a command whose result is a table, which goes to `file` if it is given."""
     if file is not None:
@@ -104,7 +110,7 @@ def rows_answer(
         path = file if file.suffix else file.with_suffix(".csv")
         write_table(path, frame, label=str(path))
         say(f"written: {path}")
-    parts = [] if file is not None else [Rows(frame, units, leave_out)]
+    parts = [] if file is not None else [Rows(frame, units, leave_out, whole)]
     return Answer(parts, lambda: {"rows": frame.to_dicts()}, code=code)
 
 
@@ -133,6 +139,8 @@ _RUNS: dict[str, Callable[..., int | None] | None] = dict.fromkeys(_COMMANDS)
 GROUPS = {head: {name: one["example"] for name, one in members.items()} for head, members in _STATED.items()}
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
 
+#: Former names of options, which the help does not show.
+FORMER = {"--tyre": "--specimen"}
 #: What stands in place of an option that was removed, by command and option.
 REMOVED = {
     "static --load-column": '--column "load=NAME"',
@@ -224,15 +232,18 @@ def _with_options(
 
 
 class Command(TyperCommand):
-    """A command that says what stands in place of an option that was removed."""
+    """A command that takes options by their former names, and says what stands in place of one that was removed."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> Any:
         """The arguments as parameters."""
+        options, words = {name for one in self.params for name in one.opts}, []
         for word in args:
-            name = word.partition("=")[0]
+            name, mark, value = word.partition("=")
             if instead := REMOVED.get(f"{self.name} {name}"):
                 fail(f"{name} was removed: state {instead}")
-        return super().parse_args(ctx, args)
+            now = FORMER.get(name, name)
+            words.append(f"{now}{mark}{value}" if now in options else word)
+        return super().parse_args(ctx, words)
 
 
 class Group(TyperGroup):

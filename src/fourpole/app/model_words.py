@@ -44,7 +44,7 @@ _MAPPED = ("terms", "log density - best", "leave-one-out error [%]", "inside 95 
 def show_fit(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> Iterator[Part]:
     """The compared models, the verdict and the parameters of a tyre; `shared` if conditions share some."""
     if entry.tyre:
-        yield f"Tyre {entry.tyre}"
+        yield f"Specimen {entry.tyre}"
     least = min(one.bic for one in entry.candidates)
     rows = [
         (
@@ -159,7 +159,7 @@ def _is_given(one: ConditionFile, at: int) -> bool:
 def show_map(found: TyreMap) -> Iterator[Part]:
     """The compared surfaces and the chosen one."""
     if found.tyre:
-        yield f"Tyre {found.tyre}"
+        yield f"Specimen {found.tyre}"
     yield Table(
         ("model", "causal", "link", *_MAPPED), [_map_row(name, one, found) for name, one in found.others], right=_MAPPED
     )

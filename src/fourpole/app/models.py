@@ -218,9 +218,9 @@ def _verdicts_shown(found: Sequence[tuple[Measured, Verdict]], source: str, want
     yield f"{len(found) - bad} of {len(found)} conditions are possible"
     if bad:
         say(
-            "either the tests are at fault (a gain, a resonance, a tyre that had not settled), or their uncertainty is "
-            "too small, or the tyre is not linear, or it has more inertia than these rungs; fourpole rig says what the "
-            "rig explains"
+            "either the tests are at fault (a gain, a resonance, a specimen that had not settled), or their "
+            "uncertainty is too small, or the specimen is not linear, or it has more inertia than these rungs; "
+            "fourpole rig says what the rig explains"
         )
         if hint := channel_hint(*zip(*found, strict=True)):
             say(hint)

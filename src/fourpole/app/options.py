@@ -167,6 +167,16 @@ class RigOptions:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
+class SharedErrors:
+    """Standard uncertainties of the rig's values, gains and K1 [1], and of a phase [rad]; None: as usual."""
+
+    std_rig: float | None = None
+    std_gain: float | None = None
+    std_phase: float | None = None
+    std_k1: float | None = None
+
+
+@dataclass(frozen=True, repr=False, eq=False)
 class RunOptions:
     """Where the recordings are reduced, and which of them are read again."""
 

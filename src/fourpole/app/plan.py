@@ -86,7 +86,7 @@ def _without_campaign(guess: Guess, run: Run, options: PlanOptions, bare: BareRi
     if missing:
         raise RigError(
             f"--{missing[0].replace('_', '-')} is missing: name a campaign folder, or give --mass, "
-            "--preload-stiffness, --frequency and a guessed tyre, --k1, --k2 and --c"
+            "--preload-stiffness, --frequency and a guessed specimen, --k1, --k2 and --c"
         )
     return bare_plan(
         Rig(bare.mass or 0.0, bare.preload_stiffness or 0.0, bare.preload_damping or 0.0),

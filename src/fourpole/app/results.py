@@ -173,6 +173,10 @@ def run_compare(
 
 
 def _show_compared(compared: Comparison) -> Iterator[Part]:
+    count = compared.rows.height
+    if count and (compared.rows["difference"] == 0).all():
+        yield f"no difference: all {count} values of {compared.names[1]} are those of {compared.names[0]}"
+        return
     rows = shown_rows(compared)
     yield f"{compared.names[1]} less {compared.names[0]}; ± is U (k = 2), z the difference over u"
     for seen, heading in ((True, DIFFERS), (False, NOT_SEEN)):

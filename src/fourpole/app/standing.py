@@ -36,7 +36,7 @@ _LARGEST, _MOST_BYTES = 100_000_000, 64_000_000_000
 #: Programs on which the results depend; one that is not installed counts, too.
 _PROGRAMS = ("numpy", "scipy", "polars", "pint", "matplotlib", "asammdf", "h5py", "npTDMS", "pyuff", "s3fs")
 #: The files that state a campaign.
-STATEMENT = ("campaign.toml", "tests.csv", "limits.toml")
+STATEMENT = ("campaign.toml", "tests.csv", "tests.xlsx", "limits.toml")
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,21 @@ from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, frequencies, progress, say, warn
 from fourpole.app.group import rows_answer, write_with_figure
-from fourpole.app.options import RigOptions, ShiftOptions, TableChoice, answered_in
+from fourpole.app.options import RigOptions, SharedErrors, ShiftOptions, TableChoice, answered_in
+from fourpole.campaign.defaults import GAIN_STD, K1_STD, PHASE_STD, RIG_STD
 from fourpole.core.checks import Verdict
 from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import number
 from fourpole.core.loadcurve import LoadCurve, Secant, Tangent
 from fourpole.core.recordingchecks import check_resonance
-from fourpole.core.reduced import ReducedResult, identify_mobility, identify_stiffness, predict, stiffness_std
+from fourpole.core.reduced import (
+    ReducedResult,
+    identify_mobility,
+    identify_stiffness,
+    predict,
+    reduced_uncertainty,
+    stiffness_std,
+)
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError, UnitError
 from fourpole.fitting.measured import MASTER, NO_STD
@@ -54,7 +63,13 @@ from fourpole.words import remark_of
 
 
 def run_identify(
-    table: Path, k1: float | None = None, *, above: RigOptions, choice: TableChoice, file: Path | None = None
+    table: Path,
+    k1: float | None = None,
+    *,
+    above: RigOptions,
+    shared: SharedErrors,
+    choice: TableChoice,
+    file: Path | None = None,
 ) -> Answer:
     """Identify a reduced table; the exit code is `SOME_REJECTED` if rows were rejected."""
     rig = above.rig
@@ -70,14 +85,58 @@ def run_identify(
         )
     faults = [_fault(measured, found, row, rig, armed=k1 is not None) for row in range(found.frequency.size)]
     frame = _frame(found, faults).hstack(_beside(measured, found, rig))
+    known, words = _with_shared(measured, found, k1, rig, shared)
+    blank = pl.when(frame[q.C.head].is_not_null())
+    frame = frame.hstack(known.with_columns(blank.then(pl.col(one.u_head)).alias(one.u_head) for one in (q.K2, q.C)))
     rejected = sum(bool(fault) for fault in faults)
     code = SOME_REJECTED if rejected else OK
-    answer = rows_answer(frame, file, answered_in(ShownUnits(), k1), code=code)
+    whole = {one.u_head: one.whole_head for one in (q.STORAGE, q.LOSS)}
+    answer = rows_answer(frame, file, answered_in(ShownUnits(), k1), whole=whole, code=code)
+    for line in words:
+        say(line)
     what = "K2 and C" if k1 is not None else "K*"
     say(f"{len(faults)} rows: {len(faults) - rejected} with {what}, {rejected} rejected, each with its reason")
     if k1 is None:
         say("K2 and C need the static stiffness: state --k1")
     return answer
+
+
+def _with_shared(
+    table: KStarTable, found: ReducedResult, k1: float | None, rig: Rig | None, shared: SharedErrors
+) -> tuple[pl.DataFrame, list[str]]:
+    """U of K*, K2 and C with the errors that all rows share, and in words what they have.
+
+    K* of a table has the errors of a force and a motion, unless the table states its u.
+    """
+    stated = {head: table.further[head].to_numpy() for head in (q.STORAGE.u_head, q.LOSS.u_head)
+              if head in table.further.columns}  # fmt: skip
+    noise = np.zeros(found.frequency.size) if table.std is None else table.std
+    std = {"rig_std": RIG_STD, "gain_std": GAIN_STD, "phase_std": PHASE_STD, "k1_std": K1_STD}
+    if stated:
+        noise = np.sqrt(np.mean(np.square([*stated.values()]), axis=0)) / np.abs(found.stiffness)
+        std |= {"gain_std": 0.0, "phase_std": 0.0}
+    given = {f"{name[4:]}_std": value for name, value in asdict(shared).items() if value is not None}
+    removed = rig if table.mobility is not None else None
+    u = reduced_uncertainty(found, np.nan if k1 is None else k1, removed, noise=noise, **{**std, **given})
+    heads = (q.STORAGE.whole_head, q.LOSS.whole_head, q.K2.u_head, q.C.u_head)
+    used = {"rig_std": removed is not None, "gain_std": True, "phase_std": True, "k1_std": k1 is not None}
+    sizes = [
+        f"{name} {number(100 * size, 2) + ' %' if name != 'phases' else number(np.degrees(size), 2) + ' deg'}"
+        for (key, size), name in zip({**std, **given}.items(), ("m and K3", "gains", "phases", "K1"), strict=True)
+        if used[key] and size
+    ]
+    words = []
+    if sizes:
+        words = [f"u of K*, K2 and C has {', '.join(sizes)}; others: --std-rig, --std-gain, --std-phase, --std-k1"]
+    if (most := u.most_of_c()) is not None:
+        source, row, ratio = most
+        name = source.text.replace("_", " ")
+        words.append(
+            f"of these, the uncertainty of {name} moves C most: by up to {number(100 * ratio, 2)} % "
+            f"(row {table.lines[row]}, {number(found.frequency[row], 3)} Hz)"
+        )
+    columns = dict(zip(heads, (u.storage, u.loss, u.k2, u.c), strict=True))
+    return pl.DataFrame(columns).with_columns(pl.when(cs.float().is_finite()).then(cs.float())), words
 
 
 def _read_as(understood: Iterable[str], remarks: Iterable[str]) -> None:

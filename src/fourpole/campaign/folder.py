@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,13 @@ from fourpole.io.child import read_apart
 from fourpole.io.documents import rows_of
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
+from fourpole.io.formats.workbook import first_table
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.io.source import decode
 
+#: The files that may list the tests, of which a campaign has one.
+TESTS = ("tests.csv", "tests.xlsx")
 #: The file with the limits that results are held against.
 LIMITS = "limits.toml"
 #: Largest size of campaign.toml and of tests.csv [byte].
@@ -123,18 +127,16 @@ def read_campaign(folder: str | Path) -> Campaign:
     folder = Path(folder)
     if not folder.is_dir():
         raise CampaignError(units.shown(why_no_folder(folder), 400)[1:-1])
-    for name, why in (("campaign.toml", why_no_campaign), ("tests.csv", why_no_tests)):
-        if not (folder / name).exists():
-            raise CampaignError(why(folder))
+    if not (folder / "campaign.toml").exists():
+        raise CampaignError(why_no_campaign(folder))
+    table = tests_file(folder)
     sha256: dict[str, str] = {}
     with units.hints(_HINTED):
         stated = parse_campaign(statement_text(folder / "campaign.toml", MOST_TOML, sha256, strict=True))
-    rows = list(_rows(statement_text(folder / "tests.csv", MOST_TESTS, sha256, strict=False)))
-    if not rows:
-        raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
-    columns = columns_of(rows[0][1])
-    with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts below
-        tests = _tests([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
+    with _naming(table.name):
+        columns, tests = _listed(statement_text(table, MOST_TESTS, sha256, strict=False), stated)
+    if table.name != TESTS[0]:
+        tests = [replace(test, workbook=table.name) for test in tests]
     _check_channels(stated, tests)
     _check_files(folder, stated, tests)
     extra = _further_columns(columns, tests, stated)
@@ -146,14 +148,51 @@ def read_campaign(folder: str | Path) -> Campaign:
     return Campaign(folder, stated, tuple(tests), extra, doubts, limits, logo, sha256)
 
 
+def tests_file(folder: Path) -> Path:
+    """The file of a campaign that lists its tests; CampaignError if there is none, or one too many."""
+    there = [folder / name for name in TESTS if (folder / name).exists()]
+    if not there:
+        raise CampaignError(why_no_tests(folder))
+    if len(there) > 1:
+        older = min(there, key=lambda path: path.stat().st_mtime)
+        raise CampaignError(
+            f"{folder}: {' and '.join(TESTS)} both list tests: remove one; {older.name} was saved first, so remove "
+            "that if the other one is its successor"
+        )
+    return there[0]
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Let messages on tests.csv name the file that lists the tests in its place."""
+    try:
+        yield
+    except CampaignError as error:
+        if name == TESTS[0]:
+            raise
+        raise CampaignError(str(error).replace(TESTS[0], name)) from None
+
+
+def _listed(text: str, stated: CampaignFile) -> tuple[list[Column], list[Test]]:
+    """Columns and tests of the text of tests.csv."""
+    rows = list(_rows(text))
+    if not rows:
+        raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
+    columns = columns_of(rows[0][1])
+    with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts of a campaign
+        return columns, _tests([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
+
+
 def statement_text(path: Path, most: int, sha256: dict[str, str], *, strict: bool) -> str:
     """The text of a file of at most `most` bytes; CampaignError if `strict` and the text is not UTF-8.
 
-    Its SHA-256 is put under its name.
+    The text of a workbook is its first sheet as CSV. Its SHA-256 is put under its name.
     """
     try:
         content = read_bytes(path, max_bytes=most, label=path.name, within=path.parent)
         sha256[path.name] = hashlib.sha256(content).hexdigest()
+        if path.suffix == ".xlsx":
+            return str(read_apart(first_table, path, path.name, label=path.name))
         if strict:
             return content.decode("utf-8-sig")
         return decode(content, path.name)[0]

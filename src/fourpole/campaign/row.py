@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
@@ -28,7 +28,33 @@ QUANTITIES: dict[str, tuple[str, str]] = {
 }
 #: Columns of texts; all columns with a defined meaning, by their names in small letters.
 _TEXTS = ("test", "file", "kind", "tyre", "rig", "excluded")
-_NAMES = {name.casefold(): name for name in (*_TEXTS, *QUANTITIES, "window", "time", "mounting")}
+_NAMES = {name.casefold(): name for name in (*_TEXTS, *QUANTITIES, "window", "time", "mounting")} | {"specimen": "tyre"}
+#: German names of columns, by the English one; an umlaut may be written as two letters.
+_GERMAN = {word: name for name, words in {
+    "test": "prüfung versuch messung",
+    "file": "datei dateiname messdatei",
+    "kind": "art prüfart versuchsart prüfungsart",
+    "tyre": "probe prüfling prüfkörper reifen",
+    "rig": "prüfstand",
+    "excluded": "ausgeschlossen",
+    "pressure": "druck luftdruck fülldruck reifendruck innendruck reifenfülldruck",
+    "preload": "vorlast vorspannkraft",
+    "frequency": "frequenz erregerfrequenz prüffrequenz",
+    "added_mass": "zusatzmasse",
+    "u(added_mass)": "u(zusatzmasse)",
+    "temperature": "temperatur",
+    "window": "fenster zeitfenster",
+    "time": "zeit zeitpunkt uhrzeit",
+    "mounting": "montage",
+}.items() for word in words.split()}  # fmt: skip
+#: German and further names of kinds, by the English one.
+_KIND_WORDS = {word: kind for kind, words in {
+    "static": "statisch quasistatisch",
+    "dynamic": "dynamisch sinus sinusförmig sine",
+    "calibration": "kalibrierung kalibrieren",
+    "random": "rauschen zufall stochastisch",
+    "sweep": "gleitsinus sinussweep",
+}.items() for word in words.split()}  # fmt: skip
 #: Roles of the columns that pass through to the results unchanged.
 PASSED = ("extra", "time")
 #: Columns that tests.csv must have.
@@ -63,11 +89,13 @@ def columns_of(header: list[str]) -> list[Column]:
     """The columns that the first row names; CampaignError if one is missing or named twice, or too many are."""
     if len(header) > _MOST_COLUMNS:
         raise CampaignError(f"tests.csv row 1: names {len(header)} columns, at most {_MOST_COLUMNS} are taken")
-    columns = [_column(label) for label in header]
+    english = {plain for label in header if (plain := _plain(label)) in _NAMES}
+    columns = [_column(label, {_NAMES[plain] for plain in english}) for label in header]
     names = [column.name for column in columns if column.role not in PASSED]
     for name in names:
         if names.count(name) > 1:
-            raise CampaignError(f"tests.csv row 1: column '{name}' stands twice: keep one of them")
+            both = " and ".join(units.shown(column.label) for column in columns if column.name == name)
+            raise CampaignError(f"tests.csv row 1: column '{name}' stands twice, as {both}: keep one of them")
     for name in _REQUIRED:
         if name not in names:
             near = units.nearest(name, header, _ALIKE)
@@ -79,20 +107,48 @@ def columns_of(header: list[str]) -> list[Column]:
     return columns
 
 
-def _column(label: str) -> Column:
-    """The column with this head; CampaignError if it lacks its unit, or is probably misspelt."""
+def _plain(label: str) -> str:
+    """The name in a head of a column, in small letters."""
+    return units.column_unit(label)[0].strip().casefold().replace(" ", "_")
+
+
+def known_name(label: str) -> str:
+    """Name of the column that a head of tests.csv means, in English; empty for a column of the user's own.
+
+    Examples
+    --------
+    >>> known_name("Pressure [bar]"), known_name("Pruefung"), known_name("operator")
+    ('pressure', 'test', '')
+    """
+    plain = _plain(label)
+    return _NAMES.get(plain) or _german(plain, _GERMAN)
+
+
+def _german(word: str, names: Mapping[str, str]) -> str:
+    """What a German word stands for, with its umlauts or with two letters for each; empty if it is not known."""
+    spelt = word.replace("ae", "ä").replace("oe", "ö").replace("ue", "ü")
+    return names.get(word) or names.get(spelt, "")
+
+
+def _column(label: str, english: Collection[str] = ()) -> Column:
+    """The column with this head; CampaignError if it lacks its unit, or is probably misspelt.
+
+    A German head beside the `english` one of the same column is one of the user's own.
+    """
     written, unit = units.column_unit(label)
-    plain = written.strip().casefold().replace(" ", "_")
+    plain = _plain(label)
     name = _NAMES.get(plain, written)
-    if plain not in _NAMES and (near := units.nearest(plain, _NAMES, 0.9)):
+    if plain not in _NAMES and (german := known_name(label)):
+        if german in english:
+            return Column(label, label, "extra")
+        name, label = german, label.replace(written, german, 1)
+    elif plain not in _NAMES and (near := units.nearest(plain, _NAMES, 0.9)):
         raise CampaignError(
             f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_NAMES[near]}'? "
             "(a column of your own needs a name less like it)"
         )
     if name in _TEXTS:
         return Column(label, name, "text")
-    if name == "specimen":
-        return Column(label, "tyre", "text")
     if name == "time":
         return Column(label, name, "time", unit or "s")
     if name == "mounting":
@@ -118,7 +174,8 @@ class Test:
     with its column.
 
     A test whose column `excluded` has a reason is left out, and that is its problem. `fixed` says that the specimen is
-    held on both sides and can be pulled; `band` has the lowest and the highest frequency [Hz] of random excitation.
+    held on both sides and can be pulled; `band` has the lowest and the highest frequency [Hz] of random excitation;
+    `workbook` is the name of the workbook that lists the test in place of tests.csv.
     """
 
     name: str
@@ -134,11 +191,17 @@ class Test:
     excluded: bool = False
     fixed: bool = False
     band: tuple[float, float] | None = None
+    workbook: str = ""
+
+    @property
+    def table(self) -> str:
+        """Name of the file that lists the test."""
+        return self.workbook or "tests.csv"
 
     @property
     def problem(self) -> str:
         """The reason why the row cannot be used; empty if it can."""
-        return "; ".join(f"tests.csv row {self.row}: {fault}" for fault in self.faults)
+        return "; ".join(f"{self.table} row {self.row}: {fault}" for fault in self.faults)
 
     @property
     def added_mass(self) -> float:
@@ -187,7 +250,8 @@ def test_of_row(row: int, cells: list[str], columns: list[Column], stated: Campa
         test.extra[DOUBTS] = still_open(test.extra[DOUBTS], named)
     if not texts.get("test"):
         raise CampaignError(f"{where}: the test has no name: fill in the column 'test'")
-    texts["kind"] = texts.get("kind", "").lower()
+    kind = texts.get("kind", "").casefold()
+    texts["kind"] = _german(kind, _KIND_WORDS) or kind
     faults += [*_contradictions(texts, stated), *_wrong_values(test, texts["kind"], texts.get("tyre", ""), stated)]
     rigs, excluded = list(stated.all_rigs), texts.get("excluded", "")
     rig = texts.get("rig") or (rigs[0] if len(rigs) == 1 else "")
@@ -208,7 +272,7 @@ def _wrong_values(test: Test, kind: str, tyre: str, stated: CampaignFile) -> Ite
         alone = f"frequency: a band is for kind {' or '.join(OF_BAND)}; a {kind} test has one number"
         yield Message("frequency", "band", alone)
     if kind == "calibration" and "added_mass" not in test.values:
-        unweighed = "the mass in place of the tyre is not stated: fill in 'added_mass [kg]' with its weight"
+        unweighed = "the mass in place of the specimen is not stated: fill in 'added_mass [kg]' with its weight"
         yield Message("added_mass", "missing", unweighed)
     preload, specimen = test.value("preload"), stated.all_specimens.get(tyre)
     fixed = specimen is not None and (tyre in stated.specimens if specimen.fixed is None else specimen.fixed)
@@ -326,10 +390,10 @@ def _contradictions(texts: dict[str, str], stated: CampaignFile) -> Iterator[Mes
     tyre, rig = texts.get("tyre", ""), texts.get("rig", "")
     if kind == "calibration":
         if tyre:
-            named = "a calibration has a rigid mass in place of the tyre: leave the column 'tyre' blank"
+            named = "a calibration has a rigid mass in place of the specimen: leave the column 'tyre' blank"
             yield Message("tyre", "calibration", named)
     elif not tyre:
-        yield Message("tyre", "missing", "the tyre is not named: fill in the column 'tyre'")
+        yield Message("tyre", "missing", "the specimen is not named: fill in the column 'tyre'")
     elif tyre not in stated.all_specimens:
         yield _unknown("tyre", "tyres", tyre, stated.all_specimens)
     if rig and rig not in stated.all_rigs:

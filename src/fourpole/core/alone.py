@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
+from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
 from fourpole.core.routes import stiffness_by
@@ -69,6 +70,43 @@ def _alone(phasors: Phasors, rig: Rig | None, added: float) -> tuple[complex, fl
     with np.errstate(all="ignore"):
         noise = float(np.sqrt(np.max(np.diag(turn @ covariance @ turn.T))))
     return complex(stiffness), noise, float(moved), float(phasors.frequency), lever
+
+
+def deflection_std(
+    amplitudes: ComplexArray, covariance: FloatArray, errors: Sequence[ChannelError], *, blocked: bool = False
+) -> FloatArray:
+    r"""Relative standard uncertainty (N,) of the amplitude of the deflection [1], by noise and errors of the channels.
+
+    Parameters
+    ----------
+    amplitudes, covariance : (N, 3) complex [N], [m/s], (N, 6, 6) float
+        F1, V1, V2 and the covariance of their noise. Where V2 is not-a-number, the deflection is F1/K*, and the part
+        of F1 is returned.
+    errors : sequence of ChannelError
+        The errors of the channels.
+    blocked : bool
+        Whether the far side does not move.
+
+    Examples
+    --------
+    >>> from fourpole.core.channelerrors import ChannelUncertainty
+    >>> errors = ChannelUncertainty(gain=np.array([0.0, 0.01, 0.01])).errors(np.array([63.0]))
+    >>> deflection_std(np.array([[100.0, 0.3, 0.1 + 0j]]), np.zeros((1, 6, 6)), errors).round(4)
+    array([0.0158])
+    """
+    f1, v1, v2 = amplitudes.T
+    alone = np.isnan(v2) & (not blocked)
+    moved = v1 if blocked else v1 - v2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part, force = moved / np.abs(moved) ** 2, f1 / np.abs(f1) ** 2
+    far = np.where(alone | blocked, 0.0, -part)
+    slopes = np.stack([np.where(alone, force, 0.0), np.where(alone, 0.0, part), far], axis=1)
+    real = parts(slopes).reshape(-1, 6)
+    variance = np.einsum("ni,nij,nj->n", real, np.where(np.isfinite(covariance), covariance, 0.0), real)
+    for error in errors:
+        along = amplitudes[:, error.channel] * error.turn * error.std
+        variance = variance + np.nan_to_num((np.conj(slopes[:, error.channel]) * along).real) ** 2
+    return np.sqrt(variance)
 
 
 def deflection_amplitude(

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
-from fourpole.core.rig import Rig
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.identify import identify, variance_by_source
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import PARAMETERS, Rig
 from fourpole.core.routes import maxwell_arm, mobility_route, paper_d, why_no_arm
+from fourpole.core.sources import Source
 from fourpole.core.tyre import loss_factor, zener_stiffness
 
 
@@ -173,6 +177,96 @@ def stiffness_std(result: ReducedResult, relative: ArrayLike, rig: Rig | None = 
         contact = 1.0 / (1.0 / result.mobility - _input_impedance(omega, rig))
         gain = np.abs(result.stiffness) ** 2 / omega * np.abs(contact) ** 2 / np.abs(result.mobility)
     return np.asarray(gain * np.asarray(relative, dtype=float))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedUncertainty(ByValue):
+    """Standard uncertainties of each row; not-a-number for a value that does not exist.
+
+    Attributes
+    ----------
+    storage, loss, k2, c : (N,) float [N/m], [N s/m]
+        Of Re K*, Im K*, K2 and C.
+    of_c : dict of Source to (N,) float [1]
+        Standard uncertainty of C over C from each source alone.
+    """
+
+    storage: FloatArray
+    loss: FloatArray
+    k2: FloatArray
+    c: FloatArray
+    of_c: dict[Source, FloatArray]
+
+    def most_of_c(self) -> tuple[Source, int, float] | None:
+        """The source that moves C most, with the row and the ratio [1]; None if no row has a C."""
+        found = [
+            (source, int(np.nanargmax(r)), float(np.nanmax(r))) for source, r in self.of_c.items() if np.any(r > 0)
+        ]
+        return max(found, key=lambda one: one[2], default=None)
+
+
+def reduced_uncertainty(
+    result: ReducedResult,
+    k1: float,
+    rig: Rig | None = None,
+    *,
+    noise: ArrayLike = 0.0,
+    rig_std: float = 0.0,
+    gain_std: float = 0.0,
+    phase_std: float = 0.0,
+    k1_std: float = 0.0,
+) -> ReducedUncertainty:
+    """Standard uncertainties of K*, K2 and C from those of rig, force, motion and K1, by `core.identify.identify`.
+
+    Parameters
+    ----------
+    result : ReducedResult
+        The rows.
+    k1 : float [N/m]
+        Static stiffness; not-a-number if it is not known.
+    rig : Rig, optional
+        The rig that was removed; without it K* is a force over a deflection.
+    noise : (N,) float array [1]
+        Relative standard uncertainty of the ratio of motion and force in each row, the same in all directions.
+    rig_std, gain_std, k1_std : float [1]
+        Relative standard uncertainties of each value of the rig, of both gains, and of K1.
+    phase_std : float [rad]
+        Standard uncertainty of both phases.
+
+    Examples
+    --------
+    One per cent of the moving mass alone:
+
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=12440.0)
+    >>> result = identify_mobility([10.0], [6.2114469e-5 - 1.0320808256e-3j], 180e3, rig)
+    >>> float((reduced_uncertainty(result, 180e3, rig, rig_std=0.01).c / result.c).round(3)[0])
+    0.259
+    """
+    rows = np.flatnonzero(np.isfinite(result.stiffness) & (result.frequency > 0))
+    frequency, count = result.frequency[rows], result.frequency.size
+    whole = np.full((4, count), np.nan)
+    if not rows.size:
+        return ReducedUncertainty(*whole, {})
+    above = Rig(blocked=True)
+    mobility = 2j * np.pi * frequency / result.stiffness[rows]
+    if rig is not None:
+        values = {name: rig_std * getattr(rig, name) for name in PARAMETERS if np.isfinite(getattr(rig, name))}
+        above, mobility = replace(rig, std=values), result.mobility[rows]
+    covariance = np.zeros((rows.size, 6, 6))
+    own = np.broadcast_to(np.asarray(noise, dtype=float), count)[rows] * np.abs(mobility)
+    covariance[:, 2, 2] = covariance[:, 3, 3] = own**2
+    amplitudes = np.stack([np.ones(rows.size), mobility, np.full(rows.size, np.nan)], axis=1)
+    phasors = Phasors(frequency, amplitudes, covariance, np.zeros(rows.size), np.full(rows.size, np.inf))
+    channels = ChannelUncertainty(gain_std * np.array([1.0, 1.0, 0.0]), phase_std * np.array([1.0, 1.0, 0.0]))
+    stated = {"k1": k1, "k1_std": k1_std * abs(k1), "channels": channels}
+    found = identify(phasors, above, **stated)
+    for place, matrix in ((0, found.stiffness_covariance), (2, found.arm_covariance)):
+        whole[place : place + 2, rows] = np.sqrt(np.diagonal(matrix, 0, 1, 2)).T
+    by_source = {}
+    for source, variance in variance_by_source(phasors, above, **stated).items():
+        by_source[source] = np.full(count, np.nan)
+        by_source[source][rows] = np.sqrt(variance[:, 4]) / result.c[rows]
+    return ReducedUncertainty(*whole, by_source)
 
 
 def coherence_std(coherence: ArrayLike, averages: float) -> FloatArray:

@@ -71,7 +71,7 @@ OPTIONS = {
     "shape": "the shape of a specimen: leave out its height, area and mode",
     "poisson": "Poisson's ratio: leave out --poisson",
     "points": "an operating point: leave out --at",
-    "specimen": "a specimen of its own: leave out --tyre",
+    "specimen": "a specimen of its own: leave out --specimen",
     "frequency": "a frequency: leave out --frequency",
     "radius": "a radius: leave out --radius",
     "belt": "a belt: leave out --belt-mass",

@@ -109,7 +109,7 @@ def _conditions(
     """All conditions of a specimen, and the place of the nominal one."""
     names = specimens(source, MODEL_FILE, specimen)
     if len(names) > 1:
-        raise ModelError(f"a .tir file is of one tyre: state --tyre, one of {first_of(list(map(shown, names)), 8)}")
+        raise ModelError(f"a .tir file is of one tyre: state --specimen, one of {first_of(list(map(shown, names)), 8)}")
     if depends_on_amplitude(source, names[0]):
         raise ModelError(
             "K* depends on the amplitude of the deflection, which a .tir file cannot hold: fit --model zener"

@@ -74,7 +74,7 @@ def grid_of(
         raise CampaignError("a map on a grid needs xarray: pip install 'fourpole[maps]'") from None
     columns = next(iter(maps.values())).axes.names
     if any(one.axes.names != columns for one in maps.values()):
-        raise ModelError("the tyres were tested over different axes: state one tyre")
+        raise ModelError("the specimens were tested over different axes: state one specimen")
     names = [column.partition(" [")[0] for column in columns]
     sides = _sides(maps, names, at or {}, points, frequencies)
     axes, frequency = sides[:-1], sides[-1]

@@ -34,12 +34,14 @@ def map_axes(tyre: str, measured: Sequence[Measured], over: Sequence[str]) -> Ax
     everywhere = [column for column in measured[0].state if all(column in one.state for one in measured)]
     lacking = [column for column in over if column not in everywhere]
     if lacking:
-        raise ModelError(f"{lacking[0]} is not known of every condition of the tyre {tyre!r}: a map cannot go over it")
+        raise ModelError(
+            f"{lacking[0]} is not known of every condition of the specimen {tyre!r}: a map cannot go over it"
+        )
     points = [[one.state[column] for column in everywhere] for one in measured]
     positive = all(one.state.get(COLUMN, 1.0) > 0 for one in measured)
     axes = Axes.of(everywhere, points, [COLUMN] if positive else [])
     if not axes.names and len(measured) > 1:
-        raise ModelError(f"the {len(measured)} conditions of the tyre {tyre!r} have the same values on all axes")
+        raise ModelError(f"the {len(measured)} conditions of the specimen {tyre!r} have the same values on all axes")
     return axes
 
 

@@ -54,7 +54,7 @@ from fourpole.units import shown
 
 _TEMPERATURE = q.TEMPERATURE.head
 #: The note on a table without uncertainties of K*.
-NO_STD = "the table states no uncertainty of K*: what the best passive tyre leaves is taken for it"
+NO_STD = "the table states no uncertainty of K*: what the best passive specimen leaves is taken for it"
 _MOVED = (
     f"rows of one condition differ in temperature: K* counts as uncertain by {100 * TEMPERATURE_SENSITIVITY:g} % per "
     "kelvin from their mean"
@@ -178,7 +178,7 @@ class MeasuredSet:
             kept = self.of(tyre)
             if not kept:
                 there = ", ".join(map(shown, self.tyres)) or "none"
-                raise ModelError(f"{self.source}: no test of a tyre {shown(tyre)}: there are {there}")
+                raise ModelError(f"{self.source}: no test of a specimen {shown(tyre)}: there are {there}")
         if band is not None:
             kept = tuple(part for one in kept if (part := _within(one, band)) is not None)
             if not kept:

@@ -316,9 +316,9 @@ def _check_model(name: str, entry: ModelEntry) -> None:
     model = model_of(entry, name)
     size = len(model.parameters)
     if entry.temperature is not None:
-        check_temperature(f"{name}: tyre {shown(entry.tyre)}, temperature", entry.temperature, size)
+        check_temperature(f"{name}: specimen {shown(entry.tyre)}, temperature", entry.temperature, size)
     for at, one in enumerate(entry.conditions):
-        where = f"{name}: tyre {shown(entry.tyre)}, condition {at + 1}"
+        where = f"{name}: specimen {shown(entry.tyre)}, condition {at + 1}"
         if len(one.points) not in (0, len(one.tests)):
             raise ModelError(f"{where}: {len(one.points)} points for {len(one.tests)} tests")
         if len(one.values) != size or len(one.intervals) != size:
@@ -332,7 +332,7 @@ def _check_model(name: str, entry: ModelEntry) -> None:
 def _check_map(name: str, entry: MapEntry) -> None:
     """ModelError unless the numbers of a map are consistent."""
     size, terms = len(model_of(entry, name).parameters), len(entry.terms)
-    where = f"{name}: tyre {shown(entry.tyre)}"
+    where = f"{name}: specimen {shown(entry.tyre)}"
     if len(entry.coefficients) != size or any(len(one) != terms for one in entry.coefficients):
         raise ModelError(f"{where}: the coefficients are not {terms} for each of {size} parameters")
     _check_axes(where, entry)

@@ -159,7 +159,7 @@ class TyreFits(tuple[TyreFit, ...]):
         named = {fit.tyre: fit for fit in self}
         if key not in named:
             near = nearest(key, named)
-            raise ModelError(f"no tyre {shown(key)}: {f'did you mean {near!r}?' if near else ', '.join(named)}")
+            raise ModelError(f"no specimen {shown(key)}: {f'did you mean {near!r}?' if near else ', '.join(named)}")
         return named[key]
 
 
@@ -363,7 +363,7 @@ def _map_tyre(
             made.append((name, str(error)))
     good = [one for _, one in made if isinstance(one, OperatingMap)]
     if not good:
-        raise ModelError(f"no map of the tyre {tyre!r} could be made: {made[0][1]}")
+        raise ModelError(f"no map of the specimen {tyre!r} could be made: {made[0][1]}")
     best = best_map(good)
     text = ". ".join(filter(None, [map_text(best), said]))
     return TyreMap(tyre, measured, best, tuple(made), text)

@@ -279,10 +279,12 @@ def _tyre_of(file: ModelFile, name: str | None) -> str:
     tyres = file.tyres
     if name is None:
         if len(tyres) != 1:
-            raise ModelError(f"the file has {len(tyres)} tyres: state --tyre, one of {', '.join(map(shown, tyres))}")
+            raise ModelError(
+                f"the file has {len(tyres)} specimens: state --specimen, one of {', '.join(map(shown, tyres))}"
+            )
         return tyres[0]
     if name not in tyres:
-        raise ModelError(f"the file is of {', '.join(map(shown, tyres)) or 'no tyre'}, not of {shown(name)}")
+        raise ModelError(f"the file is of {', '.join(map(shown, tyres)) or 'no specimen'}, not of {shown(name)}")
     return name
 
 

@@ -97,7 +97,9 @@ def tyres_for_ride(
     placed = placed_models(file, place.name, points, specimen=specimen, beyond=beyond, units=wanted, belt=belt)
     found = [_tyre(place, one, wanted) for one in placed]
     if len(found) > _MOST:
-        raise ModelError(f"{place.name}: has {len(found)} tyres and conditions: state --at for some of them, or --tyre")
+        raise ModelError(
+            f"{place.name}: has {len(found)} tyres and conditions: state --at for some of them, or --specimen"
+        )
     return _with_common_errors(found, file, place)
 
 

@@ -366,12 +366,10 @@ def _signs(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> dict[str, R
         shares[name] = _passive(_stiffness({**roles, name: turned}, shapes))
     best = max(shares, key=lambda name: shares[name])
     if shares[best] < _MOST:
-        doubt = (
-            "with F1, V1 and V2 as they are, most tests show no tyre (a stiffness below zero): check columns and signs"
-        )
+        doubt = "with F1, V1 and V2 as they are, K* is below zero in most tests: check columns and signs"
         return {**roles, "force_in": roles["force_in"].doubted(doubt)}
     doubt = (
-        "its sign is turned: only so the tyre's stiffness and loss are positive "
+        "its sign is turned: only so the specimen's stiffness and loss are positive "
         f"(or {_SYMBOLS[best]} and another one are meant)"
     )
     return {**roles, best: replace(roles[best], invert=True).doubted(doubt)}

@@ -239,7 +239,7 @@ def _with(entry: Entry, numbers: dict[_Slot, Token], meanings: Mapping[_Slot, _M
             value = token.value * meaning.scale
             taken = f"{token.text.strip()!r} {meaning.doubt}: {_written(meaning.what, value)}" if meaning.doubt else ""
             if taken and len(token.key) < 2 and token.value < _SMALL:
-                taken += " (or is it the number of a tyre?)"
+                taken += " (or is it the number of a specimen?)"
             changed[id(token)] = replace(token, what=meaning.what, value=value, doubt=taken)
         elif token.keys and token.key:
             changed[id(token)] = replace(token, what="word")

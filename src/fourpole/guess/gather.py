@@ -34,7 +34,7 @@ _MOST_NOTES = 100_000
 #: Largest size of a file [bytes].
 _MOST_BYTES = 4_000_000_000
 #: Names of files of a campaign folder that are no recordings.
-_OURS = frozenset({"campaign.toml", "tests.csv", "truth.csv"})
+_OURS = frozenset({"campaign.toml", "tests.csv", "tests.xlsx", "truth.csv"})
 _NEVER = re.compile(
     r"\.(toml|py|m|r|pdf|png|jpe?g|svg|gif|html?|docx?|pptx?|zip|gz|7z|exe|tdms_index|parquet|db|ini)$", re.I
 )

@@ -42,11 +42,11 @@ def name_specimens(tests: Sequence[_Test]) -> None:
     _name_by_marks(tests)
     if not any(conditions.tyre for _, conditions in tests):
         for _, conditions in tests:
-            conditions.assume_tyre("tyre", "no name of a tyre was found: all tests are taken as of one tyre")
+            conditions.assume_tyre("tyre", "no name of a specimen was found: all tests are taken as of one")
     _doubt_words(tests)
     for _, conditions in tests:
         if not conditions.tyre:
-            conditions.assume_tyre("unnamed", "its tyre is not named")
+            conditions.assume_tyre("unnamed", "its specimen is not named")
 
 
 def doubt_equal(tests: Sequence[_Test], names: Sequence[str]) -> None:
@@ -61,7 +61,7 @@ def doubt_equal(tests: Sequence[_Test], names: Sequence[str]) -> None:
             tests[at][1].doubt(
                 "tyre",
                 f"{len(members)} {kind} tests are at one condition of {tyre}, as {first} and {second}: are they of "
-                "several tyres, or repeats?",
+                "several specimens, or repeats?",
             )
 
 
@@ -150,11 +150,11 @@ def _doubt_on(key: str, each: Sequence[str], *, splits: bool, named: bool) -> st
 
     `splits` says that they differ between tests of one specimen at one condition, `named` that specimens have names.
     """
-    listed, alone = _listed(each), "are never at the same condition: are they those of the tyres?"
-    taken = f"the numbers {listed} of their names are taken as those of the tyres"
+    listed, alone = _listed(each), "are never at the same condition: are they those of the specimens?"
+    taken = f"the numbers {listed} of their names are taken as those of the specimens"
     if key in ("date", "count"):
         what = "dates" if key == "date" else "numbers"
-        same = f"the {what} {listed} hold the same conditions and are taken as tyres: are they repeats?"
+        same = f"the {what} {listed} hold the same conditions and are taken as specimens: are they repeats?"
         return same if splits and not named else None
     if key == "serial":
         return "" if splits else f"the serial numbers {listed} {alone}"
@@ -183,7 +183,9 @@ def _number_repeats(tests: Sequence[_Test], values: Sequence[str], listed: str) 
     for (_, conditions), value in zip(tests, values, strict=True):
         if value and not conditions.repeat:
             conditions.repeat = value
-            conditions.doubt("tyre", f"the numbers {listed} of their names are taken as repeats: or are they tyres?")
+            conditions.doubt(
+                "tyre", f"the numbers {listed} of their names are taken as repeats: or are they specimens?"
+            )
 
 
 def _add(tests: Sequence[_Test], values: Sequence[str], doubt: str) -> None:
@@ -248,14 +250,14 @@ def _doubt_on_words(names: Sequence[str], tests: Sequence[_Test]) -> str:
     words = [word for name in names for word in name.split()]
     often, listed = Counter(map(plain, words)), _listed(names)
     if len(names) >= 4 and len(words) > len(names) and max(often.values()) > 1:
-        return f"{len(names)} tyres by the words that vary ({listed}): if some of them are not of a tyre, take them out"
+        return f"{len(names)} specimens by the words that vary ({listed}): if some are not of a specimen, take them out"
     if states := [word for word in words if often[plain(word)] < len(names) and _of_state(word)]:
         some = _listed(list(dict.fromkeys(states)))
-        return f"taken as tyres: {listed}; {some} may be a place, a direction, a state or a condition of one tyre"
+        return f"taken as specimens: {listed}; {some} may be a place, a direction, a state or a condition of one"
     if all(re.fullmatch(r"[A-Z]{2,3}", name) for name in names):
-        return f"taken as tyres: {listed}; or are they initials of persons?"
+        return f"taken as specimens: {listed}; or are they initials of persons?"
     if not any(map(_telling, names)) and not _overlap(tests):
-        return f"taken as tyres: {listed}, the words by which names differ; no two are at the same condition"
+        return f"taken as specimens: {listed}, the words by which names differ; no two are at the same condition"
     return ""
 
 

@@ -56,14 +56,14 @@ _NEEDED = {
 }
 #: Conditions that tests need: the kinds of test, and what follows where a condition is not known.
 _WANTED = (
-    (q.PRESSURE, ("static", *DYNAMIC_KINDS), "all tests of a tyre count as at one pressure"),
+    (q.PRESSURE, ("static", *DYNAMIC_KINDS), "all tests of a specimen count as at one pressure"),
     (q.PRELOAD, DYNAMIC_KINDS, "K1 cannot be read off the static curve, so there is no K2 and C"),
     (q.ADDED_MASS, ("calibration",), "a calibration is of no use without its mass"),
 )
 #: Remedy of a doubt by its subject.
 _REMEDIES = {
     "kind": "check the column 'kind' of tests.csv",
-    "tyre": "fill in the column 'tyre' of tests.csv, and name each tyre under [tyres] in campaign.toml",
+    "tyre": "fill in the column 'tyre' of tests.csv, and name each specimen under [tyres] in campaign.toml",
     "channels": "give these recordings the same columns as the others; one campaign has one [channels]",
     "files": "see fourpole info FILE; export it again",
     "time": "state sample_rate in [channels] of campaign.toml",
@@ -443,11 +443,14 @@ class _Together:
                 self._doubt("rig", text, "state the right one in [rig] of campaign.toml")
         rig = {what: next(iter(values)) for what, values in stated.items() if len(values) == 1}
         if set(DYNAMIC_KINDS) & set(self.kinds) and not {"moving_mass", "preload_stiffness"} <= rig.keys():
-            without = "K* by the relative route from F1, V1 and V2" if "motion_out" in roles else "no K*"
+            with_both, without = "K*, K2, C and TR can be given", "no K*"
+            if {"force_in", "motion_in", "motion_out"} <= roles.keys():
+                with_both = "TR is predicted, and the joint route finds the errors of both values and of the sensors"
+                without = "K* by the relative route, with the errors of the sensors as stated"
             self._doubt(
                 "rig",
-                "rig: its moving mass and preload spring are stated nowhere; with them the joint route also finds "
-                f"their errors and those of the sensors, and predicts the transmissibility. Without: {without}",
+                "rig: its moving mass m and preload stiffness K3 are stated nowhere. With both (2 % is enough) "
+                f"{with_both}. Without: {without}",
                 "state both in [rig] of campaign.toml",
             )
         return rig

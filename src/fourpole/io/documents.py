@@ -36,6 +36,9 @@ _TEXTS = re.compile(
     r"#[^\n]*+",
     re.DOTALL,
 )
+#: A number that stands bare behind the sign of a key, with a decimal comma or a unit.
+_BARE = re.compile(r"=\s*([-+]?\d+(?:[.,]\d+)?)[ \t]*([A-Za-zµ°%][^,}\]#\n]*)?")
+_AT_LINE = re.compile(r"at line (\d+)")
 _LONG_KEY = re.compile(rf"(?<![\w.-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 #: Most characters of a cell, which is the limit that Python's own reader has unless a program changes it.
 MOST_CHARACTERS = 131_072
@@ -76,7 +79,8 @@ def toml_of(text: str, name: str) -> dict[str, Any]:
     Raises
     ------
     TableError
-        If it is no TOML, nests too deep, or has an integer of more than 64 bits.
+        If it is no TOML, nests too deep, or has an integer of more than 64 bits. A decimal comma, and a unit without
+        quotation marks, are named with what to write.
 
     Examples
     --------
@@ -90,7 +94,7 @@ def toml_of(text: str, name: str) -> dict[str, Any]:
     except RecursionError:
         raise TableError(f"{name}: not valid TOML: nests more than {_DEEPEST} levels deep; state it flat") from None
     except ValueError as error:
-        if why := _of_digits(text, name):
+        if why := _of_digits(text, name) or _of_bare(text, str(error), name):
             raise TableError(why) from None
         end = f"at line {text.count(chr(10)) + 1}, the end of the document"
         raise TableError(f"{name}: not valid TOML: {str(error).replace('at end of document', end)}") from None
@@ -151,6 +155,18 @@ def _of_digits(content: bytes | str, name: str) -> str:
     text = content.decode(errors="replace") if isinstance(content, bytes) else content
     found = _DIGITS.search(text)
     return f"{name} line {text.count(chr(10), 0, found.start()) + 1}: {_TOO_LARGE}" if found else ""
+
+
+def _of_bare(text: str, error: str, name: str) -> str:
+    """Message on a number with a decimal comma, or with a unit but no quotation marks, where TOML has an error."""
+    place = _AT_LINE.search(error)
+    found = place and _BARE.search(text.split("\n")[int(place[1]) - 1])
+    if not found or not (found[2] or "," in found[1]):
+        return ""
+    written = f"{found[1]} {found[2] or ''}".strip()
+    right = written.replace(",", ".")
+    what = "has a decimal comma" if "," in found[1] else "has a unit, so it is a text in quotation marks"
+    return f"{name} line {place[1] if place else 0}: {written} {what}: write " + (f'"{right}"' if found[2] else right)
 
 
 def _check_value(value: Any, name: str) -> None:

@@ -113,8 +113,8 @@ def why_no_folder(path: Path) -> str:
 def why_no_tests(folder: Path) -> str:
     """What to do about a campaign without tests.csv."""
     return (
-        f"{folder}: has campaign.toml, but no tests.csv, which lists the tests: put it there, or fourpole init "
-        f"{folder} --force writes both anew from the recordings"
+        f"{folder}: has campaign.toml, but no tests.csv, which lists the tests, and no tests.xlsx: put one there, or "
+        f"fourpole init {folder} --force writes campaign.toml and tests.csv anew from the recordings"
     )
 
 

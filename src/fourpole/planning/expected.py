@@ -64,7 +64,7 @@ def tyre_of(test: Test, guess: Guess, earlier: Earlier | None) -> Tyre:
     if k1 is None or k2 is None or c is None:
         missing = "K1" if k1 is None else "K2" if k2 is None else "C"
         raise CampaignError(
-            f"tyre {test.tyre!r} is not known yet: guess its K1, K2 and C, {missing} at least (--k1, --k2, --c); "
+            f"specimen {test.tyre!r} is not known yet: guess its K1, K2 and C, {missing} at least (--k1, --k2, --c); "
             "results of an earlier analysis of the campaign serve too"
         )
     if guess.k1_std is not None:

@@ -189,7 +189,7 @@ def _notes(campaign: Campaign, planned: Sequence[Test], guess: Guess, earlier: E
     """What was assumed, and which tests are not planned or planned although they are excluded."""
     yield from campaign.stated.assumptions()
     if earlier is not None and not guess.whole:
-        yield f"the tyres are guessed from {campaign.folder.name}/results/dynamic.csv"
+        yield f"the specimens are guessed from {campaign.folder.name}/results/dynamic.csv"
     if bands := [test.name for test in campaign.tests if test.band is not None]:
         named = first_of(bands, _NAMED)
         yield f"{named}: random tests and sweeps are not planned, their uncertainty follows from the coherence"
@@ -325,9 +325,7 @@ def _lift_off(rigs: Sequence[RigPlan]) -> list[str]:
         names += [item.tests[at].name for at in np.flatnonzero(force > 0.9 * load)]
     if not names:
         return []
-    return [
-        f"the tyre will nearly lift off in {first_of(names, _NAMED)}: take a smaller eccentricity or a higher preload"
-    ]
+    return [f"the specimen will nearly lift off in {first_of(names, _NAMED)}: take less eccentricity or more preload"]
 
 
 def with_kg(mass: float) -> str:

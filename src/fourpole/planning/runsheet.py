@@ -89,7 +89,7 @@ def run_sheet(
         rows += _statics(mine["static"], mine["dynamic"], rng)
         rows += _dynamics(mine["dynamic"], planned.rule, repeats, rng)
     rigid = _shuffled([test for test in tests if test.kind == "calibration"], rng)
-    steps = ["fix the rigid block in place of the tyre, its mass weighed"]
+    steps = ["fix the rigid block in place of the specimen, its mass weighed"]
     rows += [_Row(test, 1, [] if number else steps) for number, test in enumerate(rigid)]
     return _frame(rows, planned.extra_columns)
 
@@ -128,9 +128,9 @@ def _statics(tests: Sequence[Test], dynamic: Sequence[Test], rng: np.random.Gene
 
 
 def _settings(test: Test) -> list[str]:
-    """The steps that bring the tyre to the temperature and the pressure of a test."""
+    """The steps that bring the specimen to the temperature and the pressure of a test."""
     temperature, pressure = test.value("temperature"), test.value("pressure")
-    steps = [] if temperature is None else [f"bring the tyre to {temperature:.4g} °C"]
+    steps = [] if temperature is None else [f"bring the specimen to {temperature:.4g} °C"]
     return steps if pressure is None else [*steps, f"set {pressure / 1e5:.4g} bar"]
 
 
@@ -173,7 +173,7 @@ def _block(test: Test, mass: float, fitted: float | None, *, new_state: bool) ->
     """The steps before a block of tests; `fitted` is the mass on the rig [kg], None where it is not known."""
     steps = _settings(test) if new_state else []
     load = test.value("preload")
-    kept = f"the load on the tyre is {load:g} N" if load is not None else "the load on the tyre is as before"
+    kept = f"the load on the specimen is {load:g} N" if load is not None else "the load on the specimen is as before"
     before = fitted or 0.0
     if mass > 0 and mass != before:
         steps.append(f"weigh {mass:g} kg and fix it rigidly to the moving mass" + (", all else off" if before else ""))

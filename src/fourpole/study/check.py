@@ -22,6 +22,7 @@ from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.stream import StreamSource, stream, times_of
 from fourpole.study.identify import no_rig, possible_route
 from fourpole.study.load import source_of
+from fourpole.study.record import assumptions_of
 from fourpole.study.reduce import ROUTE_NEEDS, Reduction, jobs_of
 from fourpole.study.static import StaticRow, evaluate_statics, stiffness_for
 from fourpole.study.workers import check_part_of, pool_of
@@ -68,7 +69,7 @@ class CampaignProblem:
 
 @dataclass(frozen=True)
 class Checked:
-    """The result of the check of a campaign; `notes` concern the campaign as a whole."""
+    """The result of the check of a campaign; `notes` on the route and on assumptions, as `analyse` gives them."""
 
     campaign: Campaign
     route: str
@@ -144,7 +145,7 @@ def check_campaign(
     look.stiffness(look.statics())
     order = {test.name: place for place, test in enumerate(campaign.tests)}
     problems = sorted(look.problems, key=lambda problem: (order[problem.test], problem.verdict is not Verdict.REJECTED))
-    return Checked(campaign, used, tuple(problems), tuple(notes))
+    return Checked(campaign, used, tuple(problems), (*notes, *assumptions_of(campaign)))
 
 
 def _route(campaign: Campaign, route: str) -> tuple[str, list[str]]:
@@ -212,7 +213,7 @@ class _Inspection:
         return rows
 
     def _say(self, test: Test, about: str, verdict: Verdict, message: str, kind: str = "") -> None:
-        text = message.removeprefix(f"tests.csv row {test.row}: ")
+        text = message.removeprefix(f"{test.table} row {test.row}: ")
         for label in (units.shown(test.file, 200)[1:-1], test.file):
             text = text.removeprefix(f"{label}: ").removeprefix(f"{label} ")
         problem = CampaignProblem(test.name, test.row, test.file, about, verdict, text, kind or text)

@@ -88,13 +88,18 @@ def _libraries() -> dict[str, str]:
     return {name: version(name) for name in ("numpy", "scipy", "polars", "pint", "pydantic")}
 
 
-def study_record(campaign: Campaign, further: Mapping[str, Any]) -> dict[str, Any]:
-    """The record of an analysis: what the campaign and this installation determine, and `further` entries."""
+def assumptions_of(campaign: Campaign) -> list[str]:
+    """Notes on what is taken for values that campaign.toml and tests.csv do not state."""
     assumed = [
         f"tests.csv: {name} is stated without u({name}), taken as {taken}"
         for name, taken in (("K1", "2 %"), ("added_mass", "0.2 % of it"))
         if any(test.value(name) and test.value(f"u({name})") is None for test in campaign.of_kind("dynamic"))
     ]
+    return [*campaign.stated.assumptions(), *assumed]
+
+
+def study_record(campaign: Campaign, further: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of an analysis: what the campaign and this installation determine, and `further` entries."""
     tests = [  # what a row of tests.csv does not state is left out
         {
             part.name: value
@@ -110,7 +115,7 @@ def study_record(campaign: Campaign, further: Mapping[str, Any]) -> dict[str, An
         "stated": campaign.statement(),
         "versions": {"python": platform.python_version(), "fourpole": VERSION} | _libraries(),
         "origin": origin().record,
-        "assumptions": [*campaign.stated.assumptions(), *assumed],
+        "assumptions": assumptions_of(campaign),
         "tests": tests,
     }
     return {key: record[key] for key in KEYS if key in record}

@@ -11,17 +11,19 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
-from fourpole.core.alone import deflection_amplitude
+from fourpole.core.alone import deflection_amplitude, deflection_std
+from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, worst_verdict
 from fourpole.core.identify import OUTPUTS
 from fourpole.core.joint.around import Likelihood
 from fourpole.core.phasor import SYMBOLS
+from fourpole.core.tyre import energy_loss
 from fourpole.fitting.likelihood import likelihood_columns
 from fourpole.fitting.rows import KEY, pair_columns, tyre_columns
 from fourpole.quantities import DERIVED
 from fourpole.study import tables as of
 from fourpole.study.bodies import specimen_rows
-from fourpole.study.identify import RigGroup
+from fourpole.study.identify import RigGroup, channel_uncertainty
 from fourpole.study.points import Points
 from fourpole.study.rig_solution import residual_columns
 from fourpole.study.static import StaticRow
@@ -133,11 +135,12 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Rig
     phasors, rigs = points.phasors, {name: rig.rig() for name, rig in campaign.stated.all_rigs.items()}
     count = len(points.tests)
     routes, input_mass, stiffness = np.full(count, route, dtype=object), np.zeros(count), np.full(count, np.nan + 0j)
-    of_what = np.full(count, "", dtype=object)
+    of_what, moved_std = np.full(count, "", dtype=object), np.full(count, np.nan)
     columns: _Columns = {}
     for group in groups:
         rows, result, rig = group.rows, group.result, rigs.get(group.rig_name)
         routes[rows], stiffness[rows], input_mass[rows] = group.route, result.stiffness, rig.input_mass if rig else 0.0
+        moved_std[rows] = _moved_std(campaign, points, group, blocked=rig is not None and rig.blocked)
         of_what[rows] = np.where(np.isfinite(result.stiffness), group.k_of, "")
         of_group = {
             **pair_columns(q.CORR_R_I, result.mobility.real, result.mobility.imag, result.mobility_covariance),
@@ -154,7 +157,30 @@ def _identified_columns(campaign: Campaign, points: Points, groups: Sequence[Rig
     sides = zip(force, v1, v2, phasors.omega, stiffness, blocked, strict=True)
     deflection = [deflection_amplitude(*of_row, stiffness=k, blocked=fixed) for *of_row, k, fixed in sides]
     columns |= {q.ROUTE.head: routes, q.K_OF.head: of_what}
-    return {**columns, q.DEFLECTION_AMPLITUDE.head: np.array(deflection, dtype=float)}
+    moved = np.array(deflection, dtype=float)
+    energy, of_loss = energy_loss(stiffness, moved), columns.get(q.LOSS.u_head, np.full(count, np.nan))
+    energy_std = np.hypot(np.pi * moved**2 * of_loss, 2 * energy * moved_std)
+    return {
+        **columns,
+        q.DEFLECTION_AMPLITUDE.head: moved,
+        **dict(zip(q.ENERGY.heads, (energy, energy_std), strict=True)),
+    }
+
+
+def _moved_std(campaign: Campaign, points: Points, group: RigGroup, *, blocked: bool) -> FloatArray:
+    """Relative standard uncertainty of the deflection of a group's tests, by noise and sensors as stated.
+
+    Where V2 is not known, that of K* is a part of it.
+    """
+    phasors, result = group.phasors, group.result
+    channels = channel_uncertainty(
+        campaign, [points.corrections[index] for index in group.rows], float(phasors.frequency.max())
+    )
+    seen = deflection_std(phasors.amplitudes, phasors.covariance, channels.errors(phasors.omega), blocked=blocked)
+    if blocked:
+        return seen
+    of_k = np.sqrt(np.trace(result.stiffness_covariance, axis1=1, axis2=2) / 2) / np.abs(result.stiffness)
+    return np.where(np.isnan(phasors.amplitudes[:, 2]), np.hypot(seen, of_k), seen)
 
 
 def _keys_of(group: RigGroup, places: Sequence[int] | np.ndarray) -> _Columns:

@@ -32,7 +32,7 @@ _KINDS = {quantity.head: quantity.kind for quantity in QUANTITIES}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}
 #: Columns that results of older versions lack; they are read as blank.
-LATER = (q.VALUES.head, q.K_OF.head)
+LATER = (q.VALUES.head, q.K_OF.head, *q.ENERGY.heads)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ DYNAMIC = TableSpec(
         q.TEST, q.RIG, q.TYRE, q.CONSTRUCTION, q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY,
         q.F1, q.V1, q.V2, q.PHASE_F1, q.PHASE_V2, q.DEFLECTION_AMPLITUDE, q.R, q.I, q.R.u_head, q.I.u_head, q.CORR_R_I,
         q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
-        q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads,
+        q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads, *q.ENERGY.heads,
         *(head for quantity in DERIVED for head in quantity.heads), q.ROUTE, q.K_OF, q.VERDICT, q.REMARKS,
     ),
     endings=(".csv", ".parquet"), always=True,
@@ -295,7 +295,11 @@ def read_table(results: Published, spec: TableSpec, needed: Collection[str] | No
         raise CampaignError(f"{name}: has no column {lacking[0]!r}: {_AGAIN}")
     if ending == ".parquet":
         return frame
-    later = (pl.lit("").alias(name) for name in LATER if name in spec.columns and name not in frame.columns)
+    later = (
+        pl.lit("" if kind == pl.String else None, dtype=kind).alias(name)
+        for name, kind in spec.columns.items()
+        if name in LATER and name not in frame.columns
+    )
     return frame.with_columns(*later, pl.col(pl.String).fill_null(""))
 
 

@@ -19,13 +19,13 @@ from typing import Any
 import polars as pl
 
 from fourpole import quantities as q
-from fourpole.campaign.folder import MOST_TESTS, Campaign, read_campaign
+from fourpole.campaign.folder import MOST_TESTS, Campaign, read_campaign, tests_file
 from fourpole.campaign.place import inside
-from fourpole.campaign.row import Test
+from fourpole.campaign.row import Test, known_name
 from fourpole.campaign.schema import RigFile, Stated
 from fourpole.core.checks import Verdict
 from fourpole.core.sources import Kind
-from fourpole.errors import FourpoleError
+from fourpole.errors import CampaignError, FourpoleError
 from fourpole.guess.gather import FolderContents, gather_more, recording_files
 from fourpole.guess.together import guess_more
 from fourpole.guess.write import Row, quoted, tests_csv
@@ -270,6 +270,8 @@ def add_rows(folder: Path, rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
         new = _named(campaign, [guess for guess in rows if guess.file not in stated])
         if not new:
             return {}
+        if (table := tests_file(folder)).name != "tests.csv":
+            raise CampaignError(f"{table.name}: no row is written into a workbook: add it, or save it as tests.csv")
         tests = _text(folder, "tests.csv").lstrip("\ufeff")
         specimens = dict.fromkeys(guess.tyre for guess in new if guess.tyre)
         tables = [f"\n[tyres.{_key(name)}]\n" for name in specimens if name not in campaign.stated.all_specimens]
@@ -310,10 +312,9 @@ def _key(name: str) -> str:
 def _joined(text: str, more: str) -> str:
     """A table with the rows of another below it; columns that it lacks are added at its end."""
     (heads, *rows), (others, *added) = (_cells(part) for part in (text, more))
-    names, places = [column_unit(head)[0].casefold() for head in heads], []
+    names, places = [_name(head) for head in heads], []
     for head in others:
-        name = column_unit(head)[0].casefold()
-        name = "specimen" if name == "tyre" and "tyre" not in names else name
+        name = _name(head)
         if name not in names:
             heads, names = [*heads, head], [*names, name]
         place = names.index(name)
@@ -328,6 +329,11 @@ def _joined(text: str, more: str) -> str:
     made = io.StringIO()
     csv.writer(made, lineterminator="\n", delimiter=delimiter_of(text)).writerows([heads, *table])
     return made.getvalue()
+
+
+def _name(head: str) -> str:
+    """What a column is known by: its name in English, or one of the user's own."""
+    return known_name(head) or column_unit(head)[0].casefold()
 
 
 def _cells(text: str) -> list[list[str]]:

@@ -46,7 +46,7 @@ def write(
     """Write an FMU of a version of FMI, 2 or 3, with the models of a file at operating points; returns notes."""
     systems, notes = systems_of(source, points, specimen, belt=belt)
     if len(systems) > _MOST:
-        raise ModelError(f"{len(systems)} operating points are more than {_MOST} of an FMU: state --at, or --tyre")
+        raise ModelError(f"{len(systems)} operating points are more than {_MOST} of an FMU: state --at, or --specimen")
     found = [_point(one) for one in systems]
     if not draws_in(found):
         notes = (*notes, "the FMU has no draws: systems of the model as uncertain as it is differ in their structure")

@@ -159,8 +159,8 @@ def _check_archive(content: BinaryIO, name: str) -> None:
 
 
 @contextmanager
-def _opened(path: Path, label: str | None, guard: Guard, max_bytes: int) -> Iterator[list[_Sheet]]:
-    """The sheets of a workbook that hold tables, as texts that are there while the workbook is open."""
+def _book(path: Path, label: str | None, guard: Guard, max_bytes: int) -> Iterator[Any]:
+    """A workbook as the library reads it."""
     name = name_of(path, label)
     with open_regular(path, max_bytes=min(max_bytes, _MOST_BYTES), label=label) as file:
         head = file.read(HEAD_BYTES)
@@ -177,7 +177,14 @@ def _opened(path: Path, label: str | None, guard: Guard, max_bytes: int) -> Iter
                 if "assword" in str(error) or "ncrypt" in str(error):
                     raise TableError(f"{name}: is protected by a password; save it without one") from None
                 raise
-    with TemporaryDirectory() as folder:
+    yield book
+
+
+@contextmanager
+def _opened(path: Path, label: str | None, guard: Guard, max_bytes: int) -> Iterator[list[_Sheet]]:
+    """The sheets of a workbook that hold tables, as texts that are there while the workbook is open."""
+    name = name_of(path, label)
+    with _book(path, label, guard, max_bytes) as book, TemporaryDirectory() as folder:
         sheets: list[_Sheet] = []
         refused: list[str] = []
         for at, sheet in enumerate(book.sheet_names[:_MOST_SHEETS]):
@@ -291,6 +298,19 @@ def texts(path: Path, label: str) -> dict[str, str]:
     guard = Guard(name_of(path, label), _KIND)
     with guard, _opened(path, label, guard, _MOST_BYTES) as sheets:
         return {one.name: one.path.read_text(encoding="utf-8") for one in sheets}
+
+
+def first_table(path: Path, label: str) -> str:
+    """The cells of the first sheet that is not blank, as a table of CSV; a row keeps its number."""
+    import polars as pl
+
+    guard = Guard(name_of(path, label), _KIND)
+    with guard, _book(path, label, guard, _MOST_BYTES) as book:
+        for sheet in book.sheet_names[:_MOST_SHEETS]:
+            cells = pl.DataFrame(book.load_sheet(sheet, header_row=None, skip_rows=0, dtypes="string"))
+            if cells.height:
+                return cells.with_columns(pl.all().str.replace(_NO_DAY, "")).write_csv(include_header=False)
+        raise TableError(f"{name_of(path, label)}: is blank; write its table into the first sheet")
 
 
 _ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
