@@ -104,13 +104,14 @@ class Answer:
     parts : iterable of Part
         What a reader sees, in its order; made when it is shown, and once.
     document : callable
-        Makes the document for programs, in SI.
-    files : sequence of (str, Path)
-        The files that were written, each after what is said of it.
+        Makes the document for programs, in SI; without one it is the files, by what is said of them.
+    files : sequence of (str, path)
+        The files that were written, or an address, each after what is said of it.
     code : int
         Exit code.
     then : callable
-        Does what is left when the answer is shown, such as drawing a report, and gives further parts.
+        Does what is left when the answer is shown, such as drawing a report, and gives further answers as they come.
+        Each that has a document gives a line to a program.
 
     Examples
     --------
@@ -121,14 +122,19 @@ class Answer:
 
     parts: Iterable[Part] = ()
     document: Callable[[], Any] = field(default=dict)
-    files: Sequence[tuple[str, Path]] = ()
+    files: Sequence[tuple[str, Path | str]] = ()
     code: int = 0
-    then: Callable[[], Iterable[Part]] = field(default=tuple)
+    then: Callable[[], Iterable[Answer]] = field(default=tuple)
 
     @cached_property
     def shown(self) -> list[Part]:
         """The parts, made once."""
         return list(self.parts)
+
+    @property
+    def told(self) -> Any:
+        """What a program gets; empty where there is nothing to tell."""
+        return self.document() or {what: str(path) for what, path in self.files}
 
     def plain(self) -> list[str | dict[str, Any]]:
         """The parts as texts, and as tables of texts, for a page that another process makes."""

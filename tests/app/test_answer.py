@@ -29,7 +29,6 @@ def added():
         often: Annotated[int, typer.Option(help="How often.")] = 1,
         loud: Annotated[bool, typer.Option("--loud", help="In capitals.")] = False,
         file: Annotated[Path | None, typer.Option("--out", help="A file.")] = None,
-        as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
     ) -> Answer:
         """Greet a campaign."""
         said = f"hello {folder.name}"
@@ -65,16 +64,24 @@ def test_the_app_gets_the_parts_as_events(added, monkeypatch):
 def test_an_answer_is_shown_in_its_order_with_its_files(capsys):
     answer = Answer(
         iter(["first", Table(("name", "size"), [["a", "1"]], ("size",)), Rows(FRAME, ShownUnits())]),
-        lambda: {"size": float("nan")}, [("written", Path("a.csv"))], then=lambda: ["last"],
+        lambda: {"size": float("nan")}, [("written", Path("a.csv"))],
+        then=lambda: [Answer(["last"]), Answer(["later"], lambda: {"later": [1]})],
     )  # fmt: skip
     assert show(answer, as_json=False) == 0
     lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert lines[0] == "first"
-    assert lines[-4:] == [*FRAME.write_csv().splitlines(), "written: a.csv", "last"]
+    assert lines[-5:] == [*FRAME.write_csv().splitlines(), "written: a.csv", "last", "later"]
     show(answer, as_json=True)
     said = capsys.readouterr()
-    assert json.loads(said.out) == {"size": None}
+    assert said.out == '{\n  "size": null\n}\n{"later": [1]}\n'
     assert said.err == "written: a.csv\n"
+
+
+def test_files_are_the_document_where_no_other_is_stated(capsys):
+    show(Answer(files=[("figure", Path("a.svg"))]), as_json=True)
+    assert json.loads(capsys.readouterr().out) == {"figure": "a.svg"}
+    show(Answer(["nothing for programs"]), as_json=True)
+    assert capsys.readouterr().out == ""
 
 
 def test_parts_are_plain_for_a_page():

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from fourpole.app.info import run_convert
 from fourpole.study import analyse
 from fourpole.virtual import RADIAL_PLY, simulate_campaign
 
@@ -27,6 +28,8 @@ def test_it_says_what_it_wrote(run, table, tmp_path):
     ran = run("convert", table, tmp_path / "D1.tdms", "--window", "0.5..1.5")
     assert (ran.exit_code, ran.stderr) == (0, "")
     assert ran.stdout.splitlines() == [f"{tmp_path / 'D1.tdms'}: NI TDMS", "  1001 samples at 1000 Hz (F1, V1)"]
+    told = run_convert(table, tmp_path / "cut.csv", window="0.5..1.5").told
+    assert (told["file"], told["groups"]) == (str(tmp_path / "cut.csv"), ("1001 samples at 1000 Hz (F1, V1)",))
 
 
 def test_it_warns_of_what_is_lost(run, table, tmp_path):

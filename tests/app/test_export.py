@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 
@@ -35,6 +36,8 @@ def test_each_kind_is_written_and_its_path_printed(run, results, kind, name, tmp
     ran = run("export", folder, "--to", kind)
     assert (ran.exit_code, ran.stderr) == (0, "")
     assert ran.stdout == f"{kind}: {folder / name}\n"
+    told = json.loads(run("export", folder, "--to", kind, "--json").stdout)
+    assert told == {"kind": kind, "file": str(folder / name), "notes": []}
     assert (folder / name).exists()
 
 

@@ -1,5 +1,7 @@
 """`fourpole plot`: what a figure shows and how it looks, by options."""
 
+import json
+
 import pytest
 from matplotlib import image
 
@@ -15,7 +17,8 @@ def results(run, small_campaign, tmp_path_factory):
 
 
 def test_figures_are_listed_with_what_they_show(run, results):
-    shown = run("plot", results).stdout
+    shown, told = run("plot", results).stdout, json.loads(run("plot", results, "--json").stdout)
+    assert told["figures"]["loops"] in shown
     assert "loops" in shown
     assert "What passes through?" in shown
     assert "fig08" not in shown

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from fourpole.app.cli import report
 from fourpole.report import html
 
 REPORT = '\n[report]\ncustomer = "Wheels <&> Co"\nunits = ["kPa"]\nlogo = "logo.svg"\n'
@@ -39,6 +40,19 @@ def test_what_is_stated_stands_on_the_page(run, stated):
     assert {one["outcome"] for one in held} == {"pass"}
     assert held[0]["high"] == 9e6
     assert "<b>PASS</b>" in (stated / "results" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_program_gets_the_files_and_the_counts(run, stated, monkeypatch):
+    assert run("analyse", stated, "--no-models", "--tables-only").exit_code == 0
+    monkeypatch.setattr("fourpole.app.report.print_page", lambda page, path: path.write_bytes(b"%PDF"))
+    monkeypatch.setattr("fourpole.app.report.browser", lambda: "chromium")
+    made, folder = report(stated, pdf=True), stated / "results"
+    assert made.files == [("report", folder / "report.html"), ("pdf", folder / "report.pdf")]
+    assert all(path.is_file() for _, path in made.files)
+    names = {what: str(path) for what, path in made.files}
+    assert made.told == {**names, "figures": [], "verdicts": {"ok": 4, "warning": 0, "rejected": 0}}
+    ran = run("report", stated, "--json")
+    assert json.loads(ran.stdout)["report"] == str(folder / "report.html")
 
 
 @pytest.mark.parametrize(

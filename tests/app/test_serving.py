@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -85,6 +86,14 @@ def test_it_says_who_can_use_it(tmp_path: Path, options: list[str], said: str) -
         assert process.stderr is not None
         assert ("?token=" in process.stdout.readline()) == (not options)
         assert said in process.stderr.readline()
+
+
+@pytest.mark.sampled(2)
+def test_a_program_gets_the_address_on_a_line(tmp_path: Path) -> None:
+    with running(tmp_path, "--json") as process:
+        assert process.stdout is not None
+        address = json.loads(process.stdout.readline())["app"]
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32}", address)
 
 
 @pytest.mark.skipif(not socket.has_ipv6, reason="no IPv6")

@@ -160,7 +160,7 @@ def run_demo(folder: Path = Path("fourpole-demo"), seed: int = 1982, workers: in
 
 def run_simulate(
     folder: Path, seed: int = 1982, clean: bool = False, car: bool = False, massless: bool = False
-) -> None:
+) -> Answer:
     """Record a campaign on the virtual rigs: the tyre of the car, or those of the paper with or without belts."""
     from fourpole.virtual import BELTED, CAR_TYRE, CROSS_PLY, RADIAL_PLY, simulate_campaign
 
@@ -171,7 +171,11 @@ def run_simulate(
         plan = {"tyres": [CAR_TYRE], "preloads": [1000.0], "added_masses": (0.0, 10.0), "eccentricity": 0.2e-3}
     with progress("recording") as advance:
         made = simulate_campaign(folder, seed=seed, clean=clean, progress=advance, **plan)
-    say(f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}")
+    files = sorted(str(path) for path in made.folder.rglob("*") if path.is_file())
+    return Answer(
+        [f"{made.tests} tests recorded in {made.folder} (seed {made.seed}); next: fourpole analyse {made.folder}"],
+        lambda: {"folder": str(made.folder), "seed": made.seed, "tests": made.tests, "files": files},
+    )
 
 
 def _analysed(stated: Campaign, results: Path, route: str, monte_carlo: int, options: RunOptions) -> Study:

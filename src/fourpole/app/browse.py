@@ -19,10 +19,9 @@ from types import UnionType
 from typing import Any, get_args
 from urllib.parse import urlsplit
 
-import typer
 from typer.models import OptionInfo
 
-from fourpole.answer import Answer, Part
+from fourpole.answer import Answer
 from fourpole.app.console import say
 from fourpole.app.group import BROWSER, about, signature_of
 from fourpole.errors import CampaignError
@@ -75,7 +74,7 @@ def run_open(folder: Path) -> Answer:
     if not page.is_file():
         raise CampaignError(f"{folder}: has no report yet: run fourpole report {folder}")
 
-    def then() -> Iterator[Part]:
+    def then() -> Iterator[Answer]:
         if not shown_in_browser(page.resolve().as_uri()):
             say("no browser could be started: open this file in one")
         yield from ()
@@ -159,7 +158,7 @@ _MOST_CONNECTIONS = 300
 
 def run_app(
     folder: Path = Path(), port: int = 0, host: str = "127.0.0.1", no_browser: bool = False, no_token: bool = False
-) -> None:
+) -> Answer:
     """Serve the campaigns below a folder until Ctrl-C."""
     if not folder.is_dir():
         raise CampaignError(f"{folder}: there is no such folder; name the one that has your campaigns")
@@ -173,18 +172,22 @@ def run_app(
     token = "" if no_token else secrets.token_urlsafe(24)
     listening = _listening(host, port)
     address = f"http://{_name(host, listening)}:{listening.getsockname()[1]}/{f'?token={token}' if token else ''}"
-    typer.echo(f"app: {address}")  # never folded: it is copied
-    say(_known_to(host, token))
-    say("Ctrl-C ends it; what is saved stays")
-    if not no_browser and not shown_in_browser(address):
-        say("no browser could be started: open this address in one")
-    served = application(folder, host=host, token=token, commands=catalogue())
-    settings = uvicorn.Config(
-        served, http=PatientProtocol, limit_concurrency=_MOST_CONNECTIONS,
-        log_level="warning", timeout_graceful_shutdown=_FAREWELL, server_header=False, date_header=False,
-    )  # fmt: skip
-    with suppress(KeyboardInterrupt):
-        uvicorn.Server(settings).run(sockets=[listening])
+
+    def serve() -> Iterator[Answer]:
+        yield Answer(files=[("app", address)])
+        say(_known_to(host, token))
+        say("Ctrl-C ends it; what is saved stays")
+        if not no_browser and not shown_in_browser(address):
+            say("no browser could be started: open this address in one")
+        served = application(folder, host=host, token=token, commands=catalogue())
+        settings = uvicorn.Config(
+            served, http=PatientProtocol, limit_concurrency=_MOST_CONNECTIONS,
+            log_level="warning", timeout_graceful_shutdown=_FAREWELL, server_header=False, date_header=False,
+        )  # fmt: skip
+        with suppress(KeyboardInterrupt):
+            uvicorn.Server(settings).run(sockets=[listening])
+
+    return Answer(then=serve)
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -77,7 +77,7 @@ def analyse(
 
 def report(
     folder: Path, theme: str = "light", png: bool = False, paper: bool = False, pdf: bool = False, standard: str = ""
-) -> Answer | None:
+) -> Answer:
     """Make figures and report again, or hold the results against a standard."""
     from fourpole.io.folders import results_in
     from fourpole.study.results import read_results
@@ -90,8 +90,7 @@ def report(
         return run_standard(results, folder, standard)
     from fourpole.app.report import run_report
 
-    run_report(results, folder, theme, png=png, paper=paper, pdf=pdf)
-    return None
+    return run_report(results, folder, theme, png=png, paper=paper, pdf=pdf)
 
 
 def plot(folder: Path, figure: str | None = None, file: Path | None = None, *, options: PlotOptions) -> Answer:

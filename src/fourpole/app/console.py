@@ -195,10 +195,10 @@ def without_controls(text: str) -> str:
     return _CONTROL.sub("\ufffd", text)
 
 
-def out(text: str = "") -> None:
-    """Print a result on standard output; on a terminal, long lines are folded between words."""
+def out(text: str = "", *, fold: bool = True) -> None:
+    """Print a result on standard output; on a terminal, long lines are folded between words, but a path to copy."""
     text = without_controls(text)
-    if sys.stdout.isatty():
+    if fold and sys.stdout.isatty():
         text = "\n".join(_folded(line, table_width()) for line in text.split("\n"))
     typer.echo(text)
 
@@ -226,8 +226,7 @@ def warn(text: str) -> None:
 
 def fail(text: str, code: int = UNREADABLE) -> NoReturn:
     """Print an error on standard error and end with this exit code; a program that asked for events gets it, too."""
-    if events.wanted():
-        events.tell(error=text)
+    events.tell(error=text)
     _print_marked("[red]error:[/red] ", text)
     raise typer.Exit(code)
 
@@ -239,9 +238,9 @@ def _print_marked(mark: str, text: str) -> None:
     _console(stderr=True).print(f"{mark}{escape(without_controls(text))}")
 
 
-def print_json(document: Any) -> None:
+def print_json(document: Any, indent: int | None = 2) -> None:
     """Print one JSON document; a number that is not finite is null."""
-    out(json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False))
+    out(json.dumps(_plain(document), indent=indent, ensure_ascii=False, allow_nan=False), fold=False)
 
 
 @contextmanager

@@ -47,9 +47,10 @@ def _wait_for_caller() -> None:
 
 
 def tell(**event: Any) -> None:
-    """Print an event."""
-    sys.stderr.write(f"{MARK}{json.dumps(event)}\n")
-    sys.stderr.flush()
+    """Print an event, if a program asked for events."""
+    if wanted():
+        sys.stderr.write(f"{MARK}{json.dumps(event)}\n")
+        sys.stderr.flush()
 
 
 class Task:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ast
-import functools
 import inspect
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial, update_wrapper
 from pathlib import Path
 from pkgutil import resolve_name
 from types import SimpleNamespace
@@ -31,19 +31,18 @@ if TYPE_CHECKING:
 _GAP = 2
 
 
-def show(answer: Answer, *, as_json: bool) -> int:
+def show(answer: Answer, *, as_json: bool, indent: int | None = 2) -> int:
     """Print an answer, or its document and, on standard error, the files; returns its exit code."""
-    if as_json:
-        print_json(answer.document())
+    if as_json and (document := answer.told):
+        print_json(document, indent)
     if events.wanted(answer=True):
         events.tell(answer=answer.plain())
     for part in () if as_json else answer.shown:
         _print(part)
     for what, path in answer.files:
-        (say if as_json else out)(f"{what}: {path}")
-    for part in answer.then():
-        if not as_json:
-            _print(part)
+        (say if as_json else partial(out, fold=False))(f"{what}: {path}")
+    for further in answer.then():
+        show(further, as_json=as_json, indent=None)
     return answer.code
 
 
@@ -127,14 +126,14 @@ def write_with_figure(folder: Path, key: str, figure: Figure, tables: Mapping[st
     return [*tables, *(f"{key}.{form}" for form in forms)]
 
 
-Run = TypeVar("Run", bound=Callable[..., "Answer | int | None"])
+Run = TypeVar("Run", bound=Callable[..., Answer])
 #: What commands.toml states of each command, by the heading of its group.
 _STATED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
 #: Names of the commands that a page of the app may start on a campaign.
 BROWSER: list[str] = _STATED.pop("browser")
 _COMMANDS: dict[str, dict[str, Any]] = {name: one for members in _STATED.values() for name, one in members.items()}
 #: Functions of the commands by name; None for one of commands.toml that was not asked for yet.
-_RUNS: dict[str, Callable[..., int | None] | None] = dict.fromkeys(_COMMANDS)
+_RUNS: dict[str, Callable[..., int] | None] = dict.fromkeys(_COMMANDS)
 #: An example of each command by the heading of its group and its name.
 GROUPS = {head: {name: one["example"] for name, one in members.items()} for head, members in _STATED.items()}
 EXAMPLES = {name: example for members in GROUPS.values() for name, example in members.items()}
@@ -161,14 +160,14 @@ def groups_of(names: list[str]) -> dict[str, list[str]]:
 def registered(*, browser: bool = False) -> Callable[[Run], Run]:
     """Make a function a command of its name, besides those of commands.toml.
 
-    An `Answer` is shown as `as_json` says. With `browser`, the app asks it of a campaign, whose folder is its argument.
+    With `browser`, the app asks it of a campaign, whose folder is its argument.
     """
 
     def register(stated: Run) -> Run:
         from fourpole.app import options
 
         name, signature = stated.__name__.rstrip("_"), inspect.signature(stated, eval_str=True, locals=vars(options))
-        _RUNS[name] = functools.update_wrapper(_with_options(lambda: stated, signature, ()), stated)
+        _RUNS[name] = update_wrapper(_with_options(lambda: stated, signature), stated)
         if browser:
             BROWSER.append(name)
         return stated
@@ -176,13 +175,13 @@ def registered(*, browser: bool = False) -> Callable[[Run], Run]:
     return register
 
 
-def _run_of(name: str) -> Callable[..., int | None]:
+def _run_of(name: str) -> Callable[..., int]:
     """The function of a command, with all its options; the module that does the work is loaded when it runs."""
     found = _RUNS[name]
     if found is None:
         stated = _COMMANDS[name]
-        place, also = f"fourpole.app.{stated['run']}", stated.get("also", ("as_json",))
-        found = _RUNS[name] = _with_options(lambda: resolve_name(place), _signature_in(stated["run"]), also)
+        place, remote = f"fourpole.app.{stated['run']}", stated.get("remote", False)
+        found = _RUNS[name] = _with_options(lambda: resolve_name(place), _signature_in(stated["run"]), remote=remote)
     return found
 
 
@@ -213,17 +212,16 @@ def _default(stated: ast.expr | None) -> Any:
 
 
 def _with_options(
-    work_of: Callable[[], Callable[..., Any]], signature: inspect.Signature, also: Sequence[str]
-) -> Callable[..., int | None]:
-    """A function that shows the answer of another one, with further options, which that one need not take."""
-    own = signature.parameters
+    work_of: Callable[[], Callable[..., Answer]], signature: inspect.Signature, *, remote: bool = False
+) -> Callable[..., int]:
+    """A function that shows the answer of another one, with --json and --remote, which that one need not take."""
+    own, also = signature.parameters, (*(("remote",) if remote else ()), "as_json")
 
-    def run(**given: Any) -> int | None:
+    def run(**given: Any) -> int:
         from fourpole.app.options import allow_remote
 
         allow_remote(given.pop("remote", False))
-        found = work_of()(**{name: value for name, value in given.items() if name in own})
-        return show(found, as_json=given.get("as_json", False)) if isinstance(found, Answer) else found
+        return show(work_of()(**{name: given[name] for name in own if name in given}), as_json=given["as_json"])
 
     flags = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool) for name in also]
     parameters = [one for name, one in own.items() if name not in also]

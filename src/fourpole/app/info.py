@@ -111,7 +111,9 @@ def run_convert(
         made = convert(file, target, Choice(group, names, limits, kind, force), progress=advance)
     for sentence in made.lost:
         warn(sentence)
-    return Answer(["\n  ".join([f"{target}: {made.format}", *made.groups])])
+    return Answer(
+        ["\n  ".join([f"{target}: {made.format}", *made.groups])], lambda: {"file": str(target), **asdict(made)}
+    )
 
 
 def _shown(file: Path, found: FileInfo, rows: Sequence[_Row], options: InfoOptions, read: int) -> Iterator[Part]:

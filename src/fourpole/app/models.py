@@ -137,7 +137,7 @@ def run_fit(results: Path, model: str = "auto", *, options: FitOptions) -> Answe
     file = _elsewhere(path, made, options.file)
     files = _written(path, measured, made, file, options.figure)
 
-    def then() -> Iterator[Part]:
+    def then() -> Iterator[Answer]:
         yield from _renew_report(path, file)
         if any(one.stopped for one in fits):
             raise KeyboardInterrupt  # the exit code says so; what was found is written
@@ -251,7 +251,7 @@ def run_map(results: Path, model: str = "auto", *, data: Selection, file: Path |
     return Answer(parts, lambda: made.document, then=lambda: _renew_report(path, file))
 
 
-def _renew_report(path: Path, file: Path | None) -> Iterator[Part]:
+def _renew_report(path: Path, file: Path | None) -> Iterator[Answer]:
     """Make the report of a folder again, if it has one and the model went into the folder."""
     if file is not None or not (path / "report.html").is_file():
         return
@@ -260,7 +260,7 @@ def _renew_report(path: Path, file: Path | None) -> Iterator[Part]:
 
     with _kept("renewed report"):
         renew_report(read_results(path), path)
-        yield f"report: {path / 'report.html'}, renewed with this"
+        yield Answer([f"report: {path / 'report.html'}, renewed with this"])
 
 
 def run_query(

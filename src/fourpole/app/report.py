@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fourpole.answer import Answer, Table
-from fourpole.app.console import option, out, progress, rising, warn
+from fourpole.app.console import option, progress, rising, warn
 from fourpole.campaign.folder import LIMITS
 from fourpole.errors import CampaignError
 from fourpole.findings import by_size, findings
@@ -60,16 +60,20 @@ def make_report(
     return page
 
 
-def run_report(results: Study, folder: Path, theme: str, *, png: bool, paper: bool, pdf: bool) -> None:
-    """Make figures and report from the tables of a results folder, and print the path of the report."""
+def run_report(results: Study, folder: Path, theme: str, *, png: bool, paper: bool, pdf: bool) -> Answer:
+    """Make figures and report from the tables of a results folder."""
     if pdf:
         browser()  # before the work, so that a missing one is said at once
     for fault in (*results.faults, *_changed(results, folder)):
         warn(fault)
-    renew_report(results, folder, Style(theme), png=png, paper=paper, pdf=pdf)
-    out(f"report: {folder / PAGE}")
-    if pdf:
-        out(f"pdf: {folder / 'report.pdf'}")
+    figures = renew_report(results, folder, Style(theme), png=png, paper=paper, pdf=pdf)
+    files = [("report", folder / PAGE), *([("pdf", folder / "report.pdf")] if pdf else [])]
+    document = {
+        **{what: str(path) for what, path in files},
+        "figures": [str(folder / "figures" / name) for name in figures],
+        "verdicts": results.counts,
+    }
+    return Answer((), lambda: document, files)
 
 
 def renew_report(
@@ -80,12 +84,16 @@ def renew_report(
     png: bool = False,
     paper: bool = False,
     pdf: bool = False,
-) -> None:
-    """Make figures and report anew from the results of a folder, and put them among these; see `make_report`."""
+) -> list[str]:
+    """Make figures and report anew from the results of a folder, and put them among these; names of the figures.
+
+    See `make_report`.
+    """
     with publishing(folder, OF_REPORT, basis=results.dynamic_sha256) as new:
         page = make_report(results, new, style, png=png, paper=paper)
         if pdf:
             print_page(page, new / "report.pdf")
+        return sorted(path.name for path in new.glob("figures/*"))
 
 
 def _changed(results: Study, folder: Path) -> list[str]:
@@ -121,12 +129,13 @@ def run_plot(results: Study, folder: Path, figure: str | None, file: Path | None
     if not options.paper:
         rows = [(one, FIGURES[one].title) for one in (*figures_of(results), *ON_REQUEST)]
         hint = "\ndraw one with fourpole plot RESULTS FIGURE; --paper has the figures of the 1982 paper"
-        return Answer([Table(("figure", "shows"), rows), hint])
+        return Answer([Table(("figure", "shows"), rows), hint], lambda: {"figures": dict(rows)})
     if file is not None:
         raise CampaignError("--out is for one figure: the figures of the paper go into RESULTS/figures")
     with publishing(folder, basis=results.dynamic_sha256) as new:
         made = save_figures(results, new / "figures", keys=list(PAPER), style=style)
-    return Answer([f"figures: {len(made)} in {folder / 'figures'}"])
+    drawn = [str(folder / "figures" / path.name) for path in made.values()]
+    return Answer([f"figures: {len(made)} in {folder / 'figures'}"], lambda: {"figures": drawn})
 
 
 def _drawn(results: Study, folder: Path, key: str, file: Path | None, style: Style) -> Path:

@@ -145,7 +145,8 @@ def run_export(
     )
     for note in exported.notes:
         warn(note)
-    return Answer(files=[(kind, exported.path)])
+    document = {"kind": kind, "file": str(exported.path), "notes": list(exported.notes)}
+    return Answer((), lambda: document, [(kind, exported.path)])
 
 
 #: Rows that the terminal shows of each verdict.

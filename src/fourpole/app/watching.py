@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fourpole import quantities as q
+from fourpole.answer import Answer
 from fourpole.app import events
-from fourpole.app.console import counted_tests, out, print_json, say
+from fourpole.app.console import counted_tests, say
 from fourpole.core.checks import Verdict
 from fourpole.errors import TableError
 from fourpole.io.documents import json_of
@@ -26,12 +29,15 @@ _QUIET = 5.0
 _MARKS: dict[str, str] = {Verdict.OK: "ok", Verdict.WARNING: "WARNING", Verdict.REJECTED: "REJECTED"}
 
 
-def run_watch(campaign: Path, as_json: bool = False) -> None:
-    """Print the judgement on each new recording until Ctrl-C."""
+def run_watch(campaign: Path) -> Answer:
+    """Judge each new recording until Ctrl-C: an answer each."""
     watch = Watch(campaign)
     watch.warm()
-    if events.wanted():
-        events.tell(watching=str(campaign))
+    return Answer(then=lambda: _judgements(watch, campaign))
+
+
+def _judgements(watch: Watch, campaign: Path) -> Iterator[Answer]:
+    events.tell(watching=str(campaign))
     say(f"watching {campaign}; Ctrl-C ends it")
     joint = _Joint(campaign)
     try:
@@ -39,17 +45,11 @@ def run_watch(campaign: Path, as_json: bool = False) -> None:
             new = False
             for one in watch.look():
                 new = True
-                if events.wanted():
-                    events.tell(judged=document(one))
-                elif as_json:
-                    print_json(document(one))
-                else:
-                    _print(one)
+                events.tell(judged=document(one))
+                yield Answer(_lines(one), partial(document, one))
             for text in joint.follow(new):
-                if events.wanted():
-                    events.tell(together=text)
-                else:
-                    say(text)
+                events.tell(together=text)
+                say(text)
             time.sleep(_EVERY)
     finally:
         joint.stop()
@@ -114,8 +114,9 @@ def _results(one: WatchedFile) -> list[str]:
     ]
 
 
-def _print(one: WatchedFile) -> None:
+def _lines(one: WatchedFile) -> list[str]:
+    """A judgement for a reader."""
     where = _condition(one)
-    out(f"{_MARKS[one.verdict]:<9} {one.test}{f': {where}' if where else ''}")
-    for text in (*one.remarks, *_results(one), *(f"guessed: {text}" for text in one.doubts)):
-        out(f"          {text}")
+    more = (*one.remarks, *_results(one), *(f"guessed: {text}" for text in one.doubts))
+    first = f"{_MARKS[one.verdict]:<9} {one.test}{f': {where}' if where else ''}"
+    return [first, *(f"          {text}" for text in more)]

@@ -275,7 +275,7 @@ def _take(job: Job, event: dict[str, Any]) -> None:
     elif "judged" in event:
         job.judged.append(event["judged"])
     elif "answer" in event:
-        job.answer = list(event["answer"])
+        job.answer += event["answer"]
     elif "watching" in event:
         job.task = event
     elif "together" in event:
