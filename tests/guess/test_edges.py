@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from fourpole.guess import channels, signals, specimens, together
-from fourpole.guess.channels import Column, Role, static_roles
+from fourpole.guess.channels import Column, Role, checked_force, static_roles
 from fourpole.guess.gather import _recorded
 from fourpole.guess.names import read_name
-from fourpole.guess.together import _checked_force, _Together
+from fourpole.guess.together import _Together
 
 AT = np.arange(4000)
 FORCE = Role("force_in", "F1", "N", "force")
@@ -54,7 +54,7 @@ def fixed(share):
     """Whether the far side may be fixed, by V2 over V1."""
     folder = MagicMock()
     with patch.object(together, "motion_share", lambda *given: share):
-        _Together._far_side(folder, {"motion_in": FORCE, "motion_out": FORCE})
+        _Together._far_side(folder, {"motion_in": FORCE, "motion_out": FORCE}, {})
     return folder._doubt.called
 
 
@@ -118,7 +118,7 @@ EDGES = {
     "far side that may be fixed, 3 %": (fixed, {0.0297: True, 0.0303: False}),
     "means of F1 of one preload, 2 %": (preloads, {1020.0: 1, 1021.0: 2}),
     "K* over the static stiffness, 0.3 to 12": (
-        lambda x: len(_checked_force(FORCE, x).doubts), {0.297: 1, 0.303: 0, 11.9: 0, 12.1: 1},
+        lambda x: len(checked_force(FORCE, x).doubts), {0.297: 1, 0.303: 0, 11.9: 0, 12.1: 1},
     ),
     "tests that are passive with a sign turned, 90 %": (turned, {0.896: False, 0.904: True}),
     "load without a unit, N from 100 on": (lambda x: unit("load", x), {99.0: "kN", 101.0: "N"}),

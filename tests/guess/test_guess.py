@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 import re
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
 
+import fourpole as fp
 from fourpole.campaign import read_campaign
 from fourpole.campaign.channels import ChannelFile
 from fourpole.campaign.schema import parse_campaign
@@ -526,11 +526,43 @@ def test_an_impact_is_a_doubtful_test(origin, tmp_path):
     assert "frequency" not in row.values
 
 
-def test_a_long_table_is_looked_at_by_its_start(tmp_path, monkeypatch):
-    monkeypatch.setattr("fourpole.guess.signals._ENOUGH_ROWS", 5_000)
-    t = np.arange(40_000) / 1000
-    frequency = np.where(t < 20, 12.3, 55.0)
-    wave = {"F1 [N]": np.sin(2 * np.pi * frequency * t), "V1 [m/s]": np.cos(2 * np.pi * frequency * t)}
-    pl.DataFrame({"t [s]": t, **wave}).write_csv(Path(tmp_path, "long.csv"))
-    (row,) = guess_campaign(tmp_path).rows
-    assert row.values["frequency"] == pytest.approx(12.3, rel=1e-3)
+@pytest.mark.parametrize("change", [3.0, 28.0], ids=["soon", "long after all rows that show a shape"])
+def test_a_file_with_two_sines_one_after_the_other_is_two_tests(tmp_path, change):
+    t = np.arange(300_000) / 1e4
+    turns = 2 * np.pi * np.where(t < change, 12.3 * t, 12.3 * change + 55.0 * (t - change))
+    pl.DataFrame({"t [s]": t, "F1 [N]": np.sin(turns), "V1 [m/s]": np.cos(turns)}).write_csv(tmp_path / "long.csv")
+    guessed = guess_campaign(tmp_path)
+    assert [row.values["frequency"] for row in guessed.rows] == pytest.approx([12.3, 55.0], rel=1e-3)
+    assert [row.name for row in guessed.rows] == ["long_1", "long_2"]
+    (_, first), (second, last) = (row.window for row in guessed.rows)
+    assert first == pytest.approx(change, abs=0.1)
+    assert second == pytest.approx(change, abs=0.1)
+    assert last == pytest.approx(30.0, abs=0.1)
+    guessed.write()
+    assert "window [s]" in (tmp_path / "tests.csv").read_text()
+
+
+def test_one_procedure_of_a_bench_is_eight_tests_whose_stiffness_is_right(tmp_path):
+    """Rests and sines of an actuator under a Zener body, whose force follows from its transfer at each frequency."""
+    rate = 2000.0
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    for f in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 45.0, 100.0):
+        t = np.arange(int(max(10 / f, 2.0) * rate)) / rate
+        stiffness = 200e3 + 1.0 / (1.0 / 120e3 + 1.0 / (2j * np.pi * f * 900.0))
+        wave = 0.5e-3 / f**0.5 * np.exp(2j * np.pi * f * t) * np.minimum(1.0, t * f / 1.5)
+        parts += [(np.zeros(2000), np.zeros(2000)), (wave.imag, (stiffness * wave).imag)]
+    motion, force = (np.concatenate(one) for one in zip(*parts, strict=True))
+    rng = np.random.default_rng(2)
+    table = {
+        "Zeit [s]": np.arange(motion.size) / rate,
+        "Kraft [N]": force + 0.05 * rng.standard_normal(force.size),
+        "Weg [mm]": 1e3 * motion + 1e-5 * rng.standard_normal(force.size),
+    }
+    pl.DataFrame(table).write_csv(tmp_path / "Lager_A.csv")
+    guess_campaign(tmp_path).write()
+    found = fp.analyse(tmp_path).dynamic
+    assert found.height == 8
+    omega = 2j * np.pi * found["frequency [Hz]"].to_numpy()
+    exact = 200e3 + 1.0 / (1.0 / 120e3 + 1.0 / (omega * 900.0))
+    seen = found["Re K* [N/m]"].to_numpy() + 1j * found["Im K* [N/m]"].to_numpy()
+    assert np.abs(seen / exact - 1.0).max() < 2e-3

@@ -33,6 +33,8 @@ _MOTIONS = ("motion_in", "motion_out")
 _SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
 #: Share of the tests that must be passive with a channel inverted, or it is not inverted [1].
 _MOST = 0.9
+#: Likely range of |K*| over the static stiffness.
+_LIKELY = (0.3, 12.0)
 
 
 @dataclass(frozen=True)
@@ -429,3 +431,21 @@ def force_scale(
 def _plain(value: float) -> str:
     """A number to three significant digits, without an exponent below ten millions."""
     return f"{value:.3g}" if value < 1000 or value >= 1e7 else f"{float(f'{value:.3g}'):.0f}"
+
+
+def checked_force(force: Role, ratio: float) -> Role:
+    """F1 with the unit that fits, and with doubts; `ratio` is |K*| over the static stiffness with the present unit."""
+    unstated = any("stated nowhere" in doubt for doubt in force.doubts)
+    low, high = _LIKELY
+    if low < ratio < high:
+        fits = f", and it fits: K* is {ratio:.2g} times the static stiffness"
+        return replace(
+            force, doubts=tuple(doubt + fits if "stated nowhere" in doubt else doubt for doubt in force.doubts)
+        )
+    unit, factor = {"N": ("kN", 1e3), "kN": ("N", 1e-3)}.get(force.unit or "", ("", 1.0))
+    if unstated and low < ratio * factor < high:
+        with_it = f"with which K* is {ratio * factor:.2g} times the static stiffness"
+        return replace(force, unit=unit, doubts=(f"its unit is stated nowhere: taken as {unit}, {with_it}",))
+    return force.doubted(
+        f"with these units K* is {ratio:.2g} times the static stiffness: check the units of all channels"
+    )

@@ -16,7 +16,7 @@ from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
-from fourpole.guess.signals import SignalShape, samples_of, signal_shape
+from fourpole.guess.signals import ALL_ROWS, ENOUGH_ROWS, SignalShape, samples_of, segments_of, signal_shape, within
 from fourpole.io.child import read_apart
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
@@ -69,6 +69,8 @@ class FolderRecording:
         Tokens of the name; of the header and of notes with the name of the recording; of the notes of its folders.
     problem : str
         Reason why the samples could not be read; empty if they could.
+    window : (float, float) or None [s]
+        The part of the file that the test is; None for the whole file.
     """
 
     file: str
@@ -83,6 +85,7 @@ class FolderRecording:
     header: tuple[Token, ...] = ()
     folder: tuple[Token, ...] = ()
     problem: str = ""
+    window: tuple[float, float] | None = None
 
     @property
     def frequency(self) -> float:
@@ -243,7 +246,8 @@ def _recordings(path: Path, name: str, info: FileInfo) -> Iterator[FolderRecordi
     elif len(whole) == 1 and _sole(next(iter(whole)), groups):
         whole = {"": next(iter(whole.values()))}
     for group, signals in whole.items():
-        yield _recording(path, name, group, signals, info)
+        one = _recording(path, name, group, signals, info)
+        yield from _segments(path, name, group, one, max(signal.count for signal in signals)) or [one]
 
 
 def _sole(group: str, groups: dict[str, list[SignalInfo]]) -> bool:
@@ -285,6 +289,27 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
         header=(*read_header(info.notes), *_recorded(own, shape)),
         problem=problem,
     )
+
+
+def _segments(path: Path, name: str, group: str, one: FolderRecording, rows: int) -> list[FolderRecording]:
+    """A recording for each of the motions that a recording makes one after the other; none if it has a single one."""
+    moving = _motions(one.columns)
+    steady = one.shape is not None and one.shape.kind == "dynamic" and rows <= ENOUGH_ROWS
+    if one.shape is None or steady or not moving:
+        return []
+    try:
+        signals = samples_of(
+            path, list(moving), group=group, label=name, clock=one.clock, unit=one.clock_unit, rows=ALL_ROWS
+        )
+    except FourpoleError:
+        return []
+    windows = segments_of(signals[next(iter(moving))], one.rate)
+    shapes = [
+        signal_shape({of: within(signal, window, one.rate) for of, signal in signals.items()}, rate=one.rate)
+        for window in windows
+    ]
+    cut = [(round(start, 4), round(end, 4)) for start, end in windows]
+    return [replace(one, shape=shape, window=window) for shape, window in zip(shapes, cut, strict=True)]
 
 
 def _common_rate(signals: Sequence[SignalInfo]) -> float | None:

@@ -201,13 +201,18 @@ def test_names(recordings: Sequence[FolderRecording], kinds: Sequence[str]) -> l
     if all(stated) and len(set(stated)) == len(stated):
         return stated
     parts = [_parts_of(one.file) for one in recordings]
+    counts: Counter[str] = Counter()
+    for own, one in zip(parts, recordings, strict=True):
+        if one.window is not None:
+            counts[one.file] += 1
+            own[-1] += f"_{counts[one.file]}"
     for depth in range(1, max(map(len, parts)) + 1):
         names = [" ".join(own[-depth:]) for own in parts]
         if len({name.casefold() for name in names}) == len(names):
             break
     if len({name.casefold() for name in names}) == len(names) and all(map(_NAMES_LIKE.fullmatch, names)):
         return names
-    counts: Counter[str] = Counter()
+    counts.clear()
     numbered = []
     for kind in kinds:
         letter = {"static": "S", "calibration": "C"}.get(kind, "D")

@@ -11,6 +11,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.spectrum import hann, peak_place
 from fourpole.core.demodulation.tracks import Track
+from fourpole.core.segments import segments
 from fourpole.core.spectra import average, random, sweep
 from fourpole.core.spectra.excited import RESOLVED
 from fourpole.core.spectra.motion import fine_spectrum, motion_of, segment_of
@@ -19,8 +20,8 @@ from fourpole.io.look import filled, rate_of
 from fourpole.io.signals import Signal
 from fourpole.io.stream import StreamSource, stream
 
-#: Number of samples that are read of each channel.
-_ENOUGH_ROWS = 1 << 18
+#: Number of samples that are read of each channel, and of each that is looked through for segments.
+ENOUGH_ROWS, ALL_ROWS = 1 << 18, 1 << 21
 #: Number of samples from which a spectrum is computed.
 _SPECTRUM = 1 << 16
 #: Frequency [Hz] below which a recording is static: dynamic tests are faster, static loading cycles are slower.
@@ -43,6 +44,8 @@ _GAP = 3
 _CYCLES = 30.0
 #: Least ratio of the ends of a band, and margin for the round-off of the sampling rate.
 _WIDE, _MARGIN = 1.5, 1.01
+#: Least share of a recording that its segments have together [1]; less may be alike by chance.
+_COVERED = 0.1
 #: Least share of the recording in which the power of a sweep lies [1]: an impact has far less.
 _LASTING = 0.3
 
@@ -90,11 +93,38 @@ class SignalShape(ByValue):
 
 
 def samples_of(
-    path: Path, names: Sequence[str], *, group: str, label: str, clock: str | None = None, unit: str = "s"
+    path: Path,
+    names: Sequence[str],
+    *,
+    group: str,
+    label: str,
+    clock: str | None = None,
+    unit: str = "s",
+    rows: int = ENOUGH_ROWS,
 ) -> dict[str, Signal]:
     """The first samples of some channels, with the times that the file or its column `clock` states."""
-    source = StreamSource(path, tuple(names), label, group, clock=clock, unit=unit, needs="nothing", rows=_ENOUGH_ROWS)
+    source = StreamSource(path, tuple(names), label, group, clock=clock, unit=unit, needs="nothing", rows=rows)
     return dict(zip(names, next(stream(source).chunks), strict=True))
+
+
+def segments_of(signal: Signal, rate: float | None) -> list[tuple[float, float]]:
+    """Start and end of each segment of a signal [s], if it has several and one of them is a sinusoid."""
+    rate = rate_of(signal) or rate
+    found = segments(filled(signal.samples), rate) if rate and np.isfinite(signal.samples).sum() > 1 else []
+    lasts = sum(one.end - one.start for one in found) * (rate or 0.0)
+    if len(found) < 2 or all(one.kind == "loop" for one in found) or lasts < _COVERED * signal.samples.size:
+        return []
+    first = float(signal.time[0]) if signal.time is not None else signal.start
+    return [(first + one.start, first + one.end) for one in found]
+
+
+def within(signal: Signal, window: tuple[float, float], rate: float | None) -> Signal:
+    """The samples of a signal between two times [s]."""
+    rate = rate_of(signal) or rate or 1.0
+    first = float(signal.time[0]) if signal.time is not None else signal.start
+    low, high = (round((end - first) * rate) for end in window)
+    time = None if signal.time is None else signal.time[low:high]
+    return replace(signal, samples=signal.samples[low:high], start=signal.start + low / rate, time=time)
 
 
 def signal_shape(

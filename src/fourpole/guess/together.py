@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from fourpole.guess.channels import (
     Column,
     Role,
     channel_scale,
+    checked_force,
     drive_role,
     dynamic_roles,
     force_scale,
@@ -42,8 +42,6 @@ _MOST_NAMED = 20
 _STILL = 0.03
 #: Relative difference of means of F1 up to which they are of one preload [1].
 _ONE_LOAD = 0.02
-#: Likely range of |K*| over the static stiffness.
-_LIKELY = (0.3, 12.0)
 _TURNING = ("reference", "drive")
 #: Roles that each kind of test needs, with what follows where one is missing.
 _NEEDED = {
@@ -156,7 +154,9 @@ class _Together:
         for index, condition in enumerate(conditions):
             self._frequency(index, condition)
             self._only_dynamic(index, condition)
-        rig = self._rig(conditions, roles)
+        rig = self._rig(conditions)
+        blocked = self._far_side(roles, rig)
+        self._lacking(roles, rig, blocked=blocked)
         clock = self._clock()
         self._condition_doubts(conditions)
         self._files()
@@ -168,6 +168,7 @@ class _Together:
             clock=clock,
             reference=self._reference(),
             rig=rig,
+            blocked=blocked,
             constructions=_constructions(conditions),
             doubts=tuple(self.doubts),
             left_out=tuple(self.gathered.left_out),
@@ -175,9 +176,10 @@ class _Together:
 
     def _test(self, index: int, one: RecordingConditions) -> Row:
         """The row of tests.csv of one recording."""
-        kind, doubts = self.kinds[index], tuple(dict.fromkeys(self.of_row[index]))
-        tyre, file = "" if kind == "calibration" else one.tyre, self.recordings[index].file
-        return Row(self.names[index], file, kind, tyre, one.values, one.repeat, doubts, one.band)
+        kind, doubts, recording = self.kinds[index], tuple(dict.fromkeys(self.of_row[index])), self.recordings[index]
+        tyre = "" if kind == "calibration" else one.tyre
+        of = (self.names[index], recording.file, kind, tyre, one.values, one.repeat)
+        return Row(*of, doubts, one.band, recording.window)
 
     def _doubt(self, about: str, text: str, remedy: str = "", tests: Sequence[int] = ()) -> None:
         """Add a doubt on the campaign, or on the tests of some indices."""
@@ -210,9 +212,8 @@ class _Together:
                 self._row(index, "kind", "its signals show no steady sinusoid and no slow curve")
             return named or "dynamic"
         if named and named != shows:
-            self._row(
-                index, "kind", f"its name says {named}, its signals show {self._shown_kind(index)}: taken as {shows}"
-            )
+            text = f"its name says {named}, its signals show {self._shown_kind(index)}: taken as {shows}"
+            self._row(index, "kind", text)
         elif not named and shows in ("random", "sweep"):
             self._row(index, "kind", f"its signals show {self._shown_kind(index)}, which its name does not say")
         return shows
@@ -332,22 +333,22 @@ class _Together:
             for doubt in one.doubts:
                 text = f"{role}, column {shown(one.column, 40)}: {doubt}"
                 self._doubt(role, text, f"correct {role} in [channels] of campaign.toml if need be")
-        self._far_side(roles)
-        for kinds, needed in ((DYNAMIC_KINDS, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
-            first = next(iter(self._of_kind(*kinds)), None)
-            for role, follows in needed.items():
-                if first is not None and role not in roles:
-                    columns = ", ".join(shown(column.name, 30) for column in self.recordings[first].columns[:10])
-                    text = f"{role}: no column is understood as it among {columns}; {follows}"
-                    self._doubt(role, text, f"state {role} in [channels] of campaign.toml")
         return roles
 
-    def _far_side(self, roles: dict[str, Role]) -> None:
-        """Ask whether the far side of the specimen is fixed, where V2 is missing or far below V1."""
+    def _far_side(self, roles: dict[str, Role], rig: dict[str, float]) -> bool:
+        """Whether the far side of the specimen is taken as fixed; asked where V2 is missing or far below V1."""
         near, far = roles.get("motion_in"), roles.get("motion_out")
         tested = self._shapes(self._of_kind(*DYNAMIC_KINDS))
         if near is None or not tested:
-            return
+            return False
+        if far is None and near.quantity == "displacement" and not rig:
+            self._doubt(
+                "far side",
+                "far side: no V2 is recorded and V1 is a displacement: the far side of the specimen is taken as fixed, "
+                "as on an elastomer bench",
+                "if it moves, state moving_mass and preload_stiffness in [rig] of campaign.toml in place of output",
+            )
+            return True
         why = "no V2 is recorded" if far is None else ""
         if far is not None and (share := motion_share(near, far, tested)) < _STILL:
             why = f"V2 is {100 * share:.2g} % of V1"
@@ -357,6 +358,29 @@ class _Together:
                 f"far side: {why}; is the far side of the specimen fixed, as on an elastomer bench",
                 'if so, state [rig] with output = "blocked" in campaign.toml; K* then needs no mass and no spring',
             )
+        return False
+
+    def _lacking(self, roles: dict[str, Role], rig: dict[str, float], *, blocked: bool) -> None:
+        """Add doubts on channels and values of the rig that the tests need and that are not there."""
+        for kinds, needed in ((DYNAMIC_KINDS, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
+            first = next(iter(self._of_kind(*kinds)), None)
+            for role, follows in needed.items():
+                if first is not None and role not in roles and not (blocked and role == "motion_out"):
+                    columns = ", ".join(shown(column.name, 30) for column in self.recordings[first].columns[:10])
+                    text = f"{role}: no column is understood as it among {columns}; {follows}"
+                    self._doubt(role, text, f"state {role} in [channels] of campaign.toml")
+        if blocked or not set(DYNAMIC_KINDS) & set(self.kinds) or {"moving_mass", "preload_stiffness"} <= rig.keys():
+            return
+        with_both, without = "K*, K2, C and TR can be given", "no K*"
+        if {"force_in", "motion_in", "motion_out"} <= roles.keys():
+            with_both = "TR is predicted, and the joint route finds the errors of both values and of the sensors"
+            without = "K* by the relative route, with the errors of the sensors as stated"
+        self._doubt(
+            "rig",
+            "rig: its moving mass m and preload stiffness K3 are stated nowhere. With both (2 % is enough) "
+            f"{with_both}. Without: {without}",
+            "state both in [rig] of campaign.toml",
+        )
 
     def _voted(
         self, kinds: tuple[str, ...], roles_of: Callable[[Sequence[Column], Sequence[SignalShape]], dict[str, Role]]
@@ -393,7 +417,7 @@ class _Together:
         ratio = force_scale(dynamic, shapes["dynamic"], static, shapes["static"])
         if not np.isfinite(ratio):
             return dynamic
-        return {**dynamic, "force_in": _checked_force(dynamic["force_in"], ratio)}
+        return {**dynamic, "force_in": checked_force(dynamic["force_in"], ratio)}
 
     def _clock(self) -> tuple[str, str] | None:
         """Column of the time and its unit; None if the recordings state their times, or if no time is found."""
@@ -429,7 +453,7 @@ class _Together:
 
     # --- rig and files -----------------------------------------------------------------------------------------------
 
-    def _rig(self, conditions: Sequence[RecordingConditions], roles: dict[str, Role]) -> dict[str, float]:
+    def _rig(self, conditions: Sequence[RecordingConditions]) -> dict[str, float]:
         """Values of the rig on which names, headers and notes agree, in SI."""
         stated: dict[str, set[float]] = {}
         pairs = [(what, one.values.pop(what)) for one in conditions for what in RIG_VALUES if what in one.values]
@@ -442,17 +466,6 @@ class _Together:
                 text = f"{what}: stated as {listed}, so none is taken"
                 self._doubt("rig", text, "state the right one in [rig] of campaign.toml")
         rig = {what: next(iter(values)) for what, values in stated.items() if len(values) == 1}
-        if set(DYNAMIC_KINDS) & set(self.kinds) and not {"moving_mass", "preload_stiffness"} <= rig.keys():
-            with_both, without = "K*, K2, C and TR can be given", "no K*"
-            if {"force_in", "motion_in", "motion_out"} <= roles.keys():
-                with_both = "TR is predicted, and the joint route finds the errors of both values and of the sensors"
-                without = "K* by the relative route, with the errors of the sensors as stated"
-            self._doubt(
-                "rig",
-                "rig: its moving mass m and preload stiffness K3 are stated nowhere. With both (2 % is enough) "
-                f"{with_both}. Without: {without}",
-                "state both in [rig] of campaign.toml",
-            )
         return rig
 
     def _files(self) -> None:
@@ -465,24 +478,6 @@ class _Together:
             self._doubt("files", f"{len(left_out) - 3} more files were left out", "see fourpole info FILE")
 
 
-def _checked_force(force: Role, ratio: float) -> Role:
-    """F1 with the unit that fits, and with doubts; `ratio` is |K*| over the static stiffness with the present unit."""
-    unstated = any("stated nowhere" in doubt for doubt in force.doubts)
-    low, high = _LIKELY
-    if low < ratio < high:
-        fits = f", and it fits: K* is {ratio:.2g} times the static stiffness"
-        return replace(
-            force, doubts=tuple(doubt + fits if "stated nowhere" in doubt else doubt for doubt in force.doubts)
-        )
-    unit, factor = {"N": ("kN", 1e3), "kN": ("N", 1e-3)}.get(force.unit or "", ("", 1.0))
-    if unstated and low < ratio * factor < high:
-        with_it = f"with which K* is {ratio * factor:.2g} times the static stiffness"
-        return replace(force, unit=unit, doubts=(f"its unit is stated nowhere: taken as {unit}, {with_it}",))
-    return force.doubted(
-        f"with these units K* is {ratio:.2g} times the static stiffness: check the units of all channels"
-    )
-
-
 def _constant(counts: Sequence[float]) -> int:
     """The whole number from which all counts differ by less than 5 %; 0 if there is none."""
     number = round(float(np.median(counts))) if counts else 0
@@ -491,8 +486,7 @@ def _constant(counts: Sequence[float]) -> int:
 
 def _counted(every: str, kinds: tuple[str, ...]) -> str:
     """The number of tests in words: "every dynamic test", "3 tests"."""
-    what = "test" if len(kinds) > 1 else f"{kinds[0]} test"
-    return f"{every} {what}" if every in ("every", "1") else f"{every} {what}s"
+    return f"{every} {'' if len(kinds) > 1 else f'{kinds[0]} '}test{'' if every in ('every', '1') else 's'}"
 
 
 def _constructions(conditions: Sequence[RecordingConditions]) -> dict[str, str]:

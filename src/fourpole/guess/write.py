@@ -56,7 +56,7 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Row:
-    """One guessed row of tests.csv, in SI units; `band` [Hz] of a test of many frequencies.
+    """One guessed row of tests.csv, in SI units; `band` [Hz] of many frequencies, `window` [s] of a part of a file.
 
     `doubts` are pairs of a subject, which may be a column, and a text.
     """
@@ -69,6 +69,7 @@ class Row:
     repeat: str = ""
     doubts: tuple[tuple[str, str], ...] = ()
     band: tuple[float, float] | None = None
+    window: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,8 @@ class GuessedCampaign:
     doubts : tuple of Doubt
     left_out : tuple of (str, str)
         Files that are no recordings, each with the reason.
+    blocked : bool
+        Whether the far side of the specimen is taken as fixed.
     """
 
     folder: Path
@@ -105,6 +108,7 @@ class GuessedCampaign:
     constructions: dict[str, str]
     doubts: tuple[Doubt, ...]
     left_out: tuple[tuple[str, str], ...]
+    blocked: bool = False
 
     @property
     def moving(self) -> bool:
@@ -239,6 +243,8 @@ def _rig(guess: GuessedCampaign) -> str:
     """[rig] with the values found; its lines are comments if the moving mass or the preload stiffness is missing."""
     if not any(row.kind != "static" for row in guess.rows) and not guess.rig:
         return ""
+    if guess.blocked:
+        return f'{_doubts(guess, "far side")}[rig]\noutput = "blocked"\n'
     whole = {"moving_mass", "preload_stiffness"} <= guess.rig.keys()
     sign = "" if whole else "# "
     hint = "" if whole else "    # remove the # signs of this table when its values are yours"
@@ -307,6 +313,8 @@ def tests_csv(rows: Sequence[Row]) -> str:
         cells = [_cell(row, one) for row in rows]
         if one in _ALWAYS or any(cells):
             columns[one.stated_head] = cells
+    if any(row.window for row in rows):
+        columns["window [s]"] = ["" if row.window is None else "{:g}..{:g}".format(*row.window) for row in rows]
     if any(row.repeat for row in rows):
         columns["repeat"] = [row.repeat for row in rows]
     named = {head.partition(" ")[0]: cells for head, cells in columns.items()}
