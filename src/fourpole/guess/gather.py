@@ -322,8 +322,8 @@ def _shape(
     path: Path, name: str, group: str, columns: Sequence[Column], clock: Column | None, rate: float | None
 ) -> SignalShape:
     """The shape of the signals in some columns of a group of a file."""
-    stated = {"clock": clock.name, "unit": clock.unit or "s"} if clock is not None else {}
-    samples = samples_of(path, [column.name for column in columns], group=group, label=name, **stated)
+    names, unit = [column.name for column in columns], (clock and clock.unit) or "s"
+    samples = samples_of(path, names, group=group, label=name, clock=clock and clock.name, unit=unit)
     aside = frozenset(column.name for column in columns if column.quantity in _ASIDE)
     return signal_shape(samples, rate=rate, aside=aside, motions=_motions(columns))
 
