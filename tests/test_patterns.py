@@ -173,6 +173,7 @@ WORST = {
     "report/page._short_path": ("", "\ta", "]"),
     "report/page._short_path#2": ("", ".111", ","),
     "report/page.size": ("", '1viewBox="9-- .', "\n~"),
+    "report/names._CUT": ("", "-1_", "x"),
     "report/front.rated_load": ("", "\n ", ""),
     "paper1982/words._label": ("", "\t", ","),
     "served/editing._DOUBT": ("# doubt:", "\t", "\n~"),

@@ -78,6 +78,8 @@ def test_programs_get_one_document_in_si(run, folder, rig_results):
     assert by["gain V1"]["finding"] == "not determined"
     assert rig["unseen"]
     assert [(limit["quantity"], limit["source"], limit["share [1]"]) for limit in said["limits"]] == [
+        ("Re K*", "K1 branch gap", 0.5),
+        ("Im K*", "K1 branch gap", 0.5),
         ("K2", "K1 branch gap", 0.5),
         ("C", "K1 branch gap", 0.5),
     ]
@@ -119,4 +121,4 @@ def test_two_rigs_are_told_apart(run, folder, rig_results):
     said = run("rig", folder(both)).stdout
     assert "Rig old" in said
     assert "Rig new" in said
-    assert "rig new: K2 " in said
+    assert "rig new: U of K2 " in said

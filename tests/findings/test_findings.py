@@ -134,8 +134,9 @@ def test_without_k1_of_one_tyre_both_are_compared_by_k_star():
     results = Tables({"A": Tyre(), "B": Tyre(k1=None)}).results()
     known = pl.when(pl.col("tyre") == "A").then(150e3).otherwise(190e3)
     dynamic = results.dynamic.with_columns(known.alias("Re K* [N/m]"), pl.lit(1e3).alias("u(Re K*) [N/m]"))
+    dynamic = dynamic.with_columns(pl.lit(4e4).alias("Im K* [N/m]"), pl.lit(1e3).alias("u(Im K*) [N/m]"))
     found = findings(Study(results.static, dynamic, results.previews))
-    compared = only(found, Comparison, "Re K*")
+    compared = only(found, Comparison, "|K*|")
     assert (compared.detail.upper, len(compared.detail.effects)) == ("B", 40)
     assert not [each for each in found if "B" in each.specimens and each.quantity and each.quantity.key in ("k1", "k2")]
 

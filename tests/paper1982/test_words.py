@@ -141,7 +141,7 @@ def figures(found):
         (
             (ApartAt("cross-ply", (1000.0, 2000.0), (1e5, 2.4e5), Effect(0.01, 0.01), EFFECT),),
             (
-                "C of the cross-ply (X) at 1000 N exceeds that at 2000 N by 10 % at 2.40 bar (standard uncertainty 1.0 "
+                "C of the cross-ply (X) at 1000 N exceeds that at 2000 N by 10 % at 2.40 bar (U 2.0 "
                 "%) and by 1.0 % at 1.00 bar"
             ),
         ),

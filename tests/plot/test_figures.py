@@ -125,7 +125,7 @@ def test_more_preloads_have_a_row_each_and_the_lowest_its_own_figure():
 def test_bars_are_the_uncertainties_of_the_table(study):
     ax = panel(draw(study, "fig08"), "radial-ply")
     rows = study.dynamic.filter((pl.col("tyre") == "radial-ply") & (pl.col("preload [N]") == 1000.0))
-    low, high = (rows["C [N s/m]"] + sign * rows["u(C) [N s/m]"] for sign in (-1, 1))
+    low, high = (rows["C [N s/m]"] + k * rows["u(C) [N s/m]"] for k in (-2, 2))
     drawn = points(ax, "_bars")
     drawn = drawn[np.isfinite(drawn[:, 1]), 1].reshape(-1, 2)
     np.testing.assert_allclose(in_order(drawn), in_order(np.column_stack([low, high])), rtol=1e-12)

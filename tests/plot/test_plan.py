@@ -22,7 +22,7 @@ def frame():
 
 def test_lines_show_the_table(frame):
     figure = draw_plan(frame, wanted=0.01)
-    assert [ax.get_title() for ax in figure.axes] == ["u(K*) over K*", "u(K2) over K2", "u(C) over C"]
+    assert [ax.get_title() for ax in figure.axes] == ["U(K*) over K*", "U(K2) over K2", "U(C) over C"]
     for ax, column in zip(figure.axes, ("u(K*)/K* [1]", "u(K2)/K2 [1]", "u(C)/C [1]"), strict=True):
         assert (ax.get_xlabel(), ax.get_yscale()) == ("frequency (Hz)", "log")
         curves = [line for line in ax.get_lines() if line.get_label() == "_curve"]
@@ -33,11 +33,11 @@ def test_lines_show_the_table(frame):
         masses = at.filter((at["plan"] != "as stated") & (at["route"] == "joint") & (at["added mass [kg]"] == 0))[
             column
         ]
-        np.testing.assert_allclose(shown, 100 * np.sort([*stated, *masses]), rtol=1e-9)
+        np.testing.assert_allclose(shown, 200 * np.sort([*stated, *masses]), rtol=1e-9)
         low, high = ax.get_ylim()
         assert low < min(line.get_ydata().min() for line in curves)
         assert high > max(line.get_ydata().max() for line in curves)
-        assert any(np.allclose(line.get_ydata(), 1.0) for line in ax.get_lines() if line not in curves)
+        assert any(np.allclose(line.get_ydata(), 2.0) for line in ax.get_lines() if line not in curves)
     assert "%" in figure.axes[0].get_ylabel()
 
 

@@ -17,6 +17,7 @@ from fourpole.findings.facts import Facts
 from fourpole.fitting.modelparts import VerdictFile
 from fourpole.fitting.query import Query, ask
 from fourpole.models.ladder import Lie
+from fourpole.report.digits import expanded
 from fourpole.report.models import (
     discrepancy,
     lie_in_words,
@@ -196,7 +197,7 @@ def test_parameters_have_units_uncertainties_and_intervals(fitted):
     assert [row.place for row in model.conditions[:2]] == ["1 bar, 1000 N", "1 bar, 2000 N"]
     one, cell = entry.conditions[0], model.conditions[0].cells[1]
     std = np.sqrt(one.covariance[1][1]) * 1e-3
-    assert (cell.text, cell.std) == with_std(one.values[1] * 1e-3, std)
+    assert (cell.text, cell.std) == expanded(one.values[1] * 1e-3, std)
     low, high = (with_std(end * 1e-3, std)[0] for end in one.intervals[1])
     assert cell.interval == f"{low} to {high}"
     assert model.conditions[0].band == f"{number(one.band[0], 3)} to {number(one.band[1], 3)}"

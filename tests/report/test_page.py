@@ -333,13 +333,13 @@ def test_everything_that_was_found_and_stated_is_there():
         "C rises by 9 %. D1 , D2",
         "size : 5.60-13",
         "1.7 bar",
-        "15.00 0.30 assumed 2 % kg",
-        "12.440 0.020 kN/m",
+        "15.0 0.6 assumed kg",
+        "12.44 0.04 kN/m",
         "force in kN gain 1.02 1 % assumed",
         "low-cut 0.500 Hz, u(low-cut) 10 %, coupling ac, mounted on the drive, serial number S7",
         "taken as 2 %",
-        "190.00 ±0.62",
-        "1105 ±66",
+        "190.0 ± 1.2",
+        "1110 ± 130",
         "the tyre lifts off",
         "K2 is left blank",
         "Figure 1: Stiffness 0. Caption 0",
@@ -357,8 +357,8 @@ def test_the_rig_and_the_sensors_stand_as_stated_and_as_found():
     for text in (
         "The rig and the sensors, as found",
         f"{found.fit} {found.summary}",
-        "moving mass m kg 15.00 ±0.10 15.020 ±0.010 0.10 +0.20 0.31 kg found from your data",
-        "gain of V1 % 0.0 ±1.0 0.0 ±1.0 1.0 – at no size not determined by your data, taken from your statement",
+        "moving mass m kg 15.00 ±0.20 15.020 ±0.020 0.10 +0.20 0.31 kg found from your data",
+        "gain of V1 % 0.0 ±2.0 0.0 ±2.0 1.0 – at no size not determined by your data, taken from your statement",
         *found.unseen,
         found.gain,
         limits(results)[0].text,
@@ -394,7 +394,7 @@ def test_each_rig_is_told_apart():
     rigs = pl.when(pl.col("test") == "D1").then(pl.lit("old rig")).otherwise(pl.lit("new rig")).alias("rig")
     said = on_page(with_rig_found(replace(results, dynamic=results.dynamic.with_columns(rigs))))
     assert "Rig old rig 120 tests" in said
-    assert "Rig new rig : K2 is known to 7.3 % (median of 3 tests)." in said
+    assert "Rig new rig : U of K2 is 15 % (median of 3 tests)." in said
 
 
 def test_numbers_of_figures_go_on_from_those_they_have():
@@ -672,7 +672,7 @@ def faint_in_either_scheme(page, named):
 def test_models_stand_out_in_light_and_dark(visit):
     page = visit(replace(study_with_models(), faults=("map.json is of other results",)))
     page.get_by_text("Parameters of zener in 6 conditions").first.click()
-    named = ["#models code", "#models .f.found", "#models caption", "#models td small", "#models td i"]
+    named = ["#models code", "#models .f.found", "#models caption", "#models td small"]
     named += ["#models .misfit p", "#models summary", "#models .note", "#models h4"]
     assert faint_in_either_scheme(page, named) == []
 
@@ -728,7 +728,7 @@ def test_a_card_opens_from_the_table_and_draws(visit):
     assert card.locator("svg").count() == 7
     assert "NaN" not in card.inner_html()
     assert card.get_by_text("F1 against the deflection across the tyre").count() == 1
-    assert "K′\n190.00 ± 0.62 kN/m" in card.inner_text()
+    assert "K′\n190.0 ± 1.2 kN/m" in card.inner_text()
     assert "energy lost per cycle" in card.inner_text()
 
 
@@ -761,7 +761,7 @@ def test_hostile_names_harm_nothing_and_keep_the_layout(visit):
     for width in (1280, 390):
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert page.locator(".results tbody tr").evaluate_all(heights) < 60
+        assert page.locator(".results tbody tr").evaluate_all(heights) < (60 if width == 1280 else 90)
 
 
 def test_a_page_is_read_without_its_script(visit):

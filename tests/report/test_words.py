@@ -93,7 +93,7 @@ def test_tests_not_to_trust(detail, holds, tests, text):
             Holds.ABOVE,
             (
                 "B is the stiffer: its K1 is above that of A at 1.00 bar, 1000 N, the only condition in common, by 20 "
-                "% (standard uncertainty 0.5 %)."
+                "% (U 1.0 %)."
             ),
         ),
         (
@@ -125,14 +125,14 @@ def test_a_comparison(found, holds, text):
 def test_a_level():
     values = {P1: Estimate(100e3, 1e3), P4: Estimate(120e3, 2.4e3)}
     assert said(Level(values), Holds.MEASURED, ("A",)) == (
-        "K1 of A lies between 100 kN/m (1.00 bar, 1000 N) and 120 kN/m (2.00 bar, 2000 N), each with a standard "
-        "uncertainty of 1.0 to 2.0 %."
+        "K1 of A lies between 100 kN/m (1.00 bar, 1000 N) and 120 kN/m (2.00 bar, 2000 N), each with U of "
+        "2.0 to 4.0 % (k = 2)."
     )
 
 
 def test_a_level_of_one_value():
     assert said(Level({P1: Estimate(100e3, 1e3)}), Holds.MEASURED, ("A",)) == (
-        "K1 of A is 100 kN/m at 1.00 bar, 1000 N, with a standard uncertainty of 1.0 %."
+        "K1 of A is 100 kN/m at 1.00 bar, 1000 N, with U of 2.0 % (k = 2)."
     )
 
 

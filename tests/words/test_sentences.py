@@ -78,8 +78,8 @@ def test_braces_in_a_file_name_stand_as_they_are():
 @pytest.mark.parametrize(
     ("low", "high", "said"),
     [
-        (1e5, 2e5, " between 1e+05 N/m and 2e+05 N/m (95 % by Monte Carlo)"),
-        (1e5, np.inf, " between 1e+05 N/m and no upper limit (95 % by Monte Carlo)"),
+        (1e5, 2e5, " between 100 kN/m and 200 kN/m (95 % by Monte Carlo)"),
+        (1e5, np.inf, " between 100 kN/m and no upper limit (95 % by Monte Carlo)"),
         (np.inf, np.inf, " without a limit"),
     ],
 )

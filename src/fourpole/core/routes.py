@@ -210,23 +210,24 @@ class NoArm(Enum):
 
     NO_STIFFNESS = ("K* could not be found, so neither can K2 and C", "")
     NO_STORAGE = (
-        "no passive K2, C exist: K' = {storage:.5g} N/m is not positive; ",
+        "no passive K2, C exist: K' = {storage:.5g} kN/m is not positive; ",
         "look for an inverted force or motion channel, or a wrong moving mass",
     )
     NO_LOSS = (
-        "no passive C exists: K'' = {loss_modulus:.5g} N/m is not positive, the tyre would give energy; ",
+        "no passive C exists: K'' = {loss_modulus:.5g} kN/m is not positive, the tyre would give energy; ",
         "look for an inverted channel, an undeclared delay or phase of a channel, or a wrong rig value",
     )
     NO_K1 = ("no static stiffness K1 is known, so K2 and C are left blank", "")
     BELOW_K1 = (
-        "no passive K2 exists: K' = {storage:.5g} N/m is not above the static K1 = {k1:.5g} N/m; ",
+        "no passive K2 exists: K' = {storage:.5g} kN/m is not above the static K1 = {k1:.5g} kN/m; ",
         "look for a K1 taken at another load, amplitude or branch, a wrong moving mass, or a gain error",
     )
 
     def says(self, stiffness: complex, k1: float) -> tuple[str, str]:
         """The cause and what to look for, for K* and K1 [N/m]."""
         cause, remedy = self.value
-        return cause.format(storage=stiffness.real, loss_modulus=stiffness.imag, k1=k1), remedy
+        kilo = {"storage": stiffness.real / 1e3, "loss_modulus": stiffness.imag / 1e3, "k1": k1 / 1e3}
+        return cause.format(**kilo), remedy
 
 
 def no_arm(stiffness: complex, k1: float, k2: float, c: float) -> NoArm | None:

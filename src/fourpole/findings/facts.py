@@ -17,6 +17,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.checks import Verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, Axis, Condition, Sameness, Value
+from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import conditions_in, names_apart, rule_in
 from fourpole.quantities import Quantity
 from fourpole.study.study import Study
@@ -406,6 +407,9 @@ def finding_on(
 
 def known(row: Mapping[str, Any], quantity: Quantity) -> tuple[float, float] | None:
     """Value and standard uncertainty of a row; None where the value is blank or not positive."""
+    if quantity.key in (q.MODULUS.key, q.LOSS_ANGLE.key):
+        pair = value_of(quantity, row)
+        return pair if pair is not None and pair[0] > 0.0 else None
     value, std = (_number(row.get(head)) for head in quantity.heads)
     return (value, std if std >= 0.0 else _UNSTATED_STD * value) if value > 0.0 else None
 

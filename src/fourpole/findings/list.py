@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import ClassVar
 
@@ -31,7 +31,7 @@ from fourpole.findings.resonances import transmissibility
 from fourpole.findings.trends import Comparison, Level, Trend, compare, cycle_losses, level_of, linearity, trend_of
 from fourpole.fitting.rows import Key, keys_of
 from fourpole.io.documents import json_of
-from fourpole.quantities import DERIVED, K1, K2, LOSS_FACTOR, STORAGE, C, Quantity
+from fourpole.quantities import DERIVED, K1, C, Quantity
 from fourpole.study.inertia import FoundBody, bodies_in
 from fourpole.study.study import Study
 from fourpole.words import CASES, template
@@ -202,6 +202,10 @@ def _beginning(remarks: str) -> str:
     return first or "no reason is given"
 
 
+#: Dynamic stiffness is K* (ISO 10846); K2 and C are the spring and the damper of its damped arm.
+_MODULUS = replace(q.MODULUS, topic=Topic.DYNAMIC, more="is dynamically the stiffer")
+_ANGLE = replace(q.LOSS_ANGLE, topic=Topic.LOSS, more="has the larger loss", start="The loss angle")
+_K2 = replace(q.K2, topic=Topic.DAMPING, more="has the stiffer spring in the damped arm")
 #: Functions of rooms above, from `Facts` to findings, by their places.
 _FURTHER = ("fourpole.paper1982.claims.claims",)
 #: Effects below this are too small to matter unless they exceed so many standard uncertainties.
@@ -233,9 +237,7 @@ def findings(results: Study) -> list[Finding]:
     trust = verdicts(facts)
     if not (facts.used_static or facts.used_dynamic):
         return trust
-    # A specimen may have K* but no K1 and so no K2; specimens are then compared by K*.
-    by_k_star = (STORAGE,) if facts.by_tyre(STORAGE).keys() - facts.by_tyre(K2).keys() else ()
-    quantities = (K2, *by_k_star, C, LOSS_FACTOR, *(quantity for quantity in DERIVED if quantity.topic))
+    quantities = (_MODULUS, _ANGLE, C, _K2, *(quantity for quantity in DERIVED if quantity.topic))
     moving = [finding for quantity in quantities for finding in _quantity(facts, quantity)]
     static = [*_quantity(facts, K1), *linearity(facts)]
     mass = inertias(results)

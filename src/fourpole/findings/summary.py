@@ -14,8 +14,8 @@ import scipy
 from fourpole import quantities as q
 from fourpole.core.arrays import FloatArray
 from fourpole.core.confidence import COVERAGE_FACTOR
-from fourpole.core.polar import polar
 from fourpole.findings.facts import UNSTATED, Estimate, Facts, Key, known, natural
+from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import key_of
 from fourpole.quantities import LOSS_ANGLE, MODULUS, Quantity
 from fourpole.study.record import section
@@ -194,7 +194,7 @@ def mean_of(
     quantity: Quantity, tests: Sequence[Mapping[str, Any]], pooled: Mapping[str, Repeats] | None = None
 ) -> Estimate | None:
     """A quantity averaged over the rows of some tests; None where none of them has it. `pooled` as of `scatters_of`."""
-    repeats = [(*pair, str(row["test"])) for row in tests if (pair := _value(quantity, row)) is not None]
+    repeats = [(*pair, str(row["test"])) for row in tests if (pair := value_of(quantity, row)) is not None]
     return mean_of_repeats(repeats, (pooled or {}).get(quantity.key)) if repeats else None
 
 
@@ -205,7 +205,9 @@ def scatters_of(conditions: Conditions) -> dict[str, dict[str, Repeats]]:
         groups.setdefault(specimen, []).extend(rows for rows in tested.values() if len(rows) > 1)
     return {
         specimen: {
-            quantity.key: scatter_in([[pair[0] for row in rows if (pair := _value(quantity, row))] for rows in repeats])
+            quantity.key: scatter_in(
+                [[pair[0] for row in rows if (pair := value_of(quantity, row))] for rows in repeats]
+            )
             for quantity in (*SUMMARISED, q.LOSS_FACTOR)
         }
         for specimen, repeats in groups.items()
@@ -245,7 +247,7 @@ def _twice(value: float) -> Range:
 
 def _scatter(tests: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
     """Relative standard deviation of |K*| of repeats, 0 for one; relative standard uncertainty of one of them."""
-    known = np.array([pair for row in tests if (pair := _value(MODULUS, row)) is not None])
+    known = np.array([pair for row in tests if (pair := value_of(MODULUS, row)) is not None])
     if len(known) < 2:
         return 0.0, 0.0
     size, std = known.mean(axis=0)
@@ -265,17 +267,17 @@ def intervals_of(
 
     About the mean it reaches as far as those of the repeats do on average, and their scatter is added in squares.
     """
-    skewed, intervals = _skewed(results), {}
+    skewed, intervals = skewed_intervals(results), {}
     for quantity in (q.K2, q.C):
         ends = [skewed.get((key_of(row), quantity.symbol)) for row in rows]
-        values = [_value(quantity, row) for row in rows]
+        values = [value_of(quantity, row) for row in rows]
         repeats = [(value, end) for value, end in zip(values, ends, strict=True) if value]
         if repeats and any(ends):
             intervals[quantity.key] = _about_mean(repeats, (pooled or {}).get(quantity.key))
     return intervals
 
 
-def _skewed(results: Study) -> dict[tuple[Any, str], tuple[float, float | None]]:
+def skewed_intervals(results: Study) -> dict[tuple[Any, str], tuple[float, float | None]]:
     """The ends of the intervals in quantiles.csv by point and symbol of the quantity; read once for some results."""
     if "skewed" not in results.derived:
         results.derived["skewed"] = {
@@ -302,29 +304,6 @@ def _about_mean(
         np.mean([inf if high is None else high - value for value, (_, high) in zip(values, ends, strict=True)])
     )
     return mean - hypot(max(below, 0.0), scatter), mean + hypot(max(above, 0.0), scatter)
-
-
-def _value(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Value and standard uncertainty of a row; None where it has no value."""
-    if quantity in (MODULUS, LOSS_ANGLE):
-        return _polar(quantity, row)
-    value, std = (row.get(head) for head in quantity.heads)
-    if value is None or not isfinite(value):
-        return None
-    return float(value), float(std) if std is not None and isfinite(std) else 0.0
-
-
-def _polar(quantity: Quantity, row: Mapping[str, Any]) -> tuple[float, float] | None:
-    """|K*| or the loss angle with its standard uncertainty, from real and imaginary part to first order."""
-    storage, loss = _value(q.STORAGE, row), _value(q.LOSS, row)
-    if storage is None or loss is None:
-        return None
-    (re, u_re), (im, u_im), corr = storage, loss, row.get(q.CORR_K.head) or 0.0
-    values, slopes = polar(complex(re, im))
-    place = 0 if quantity is MODULUS else 1
-    by_re, by_im = slopes[place].tolist()
-    variance = (by_re * u_re) ** 2 + (by_im * u_im) ** 2 + 2 * corr * by_re * by_im * u_re * u_im
-    return float(values[place]), max(variance, 0.0) ** 0.5
 
 
 def _joined(rows: Sequence[SummaryRow]) -> SummaryRow:

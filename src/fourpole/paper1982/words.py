@@ -141,7 +141,7 @@ def _apart(at: ApartAt, told: Told) -> str:
     load, other = (newton(one, told.units) for one in at.loads)
     return (
         f"C of {told.labels[at.tyre]} at {load} exceeds that at {other} by {percent(at.high.value)} at {high} "
-        f"(standard uncertainty {percent(at.high.std)}) and by {percent(at.low.value)} at {low}"
+        f"(U {percent(at.high.reach())}) and by {percent(at.low.value)} at {low}"
     )
 
 

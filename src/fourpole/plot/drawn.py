@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.transforms import Bbox
 
 from fourpole.core.arrays import FloatArray
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.plot.data import AxisData, Field, FigureData, Panel, Place, Role, Series, counted, look, plain_text
 from fourpole.plot.layout import Grid, Key
 from fourpole.plot.panels import (
@@ -246,16 +247,21 @@ def _levels(panels: Sequence[Panel]) -> FloatArray:
     return np.asarray(MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high), dtype=float)
 
 
+def _bars(one: Series) -> FloatArray | None:
+    """Half the length of the bars of a series: U of points."""
+    return one.spread if one.spread is None or one.role is not Role.POINTS else COVERAGE_FACTOR * one.spread
+
+
 def _extent(panel: Panel) -> Extent:
     """The values of the tests in use with their uncertainties, and the curves; of all tests if none is in use."""
     extent = Extent(positive=not panel.y.signed)
     shown = [one for one in panel.series if one.role is not Role.REJECTED] or panel.series
     for one in shown:
-        extent.add(one.y, one.spread if one.role is not Role.REJECTED else None)
+        extent.add(one.y, _bars(one) if one.role is not Role.REJECTED else None)
         if one.role is Role.RANGE and one.spread is not None:
             extent.add(np.concatenate([one.y - one.spread, one.y + one.spread]))
         if panel.y.signed and one.spread is not None and one.y.size:
-            reach = np.minimum(np.nan_to_num(one.spread), _LONG * np.nanmedian(np.append(one.spread, 0.0)))
+            reach = np.minimum(np.nan_to_num(_bars(one)), _LONG * np.nanmedian(np.append(_bars(one), 0.0)))
             extent.add(np.concatenate([one.y - reach, one.y + reach]))
     if panel.y.signed:
         extent.add(np.zeros(1))
@@ -281,6 +287,8 @@ def _limit(
         ax.set_yscale("log")
     ax.set_ylim(style.ylim or limits)
     _set_ticks(ax, panel.x, ticks)
+    if style.xlim is None and ax.get_xlim()[1] > ends[1]:
+        _end_with_data(ax, ends[1])
     if steep:
         numbered(ax, "y", most=5)
     else:
@@ -293,7 +301,7 @@ def _count_beyond(panel: Panel, limits: tuple[float, float], beyond: _Beyond) ->
     shown = Extent(positive=True)
     for one in panel.series:
         if one.role is Role.POINTS and not panel.names:
-            shown.add(one.y, one.spread)
+            shown.add(one.y, _bars(one))
         elif one.role is Role.REJECTED:
             count = int(np.sum((one.y < min(limits)) | (one.y > max(limits))))
             beyond.lost.update({panel.y.name: count} if count else {})
@@ -321,6 +329,14 @@ def _set_ticks(ax: Axes, axis: AxisData, most: int) -> None:
         numbered(ax, "x", most=most)
     else:
         few_ticks(ax, most)
+
+
+def _end_with_data(ax: Axes, end: float) -> None:
+    """End the abscissa with the data where there is room for labels on the right of them."""
+    low = ax.get_xlim()[0]
+    ax.spines["bottom"].set_bounds(low, end)
+    for minor in (False, True):
+        ax.set_xticks([at for at in ax.get_xticks(minor=minor) if low <= at <= end], minor=minor)
 
 
 def _ends(panel: Panel) -> tuple[float, float]:

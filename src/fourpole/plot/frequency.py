@@ -61,8 +61,8 @@ from fourpole.study.study import Study
 
 #: What is read as massless is not drawn where it is further from K* than this [1].
 _FAR = 0.3
-#: Line style of what is read as massless; preloads have those before it.
-_DASH = 5
+#: Line styles of what is read as massless, and of the peak of a model; preloads have those before them.
+_DASH, _PEAK = 5, 2
 #: The curves of the modes go from this share of the lowest to this multiple of the highest of their frequencies.
 _BELOW, _ABOVE = 0.8, 1.25
 _POINTS, _MOST_MODES, _MODE_COLUMNS = 500, 6, 2
@@ -220,7 +220,7 @@ def by_frequency(results: Study, quantities: Sequence[Quantity]) -> FigureData |
     return FigureData(
         panels=tuple(panels), columns=columns, names=sheet.labels, scale=scale, dashes=dashes,
         notes=(*said, *_tests_said(sheet, known, quantities[0])), panel_height=2.1 if len(shown) <= columns else 1.6,
-        block=len(quantities), key=(MASSLESS_KEY,) if massless else (),
+        block=len(quantities), key=(*((MASSLESS_KEY,) if massless else ()), *peak_key(panels)),
     )  # fmt: skip
 
 
@@ -256,7 +256,7 @@ def first(results: Study, quantities: Sequence[Quantity]) -> FigureData | None:
     said += ["without the tests with an added mass"] if left_out else []
     return FigureData(
         panels=tuple(panels), columns=len(panels), names=sheet.labels, shared=False, notes=tuple(said),
-        keyed=tuple(tyres) if 1 < len(tyres) < len(chosen) else (), height=_COMPACT,
+        keyed=tuple(tyres) if 1 < len(tyres) < len(chosen) else (), height=_COMPACT, key=peak_key(panels),
     )  # fmt: skip
 
 
@@ -307,6 +307,7 @@ def condition_panel(
         if line is not None:
             x, y, half = line
             series.append(replace(marks, role=Role.MODEL, x=x, y=unit * y, spread=unit * half, label=one.label))
+            series += _peak(series[-1]) if seen.key == q.TR.key else []
         label = one.label if line is None else ""
         for like, mask in (
             (replace(marks, label=label), ~sheet.rejected),
@@ -318,6 +319,21 @@ def condition_panel(
     if quantity in RESIDUALS:
         return residual_panel(quantity, series, log=log)
     return Panel(AxisData.of(q.FREQUENCY, log=log), AxisData.of(seen), tuple(series))
+
+
+def _peak(curve: Series) -> list[Series]:
+    """A line down from the peak of a model's curve; none where it is at an end."""
+    top = int(np.argmax(curve.y))
+    if not 0 < top < curve.y.size - 1 or not np.isnan(curve.level):
+        return []
+    ends = np.array([float(np.min(curve.y)), float(curve.y[top])])
+    return [replace(curve, role=Role.LINE, x=np.full(2, curve.x[top]), y=ends, spread=None, label="", dash=_PEAK)]
+
+
+def peak_key(panels: Sequence[Panel]) -> tuple[tuple[Series, str], ...]:
+    """The entry of the key for the peaks of models, if one is drawn."""
+    drawn = any(one.role is Role.LINE and one.dash == _PEAK for panel in panels for one in panel.series)
+    return ((look(Role.LINE, dash=_PEAK), "peak of the model"),) if drawn else ()
 
 
 def chosen_curves(results: Study, groups: dict[int, list[State]], notes: list[str]) -> Chosen:
@@ -420,7 +436,7 @@ def _models_said(results: Study, sheet: Sheet, panels: Sequence[Panel], tyres: S
     """The models of some specimens; a hint where no curve is drawn."""
     if not any(one.role is Role.MODEL for panel in panels for one in panel.series):
         if results.models is None:
-            return ["no model of these tests: fourpole fit makes one"]
+            return ["no model of these tests"]
         lacking = panels[0].y.name == q.TR.name and model_rig(results) is None
         return ["no curve: TR of a model needs the rig, one for all tests"] if lacking else []
     return models_said(results, sheet, tyres)
@@ -430,7 +446,8 @@ def _tests_said(sheet: Sheet, known: BoolArray, quantity: Quantity) -> list[str]
     """The numbers of rejected tests and of tests without a value."""
     said = [f"{counted(int(sheet.rejected.sum()), 'test')} rejected"] if sheet.rejected.any() else []
     what = {q.MODULUS: "K*", q.STORAGE: "K*", q.K2: "K2 and C"}.get(quantity, "TR")
-    return said + lacking(int(np.sum(~known & ~sheet.rejected)), what)
+    left_out = sheet.massed if what == "TR" else np.zeros_like(sheet.rejected)
+    return said + lacking(int(np.sum(~known & ~sheet.rejected & ~left_out)), what)
 
 
 def transmissibility(results: Study, make: Callable[..., FigureData | None]) -> FigureData | None:

@@ -15,6 +15,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from fourpole import quantities as q
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.rig import PARAMETERS
 from fourpole.plot.data import plain_text
@@ -158,13 +159,15 @@ def _stated(value: object) -> bool:
 
 
 def _value(known: Quantity, stated: Mapping[str, Any]) -> str:
-    """A value with its standard uncertainty in the shown unit."""
+    """A value with its U in the shown unit."""
     std = stated.get("std")
     unit = f" {known.suffix}" if known.suffix else ""
     text = f"{known.name} = {stated['value'] / known.scale:.6g}"
     if not isinstance(std, int | float) or not std > 0:
         return f"{text}{unit}"
-    return f"{text} ± {std / known.scale:.2g}{unit}" + (" (u assumed)" if stated.get("assumed") is True else "")
+    return f"{text} ± {COVERAGE_FACTOR * std / known.scale:.2g}{unit}" + (
+        " (assumed)" if stated.get("assumed") is True else ""
+    )
 
 
 def _mass(name: str, values: Mapping[str, str], key: str, *more: str) -> Link | None:

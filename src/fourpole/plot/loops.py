@@ -161,7 +161,7 @@ def loops(results: Study) -> FigureData | None:
     shown = few(list(present(sheet.tyre, known)), _MOST_LOOPS, "specimens", notes)
     panels = [_loop_panel(results, sheet, tyre, known, force, deflection) for tyre in shown]
     if sum(len(panel.series) for panel in panels) < known[np.isin(sheet.tyre, shown)].sum():
-        notes.append("of each specimen the condition with the most tests; --pressure, --preload or --test name others")
+        notes.append("of each specimen the condition with the most tests")
     notes.append("area of a loop: energy lost in a cycle")
     return FigureData(tuple(panels), len(panels), sheet.labels, notes=tuple(notes), panel_height=2.6, shared=True)
 
@@ -227,7 +227,7 @@ def signals(results: Study) -> FigureData | None:
             panels.append(Panel(AxisData("time", "s"), AxisData(symbol, unit), series, title, tyre=tyre))
     notes = ["points: recorded, less their mean; line: fitted sinusoid"]
     if len(shown) < len(keys):
-        notes.append(f"{len(shown)} of {len(keys)} tests shown; --test names others")
+        notes.append(f"{len(shown)} of {len(keys)} tests shown")
     return FigureData(tuple(panels), len(shown), sheet.labels, notes=tuple(notes), panel_height=1.3, shared=False)
 
 

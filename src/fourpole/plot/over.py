@@ -105,7 +105,7 @@ def spec_over(key: str) -> FigureSpec | None:
     return FigureSpec(
         key,
         f"{quantity.start} over {abscissa}",
-        f"Each test with its standard uncertainty where it is known; {_LINES[axis == FREQUENCY.name]}.",
+        f"Each test with U (k = 2) where it is known; {_LINES[axis == FREQUENCY.name]}.",
         data=partial(quantity_over, quantity=quantity, over=axis),
     )
 

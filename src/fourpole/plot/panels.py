@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from fourpole.core.arrays import ByValue, FloatArray, IntArray
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.plot.data import FigureData, Panel, Place, Role, Series, Tone, plain_text
 from fourpole.plot.layout import link
 from fourpole.plot.style import Style, load_dashes, mixed, pressure_marker
@@ -84,15 +85,15 @@ class Extent(ByValue):
 
 
 def bars(
-    ax: Axes, x: FloatArray, y: FloatArray, std: FloatArray, colour: str, *, level: bool = False, strong: bool = False
+    ax: Axes, x: FloatArray, y: FloatArray, half: FloatArray, colour: str, *, level: bool = False, strong: bool = False
 ) -> Axes:
-    """Draw bars of one standard uncertainty as one line with gaps: of y, or with `level` of x; `strong` ones wider."""
-    known = np.isfinite(x) & np.isfinite(y) & np.isfinite(std) & (std > 0)
+    """Draw bars of a half-length as one line with gaps: of y, or with `level` of x; `strong` ones wider."""
+    known = np.isfinite(x) & np.isfinite(y) & np.isfinite(half) & (half > 0)
     if np.any(known):
         fixed, moved = (y[known], x[known]) if level else (x[known], y[known])
         gap = np.full(fixed.size, np.nan)
         across = np.column_stack([fixed, fixed, gap]).ravel()
-        along = np.column_stack([moved - std[known], moved + std[known], gap]).ravel()
+        along = np.column_stack([moved - half[known], moved + half[known], gap]).ravel()
         if level:
             across, along = along, across
         ax.plot(across, along, color=colour, alpha=0.5, linewidth=1.6 if strong else 0.8, marker="", label="_bars",
@@ -214,7 +215,8 @@ def draw_series(ax: Axes, panel: Panel, data: FigureData, style: Style, *, linke
         if one.role is not Role.REJECTED:
             for reach, level in ((one.spread, False), (one.across, True)):
                 if reach is not None:
-                    bars(ax, one.x, one.y, reach, colour, level=level, strong=one.role is Role.RANGE)
+                    half = COVERAGE_FACTOR * reach if one.role is Role.POINTS else reach
+                    bars(ax, one.x, one.y, half, colour, level=level, strong=one.role is Role.RANGE)
         if one.role is not Role.RANGE:
             _marks(ax, one, colour, style, linked=linked, large=bool(panel.names))
         _texts(ax, one, style)

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFo
 from fourpole import quantities as q
 from fourpole.core.allpoles import POLES
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.confidence import NORMAL_95
+from fourpole.core.confidence import COVERAGE_FACTOR, NORMAL_95
 from fourpole.core.plan import PLAN_ROUTES
 from fourpole.core.specimen import Form
 from fourpole.plot.data import plain_text
@@ -37,6 +37,10 @@ _LOOKS: dict[str, tuple[int, str, Dashes]] = {
     "joint": (0, "D", "solid"),
 }
 _MASS_MARKERS = ("v", "P", "X", "*", "<", ">")
+
+
+#: Percent of U for one of u.
+_PERCENT = 100 * COVERAGE_FACTOR
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,19 +86,19 @@ def draw_plan(frame: pl.DataFrame, *, wanted: float | None = None, style: Style 
             if left_by_k1 and name in _OF_K1:
                 _draw_k1(ax, frame, name, style)
             if wanted is not None:
-                ax.axhline(100 * wanted, color=style.look.ink, linewidth=0.9, linestyle=_WANTED, zorder=1.5)
+                ax.axhline(_PERCENT * wanted, color=style.look.ink, linewidth=0.9, linestyle=_WANTED, zorder=1.5)
             ax.set_yscale("log")
-            ax.set_title(f"u({name}) over {name}")
+            ax.set_title(f"U({name}) over {name}")
         _same_limits(grid.panels, style)
         for curve in curves:
             key.line(curve.label, curve.colour, marker=curve.marker, linestyle=curve.dashes)
         if left_by_k1:
             key.line("left by K1 alone", style.look.muted, 1.0, linestyle=_K1_LINE)
         if wanted is not None:
-            key.line(f"wanted: {100 * wanted:g} %", style.look.ink, 0.9, linestyle=_WANTED)
+            key.line(f"wanted: {_PERCENT * wanted:g} %", style.look.ink, 0.9, linestyle=_WANTED)
         if several:
             notes.append("curves are medians over the conditions of the tyres, the band their range by the joint route")
-        labels = ["standard uncertainty to expect (%)"]
+        labels = ["U (k = 2) to expect (%)"]
         return grid.finish(key=key, notes=notes, x_label="frequency (Hz)", y_labels=labels)
 
 
@@ -119,7 +123,7 @@ def _curves(frame: pl.DataFrame, style: Style) -> Iterator[_Curve]:
 
 def _draw_curve(ax: Axes, curve: _Curve, column: str, *, several: bool, style: Style) -> None:
     """Draw the median over the conditions at each frequency; of the joint route as stated, the range, too."""
-    percent = 100 * pl.col(column)
+    percent = _PERCENT * pl.col(column)
     rows = curve.frame.drop_nulls(column).group_by(q.FREQUENCY.head)
     by = rows.agg(middle=percent.median(), low=percent.min(), high=percent.max()).sort(q.FREQUENCY.head)
     x, middle, low, high = by.to_numpy().T
@@ -135,7 +139,7 @@ def _draw_k1(ax: Axes, frame: pl.DataFrame, name: str, style: Style) -> None:
     stated = frame.filter(pl.col("plan") == frame["plan"][0])
     by = stated.group_by(q.FREQUENCY.head).agg((pl.col(over) / pl.col(under)).median()).sort(q.FREQUENCY.head)
     ax.plot(
-        by[q.FREQUENCY.head].to_numpy(), 100 * by[over].to_numpy(), color=style.look.muted, linewidth=1.0,
+        by[q.FREQUENCY.head].to_numpy(), _PERCENT * by[over].to_numpy(), color=style.look.muted, linewidth=1.0,
         linestyle=_K1_LINE, label="_k1", zorder=1.8,
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray, IntArray
 from fourpole.core.condition import FREQUENCY, Axis
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.sources import Kind, Source
 from fourpole.core.sources import Role as Part
 from fourpole.fitting.rows import KEY, keyed, keys_of
@@ -173,7 +174,7 @@ def _residuals(tests: _Tests, column: int, here: BoolArray, shown: Quantity, *, 
 
 
 def found(results: Study) -> FigureData | None:
-    """Each shared value as stated and as found, in its stated standard uncertainty; a panel per rig."""
+    """Each shared value as stated and as found, in its stated U; a panel per rig."""
     rigs = [rig for rig in results.rigs if rig.values]
     if not rigs:
         return None
@@ -182,7 +183,7 @@ def found(results: Study) -> FigureData | None:
     panels = [_found_panel(rig, results.shown) for rig in shown]
     present = {value.finding for rig in shown for value in rig.values}
     key = [(replace(one, role=Role.POINTS), text) for finding, (one, text) in _FINDINGS.items() if finding in present]
-    notes += ["dashed: the stated value ± its u", "on the right: u found over u stated"]
+    notes += ["dashed: the stated value ± its U", "on the right: U found over U stated"]
     most = max(len(panel.names) for panel in panels)
     return FigureData(
         tuple(panels), 1, key=tuple(key), notes=tuple(notes), panel_height=_ROW * (most + 1), left=_NAMES, right=0.5,
@@ -215,7 +216,7 @@ def _found_panel(rig: RigEstimate, units: ShownUnits) -> Panel:
     high = np.array([-0.6, len(names) - 0.4])
     lines = [Series(Role.LINE, np.full(2, level), high, dash=0 if level == 0 else 1) for level in (0.0, -1.0, 1.0)]
     return Panel(
-        AxisData("found less stated, in stated u", "1"), AxisData("value", "1"), (*lines, *series),
+        AxisData("found less stated, in stated U", "1"), AxisData("value", "1"), (*lines, *series),
         f"rig {plain_text(rig.rig)}" if rig.rig else "", names=tuple(names), heads=tuple(heads), beside=tuple(beside),
     )  # fmt: skip
 
@@ -227,7 +228,7 @@ def _dot(row: int, shared: SharedValue, units: ShownUnits) -> list[Series]:
     kind, at = _FINDINGS.get(shared.finding, _FINDINGS[RigFinding.NOT_DETERMINED])[0], np.array([float(row)])
     if shared.finding is RigFinding.UNSTATED and np.isfinite(value):
         return [replace(kind, x=np.zeros(1), y=at, texts=(_size(shared, value, std, units),))]
-    off, wide = ((value - stated) / prior, std / prior) if prior > 0 else (np.nan, np.nan)
+    off, wide = ((value - stated) / (COVERAGE_FACTOR * prior), std / prior) if prior > 0 else (np.nan, np.nan)
     if not np.isfinite(off):
         return []
     if abs(off) > _EDGE:
@@ -238,9 +239,9 @@ def _dot(row: int, shared: SharedValue, units: ShownUnits) -> list[Series]:
 
 
 def _size(shared: SharedValue, value: float, std: float, units: ShownUnits) -> str:
-    """A value without a statement, with its standard uncertainty and unit."""
+    """A value without a statement, with its U and unit."""
     unit, scale = ("%", 0.01) if shared.source.kind in _SHARES else units.unit(shared.unit)
-    return f"{value / scale:+.3g} ± {std / scale:.2g} {unit}".rstrip().replace("-", "−")
+    return f"{value / scale:+.3g} ± {COVERAGE_FACTOR * std / scale:.2g} {unit}".rstrip().replace("-", "−")
 
 
 def mass_gain(results: Study) -> FigureData | None:
@@ -261,14 +262,15 @@ def mass_gain(results: Study) -> FigureData | None:
 def _gain_panel(rig: RigEstimate) -> Panel:
     """Two points per quantity, with their values."""
     series = []
-    for at, (without, within) in enumerate(rig.mass_gain.values()):
+    for at, stds in enumerate(rig.mass_gain.values()):
+        without, within = (COVERAGE_FACTOR * std for std in stds)
         less = f", {float(f'{without / within:.2g}'):g} times smaller" if 0 < within < without else ""
         for place, share, tone, more in ((at - 0.16, without, Tone.NONE, ""), (at + 0.16, within, Tone.SURE, less)):
             text = f"{100 * share:#.2g}".rstrip(".") + " %" if share < 0.1 else f"{100 * share:.0f} %"
             series.append(Series(Role.POINTS, np.array([100 * share]), np.array([place]), tone=tone,
                                  texts=(text + more,)))  # fmt: skip
     return Panel(
-        AxisData("median standard uncertainty", "%", log=True), AxisData("quantity", "1"), tuple(series),
+        AxisData("median U (k = 2)", "%", log=True), AxisData("quantity", "1"), tuple(series),
         f"rig {plain_text(rig.rig)}" if rig.rig else "", names=tuple(plain_text(name, 14) for name in rig.mass_gain),
     )  # fmt: skip
 

@@ -20,10 +20,11 @@ from fourpole.core.digits import known, number
 from fourpole.core.phasor import SYMBOLS
 from fourpole.core.recording import UNITS
 from fourpole.findings.list import CheckRow, checks_by_point, kind_of
+from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import KEY, Key, key_of, keyed, keys_of
 from fourpole.plot.cards import dynamic_cards, in_equal_ratios
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.report.rows import DYNAMIC, STATIC, condition, texts, words
+from fourpole.report.rows import DYNAMIC, STATIC, condition, texts, with_intervals, words
 from fourpole.study.record import section, stated_blocked
 from fourpole.study.study import Study
 from fourpole.study.tables import DYNAMIC as TABLE
@@ -71,7 +72,7 @@ _REMARKS = 6
 #: Quantities over frequency with their expanded uncertainty, each a panel.
 _PANELS = (q.STORAGE, q.LOSS, q.C)
 #: Columns of the table, and values of a test that all of its lines have.
-_TABLE = (q.FREQUENCY, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C)
+_TABLE = (q.FREQUENCY, q.MODULUS, q.LOSS_ANGLE, q.STORAGE, q.LOSS, q.K2, q.C)
 _COMMON = (q.DEFLECTION_AMPLITUDE, q.K1)
 
 
@@ -94,7 +95,7 @@ def line_body(
     used = np.flatnonzero((rows[q.VERDICT.head] != Verdict.REJECTED).to_numpy())
     every = used if used.size else np.arange(rows.height)
     few = rows[every[in_equal_ratios(frequency[every], _ROWS)].tolist()].rows(named=True)
-    columns = [one for one in _TABLE if any(known(row.get(one.head)) is not None for row in few)]
+    columns = [one for one in _TABLE if any(value_of(one, row) is not None for row in few)]
     return {
         "facts": facts,
         "remarks": _line_remarks(rows, checks),
@@ -190,8 +191,7 @@ def _counted(remarks: Sequence[str], height: int) -> str:
 
 
 def _line_cell(row: Mapping[str, Any], quantity: Quantity, units: ShownUnits) -> str:
-    value, std = texts(quantity, row, units)
-    return f"{value} ± {std}" if value and std else value
+    return " ".join(filter(None, texts(quantity, row, units)))
 
 
 def _floats(table: pl.DataFrame, name: str) -> NDArray[np.float64]:
@@ -330,7 +330,7 @@ def _dynamic_cards(results: Study, previews: _Previews) -> tuple[list[Card], lis
     lines, checks = lines_of(results.lines), checks_by_point(results.checks)
     made = []
     for card, rows in parts.items():
-        row = whole.row(rows[0], named=True)
+        (row,) = with_intervals(results, [whole.row(rows[0], named=True)])
         preview = previews.of(key_of(row))
         if len(rows) > 1:
             made.append(_line_card(card, keyed(whole[rows]), lines, _signals(preview, quantities), checks, units))

@@ -138,7 +138,7 @@ def shown(quantity: Quantity | None, value: float, units: ShownUnits) -> str:
     if quantity is None:
         return plain_number(value)
     quantity = units.of(quantity)
-    return f"{plain_number(value / quantity.scale)} {quantity.suffix}".rstrip()
+    return f"{plain_number(value / quantity.scale)} {quantity.suffix}".rstrip().replace(" °", "°")
 
 
 def opening(finding: Finding) -> str:

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from types import SimpleNamespace
 from typing import Any
 
+import polars as pl
+
 from fourpole import quantities as q
 from fourpole import units
-from fourpole.core.checks import VERDICTS, Verdict
+from fourpole.core.checks import VERDICTS, Code, Verdict
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import number
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import UnitError
 from fourpole.findings.conformity import Conformity, Decision, judged, outcome_of
-from fourpole.findings.facts import Facts, Topic
+from fourpole.findings.facts import Facts, Holds
+from fourpole.findings.list import Reason, verdicts
 from fourpole.findings.summary import MOST_CONDITIONS, SUMMARISED, Range, SummaryRow, bounded, departing, summary
 from fourpole.quantities import Quantity, ShownUnits
 from fourpole.report.digits import SENTENCES, counted, in_unit, joined, percent, some, with_interval
-from fourpole.report.words.limits import Limit, limits, source_in_words
-from fourpole.report.words.rig import rigs_in_words
-from fourpole.report.words.sentence import Sentence, short_lines
+from fourpole.report.names import named_by_condition
+from fourpole.report.words.limits import Limit, limits, remedy_of, scales, source_in_words
+from fourpole.report.words.sentence import reason_of, short_lines
 from fourpole.study.record import section
+from fourpole.study.rig_estimate import RigEstimate
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
 
@@ -37,14 +43,18 @@ _AXES = {"pressure": q.PRESSURE, "preload": q.PRELOAD, "temperature": q.TEMPERAT
 
 
 def verdict_line(results: Study, held: Sequence[Decision]) -> SimpleNamespace:
-    """The verdict in one line: on the limits if some are stated, else the number of tests by verdict."""
+    """The verdict in one line: on the limits if some are stated, else the number of tests by verdict.
+
+    `misfit` has a line for each rig that does not fit with its sensors, which comes first.
+    """
+    misfit = [misfit_line(results, rig) for rig in results.rigs if not rig.fits]
     counts = verdict_counts(results.static, results.dynamic)
     if not held:
         kind = next((verdict for verdict in reversed(VERDICTS) if counts[verdict]), Verdict.OK)
         total = sum(counts.values())
         text = f"of {counted(total, 'test')}, {counts['warning']} with a warning, {counts['rejected']} rejected."
         used = f"{total - counts['rejected']} used"
-        return SimpleNamespace(kind=kind, word=used, text=f"{text} No limits are stated.")
+        return SimpleNamespace(kind=kind, word=used, text=f"{text} No limits are stated.", misfit=misfit)
     outcome = outcome_of(held)
     number_of = {one: sum(each.outcome is one for each in held) for one in Conformity}
     text = f"{number_of[Conformity.PASS]} of {counted(len(held), 'result')} {'passes' if len(held) == 1 else 'pass'}"
@@ -58,7 +68,31 @@ def verdict_line(results: Study, held: Sequence[Decision]) -> SimpleNamespace:
         text += f". {counted(resting, 'result')} {'rests' if resting == 1 else 'rest'} on tests with a warning"
     if counts[Verdict.WARNING] or counts[Verdict.REJECTED]:
         text += f". {counted(counts['warning'], 'test')} with a warning, {counts['rejected']} rejected"
-    return SimpleNamespace(kind=_KINDS[outcome], word=outcome.value.upper(), text=f"{text}.")
+    return SimpleNamespace(kind=_KINDS[outcome], word=outcome.value.upper(), text=f"{text}.", misfit=misfit)
+
+
+def misfit_line(results: Study, rig: RigEstimate) -> SimpleNamespace:
+    """A rig that does not fit with its sensors: what may be wrong, by how much, what it does to K*, what to do."""
+    causes, channels = rig.causes or rig.candidates[:1], rig.wrong_channels
+    dynamic = results.dynamic.filter((pl.col("verdict") == Verdict.REJECTED) & (pl.col("rig").fill_null("") == rig.rig))
+    names = joined(dict.fromkeys(cause.source.of for cause in channels))
+    sources = [cause.source for cause in causes] or [Source(Kind.RIG_MISFIT)]
+    remedies = [_SAID["mend"].get(one.kind.name) or remedy_of(one) for one in sources]
+    said = _SAID["misfit_channels" if channels else "misfit"]
+    return SimpleNamespace(
+        kind=Verdict.REJECTED if channels else Verdict.WARNING,
+        lead=_SAID["misfit_of"].format(rig=rig.rig) if len(results.rigs) > 1 else _SAID["misfit_lead"],
+        text=said.format(
+            why=_first_large(rig.explained),
+            channels=names,
+            count=counted(dynamic["test"].n_unique(), "test"),
+            remedy=" or ".join(dict.fromkeys(remedies)),
+        ),
+    )
+
+
+def _first_large(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def _against_limits(row: SimpleNamespace) -> str:
@@ -114,15 +148,20 @@ def _per_cent(probability: float) -> str:
 
 #: Most items of each list, and most specimens that are described one by one.
 _MOST_SAID, _MOST_DESCRIBED = 3, 4
+#: Checks that a rig which does not fit makes fail, too.
+_BY_MISFIT = {
+    Code.CONSISTENCY, Code.PASSIVE_ARM, Code.UNCERTAINTY, Code.AGREEMENT, Code.RIG, Code.SCATTER, Code.TWO_ROOTS,
+    Code.V1_SCALE, Code.K1_RATIO, Code.K1_LARGE, Code.OFF_CURVE, Code.OTHER_CURVE, Code.EXCHANGED, Code.CONVERGENCE,
+}  # fmt: skip
 #: Characters of a specimen's name in the table.
 _LONGEST = 60
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}")
 #: The quantities that name a row.
-_PLACES = (q.PRESSURE, q.PRELOAD, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
+_PLACES = (q.PRESSURE, q.PRELOAD, q.TEMPERATURE, q.FREQUENCY, q.DEFLECTION_AMPLITUDE)
 
 
-def front_page(results: Study, said: Sequence[Sentence]) -> SimpleNamespace:
-    """What the first page shows; `said` has the findings in words."""
+def front_page(results: Study) -> SimpleNamespace:
+    """What the first page shows."""
     record = results.record
     stated = section(record, "stated", "report")
     logo = stated.get("logo")
@@ -143,9 +182,9 @@ def front_page(results: Study, said: Sequence[Sentence]) -> SimpleNamespace:
         all_conditions=summary_table(results, every) if len(every) > MOST_CONDITIONS else None,
         conformity=conformity_table(results, held),
         equipment=_equipment(stated),
-        doubts=_doubts(results, every, said),
+        doubts=_doubts(results, every),
         limits=_limits(results, every),
-        scale=_scale(results),
+        scale=scales(results),
     )
 
 
@@ -185,28 +224,41 @@ def summary_table(results: Study, rows: Sequence[SummaryRow]) -> SimpleNamespace
         rows=made,
         frequency=at,
         ranges=ranges,
-        units=[shown.of(one).suffix for one in _PLACES],
-        warm=any(row.temperature for row in made),
-        rated=any(row.rated for row in made),
+        places=[one for one in _places(shown) if any(getattr(row, one.of) for row in made)],
         skewed=any(row.intervals for row in rows),
     )
 
 
+def _places(shown: ShownUnits) -> Iterator[SimpleNamespace]:
+    """The columns of the condition: head, unit, and the attributes of a row that they show, one below the other."""
+    for quantity, (head, below, unit, about) in zip(_PLACES, _SAID["places"], strict=True):
+        one = shown.of(quantity)
+        yield SimpleNamespace(of=quantity.key, head=head, below=below, unit=unit.format(unit=one.suffix), about=about)
+
+
 def _row(row: SummaryRow, used: Iterable[Quantity], shown: ShownUnits, rated: float | None) -> SimpleNamespace:
-    pressure, preload, frequency, amplitude = (shown.of(one).scale for one in _PLACES)
+    pressure, preload, temperature, frequency, amplitude = (shown.of(one).scale for one in _PLACES)
     return SimpleNamespace(
         specimen=row.specimen,
         name=_cut(row.specimen),
         pressure=_span(row.pressure, pressure),
         preload=_span(row.preload, preload),
         rated=_span(row.preload, rated / 100.0, 2) if rated else "",
-        temperature=_span(row.temperature, 1.0, 3),
+        temperature=_span(row.temperature, temperature, 3),
         frequency=_span(row.frequency, frequency),
-        amplitude=_span(row.amplitude, amplitude, 3),
+        deflection_amplitude=_span(row.amplitude, amplitude, 3),
         double=_span(row.amplitude, 0.5 * amplitude, 3),
         tests=len(row.tests),
+        place=_place(row, shown),
         cells=[_cell(row, one) for one in used],
     )
+
+
+def _place(row: SummaryRow, shown: ShownUnits) -> str:
+    """The condition of a row in short, for a narrow screen: '1.7 bar, 1000 N, 14 Hz, 2 tests'."""
+    ends = zip((row.pressure, row.preload, row.temperature, row.frequency), _PLACES, strict=False)
+    parts = [f"{_span(end, shown.of(one).scale)} {shown.of(one).suffix}" for end, one in ends if end is not None]
+    return ", ".join([*parts, counted(len(row.tests), "test")])
 
 
 def _cut(name: str) -> str:
@@ -272,10 +324,10 @@ def _limits(results: Study, rows: Sequence[SummaryRow]) -> list[str]:
             "specimen to the same state before each repeat (break-in, temperature, rest), then more repeats."
         )
     for (rig, _, remedy), found in list(groups.items())[: _MOST_SAID - len(said)]:
-        known = [f"{percent(one.relative)} in {one.symbol}" for one in found if one.relative]
+        known = [f"{percent(COVERAGE_FACTOR * one.relative)} in {one.symbol}" for one in found if one.relative]
         source, share = source_in_words(found[0].source), min(one.share for one in found)
         opening = f"{source} makes {percent(share)} of the variance"
-        opening += f" (u is {joined(known)})" if known else ""
+        opening += f" (U is {joined(known)})" if known else ""
         where = f"Rig {rig}: " if rig else ""
         where += "of a single test, " if scattered else ""
         text = f"{where}{opening}. Cheapest remedy: {remedy}."
@@ -283,20 +335,30 @@ def _limits(results: Study, rows: Sequence[SummaryRow]) -> list[str]:
     return said
 
 
-def _doubts(results: Study, rows: Sequence[SummaryRow], said: Sequence[Sentence]) -> list[Sentence]:
-    """What not to trust: rigs that do not fit, repeats that scatter, then tests by their commonest reasons."""
-    misfit = [Sentence(Topic.TRUST, about.misfit[0]) for about in rigs_in_words(results) if about.misfit]
-    trust = [one for one in said if one.topic == Topic.TRUST][1:]
-    scattered = _scattered(rows)
-    models = (Sentence(Topic.TRUST, text) for text in _misfits(results, scattered=bool(scattered)))
-    found = [*misfit, *scattered, *models, *trust]
+def _doubts(results: Study, rows: Sequence[SummaryRow]) -> list[SimpleNamespace]:
+    """What not to trust: repeats that scatter, models that depart, then tests by their commonest reasons.
+
+    Where a rig does not fit, which the verdict says, what follows from that is left out.
+    """
+    misfit, facts = any(not rig.fits for rig in results.rigs), Facts.of(results)
+    scattered = [] if misfit else _scattered(rows)
+    models = [] if misfit else _misfits(results, scattered=bool(scattered))
+    found = [SimpleNamespace(lead="", tests="", text=text) for text in (*scattered, *models)]
+    for finding in verdicts(facts):
+        reason = finding.detail
+        if isinstance(reason, Reason) and not (misfit and reason.code in _BY_MISFIT):
+            lead = _SAID["rejected" if finding.holds is Holds.REJECTED else "warned"]
+            found.append(
+                SimpleNamespace(lead=lead, tests=named_by_condition(facts, finding.tests), text=reason_of(finding))
+            )
     more = len(found) - _MOST_SAID
     if more > 0:
-        found = [*found[:_MOST_SAID], Sentence(Topic.TRUST, f"{counted(more, 'further reason')}: see the findings.")]
+        left = SimpleNamespace(lead="", tests=counted(more, "further reason"), text="")
+        found = [*found[:_MOST_SAID], left]
     return found
 
 
-def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
+def _scattered(rows: Sequence[SummaryRow]) -> list[str]:
     """Repeats of one condition whose scatter makes most of U, in a sentence."""
     off = [row for row in rows if row.scatters]
     if not off:
@@ -307,7 +369,7 @@ def _scattered(rows: Sequence[SummaryRow]) -> list[Sentence]:
         f"Repeats scatter by up to {percent(worst.scatter)} in |K*| at {where}, more than their uncertainties explain: "
         "U includes it, and it limits the results there."
     )
-    return [Sentence(Topic.TRUST, text)]
+    return [text]
 
 
 def _misfits(results: Study, *, scattered: bool) -> list[str]:
@@ -319,15 +381,6 @@ def _misfits(results: Study, *, scattered: bool) -> list[str]:
     none = all(any(at.verdict is not None and not at.verdict.possible for at in one.conditions) for one in off)
     why = "; no massless, relaxing specimen can have such a K*" if none and not scattered else ""
     return [f"The models depart from the data of {joined(each)}{why}. The tables do not rest on them."]
-
-
-def _scale(results: Study) -> list[str]:
-    """What the scale of K* rests on, a sentence for each rig."""
-    several = len(results.rigs) > 1
-    found = [f"{f'rig {rig.rig}: ' if several else ''}{rig.rests}" for rig in results.rigs if rig.rests]
-    if not found and not results.rigs and (results.dynamic["verdict"] != Verdict.REJECTED).any():
-        found = ["K* rests on the gains of the channels as stated: no test checks them against the rig"]
-    return [f"{one[:1].upper()}{one[1:].rstrip('.')}." for one in found][:_MOST_SAID]
 
 
 #: Load [kg] of the load indices from 60 on, and the highest index.

@@ -24,7 +24,7 @@ from fourpole.models.families import by_amplitude
 from fourpole.models.inertial import Of
 from fourpole.models.ladder import Lie, Rung, Verdict
 from fourpole.quantities import ShownUnits
-from fourpole.report.digits import percent, ranged, spread
+from fourpole.report.digits import expanded, percent, ranged, spread
 from fourpole.report.words.levels import span
 from fourpole.study.study import Study
 
@@ -376,13 +376,13 @@ def _condition(one: ConditionFile, entry: ModelEntry) -> SimpleNamespace:
 
 
 def _cell(one: ConditionFile, at: int, entry: ModelEntry) -> SimpleNamespace:
-    """A parameter of a condition: value, standard uncertainty, 95 % interval, and a mark if it was not free."""
+    """A parameter of a condition: value, U, 95 % interval, and a mark if it was not free."""
     parameter = entry.parameters[at]
     scale = _unit(parameter.unit)[1]
     value, std = one.values[at] / scale, math.sqrt(max(one.covariance[at][at], 0.0)) / scale
     low, high = (None if end is None else end / scale for end in one.intervals[at])
     bound, given = parameter.symbol in one.on_bound, std == 0
-    text, about = (number(value), "") if bound or given else with_std(value, std)
+    text, about = (number(value), "") if bound or given else expanded(value, std)
     return SimpleNamespace(
         text=text,
         std=about,

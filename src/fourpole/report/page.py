@@ -23,6 +23,7 @@ from fourpole.report.digits import counted, joined
 from fourpole.report.front import front_page
 from fourpole.report.html import inline, packaged, rendered, svg_address
 from fourpole.report.models import models_section
+from fourpole.report.names import short_names
 from fourpole.report.rows import DYNAMIC, STATIC, channel_rows, result_rows, rig_rows, tested
 from fourpole.report.words.limits import limits
 from fourpole.report.words.rig import GROUPS, RigInWords, rigs_in_words
@@ -43,6 +44,8 @@ PARTS = {
 SCRIPTS = ("tables.js", "draw.js", "page.js")
 #: Keys of the figures on the first page.
 FRONT = ("first-stiffness", "first-tr")
+#: Keys of the figures that are folded below the others.
+_FOR_EXPERTS = ("rig-found", "rig-residual", "mass-gain", "model-choice")
 #: Up to this number the tests of a finding or a remark are listed by name.
 _NAMED = 12
 
@@ -135,10 +138,11 @@ def render_report(results: Study, *, findings: Sequence[Sentence], figures: Mapp
 def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[str, ReportFigure]) -> dict[str, Any]:
     """What the templates of `PARTS` show, in the units that the results want."""
     cards, static_keys, dynamic_keys = make_cards(results)
-    static = result_rows(results.static, STATIC, static_keys, results.shown)
+    static = result_rows(results, results.static, STATIC, static_keys)
     some = shown_rows(results).tolist()
-    dynamic = result_rows(results.dynamic[some], DYNAMIC, [dynamic_keys[at] for at in some], results.shown)
+    dynamic = result_rows(results, results.dynamic[some], DYNAMIC, [dynamic_keys[at] for at in some])
     where = {card.test: card.key for card in cards}
+    short = short_names(where)
     record = results.record
     topics, remarks = (
         _topics(findings, where),
@@ -148,11 +152,12 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
     models = results.models.models if results.models else ()
     return {
         "title": str(record.get("title") or "") or "Campaign without a title",
-        "front": front_page(results, findings),
+        "front": front_page(results),
         "front_figures": [figures[key] for key in FRONT if key in figures],
         "counted": counted,
         "counts": verdict_counts(results.static, results.dynamic),
         "cards": cards,
+        "short": short,
         "tables": [
             {"key": key, "name": name, "table": table}
             for key, name, table in (
@@ -179,6 +184,7 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         "assumptions": texts(record.get("assumptions")),
         "notes": texts(record.get("notes")),
         "figures": _numbered(list(shown.values())),
+        "for_experts": _FOR_EXPERTS,
         "remarks": remarks,
         "settings": {str(name): str(value) for name, value in section(record, "settings").items()},
         "versions": _versions(record),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import degrees
+from math import degrees, inf
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,39 +13,57 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.core.checks import worst_verdict
 from fourpole.core.condition import FREQUENCY, PRELOAD, PRESSURE, axis_of
-from fourpole.core.digits import known, number, with_std
+from fourpole.core.digits import known, number
+from fourpole.findings.polar import value_of
+from fourpole.findings.summary import skewed_intervals
+from fourpole.fitting.rows import key_of
 from fourpole.quantities import DERIVED, RIG_VALUES, Quantity, ShownUnits
-from fourpole.report.digits import SENTENCES, spread
+from fourpole.report.digits import SENTENCES, expanded, spread, with_interval
 from fourpole.study.record import section
 from fourpole.study.study import Study
 from fourpole.study.tables import verdict_counts
 
 STATIC = (q.PRESSURE, q.PRELOAD, q.K1, q.SECANT, q.CYCLE_LOSS, q.NONLINEARITY)
 DYNAMIC = (
-    q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY, q.K1, q.STORAGE, q.LOSS, q.LOSS_FACTOR, q.K2, q.C,
-    q.TR_MEASURED, q.TR_PREDICTED, q.R, q.I, *DERIVED,
+    q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY, q.K1, q.MODULUS, q.LOSS_ANGLE, q.STORAGE, q.LOSS,
+    q.LOSS_FACTOR, q.K2, q.C, q.TR_MEASURED, q.TR_PREDICTED, q.R, q.I, *DERIVED,
 )  # fmt: skip
+#: Columns of the condition, which stands in short below the specimen on a narrow screen.
+PLACES = (q.PRESSURE, q.PRELOAD, q.ADDED_MASS, q.TEMPERATURE, q.FREQUENCY)
 #: Columns that are shown only if a test has a value that is neither zero nor blank.
 _SELDOM = (q.ADDED_MASS, q.TEMPERATURE)
 #: A ratio below this is round-off.
 _ROUND_OFF = 1e-9
 
 
-def texts(quantity: Quantity, row: Mapping[str, Any], units: ShownUnits) -> tuple[str, str]:
-    """Value and uncertainty of a row in the unit shown; the measured TR has no uncertainty in the table."""
-    value = known(row.get(quantity.head))
-    if value is not None and quantity is q.NONLINEARITY and abs(value) < _ROUND_OFF:
-        value = 0.0
-    std = known(row.get(quantity.u_head)) if quantity.key != q.TR_MEASURED.key else None
+def with_intervals(results: Study, rows: Sequence[dict[str, Any]]) -> Sequence[dict[str, Any]]:
+    """Rows of dynamic.csv with the skewed 95 % intervals of K2 and C by Monte Carlo, by the quantity."""
+    skewed = skewed_intervals(results)
+    for row in rows if skewed else ():
+        row |= {one: ends for one in (q.K2, q.C) if (ends := skewed.get((key_of(row), one.symbol)))}
+    return rows
+
+
+def texts(quantity: Quantity, row: Mapping[Any, Any], units: ShownUnits) -> tuple[str, str]:
+    """A value of a row in the unit shown, and ± U or its interval; the measured TR has no uncertainty in the table."""
+    value, std = value_of(quantity, row) or (None, 0.0)
     scale = units.of(quantity).scale
-    shown, about = (None if one is None else one / scale for one in (value, std))
-    return with_std(shown, about, quantity.digits)
+    if value is None or (quantity is q.NONLINEARITY and abs(value) < _ROUND_OFF):
+        return "" if value is None else "0", ""
+    if quantity in row:
+        low, high = row[quantity]
+        return with_interval(value / scale, low / scale, inf if high is None else high / scale)
+    if std <= 0 or quantity.key == q.TR_MEASURED.key:
+        return number(value / scale, quantity.digits), ""
+    text, reach = expanded(value / scale, std / scale)
+    return text, f"± {reach}" if reach else ""
 
 
 def words(quantity: Quantity, row: Mapping[str, Any], units: ShownUnits) -> str:
-    """Value, uncertainty and unit in one; blank where there is no value."""
-    quantity, (value, std) = units.of(quantity), texts(quantity, row, units)
-    text = " ".join(part for part in (value, std and f"± {std}", quantity.suffix) if part) if value else ""
+    """Value, U or interval, and unit in one; blank where there is no value."""
+    (value, about), quantity = texts(quantity, row, units), units.of(quantity)
+    about = f"({about})" if " to " in about or about.startswith("above") else about
+    text = " ".join(part for part in (value, about, quantity.suffix) if part) if value else ""
     return text.replace(" °", "°") if quantity.suffix == "°" else text
 
 
@@ -57,12 +75,17 @@ class ResultTable:
     rows: list[SimpleNamespace] = field(default_factory=list)
     rigs: bool = False
     remarks: bool = False
+    places: tuple[str, ...] = tuple(one.key for one in PLACES)
 
 
-def result_rows(frame: pl.DataFrame, columns: tuple[Quantity, ...], cards: list[str], units: ShownUnits) -> ResultTable:
+def result_rows(results: Study, frame: pl.DataFrame, columns: tuple[Quantity, ...], cards: list[str]) -> ResultTable:
     """All rows of static.csv or dynamic.csv; `cards` has the card of each."""
+    units = results.shown
     used = tuple(column for column in columns if column not in _SELDOM or any(map(known, _values(frame, column.head))))
-    rows = [_row(row, used, card, units) for row, card in zip(frame.rows(named=True), cards, strict=True)]
+    rows = [
+        _row(row, used, card, units)
+        for row, card in zip(with_intervals(results, frame.rows(named=True)), cards, strict=True)
+    ]
     return ResultTable(tuple(map(units.of, used)), rows, any(row.rig for row in rows), any(row.remarks for row in rows))
 
 
@@ -75,6 +98,7 @@ def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str, units
     return SimpleNamespace(
         card=card,
         test=str(row["test"]),
+        place=condition(row, units, dynamic=True),
         tyre=str(row["tyre"] or ""),
         construction=str(row["construction"] or ""),
         rig=str(row.get("rig") or ""),
@@ -85,10 +109,11 @@ def _row(row: Mapping[str, Any], columns: tuple[Quantity, ...], card: str, units
 
 
 def _cell(row: Mapping[str, Any], column: Quantity, units: ShownUnits) -> SimpleNamespace:
-    """One number: the SI value as text, by which rows are sorted, and the value and uncertainty shown."""
-    value = known(row.get(column.head))
-    text, std = texts(column, row, units)
-    return SimpleNamespace(key="" if value is None else repr(value), text=text, std=std)
+    """One number: the SI value as text, by which rows are sorted, and the value shown with U or its interval."""
+    found = value_of(column, row)
+    text, about = texts(column, row, units)
+    key = "" if found is None else repr(found[0])
+    return SimpleNamespace(key=key, text=text, about=about, place=column in PLACES)
 
 
 def condition(row: Mapping[str, Any], units: ShownUnits, *, dynamic: bool) -> str:
@@ -171,7 +196,7 @@ def _rig_row(rig: str, key: str, stated: dict[str, Any]) -> SimpleNamespace:
     value, std = known(stated.get("value")), known(stated.get("std"))
     if value is None:
         return _shown_value(rig, words, unit=shown)
-    text, about = with_std(value / scale, None if std is None else std / scale, 6)
+    text, about = expanded(value / scale, (std or 0.0) / scale)
     if not about:
         text = f"{value / scale:.6g}".replace("-", "−")
     return _shown_value(rig, words, text, about or "exact", shown, assumed=stated.get("assumed") is True)

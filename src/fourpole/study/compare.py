@@ -397,7 +397,8 @@ def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
         yield reported(Code.AGREEMENT, verdict, times, limit)
     if not estimate.fits:
         causes = estimate.causes or estimate.candidates[:1]
-        yield reported(Code.RIG, Verdict.WARNING, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
+        verdict = Verdict.REJECTED if estimate.wrong_channels else Verdict.WARNING
+        yield reported(Code.RIG, verdict, estimate.chi2_per_dof or np.nan, 1.0, causes=causes)
     if estimate.scatter > _MOST_SCATTER:
         yield reported(Code.SCATTER, Verdict.WARNING, estimate.scatter, _MOST_SCATTER)
     if joint.two_roots[place]:

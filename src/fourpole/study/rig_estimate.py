@@ -280,6 +280,12 @@ class RigEstimate:
         return self.candidates[: self.tied]
 
     @property
+    def wrong_channels(self) -> tuple[Candidate, ...]:
+        """The best causes, if K* rests on the channels as stated and these causes are errors of them; else empty."""
+        unresolved = self.rig_error > 0 and any(cause.source.of_channel for cause in self.causes)
+        return self.causes if unresolved else ()
+
+    @property
     def drifts(self) -> tuple[SharedValue, ...]:
         """The drifts of the specimens that are large enough for a note."""
         return self._of_specimens(Kind.DRIFT)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fourpole.core.checks import Check, Code, Excitation, NoK1, Verdict
 from fourpole.core.confidence import COVERAGE
 from fourpole.errors import Message
+from fourpole.quantities import ShownUnits
 
 if TYPE_CHECKING:
     from fourpole.core.joint.misfit import Candidate
@@ -135,8 +136,14 @@ def cause_words(cause: Candidate) -> str:
     'a gain of F1 off by +4.5 %'
     """
     values = dict(cause.values)
+    values["kilo"] = values.get("size", 0.0) / 1e3
     if "stated" in values:
-        values["stated"] = f"{values['stated']:.5g} {values['unit']}".strip()
+        unit, scale = ShownUnits().unit(values["unit"])
+        values |= {
+            "value": values["value"] / scale,
+            "unit": unit,
+            "stated": f"{values['stated'] / scale:.5g} {unit}".strip(),
+        }
         values |= {"name": cause.name, "article": "an" if cause.name[0] in "aeiou" else "a"}
     if "turned" in values:
         values["turned"] = _say("parts", "turned") if values["turned"] else ""
@@ -176,7 +183,8 @@ def _and(names: Iterable[str]) -> str:
 def interval_words(low: float, high: float, unit: str) -> str:
     """An interval of probability `COVERAGE` by Monte Carlo."""
     form = "unlimited" if not isfinite(low) else "limited" if isfinite(high) else "no_upper_limit"
-    return _say("interval", form, low=low, high=high, unit=unit, percent=100 * COVERAGE)
+    unit, scale = ShownUnits().unit(unit)
+    return _say("interval", form, low=low / scale, high=high / scale, unit=unit, percent=100 * COVERAGE)
 
 
 def _halves(values: _Values) -> dict[str, str]:
@@ -268,6 +276,7 @@ def _excitation_words(excitation: tuple[Excitation, float]) -> str:
 
 #: What sentences need that is more than a value in a blank.
 _FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
+    Code.RESONANCE: lambda values: {name: values[name] / 1e3 for name in ("spring", "inertia")},
     Code.HALVES: _halves,
     Code.SHARED: lambda values: {"pair": _and(values["pair"])},
     Code.CONSISTENCY: _consistency,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.findings.facts import UNSTATED, Finding, Holds, Key
 from fourpole.findings.resonances import Crossing, Crossings, Peak, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Comparison, CycleLoss, Departure, Effect, Extremum, Level, Trend
@@ -32,16 +33,16 @@ from fourpole.report.digits import (
 
 
 def level(finding: Finding, found: Level, units: ShownUnits) -> str:
-    """The lowest and the highest value, their conditions and their standard uncertainty, as a sentence."""
+    """The lowest and the highest value, their conditions and their U, as a sentence."""
     axes, values = finding.conditions.axes, found.values
     low, high = (pick(values, key=lambda key: (values[key].value, key)) for pick in (min, max))
     least, most = (shown(finding.quantity, values[key].value, units) for key in (low, high))
-    known = f"standard uncertainty of {percents([each.std / each.value for each in values.values()])}"
+    known = f"U of {percents([COVERAGE_FACTOR * each.std / each.value for each in values.values()])}"
     if low == high:
-        return f"{opening(finding)} is {least} at {condition(axes, low, units)}, with a {known}."
+        return f"{opening(finding)} is {least} at {condition(axes, low, units)}, with {known} (k = 2)."
     return (
         f"{opening(finding)} lies between {least} ({condition(axes, low, units)}) and {most} "
-        f"({condition(axes, high, units)}), each with a {known}."
+        f"({condition(axes, high, units)}), each with {known} (k = 2)."
     )
 
 
@@ -106,7 +107,7 @@ def _where_in_common(axes: Axes, keys: list[Key], units: ShownUnits, *, each: bo
 
 def _by(axes: Axes, found: Effects, mean: Effect, units: ShownUnits) -> str:
     if len(found) == 1:
-        return f", by {percent(mean.value)} (standard uncertainty {percent(mean.std)})"
+        return f", by {percent(mean.value)} (U {percent(mean.reach())})"
     low, high = (pick(found, key=lambda key: (found[key].value, key)) for pick in (min, max))
     return (
         f", by {percent(mean.value)} on average, from {percent(found[low].value)} "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,14 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.core.checks import Verdict
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import known
 from fourpole.core.sources import Kind, Role, Source
 from fourpole.fitting.rows import KEY, keyed
 from fourpole.quantities import RIG_VALUES, ShownUnits
 from fourpole.report.digits import SENTENCES, counted, percent
 from fourpole.study.record import stated_blocked
-from fourpole.study.rig_estimate import NoteCode
+from fourpole.study.rig_estimate import NoteCode, RigEstimate
 from fourpole.study.study import Study
 from fourpole.words import cause_words
 
@@ -149,7 +151,7 @@ def in_words(source: Source, unit: str = "", units: ShownUnits | None = None) ->
 
 _BUDGET = ("test", "quantity", "source", q.SHARE.head)
 #: Quantities of budget.csv for which a limit is given.
-_QUANTITIES = {one.column: one for one in (q.K2, q.C, q.STORAGE, q.LOSS)}
+_QUANTITIES = {one.column: one for one in (q.STORAGE, q.LOSS, q.K2, q.C)}
 #: A second source is named if its share of the variance is at least this.
 _WORTH_NAMING = 0.1
 #: A source makes most of an uncertainty if its share of the variance is at least this.
@@ -191,10 +193,7 @@ class Limit:
 
 
 def limits(results: Study) -> list[Limit]:
-    """The limit of K2 and C for each rig, and of K* where these are unknown; empty without a budget.
-
-    After a weighed mass it is the limit of K'', too: the ordinary errors limit it, and a key of the campaign takes off
-    each of them.
+    """The limits of K', K'', K2 and C for each rig; empty without a budget.
 
     Parameters
     ----------
@@ -220,17 +219,41 @@ def limits(results: Study) -> list[Limit]:
     found = []
     for name in dict.fromkeys(tests["rig"].fill_null("").to_list()):
         here, about = rows.filter(pl.col("rig") == name), _about(results, tests, name)
-        for quantity in _quantities(here, calibrated=about.joint and about.massed):
+        for quantity in _QUANTITIES:
             part = here.filter(pl.col("quantity") == quantity)
+            if part.is_empty():
+                continue
             found.append(_limit(name, quantity, part, tests, about))
     return found
 
 
-def _quantities(rows: pl.DataFrame, *, calibrated: bool) -> list[str]:
-    present = set(rows["quantity"].to_list())
-    found = [name for name in ("K2", "C") if name in present]
-    wanted = (q.LOSS.column,) if found and calibrated else () if found else _QUANTITIES
-    return [*found, *(name for name in wanted if name in present)]
+def scales(results: Study) -> list[SimpleNamespace]:
+    """What the scale of K* rests on, for each rig: in a few words, with U, and the sentence with all of it."""
+    found = [_scale(results, rig) for rig in results.rigs if rig.rests and not rig.wrong_channels]
+    if not found and not results.rigs and (results.dynamic["verdict"] != Verdict.REJECTED).any():
+        found = [SimpleNamespace(text=SENTENCES["scale"]["unchecked"], rest="")]
+    return found
+
+
+def _scale(results: Study, rig: RigEstimate) -> SimpleNamespace:
+    """The largest source of u(K') of a rig, what it is known to, and what would free K* from it."""
+    said, of_rig = SENTENCES["scale"], results.dynamic.filter(pl.col("verdict") != Verdict.REJECTED)
+    of_rig = keyed(of_rig.filter(pl.col("rig").fill_null("") == rig.rig))
+    budget = results.budget
+    text = rig.rests.split(";")[0].split(", ")[0]
+    if all(name in budget.columns for name in _BUDGET) and of_rig.height:
+        rows = keyed(budget).filter(pl.col("quantity") == q.STORAGE.column).join(of_rig.select(KEY), on=KEY, how="semi")
+        shares = _median_shares(rows.drop_nulls(q.SHARE.head))
+        if shares:
+            source = Source.read(shares[0][0], rig.rig)
+            value = next((one for one in rig.values if one.source.text == source.text), None)
+            known_to = value and (value.found_std or value.stated_std)
+            size = abs(value.found or value.stated or 0.0) if value else 0.0
+            text = source_in_words(source)
+            text += f", {percent(COVERAGE_FACTOR * known_to / size)}" if known_to and size else ""
+            text += said["freed"] if source.kind in _CALIBRATED and not rig.massed else ""
+    named = f"{rig.rig}: " if len(results.rigs) > 1 else ""
+    return SimpleNamespace(text=f"{named}{text}", rest=f"{_capital(rig.rests.rstrip('.'))}.")
 
 
 def _median_shares(rows: pl.DataFrame) -> list[tuple[str, float]]:
@@ -267,14 +290,16 @@ def _limit(rig: str, quantity: str, rows: pl.DataFrame, tests: pl.DataFrame, abo
     relative, left = _relative(here, quantity), _relative(here, quantity, without=True)
     symbol = _QUANTITIES[quantity].symbol
     opening = (
-        f"{symbol} is known to {percent(relative)} (median of {counted(len(names), 'test')}). " if relative else ""
+        f"U of {symbol} is {percent(COVERAGE_FACTOR * relative)} (median of {counted(len(names), 'test')}). "
+        if relative
+        else ""
     )
     much = "makes most of that" if share >= _MOST_OF_IT else "is the largest part of it"
     if not relative:
         much = f"makes most of the uncertainty of {symbol}" if share >= _MOST_OF_IT else f"limits {symbol} most"
     text = f"{opening}{_capital(source_in_words(source))} {much}, with {percent(share)} of the variance"
     if relative and left:
-        text += f"; without it about {percent(left)} would be left"
+        text += f"; without it about {percent(COVERAGE_FACTOR * left)} would be left"
     if others and others[0][1] >= _WORTH_NAMING:
         text += f". Next is {source_in_words(others[0][0])} with {percent(others[0][1])}"
     what = remedy(source, about)

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import polars as pl
 
 from fourpole import quantities as q
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.plan import PLAN_ROUTES, Advice, Outcome
 from fourpole.planning.plan import AS_STATED, CampaignPlan
 
 _SHORT = {"mobility": "mobility", "relative": "relative", "transmissibility": "transmiss.", "joint": "joint"}
+#: Percent of U for one of u.
+_PERCENT = 100 * COVERAGE_FACTOR
 _MOST_FREQUENCIES = 16
 _MOST_WAYS = 5
 #: A remedy that leaves more than this share of the uncertainty is shown as no gain.
@@ -21,7 +24,7 @@ _NO_GAIN = 0.98
 
 @dataclass(frozen=True)
 class Expected:
-    """The relative standard uncertainty to expect of one quantity: a row per frequency, a column per route and mass."""
+    """The relative U to expect of one quantity: a row per frequency, a column per route and mass."""
 
     heads: tuple[str, ...]
     rows: list[tuple[str, ...]]
@@ -49,14 +52,14 @@ def expected_tables(frame: pl.DataFrame) -> ExpectedTables:
         median = pl.col(quantity.relative_head).median()
         found = [dict(one.group_by(q.FREQUENCY.head).agg(median).iter_rows()) for one in columns.values()]
         rows = [(f"{one:.4g} Hz", *(_percent(each.get(one)) for each in found)) for one in kept]
-        tables.append(Expected((f"u({quantity.symbol}) [%]", *columns), rows))
+        tables.append(Expected((f"U({quantity.symbol}) [%]", *columns), rows))
     notes = []
     if len(kept) < len(every):
         notes.append(f"({len(kept)} of {len(every)} frequencies shown; plan.csv has all)")
     high = frame.filter(pl.col("plan") == AS_STATED)[q.K2.relative_head].max()
     if isinstance(high, float) and high > NOT_LINEAR:
-        notes.append("(above some 30 % the true scatter has tails that no standard uncertainty describes)")
-    heading = f"Relative standard uncertainty to expect, in %: {tests} tests, median over those of one frequency"
+        notes.append("(above some 60 % the true scatter has tails that no U describes)")
+    heading = f"Relative U (k = 2) to expect, in %: {tests} tests, median over those of one frequency"
     return ExpectedTables(heading, tuple(tables), tuple(notes))
 
 
@@ -73,7 +76,7 @@ def _columns(frame: pl.DataFrame) -> dict[str, pl.DataFrame]:
 
 
 def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.3g}"
+    return "-" if value is None else f"{_PERCENT * value:.3g}"
 
 
 @dataclass(frozen=True)
@@ -126,14 +129,15 @@ def advice_in_words(planned: CampaignPlan, advice: Sequence[Advice]) -> list[Adv
 
 
 def _in_words(found: Advice, where: str) -> AdviceInWords:
-    goal = f"{100 * found.wanted:g} % of K2 and C (median over the tests, {found.route} route)"
+    wanted = f"U of {_PERCENT * found.wanted:g} % (u of {100 * found.wanted:g} %)"
+    goal = f"{wanted} of K2 and C (median over the tests, {found.route} route)"
     goal = f"{where}wanted {goal}; the plan as it is: {_leaves(found.now)}"
     if found.reached:
         return AdviceInWords(goal, ("reached: nothing more is needed",))
     remarks = []
     if found.of_k1 > found.wanted:
         remarks.append(
-            f"K1 alone leaves {100 * found.of_k1:.2g} %, however good the dynamic tests are: "
+            f"K1 alone leaves U of {_PERCENT * found.of_k1:.2g} %, however good the dynamic tests are: "
             "every remedy needs better static tests"
         )
     return AdviceInWords(
@@ -156,4 +160,4 @@ def _duration(minutes: float) -> str:
 
 
 def _leaves(outcome: Outcome) -> str:
-    return f"K2 {100 * outcome.k2:.2g} %, C {100 * outcome.c:.2g} %"
+    return f"K2 {_PERCENT * outcome.k2:.2g} %, C {_PERCENT * outcome.c:.2g} %"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Literal
 
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import known, number, with_std
 from fourpole.core.sources import Role, Source
 from fourpole.findings.facts import natural
@@ -295,7 +296,7 @@ def _candidates(found: RigEstimate) -> Iterable[str]:
     """Candidates that would explain the misfit, the best first, and those not distinguishable from it."""
     for at, candidate in enumerate(found.candidates[: max(_MOST_CANDIDATES, found.tied)]):
         value, std = known(candidate.value), known(candidate.std)
-        text = cause_words(candidate) + (f" (known to {percent(std / abs(value))})" if value and std else "")
+        text = cause_words(candidate) + (f" (U {percent(COVERAGE_FACTOR * std / abs(value))})" if value and std else "")
         explains = known(candidate.explains)
         if explains is not None:
             text += f": chi-square would fall by {plain_number(explains)}"
@@ -331,10 +332,10 @@ def _gain(found: RigEstimate) -> str:
     parts = []
     for name, (before, after) in found.mass_gain.items():
         what = name.replace(", K1 known", " (if K1 were exact)")
-        parts.append(f"{what} to {percent(after)} instead of {percent(before)}")
+        parts.append(f"{what} to {percent(COVERAGE_FACTOR * after)} instead of {percent(COVERAGE_FACTOR * before)}")
     if not parts:
         return ""
-    return f"With the weighed mass the tests without it give {joined(parts)} (median standard uncertainties)."
+    return f"With the weighed mass the tests without it give {joined(parts)} (median U)."
 
 
 def _unseen(found: RigEstimate) -> Iterable[str]:

@@ -81,7 +81,7 @@ __all__ = ["Sentence", "headline", "sentences"]
 
 #: Tests that one sentence names; more are counted.
 _MOST_NAMED = 10
-_HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.DAMPING, Topic.LOSS, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
+_HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.LOSS, Topic.DAMPING, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
 _MOST_IN_HEADLINE = 8
 
 
@@ -102,13 +102,19 @@ def tally(finding: Finding, found: Tally, _: ShownUnits) -> str:
     )
 
 
-def doubt(finding: Finding, found: Reason, _: ShownUnits) -> str:
+def doubt(finding: Finding, _: Reason, __: ShownUnits) -> str:
     """The tests that were rejected, or used with a warning, for one reason, as a sentence."""
     advice = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
     count = len(finding.tests)
     of = f" ({count} tests)" if count > _MOST_NAMED else ""
-    reason = template(found.code, "short", finding.holds) if found.code else found.remark
-    return f"{advice} {some(finding.tests, _MOST_NAMED)}{of}: {reason}."
+    return f"{advice} {some(finding.tests, _MOST_NAMED)}{of}: {reason_of(finding)}."
+
+
+def reason_of(finding: Finding) -> str:
+    """Why tests were rejected or have a warning, in a few words."""
+    found = finding.detail
+    assert isinstance(found, Reason)
+    return template(found.code, "short", finding.holds) if found.code else found.remark
 
 
 _TEMPLATES: dict[type, Callable[[Finding, Any, ShownUnits], str]] = {
