@@ -323,7 +323,7 @@ def _shape(
 ) -> SignalShape:
     """The shape of the signals in some columns of a group of a file."""
     names, unit = [column.name for column in columns], (clock and clock.unit) or "s"
-    samples = samples_of(path, names, group=group, label=name, clock=clock and clock.name, unit=unit)
+    samples = samples_of(path, names, group=group, label=name, clock=clock.name if clock else None, unit=unit)
     aside = frozenset(column.name for column in columns if column.quantity in _ASIDE)
     return signal_shape(samples, rate=rate, aside=aside, motions=_motions(columns))
 
