@@ -88,6 +88,7 @@ WORST = {
     "io/columns._SLASHED": ("", "0/9/0", "a"),
     "io/convert._OURS": ("", "19", "!"),
     "io/documents._AT_LINE": ("", "at line ", ""),
+    "io/documents._LETTERS": ("", "a", "\u00e4"),
     "io/documents._BARE": ("=", "1", ","),
     "io/documents._HALF": ("", "é", ""),
     "io/documents._DIGITS": ("", "1_", "a"),

@@ -9,6 +9,7 @@ import pytest
 from fourpole.campaign import read_campaign
 from fourpole.campaign.schema import parse_campaign
 from fourpole.errors import CampaignError
+from fourpole.study.check import check_campaign
 from fourpole.virtual import simulate_campaign
 
 HEADS = {"test": "Prüfung", "file": "Datei", "kind": "Art", "tyre": "Probe", "pressure": "Druck", "preload": "Vorlast",
@@ -75,7 +76,7 @@ def test_two_heads_of_one_column_and_a_head_without_its_unit_are_told(campaign):
     with pytest.raises(CampaignError, match=r"'pressure' stands twice, as .*: keep one of them"):
         read_campaign(campaign)
     (campaign / "tests.csv").write_text(table.write_csv().replace("Druck [bar]", "Druck"))
-    with pytest.raises(CampaignError, match=r"column 'pressure' has no unit: write 'pressure \[bar\]'"):
+    with pytest.raises(CampaignError, match=r"column 'Druck' has no unit: write 'Druck \[bar\]'"):
         read_campaign(campaign)
 
 
@@ -132,3 +133,29 @@ def test_a_decimal_comma_in_campaign_toml_is_named_with_its_line(line, said):
 def test_a_decimal_comma_in_quotation_marks_is_a_decimal_sign():
     rig = parse_campaign('[rig]\nmoving_mass = "12,4 kg"\npreload_stiffness = "1,2 kN/m"\n[channels]\n').rig
     assert rig.values["moving_mass"].value == 12.4
+
+
+def test_a_decimal_comma_before_three_digits_is_one_where_another_cell_shows_it(campaign):
+    table = table_of(campaign).with_columns(pl.lit("14.025").alias("frequency [Hz]"))
+    text = table.write_csv().replace(",", ";").replace("14.025", "14,025")
+    (campaign / "tests.csv").write_text(text)
+    assert "may mean thousands or a decimal" in read_campaign(campaign).tests[-1].problem
+    (campaign / "tests.csv").write_text(text.replace("1.7", "1,7"))
+    assert read_campaign(campaign).tests[-1].values["frequency"] == 14.025
+
+
+def test_a_file_whose_umlaut_is_two_characters_on_the_disk_is_told(campaign):
+    (campaign / "recordings" / "D1.csv").rename(campaign / "recordings" / "Räder.csv".replace("ä", "a\u0308"))
+    text = (campaign / "tests.csv").read_text().replace("recordings/D1.csv", "recordings/Räder.csv")
+    (campaign / "tests.csv").write_text(text, encoding="utf-8")
+    (problem,) = (one for one in check_campaign(read_campaign(campaign)).problems if one.test == "D1")
+    assert problem.message.endswith("whose accents are characters of their own, as of macOS: rename it")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"), [("[tyres.Prüfling-1]", '[tyres."Prüfling-1"]'), ('[tyres.Rad]\nGröße = "195"', '"Größe"')]
+)
+def test_a_name_with_an_umlaut_in_campaign_toml_needs_quotation_marks(line, said):
+    with pytest.raises(CampaignError, match=r"a name with an umlaut or accent stands in quotation marks: ") as told:
+        parse_campaign(f"title = 'x'\n{line}\n")
+    assert str(told.value).endswith(said)

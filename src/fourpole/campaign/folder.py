@@ -23,7 +23,7 @@ from fourpole.core.arrays import IntArray, short_repr
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.child import read_apart
-from fourpole.io.documents import rows_of
+from fourpole.io.documents import delimiter_of, rows_of
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.formats.workbook import first_table
@@ -152,7 +152,9 @@ def tests_file(folder: Path) -> Path:
     """The file of a campaign that lists its tests; CampaignError if there is none, or one too many."""
     there = [folder / name for name in TESTS if (folder / name).exists()]
     if not there:
-        raise CampaignError(why_no_tests(folder))
+        other = next((path.name for path in folder.iterdir() if path.name.casefold() in TESTS), "")
+        spelt = f"{folder}: write the name of {units.shown(other)} in small letters: {other.casefold()}"
+        raise CampaignError(spelt if other else why_no_tests(folder))
     if len(there) > 1:
         older = min(there, key=lambda path: path.stat().st_mtime)
         raise CampaignError(
@@ -179,8 +181,17 @@ def _listed(text: str, stated: CampaignFile) -> tuple[list[Column], list[Test]]:
     if not rows:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
     columns = columns_of(rows[0][1])
+    if delimiter_of(text) == ";" and any(0 < _decimals(cell) != 3 for _, cells in rows[1:] for cell in cells):
+        commas = [(row, [cell.replace(",", ".") if _decimals(cell) else cell for cell in cells]) for row, cells in rows]
+        rows = [rows[0], *commas[1:]]
     with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts of a campaign
         return columns, _tests([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
+
+
+def _decimals(cell: str) -> int:
+    """Number of digits behind the only comma of a number; three may be thousands. 0 for any other cell."""
+    whole, _, part = cell.partition(",")
+    return len(part) if whole.lstrip("+-").isdecimal() and part.isdecimal() else 0
 
 
 def statement_text(path: Path, most: int, sha256: dict[str, str], *, strict: bool) -> str:

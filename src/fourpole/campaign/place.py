@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path, PureWindowsPath
+from unicodedata import normalize
 
 from fourpole import units
 from fourpole.errors import FileError, FourpoleError
@@ -99,9 +100,11 @@ def _likely(folder: Path, file: str) -> str:
         return f"write {units.shown(plain)}" if there else "name it from the campaign's folder, with / in place of \\"
     with suppress(OSError):
         name = Path(file).name
-        paths = islice((folder / file).parent.iterdir(), _MOST_BESIDE)
+        names = [path.name for path in islice((folder / file).parent.iterdir(), _MOST_BESIDE)]
+        if normalize("NFC", name) in {normalize("NFC", one) for one in names}:
+            return "one of the same letters is, whose accents are characters of their own, as of macOS: rename it"
         numbers = _NUMBERS.findall(name)
-        beside = [path.name for path in paths if _NUMBERS.findall(path.name) == numbers]  # D1 is not meant by D2
+        beside = [one for one in names if _NUMBERS.findall(one) == numbers]  # D1 is not meant by D2
         near = difflib.get_close_matches(name, beside, n=1, cutoff=_ALIKE)
         if near:
             return f"did you mean {units.shown(Path(file).with_name(near[0]).as_posix())}?"

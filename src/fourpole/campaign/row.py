@@ -141,7 +141,7 @@ def _column(label: str, english: Collection[str] = ()) -> Column:
     if plain not in _NAMES and (german := known_name(label)):
         if german in english:
             return Column(label, label, "extra")
-        name, label = german, label.replace(written, german, 1)
+        name, label = german, label.replace(written, german, 1) if german == "time" else label
     elif plain not in _NAMES and (near := units.nearest(plain, _NAMES, 0.9)):
         raise CampaignError(
             f"tests.csv row 1: column {units.shown(label)} is not known; did you mean '{_NAMES[near]}'? "
@@ -160,7 +160,7 @@ def _column(label: str, english: Collection[str] = ()) -> Column:
         example = {"temperature": "degC", "frequency": "Hz", "window": "s", "pressure": "bar"}.get(
             name, units.si_unit(kind)
         )
-        raise CampaignError(f"tests.csv row 1: column '{name}' has no unit: write '{name} [{example}]'")
+        raise CampaignError(f"tests.csv row 1: column '{written}' has no unit: write '{written} [{example}]'")
     try:
         units.to_si([1.0], unit, kind)
     except UnitError as error:

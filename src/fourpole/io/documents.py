@@ -38,6 +38,7 @@ _TEXTS = re.compile(
 )
 #: A number that stands bare behind the sign of a key, with a decimal comma or a unit.
 _BARE = re.compile(r"=\s*([-+]?\d+(?:[.,]\d+)?)[ \t]*([A-Za-zµ°%][^,}\]#\n]*)?")
+_LETTERS = re.compile(r"[\w-]*[^\W\d_a-zA-Z][\w-]*")
 _AT_LINE = re.compile(r"at line (\d+)")
 _LONG_KEY = re.compile(rf"(?<![\w.-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 #: Most characters of a cell, which is the limit that Python's own reader has unless a program changes it.
@@ -158,9 +159,15 @@ def _of_digits(content: bytes | str, name: str) -> str:
 
 
 def _of_bare(text: str, error: str, name: str) -> str:
-    """Message on a number with a decimal comma, or with a unit but no quotation marks, where TOML has an error."""
+    """Message on a decimal comma, or on a unit or a name that lacks its quotation marks, where TOML has an error."""
     place = _AT_LINE.search(error)
-    found = place and _BARE.search(text.split("\n")[int(place[1]) - 1])
+    line = text.split("\n")[int(place[1]) - 1] if place else ""
+    key = line.partition("=")[0].strip()
+    if not _TEXTS.sub("", key).isascii():
+        quoted = _LETTERS.sub(r'"\g<0>"', key)
+        where = f"{name} line {place[1] if place else 0}"
+        return f"{where}: a name with an umlaut or accent stands in quotation marks: {quoted}"
+    found = _BARE.search(line)
     if not found or not (found[2] or "," in found[1]):
         return ""
     written = f"{found[1]} {found[2] or ''}".strip()

@@ -146,7 +146,7 @@ def _check(found: os.stat_result, name: str, max_bytes: int) -> None:
         much = f"{_size(found.st_size)}, more than the {_size(max_bytes)} allowed"
         raise FileError(f"{name}: has {much}; make it smaller, or split it")
     if found.st_size == 0:
-        raise TableError(f"{name}: is empty")
+        raise TableError(f"{name}: is empty; save or copy it again")
 
 
 def _size(count: int) -> str:

@@ -200,7 +200,7 @@ def check_even(lines: Sequence[str], name: str) -> None:
             continue
         if all(_is_values(cells[one], ",") for one in (at, at + 1)) and all(_is_name(one) for one in above if one):
             top = next((one for one in range(at - 2, -1, -1) if len(cells[one]) != len(above)), -1) + 1
-            raise TableError(f"{name} line {top + 1}: the header has {len(above)} names, but the rows {width} cells")
+            raise TableError(_uneven(name, top, len(above), width))
 
 
 def _are_names(cells: Sequence[str]) -> bool:
@@ -371,7 +371,7 @@ def _header(
         count = 1 if is_aside(lines[index]) else _cell_count(lines[index], delimiter)
         if count > 1:
             width = len(rows[first])
-            raise TableError(f"{name} line {index + 1}: the header has {count} names, but the rows {width} cells")
+            raise TableError(_uneven(name, index, count, width))
     return by_number(len(rows[first])), None
 
 
@@ -473,3 +473,9 @@ def _is_units_row(cells: list[str]) -> bool:
         return False
     known = sum(map(is_unit, stated))
     return all(_UNIT_CELL.fullmatch(cell) for cell in stated) or known > _KNOWN_UNITS * len(stated)
+
+
+def _uneven(name: str, line: int, names: int, width: int) -> str:
+    """Message on a header that does not fit the rows below it."""
+    remedy = "name each column; if commas are decimal signs, export with ; or tabs between the cells"
+    return f"{name} line {line + 1}: the header has {names} names, but the rows {width} cells; {remedy}"
