@@ -10,7 +10,8 @@ _NOT_THERE = {
     "there is no such folder": ("analyse", "check", "init", "plan", "twoport", "watch"),
     "there is no such folder of results": ("export", "plot", "report", "rig"),
     "there is no such file; check its name": (
-        "causality", "convert", "fit", "identify", "info", "map", "query", "ride", "shift", "static", "verify",
+        "causality", "convert", "fit", "identify", "info", "map", "query", "ride", "shift", "static", "stiffness",
+        "verify",
     ),
 }  # fmt: skip
 #: Columns of the help that is kept beside this file; a narrower terminal has one of its own.

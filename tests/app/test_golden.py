@@ -14,6 +14,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 import pytest
 from tests.app.conftest import ENVIRONMENT
 from tests.fitting.test_shifting import table as isotherms
@@ -51,6 +53,7 @@ COMMANDS = {
     "check": ("lab",),
     "plan": (*RIG, *TYRE, "--frequency", "10:24:7 Hz", "--added-mass", "10 kg", "--out", "plan"),
     "static": ("lab/recordings/S1.csv", "--load", "1 kN", "--column", "deflection=x [mm]", "--column", "load=F [N]"),
+    "stiffness": ("bench.csv",),
     "identify": ("lab/results/dynamic.csv", "--k1", "110 kN/m"),
     "predict": (*RIG, *TYRE, "--frequency", "10, 16, 24 Hz"),
     "info": ("lab/recordings/D1.csv",),
@@ -59,6 +62,19 @@ COMMANDS = {
 }
 #: Commands with a process, a browser or a wait of their own, whose tests stand elsewhere.
 ELSEWHERE = {"app", "demo", "open", "selftest", "simulate", "watch"}
+
+
+def bench(path):
+    """An actuator's sines of 1, 5 and 20 Hz on a spring with a damper."""
+    parts = []
+    for f in (1.0, 5.0, 20.0):
+        wave = np.exp(2j * np.pi * f * np.arange(20_000) / 2000.0)
+        parts += [np.zeros(1000), wave]
+    wave = np.concatenate(parts)
+    noise = np.random.default_rng(3).standard_normal((2, wave.size))
+    force = (wave * (200 + 30j)).imag + 0.01 * noise[0]
+    table = {"t [s]": np.arange(wave.size) / 2000.0, "Kraft [N]": force, "Weg [mm]": wave.imag + 1e-5 * noise[1]}
+    pl.DataFrame(table).write_csv(path)
 
 
 def campaign(folder, seed):
@@ -81,6 +97,7 @@ def place(run):
             assert run(command, folder / "lab", "--model", "zener").exit_code == 0
         shutil.copytree(folder / "lab" / "recordings", folder / "raw")
         isotherms(folder / "isotherms.csv")
+        bench(folder / "bench.csv")
 
     return kept("golden", make)
 

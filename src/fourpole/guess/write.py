@@ -314,7 +314,7 @@ def tests_csv(rows: Sequence[Row]) -> str:
         if one in _ALWAYS or any(cells):
             columns[one.stated_head] = cells
     if any(row.window for row in rows):
-        columns["window [s]"] = ["" if row.window is None else "{:g}..{:g}".format(*row.window) for row in rows]
+        columns[q.WINDOW.head] = ["" if row.window is None else "{:g}..{:g}".format(*row.window) for row in rows]
     if any(row.repeat for row in rows):
         columns["repeat"] = [row.repeat for row in rows]
     named = {head.partition(" ")[0]: cells for head, cells in columns.items()}

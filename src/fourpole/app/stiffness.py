@@ -1,0 +1,156 @@
+"""The command stiffness: K', K'' and loss angle from recordings of a displacement and a force alone."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from math import pi, sqrt
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from fourpole import quantities as q
+from fourpole.answer import Answer, Part, Table
+from fourpole.app.console import OK, SOME_REJECTED, progress, say
+from fourpole.app.options import RunOptions, Wanted
+from fourpole.app.standing import results_of
+from fourpole.campaign import read_campaign
+from fourpole.core.checks import Code, Verdict, worst_verdict
+from fourpole.core.digits import number
+from fourpole.errors import CampaignError
+from fourpole.findings.list import checks_by_point
+from fourpole.findings.polar import value_of
+from fourpole.fitting.rows import keys_of
+from fourpole.guess import guess_campaign, keep_existing
+from fourpole.io.door import read_bytes
+from fourpole.io.folders import make_folder
+from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.write import write_bytes, write_text
+from fourpole.quantities import Quantity
+from fourpole.report.digits import PLUS_MINUS, with_u
+from fourpole.study.study import Study
+from fourpole.words import first_of
+
+#: Share of |K*| that the mass between force cell and specimen takes at the frequency that is named [1].
+_TELLING = 0.01
+_SHOWN = (q.STORAGE, q.LOSS, q.MODULUS, q.LOSS_ANGLE)
+_WHERE = (q.PRELOAD, q.DEFLECTION_AMPLITUDE, q.FREQUENCY)
+#: Checks of the damped arm, K2 and C.
+_OF_ARM = {Code.NO_K1, Code.PASSIVE_ARM, Code.K1, Code.K1_TEMPERATURE, Code.K1_MIXED, Code.K1_BRANCH}
+_Verdicts = Mapping[tuple[str, int], tuple[Verdict, str]]
+
+
+def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass: float | None = None) -> Answer:
+    """K* of each steady sine in some recordings, as of a bench whose far side is fixed: init and analyse in one step.
+
+    Without a folder for the campaign, nothing is left.
+    """
+    if folder is not None:
+        keep_existing(folder)
+        study = _analysed(recordings, make_folder(folder), input_mass)
+        from fourpole.app.analysis import run_analysis
+        from fourpole.study import DRAWS
+
+        run_analysis(folder, None, "joint", DRAWS, RunOptions(), Wanted(), as_json=True)
+        kept = [("campaign", folder), ("report", results_of(folder, None) / "report.html")]
+    else:
+        with TemporaryDirectory(prefix="fourpole-") as place:
+            study, kept = _analysed(recordings, Path(place), input_mass), []
+    for note in study.notes:
+        say(f"note: {note}")
+    verdicts = _verdicts(study)
+    code = SOME_REJECTED if Verdict.REJECTED in [verdict for verdict, _ in verdicts.values()] else OK
+    return Answer(_parts(study, verdicts, input_mass), lambda: _document(study, verdicts), files=kept, code=code)
+
+
+def _analysed(recordings: Iterable[Path], folder: Path, input_mass: float | None) -> Study:
+    """The recordings copied into a folder, guessed to be a campaign of a bench, and analysed."""
+    from fourpole.study import analyse
+
+    counts: Counter[str] = Counter()
+    for path in recordings:
+        counts[path.name] += 1
+        name = path.name if counts[path.name] == 1 else f"{path.parent.name}_{counts[path.name]}_{path.name}"
+        write_bytes(folder / name, read_bytes(path, max_bytes=MAX_FILE_BYTES, label=str(path)))
+    with progress("reading") as advance:
+        guess = guess_campaign(folder, progress=advance)
+    if guess.moving and not guess.blocked:
+        why = "a second motion" if "motion_out" in guess.roles else "no displacement"
+        raise CampaignError(
+            f"{first_of([path.name for path in recordings], 3)}: a bench records one displacement and one force, and "
+            f"here is {why}: put the recordings into a folder and run fourpole init, which asks for the rest"
+        )
+    guess.write()
+    if input_mass is not None:
+        stated = read_bytes(folder / "campaign.toml", max_bytes=MAX_FILE_BYTES).decode()
+        mass = f'[rig]\ninput_mass = "{input_mass:.12g} kg"\n'
+        write_text(folder / "campaign.toml", stated.replace("[rig]\n", mass, 1))
+    for role, one in guess.roles.items():
+        say(f"understood {role}: column '{one.column}' [{one.unit}]{', inverted' if one.invert else ''}")
+    with progress("analysing") as advance:
+        return analyse(read_campaign(folder), progress=advance)
+
+
+def _verdicts(study: Study) -> _Verdicts:
+    """Verdict on K* of each row, and why: a static stiffness, which K2 and C need, was not asked for."""
+    checks, found = checks_by_point(study.checks), {}
+    for key, row in zip(keys_of(study.dynamic), study.dynamic.rows(named=True), strict=True):
+        held = [check for check in checks.get(key, ()) if check.code not in _OF_ARM and check.verdict is not Verdict.OK]
+        found[key] = (
+            worst_verdict([check.verdict for check in held]),
+            "; ".join(dict.fromkeys(one.cause for one in held)),
+        )
+        if row[q.STORAGE.head] is None:
+            found[key] = Verdict.REJECTED, row["remarks"]
+    return found
+
+
+def _parts(study: Study, verdicts: _Verdicts, input_mass: float | None) -> Iterator[Part]:
+    """A table with U of what was found, and what limits it."""
+    rows, units = study.dynamic.to_dicts(), study.shown
+    places = [units.of(one) for one in _WHERE if any(row[one.head] is not None for row in rows)]
+    shown = [units.of(one) for one in _SHOWN]
+    cells = [
+        [
+            row["tyre"] or "",
+            *(_plain(row[one.head], one) for one in places),
+            *(_found(row, one) for one in shown),
+            *said,
+        ]
+        for row, said in zip(rows, verdicts.values(), strict=True)
+    ]
+    heads = [
+        "specimen",
+        *(f"{one.symbol} [{one.suffix or one.shown}]" for one in (*places, *shown)),
+        "verdict",
+        "remarks",
+    ]
+    yield Table(heads, cells, heads[1:-2])
+    yield PLUS_MINUS
+    if input_mass and (
+        known := [abs(complex(row[q.STORAGE.head], row[q.LOSS.head])) for row in rows if row[q.LOSS.head]]
+    ):
+        hertz = sqrt(_TELLING * min(known) / input_mass) / (2 * pi)
+        yield f"the mass of {input_mass:g} kg before the specimen takes 1 % of |K*| at {hertz:.3g} Hz; it was taken out"
+    if study.static.height:
+        yield f"{study.static.height} loops of a static test: --campaign DIR keeps them, fourpole static evaluates them"
+
+
+def _plain(value: float | None, quantity: Quantity) -> str:
+    return "" if value is None else number(value / quantity.scale)
+
+
+def _found(row: Mapping[str, Any], quantity: Quantity) -> str:
+    """A value with U; blank where there is none."""
+    found = value_of(quantity, row)
+    return "" if found is None else with_u(*found, quantity.scale)
+
+
+def _document(study: Study, verdicts: _Verdicts) -> list[dict[str, Any]]:
+    """A row for each sine, in SI units."""
+    heads = [*_WHERE, q.STORAGE, q.LOSS]
+    columns = ["test", "tyre", *(head for one in heads for head in one.heads if head in study.dynamic.columns)]
+    return [
+        {**row, "verdict": verdict, "remarks": remarks}
+        for row, (verdict, remarks) in zip(study.dynamic.select(columns).to_dicts(), verdicts.values(), strict=True)
+    ]
