@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from tests.core.test_recordingchecks import one_test
 
-from fourpole.core import branches, curves, meancurve, reference
+from fourpole.core import branches, curves, meancurve, reference, specimenfit
 from fourpole.core.condition import AXES, PRELOAD, PRESSURE, axis_of
 from fourpole.core.demodulation.demodulate import Harmonics
 from fourpole.core.loadcurve import LoadCurve
 from fourpole.core.meancurve import Local, Pairs
-from fourpole.core.plan import advice
+from fourpole.core.plan import advice, remedies
 from fourpole.core.recordingchecks import check_consistency, check_mean_force, check_resonance, excess
 from fourpole.core.reference import PulseTrain, Reference
 from fourpole.core.rig import Rig
+from fourpole.core.specimen import Body, Form
 from fourpole.core.spectra import averaged, excited, random, sweep
 from fourpole.core.spectra.motion import Motion, period_of
 from fourpole.errors import FourpoleError
@@ -100,9 +101,9 @@ def stepped(values):
 
 
 def short_rests(share):
-    """A staircase of 2000 samples, of which all but this share lie in rests of four, too short to count."""
-    steps = np.zeros(2000)
-    steps[np.r_[np.arange(0, 2000 - 2000 * share, 5), np.linspace(2000 * (1 - share), 1980, 6)].astype(int)] = 1.0
+    """A staircase of 240 samples, of which all but this share lie in rests of four, too short to count."""
+    steps, short = np.zeros(240), round(240 * (1 - share) / 5) * 5
+    steps[np.r_[np.arange(0, short, 5), np.linspace(short, 220, 5).astype(int)]] = 1.0
     return np.cumsum(steps)
 
 
@@ -251,6 +252,34 @@ def in_common(coherence, averages=10.0):
     excited._check_common(["motion_in"], np.full((3, len(count)), coherence / averages), np.full(3, averages))
 
 
+def better(values="channels", std=0.0):
+    """Number of remedies by better channels, a better rig or better static tests, by the uncertainty that they have."""
+    tests = SimpleNamespace(present=(True, False, False), rigid=False, k1=1.0, k1_std=std)
+    gain, phase = np.full(3, std * (values == "gain")), np.full(3, np.radians(std) * (values == "phase"))
+    rig = SimpleNamespace(blocked=False, moving_mass=15.0, std={"moving_mass": 15.0 * std})
+    plan = SimpleNamespace(tests=tests, rig=rig, channels=SimpleNamespace(gain=gain, phase=phase), statics=1)
+    makers = {"rig": remedies._better_rig, "K1": remedies.k1_remedies}
+    return len(list(makers.get(values, remedies._sensors)(plan, remedies.Effort())))
+
+
+def longer(cycles):
+    """The texts of remedies against noise."""
+    tests = SimpleNamespace(noise=np.ones(1), frequency=np.ones(1))
+    plan = SimpleNamespace(tests=tests, cycles=cycles, minutes=lambda tests, effort: 1.0)
+    return [one.text.split()[0 if "cycles" in one.text else 2] for one in remedies._longer(plan, remedies.Effort())]
+
+
+def a_rod(gain):
+    """Whether a specimen is taken as a rod, by the chi-square that this explains beyond a massless one."""
+    left = {Form.MASSLESS: gain, Form.ROD: 0.0, Form.BELT: 0.0}
+
+    def fit(measured, form, share):
+        return SimpleNamespace(chi2=left[form], specimen=SimpleNamespace(form=form, mass=0))
+
+    with patch.object(specimenfit, "_fit", fit):
+        return specimenfit.fit_specimen(None).specimen.form is Form.ROD
+
+
 def cheapest(ratio):
     """The cost of the nearest outcome, where a cheaper one has an uncertainty that is larger by this factor."""
     outcomes = [SimpleNamespace(worst=1.0, minutes=9.0), SimpleNamespace(worst=ratio, minutes=1.0)]
@@ -355,6 +384,29 @@ EDGES = {
     "sweep, 21 bins in a quarter of the frequency": (resolved, {8.3: False, 8.5: True}),
     "channel with nothing in common, coherence of 2 averages": (taken(in_common), {1.98: False, 2.02: True}),
     "averages that show nothing in common, 3": (taken(lambda n: in_common(0.1, n)), {2.97: True, 3.03: False}),
+    "channels that are calibrated to 0.5, 0.2 and 0.1 %": (
+        lambda x: better("gain", x), {0.99e-3: 0, 1.01e-3: 1, 1.98e-3: 1, 2.02e-3: 2, 4.95e-3: 2, 5.05e-3: 3},
+    ),
+    "channels that are calibrated to 0.25, 0.1 and 0.05°": (
+        lambda x: better("phase", x), {0.0495: 0, 0.0505: 1, 0.099: 1, 0.101: 2, 0.247: 2, 0.253: 3},
+    ),
+    "rig that is measured to 0.5 and 0.1 %": (
+        lambda x: better("rig", x), {0.99e-3: 0, 1.01e-3: 1, 4.95e-3: 1, 5.05e-3: 2},
+    ),
+    "K1 that is known to 1, 0.5, 0.2 and 0.1 %": (
+        lambda x: better("K1", x),
+        {0.99e-3: 0, 1.01e-3: 1, 1.98e-3: 1, 2.02e-3: 2, 4.95e-3: 2, 5.05e-3: 3, 9.9e-3: 3, 1.01e-2: 4},
+    ),
+    "cycles, 4 and 16 times as many, or 3 tests": (longer, {40.0: ["160", "640", "3"]}),
+    "specimen that is a rod, 0.1 % by chance": (a_rod, {10.7: False, 10.95: True}),
+    "moving part of a specimen, half of its weight": (lambda x: Body.weighed(x).mass_std, {10.0: 5.0}),
+    "share of the springs of a tyre, 0.2": (
+        lambda x: round(float(np.exp(Body.weighed(x).springs(1e5)[0])), 9), {1.0: 0.2},
+    ),
+    "share of the springs, known to 3 %": (
+        lambda x: round(Body(1.0, x, frequency=np.sqrt(2e5) / (2 * np.pi)).springs(1e5)[1] / 2, 6),
+        {0.02: 0.03, 0.04: 0.04},
+    ),
     "uncertainties that are equal, 2 %": (cheapest, {1.019: 1.0, 1.021: 9.0}),
     "pressure that is the same, 2 %": (lambda x: PRESSURE.same(1.0, x), {0.981: True, 0.979: False}),
     "preload that is the same, 1 %": (lambda x: PRELOAD.same(1.0, x), {0.991: True, 0.989: False}),

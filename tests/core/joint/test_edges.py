@@ -9,7 +9,8 @@ from unittest.mock import MagicMock, patch
 import numpy as np
 import pytest
 
-from fourpole.core.joint import asking, joint, reconcile, specimens
+from fourpole.core.components import component
+from fourpole.core.joint import asking, belts, joint, reconcile, scatter, specimens
 from fourpole.core.joint.asking import Group, tie
 from fourpole.core.joint.belts import is_possible
 from fourpole.core.joint.conditions import group_conditions
@@ -155,6 +156,38 @@ def grouped(*frequency, nominal=None):
     return len(set(group_conditions(np.zeros(len(frequency), int), np.array(frequency), stated).tolist()))
 
 
+def first_size(_):
+    """Size with which an effect of the amplitude begins."""
+    problem = SimpleNamespace(observed=SimpleNamespace(deflection=np.ones(1)))
+    return round(next(asking._absent(problem, None))[1].std, 6)
+
+
+def by_median(count):
+    """Whether the scatter of K* is that by the median, of so many repeats."""
+    conditions = SimpleNamespace(label=np.zeros(count, int), first=0, sizes=np.array([count]))
+    with patch.multiple(scatter, root_of=lambda function: 1.0, scatter_of=lambda *given: 0.0):
+        return scatter.robust_scatter(SimpleNamespace(conditions=conditions), None) == 1.0
+
+
+def searched(left):
+    """Number of first masses that are tried of belts and rods, by what they leave for each test."""
+    solution = SimpleNamespace(converged=True, objective=9 * left, evidence=0.0)
+    parts = {"with_belts": lambda *given, **how: None, "_first": lambda *given: None}
+    problem = SimpleNamespace(observed=SimpleNamespace(omega=np.ones(9)), shared=SimpleNamespace(rig=RIG))
+    with patch.multiple(belts, _searched=MagicMock(return_value=(None, solution)), **parts):
+        belts.explained(problem, {}, None)
+        return belts._searched.call_count
+
+
+#: Largest error that is possible, by its kind.
+BOUNDS = {
+    Kind.GAIN: 0.15, Kind.PHASE: 0.25, Kind.DELAY: 5e-3, Kind.LOW_CUT: 2.0, Kind.SLOPE: 0.01, Kind.MOUNTING_GAIN: 0.15,
+    Kind.MOUNTING_PHASE: 0.25, Kind.REMOUNTING_GAIN: 0.15, Kind.REMOUNTING_PHASE: 0.25, Kind.BLOCK: 0.3,
+    Kind.ANGLE_BLOCK: 0.3, Kind.DRIFT: 0.3, Kind.ANGLE_DRIFT: 0.3, Kind.STEP: 0.3, Kind.ANGLE_STEP: 0.3,
+    Kind.RIG_VALUE: 0.3, Kind.AMPLITUDE: 1.0, Kind.GAIN_DRIFT: 0.15, Kind.GAIN_STEP: 0.15, Kind.CROSSTALK: 0.15,
+    Kind.FIXTURE: 0.3, Kind.UNSTATED: 0.3, Kind.SCATTER: 0.03, Kind.BELT_MASS: 0.5, Kind.BELT_SHARE: 3.0,
+    Kind.BELT_ANGLE: 0.5, Kind.BELT_EXPONENT: 3.0, Kind.K1_LINEARITY: 0.1,
+}  # fmt: skip
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "contradiction of a statement, 3 u": (contradicted, {2.97: False, 3.03: True, -3.03: True}),
@@ -203,6 +236,14 @@ EDGES = {
     "test that bends the others, a tenth of their residuals": (bent, {0.099: True, 0.101: False}),
     "unsteady drive, 70 % of the misfit": (unsteady, {0.693: False, 0.707: True}),
     "noise of a test, 4 degrees of freedom of the others": (each, {2.0: 1.0, 98.0: 17.0}),
+    "largest errors that are possible": (lambda kind: component(kind).bound, BOUNDS),
+    "belt that nobody states, 0.7, 0.05 and 0.6": (
+        lambda kind: component(kind).std, {Kind.BELT_SHARE: 0.7, Kind.BELT_ANGLE: 0.05, Kind.BELT_EXPONENT: 0.6},
+    ),
+    "size with which a group begins, a thirtieth": (first_size, {"amplitude": 0.033333}),
+    "parts of a run, 8": (lambda n: len(set(joint.parts_of_run(np.zeros(n), np.arange(n)).tolist())), {7: 7, 16: 8}),
+    "repeats of a median, 6": (by_median, {5: False, 6: True}),
+    "belt that leaves nothing, 8 for each test": (searched, {7.92: 2, 8.08: 6}),
     "frequencies of one condition, 1.05 %": (lambda x: grouped(10.0, 10 * x), {1.0104: 1, 1.0106: 2}),
     "frequencies of one condition, 1.61 % in all": (
         lambda x: grouped(10.0, 10.08, 10 * x), {1.016: 1, 1.0163: 2},
