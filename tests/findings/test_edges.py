@@ -5,18 +5,21 @@ The cases have the documented limit as a literal number, so that a limit which o
 
 from math import inf
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, Condition
+from fourpole.findings import points, trends
 from fourpole.findings.compared import NOT_SEEN, _pairs, _row
 from fourpole.findings.conformity import is_pulled, is_told, most_outside, other_preloads, other_tangents, too_short
 from fourpole.findings.facts import Curve, Estimate, Holds, known, pairs
 from fourpole.findings.list import by_size
 from fourpole.findings.points import Readings, _step, differences
 from fourpole.findings.resonances import Crossing, peak
+from fourpole.findings.summary import SummaryRow, departing, wanted_frequency
 from fourpole.findings.trends import Comparison, Effect, along, linearity
 
 
@@ -90,6 +93,29 @@ def short(duration):
     return too_short(rides) is not None
 
 
+def stepped(far):
+    """Whether a point at this distance in ln f gives the slope of a condition, of two others."""
+    at = readings()
+    others = SimpleNamespace(
+        frequency=10.0 * np.exp(np.array([0.0, far])), group=np.zeros(2, int), values=np.ones((2, 8))
+    )
+    with patch.object(points, "_step", lambda x, values, end: (float(x.size), 0.0)):
+        return points._steps(at, others, np.array([0]))[0][0, 1] == 2
+
+
+def highest(count):
+    """Whether a curve of so many points has a maximum."""
+    x = np.arange(float(count))
+    values = 1.0 + np.where(x == 1, 1.0, 0.0)
+    made = SimpleNamespace(lines={0: (x, values, np.full(count, 1e-6))}, scatter=lambda free: (0.0, inf))
+    return trends.Lines.extremum(made) is not None
+
+
+def repeated(scatter, single=0.0):
+    """Whether repeats scatter, by their standard deviation and the uncertainty of one."""
+    return SummaryRow.scatters.fget(SimpleNamespace(scatter=scatter, single=single))
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "effect that is small, 1 %": (lambda x: shown(x, 1.0), {0.0099: 0, 0.0101: 1}),
@@ -132,6 +158,17 @@ EDGES = {
         lambda count: peak(Curve((10.0, 12.0, 14.0)[:count], (1.0, 2.0, 1.0)[:count], ())) is not None,
         {2: False, 3: True},
     ),
+    "point that gives a slope, 0.7 in ln f": (stepped, {0.693: True, 0.707: False, -0.707: False}),
+    "model that is not to be trusted, 1 %": (
+        lambda x: len(departing(SimpleNamespace(models=SimpleNamespace(models=[SimpleNamespace(discrepancy=x)])))),
+        {0.0099: 0, 0.0101: 1},
+    ),
+    "repeats that scatter, 1 %": (repeated, {0.0099: False, 0.0101: True}),
+    "repeats that scatter, twice their uncertainty": (lambda x: repeated(0.1 * x, 0.1), {1.98: False, 2.02: True}),
+    "frequency of a summary, 15 Hz": (
+        lambda record: wanted_frequency(SimpleNamespace(record=dict(record))), {(): 15.0},
+    ),
+    "points of a maximum, 4": (highest, {3: False, 4: True}),
 }  # fmt: skip
 
 

@@ -12,9 +12,12 @@ import pytest
 from fourpole import quantities as q
 from fourpole.core.condition import Sameness
 from fourpole.errors import ModelError
-from fourpole.fitting import byamplitude, measured, query, ranges, shifting, static
+from fourpole.fitting import byamplitude, measured, query, ranges, ridetyres, shifting, static
 from fourpole.fitting.amplitude import levels_of, mixed
 from fourpole.fitting.byamplitude import outside_levels
+from fourpole.fitting.effort import seconds_of_fits
+from fourpole.fitting.modelparts import check_covariance
+from fourpole.fitting.rows import usable
 from fourpole.fitting.static import StaticFile, slowest
 from fourpole.fitting.temperature import NO_SHIFT, TemperatureFile
 from fourpole.models.data import StiffnessData
@@ -103,6 +106,30 @@ def slow(frequency):
     return "nothing was measured" in StaticFile.remark(SimpleNamespace(branch_time=10.0), frequency)
 
 
+def own(share):
+    """Variance of a level of two that share K*, by the variance of its tests over that of K*."""
+    made = SimpleNamespace(tyres=[0, 0], condition=np.zeros(2, int), source=measured._Source.COVARIANCE)
+    made.numbers = dict.fromkeys((measured.COLUMN, *measured.STD), np.zeros(2))
+    made.shared, made.covariance = np.zeros((2, 2, 0)), np.array([np.eye(2)] * 2)
+    parts = {"levels_of": lambda sizes: np.arange(sizes.size), "covariances": lambda numbers: share * made.covariance}
+    with patch.multiple(measured, replace=lambda one, **changed: changed["covariance"], **parts):
+        return round(float(measured._Rows.by_level(made, np.zeros(2, int))[0, 0, 0]), 9)
+
+
+def row(frequency=10.0, stiffness=2e5):
+    """Whether a row is used, by its frequency and K*."""
+    heads = "frequency [Hz]", "Re K* [N/m]", "Im K* [N/m]"
+    numbers = dict(zip(heads, np.array([[frequency], [stiffness], [0.0]]), strict=True))
+    return bool(usable(numbers, "a", stated=False, by_amplitude=False)[0][0])
+
+
+def tyres(count):
+    """Take a model file of so many tyres and conditions for a ride."""
+    parts = dict.fromkeys(("resolved", "read_model_file", "model_in", "_tyre", "_with_common_errors"), MagicMock())
+    with patch.multiple(ridetyres, placed_models=lambda *given, **how: [None] * count, **parts):
+        ridetyres.tyres_for_ride("a")
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "model discrepancy that is named, 1 %": (remarks, {0.0099: 0, 0.0101: 1}),
@@ -131,6 +158,23 @@ EDGES = {
     "slowest that a static test says, 0.1 over the time of a branch": (
         lambda time: round(slowest(SimpleNamespace(ramp=SimpleNamespace(time=time))), 9), {10.0: 0.01},
     ),
+    "levels that share K*, 90 % of its variance": (own, {0.891: 0.891, 0.909: 1.818}),
+    "variance of a level, 1e-4 of that of K*": (own, {1.98e-4: 2e-4, 2.02e-4: 2.02e-4}),
+    "largest K*, 1e25": (lambda x: row(stiffness=x), {0.99e25: True, 1.01e25: False}),
+    "frequencies, 1e-100 to 1e100": (
+        row, {0.99e-100: False, 1.01e-100: True, 0.99e100: True, 1.01e100: False},
+    ),
+    "tyres of a ride, 40": (taken(tyres), {40: True, 41: False}),
+    "covariance of a model file, 1e240": (
+        taken(lambda x: check_covariance("a", [[x]], 1)), {0.98e240: True, 1.02e240: False},
+    ),
+    "covariance of a model file, symmetric to 1e-6": (
+        taken(lambda x: check_covariance("a", [[1.0, 0.0], [x, 1.0]], 2)), {0.98e-6: True, 1.02e-6: False},
+    ),
+    "frequencies of a range, 4 per decade and 50": (
+        lambda decades: len(ranges._steps(1.0, 10.0**decades)), {2.0: 10, 11.9: 49, 13.0: 50},
+    ),
+    "time of a fit, 0.5 s and 20 ms for each row": (seconds_of_fits, {0: 0.5, 100: 2.5}),
 }  # fmt: skip
 
 

@@ -9,10 +9,12 @@ from unittest.mock import MagicMock, patch
 import numpy as np
 import pytest
 
-from fourpole.guess import channels, signals, specimens, together
+from fourpole.errors import CampaignError
+from fourpole.guess import channels, conditions, gather, signals, specimens, together
 from fourpole.guess.channels import Column, Role, checked_force, static_roles
 from fourpole.guess.gather import _recorded
-from fourpole.guess.names import read_name
+from fourpole.guess.names import Token, read_name
+from fourpole.guess.pattern import read_pattern
 from fourpole.guess.together import _Together
 
 AT = np.arange(4000)
@@ -95,6 +97,59 @@ def recorded(quantity, unit, mean):
     return len(list(_recorded((Column("x", unit, quantity),), shape))) == 1
 
 
+def meaning(key="", *, stated=()):
+    """A function that gives the condition that a number is and the SI value of 1, by the letters before it."""
+    entry = SimpleNamespace(kind="dynamic", frequency=np.nan, name=[Token(what, "", 1.0) for what in stated])
+
+    def decided(value):
+        token = Token("number", str(value), value, (key,) if key else (), key)
+        found = conditions._meaning({0: token}, [entry])
+        return found and (found.what, found.scale)
+
+    return decided
+
+
+def of_a_tyre(value):
+    """Whether a number may be that of a tyre, in the doubt on it."""
+    token = Token("number", str(value), value, ("pressure",), "p")
+    entry = SimpleNamespace(parts=[("name", [token]), ("header", []), ("folder", [])])
+    taken = {"replace": lambda one, **changed: changed.get("doubt", changed.get("name"))}
+    with patch.multiple(conditions, **taken):
+        (doubt,) = conditions._with(entry, {(): token}, {(): conditions._Meaning("pressure", 1e3, "taken as kPa")})
+    return "number of a specimen" in doubt
+
+
+def listed(count):
+    """Whether a folder of so many files is taken."""
+    names = [str(at) for at in range(count)]
+    parts = {"_trouble": lambda *given: "", "_counting": len}
+    with patch.multiple(gather, **parts), patch.object(gather.os, "walk", lambda folder: [(".", [], names)]):
+        try:
+            return len(gather._paths(gather.Path(), MagicMock())) == count
+        except CampaignError:
+            return False
+
+
+def read_pattern_or_none(text):
+    try:
+        return read_pattern(text)
+    except CampaignError:
+        return None
+
+
+def band(shoulder=0.0, floor=0.0, gap=0):
+    """Lowest frequency [Hz] of a motion with power from 50 Hz on, by the power below it, and by a gap at 60 Hz."""
+    power = np.full(400, floor)
+    power[49:100], power[29:49] = 1.0, np.maximum(floor, shoulder)
+    power[59 : 59 + gap] = 0.0
+    lines = np.sqrt(power) * np.ones((1, 3, 1))
+    parts = {"starts_of": lambda *given: np.zeros(3, int), "lines_of": lambda *given: lines}
+    parts |= {"bins_of": lambda *given: (np.arange(1.0, 401.0), None)}
+    track = SimpleNamespace(time=np.zeros(16500), rate=1e4, present=None, signals=None)
+    with patch.multiple(signals.average, **parts):
+        return signals._band(track, 0)
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "static recording, below 0.5 Hz": (lambda x: kind(x / 100.0), {0.495: "static", 0.505: "dynamic"}),
@@ -133,6 +188,47 @@ EDGES = {
     ),
     "temperature that is recorded, -60 to 150 °C": (
         lambda x: recorded("temperature", "degC", x), {-60.6: False, -59.4: True, 149.0: True, 151.0: False},
+    ),
+    "pressure by its letters, 0.3 to 10 bar": (
+        meaning("pressure"), {0.297: None, 0.303: ("pressure", 1e5), 9.0: ("pressure", 1e5), 11.0: ("pressure", 1e4)},
+    ),
+    "pressure by its letters, tenths to 99.9 and kPa to 999": (
+        meaning("pressure"),
+        {99.8: ("pressure", 1e4), 99.95: None, 101.0: ("pressure", 1e3), 998.0: ("pressure", 1e3), 1001.0: None},
+    ),
+    "pressure without letters, 0.3 to 10 bar and 100 to 450 kPa": (
+        meaning(), {0.297: None, 0.303: ("pressure", 1e5), 9.9: ("pressure", 1e5), 10.1: None, 99.0: None,
+                    101.0: ("pressure", 1e3), 449.0: ("pressure", 1e3), 451.0: ("preload", 1.0)},
+    ),
+    "preload without letters, 300 to 50 000 N": (
+        meaning(stated=["pressure"]),
+        {297.0: None, 303.0: ("preload", 1.0), 49900.0: ("preload", 1.0), 50100.0: None},
+    ),
+    "preload by its letters, N from 50 on": (
+        meaning("preload"), {49.5: ("preload", 1e3), 49.95: None, 49.0: None, 50.5: ("preload", 1.0)},
+    ),
+    "temperature by its letters, 10 to 90 °C": (
+        meaning("temperature"), {9.9: None, 10.1: ("temperature", 1.0), 89.1: ("temperature", 1.0), 90.9: None},
+    ),
+    "mass by its letters, up to 100 kg": (meaning("added_mass"), {99.0: ("added_mass", 1.0), 101.0: None}),
+    "amplitude by its letters, below 50 mm": (meaning("amplitude"), {49.4: ("amplitude", 1e-3), 50.4: None}),
+    "number that may be of a tyre, below 100": (of_a_tyre, {99.0: True, 101.0: False}),
+    "files of a folder, 20 000": (listed, {20_000: True, 20_001: False}),
+    "characters of a name, 400": (
+        lambda n: read_name("a" * n + " 5 bar")[0].what, {390: "pressure", 401: "word"},
+    ),
+    "characters of a pattern, 400": (
+        lambda n: read_pattern_or_none("{specimen}" + "a" * (n - 10)) is not None, {400: True, 401: False},
+    ),
+    "word with a number that is a state, more than 3 letters": (
+        specimens._of_state, {"low2": False, "slip2": True},
+    ),
+    "specimens that are listed, 5": (lambda n: "..." in specimens._listed(["a"] * n), {5: False, 6: True}),
+    "power of a band, 1e-4 of the largest": (lambda x: band(x)[0], {0.99e-4: 52.0, 1.01e-4: 32.0}),
+    "power of a band, 10 times the floor": (lambda x: band(1e-3 * x, 1e-3)[0], {9.9: 52.0, 10.1: 32.0}),
+    "gap in a band, 3 bins": (lambda n: band(gap=n)[0], {2: 52.0, 3: 65.0}),
+    "lowest frequency of a band, 1.01 of what is resolved": (
+        lambda x: signals._resolved((0.1, 100.0), x, 1.0)[0], {1.0: 1.1, 2.0: 2.1, 4.0: 4.1},
     ),
 }  # fmt: skip
 

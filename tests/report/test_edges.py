@@ -11,7 +11,9 @@ import pytest
 from fourpole import quantities as q
 from fourpole.core.sources import Kind, Source
 from fourpole.report import front
-from fourpole.report.words import limits
+from fourpole.report.digits import decimals_of, with_u
+from fourpole.report.standards import measures
+from fourpole.report.words import limits, plan, rig
 
 
 def poor(discrepancy):
@@ -28,6 +30,29 @@ def said(first, second, words):
         return words in limits._limit("", q.K2.column, MagicMock(), MagicMock(), MagicMock()).text
 
 
+def hidden(limit, unit, stated=0.0, std=1.0):
+    """Whether the tests would show no plausible error of a value, by the smallest that they show."""
+    value = SimpleNamespace(finding="", detection_limit=limit, unit=unit, stated=stated, stated_std=std)
+    return rig.ShownValue.hidden.fget(value)
+
+
+def mark(left):
+    """What is said of a remedy that leaves this share of the uncertainty."""
+    found = SimpleNamespace(wanted=0.1, now=SimpleNamespace(worst=1.0))
+    with patch.multiple(plan, _duration=lambda minutes: "", _leaves=lambda outcome: ""):
+        return plan._way(SimpleNamespace(worst=left, minutes=1.0, text=""), found).mark
+
+
+def levels(decibel):
+    """Number of changes of force over deflection between two levels that are apart by this."""
+    rows = [
+        {q.F1.head: 1.0, q.DEFLECTION_AMPLITUDE.head: size, q.TYRE.head: "a"} for size in (1.0, 10 ** (decibel / 20))
+    ]
+    facts = SimpleNamespace(used_dynamic=rows, key=lambda row, axes: ())
+    with patch.object(measures, "Facts", SimpleNamespace(of=lambda results: facts)):
+        return len(measures._linearity(None))
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "model that is not to be trusted, 1 %": (poor, {0.0099: 0, 0.0101: 1}),
@@ -36,6 +61,17 @@ EDGES = {
     ),
     "second source that is named, a tenth of the square": (
         lambda x: said(0.6, x, "Next is"), {0.099: False, 0.101: True},
+    ),
+    "largest error that is plausible, 100 %": (lambda x: hidden(x, "%"), {99.0: False, 101.0: True}),
+    "largest error that is plausible, 90°": (lambda x: hidden(x, "°"), {89.1: False, 90.9: True}),
+    "largest error that is plausible, 6 u": (
+        lambda x: hidden(x, "kg", 0.1, 1.0), {5.94: False, 6.06: True},
+    ),
+    "remedy without a gain, 98 %": (mark, {0.975: "not enough", 0.985: "no gain"}),
+    "levels that show whether a specimen is linear, 10 dB": (levels, {9.9: 0, 10.1: 1}),
+    "uncertainty that is shown, 1e-8": (lambda x: "±" in with_u(1.0, x), {0.98e-8: False, 1.02e-8: True}),
+    "number without a power of ten, 1e7": (
+        lambda x: decimals_of(x) is not None, {0.99e7: True, 1.01e7: False},
     ),
 }  # fmt: skip
 

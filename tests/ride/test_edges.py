@@ -11,8 +11,8 @@ import pytest
 
 from fourpole.errors import ModelError
 from fourpole.ride import compare
-from fourpole.ride.comfort import check_step
-from fourpole.ride.road import Profile, check_speed, samples, sine_sweep
+from fourpole.ride.comfort import check_step, comfort_of
+from fourpole.ride.road import ClassRoad, Profile, check_speed, samples, sine_sweep
 
 
 def taken(function):
@@ -56,6 +56,31 @@ def shared(source):
     return round(float(compare.relative_difference((first, effects[0]), (second, effects[1]))[1][0]), 9)
 
 
+def finer(_):
+    """How many times finer the frequencies are of the rides that are tried, until they are enough."""
+    counts = []
+
+    def ridden(*given):
+        counts.append(given[-1])
+        return "found", SimpleNamespace(unresolved=1.0, frequency=np.ones(1), spectrum=np.ones(1))
+
+    with patch.object(compare, "_on_class", ridden):
+        taken(lambda _: compare.compare_on_class(None, [], None, 20.0, []))(None)
+    return [round(count / counts[0]) for count in counts]
+
+
+def band(_):
+    """The band [Hz] over which a tyre is taken as branches."""
+    tyre = SimpleNamespace(name="a", model=SimpleNamespace(state_space=no_states))
+    with patch.object(compare, "realised", return_value=SimpleNamespace(space=None, error=0.0)) as made:
+        compare._space(tyre, None)
+    return made.call_args.args[2]
+
+
+def no_states(values):
+    raise ModelError("a power of the frequency")
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "ride that is resolved, 1 %": (resolved, {0.0099: 1, 0.0101: 3}),
@@ -76,6 +101,17 @@ EDGES = {
     ),
     "points that are even, 90 % of them": (
         taken(lambda x: road(2.0, uneven=0.1, share=x)), {7 / 99: False, 9 / 99: True},
+    ),
+    "rides that are finer, 8 and 32 times": (finer, {"unresolved": [1, 8, 32]}),
+    "tyre as branches, 0.1 to 200 Hz": (band, {"fractional": (0.1, 200.0)}),
+    "road of a class, 0.011 to 2.83 1/m": (
+        lambda n: bool(ClassRoad.of("A").spectrum(n) > 0), {0.0109: False, 0.0111: True, 2.82: True, 2.84: False},
+    ),
+    "road of class A, 16e-6 m³ at 0.1 1/m": (
+        lambda n: round(float(ClassRoad.of("A").spectrum(n)) * 1e6, 6), {0.1: 16.0, 0.2: 4.0},
+    ),
+    "running mean of a vibration, 1 s": (
+        lambda time: round(float(comfort_of(np.ones(round(1000 * time)), 1e-3).mtvv), 3), {1.0: 0.795, 0.5: 0.627},
     ),
 }  # fmt: skip
 

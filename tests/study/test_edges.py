@@ -120,6 +120,14 @@ def no_arm(share):
     return compare._arm_check(group, 0, MagicMock(spec=StaticStiffness, lack=None)).verdict
 
 
+def arm(relative):
+    """Verdict on K2 and C, by their relative uncertainty."""
+    result = SimpleNamespace(stiffness=[2e5 + 1e4j], k1=[1e5], k2=[1e5], c=[1e3])
+    result.arm_covariance = [np.diag([(relative * 1e5) ** 2, 0.0])]
+    group = SimpleNamespace(result=result, intervals={})
+    return compare._arm_check(group, 0, MagicMock(spec=StaticStiffness, lack=None)).verdict
+
+
 def drawn(relative=0.0, bend=0.0, off=None):
     """Whether K2 and C are drawn: by their uncertainty, their bend, and K' below K1 in its uncertainties."""
     lost = off is not None
@@ -306,6 +314,7 @@ EDGES = {
     "share of u² that is named, a tenth": (lambda x: bool(rests(x)), {0.099: False, 0.101: True}),
     "zero of the load, 1 % of its span": (zero_off, {0.0099: [], 0.0101: [Code.LOAD_ZERO]}),
     "no passive arm, in 97.5 % of the trials": (no_arm, {0.97: Verdict.WARNING, 0.98: Verdict.REJECTED}),
+    "K2 and C that are uncertain, 30 %": (arm, {0.297: "ok", 0.303: "warning"}),
     "drift and power of a curve, 0.2 and 0.03": (lambda at: priors()[at], {2: 0.2, 3: 0.03}),
     "K2 and C that are drawn, uncertain by 10 %": (drawn, {0.099: False, 0.101: True}),
     "K2 and C that are drawn, 0.2 u off": (lambda x: drawn(bend=x), {0.198: False, 0.202: True}),

@@ -9,8 +9,11 @@ from unittest.mock import MagicMock, patch
 import numpy as np
 import pytest
 
-from fourpole.core.joint import joint, reconcile
+from fourpole.core.components import component
+from fourpole.core.joint import asking, belts, joint, reconcile, scatter, specimens
+from fourpole.core.joint.asking import Group, tie
 from fourpole.core.joint.belts import is_possible
+from fourpole.core.joint.conditions import group_conditions
 from fourpole.core.joint.misfit import gross_errors, pulls
 from fourpole.core.joint.shared import Shared, SharedParameter
 from fourpole.core.joint.specimens import Misfit
@@ -69,6 +72,122 @@ def gross(ratio, near=0.9):
     return next((cause.form for cause in gross_errors(observed, shared())), "")
 
 
+def raised(*gains):
+    """Number of groups that are raised, by their gains of evidence."""
+    return len(tie([SimpleNamespace(gain=gain) for gain in gains]))
+
+
+def cost(kind):
+    """Evidence that a group of this kind needs besides."""
+    return Group("a", (SharedParameter(Source(kind, "F1"), "1", 0, 0.0, 1.0),), 1.0).cost
+
+
+def as_large(size):
+    """Whether a group is possible, by its size over its bound."""
+    parts = {"is_negligible": lambda *given: False}
+    problem = SimpleNamespace(shared=SimpleNamespace(parameters=shared().parameters, std=np.ones(1)))
+    with patch.multiple(asking, **parts):
+        return asking._possible(Group("a", shared().parameters, 1.0), problem, np.array([size]))
+
+
+def largest(_):
+    """The largest error of a stated mass of 15 kg."""
+    mass = SharedParameter(Source(Kind.RIG_VALUE, "moving_mass"), "kg", 0, 15.0, 0.1)
+    return next(asking._stated(SimpleNamespace(rig=RIG, parameters=(mass,))))[2]
+
+
+def found_scatter(scatter):
+    """The scatter that is tried, over 0.1 %."""
+    with patch.multiple(asking, deviations=lambda *given: None, scatter_of=lambda *given: scatter):
+        return round(asking._scatter(None, MagicMock(), np.ones(1)), 9)
+
+
+def followed(left, tests=1):
+    """Whether a trial is solved to its end, by what it leaves of an objective of 1000."""
+    after = SimpleNamespace(converged=False, objective=left, stiffness=None, z=None)
+    before = SimpleNamespace(objective=1000.0, stiffness=None)
+    problem = SimpleNamespace(observed=SimpleNamespace(omega=np.ones(tests)))
+    with patch.object(asking, "solve_either", return_value=(problem, after)) as solve:
+        asking._tried(problem, before, None)
+    return solve.call_count == 2
+
+
+def outliers(*whole, usual=1.0, pairs=False, tests=40, mass=None):
+    """Number of outliers, by the squared residuals of the first tests; that there are too many of them is -1."""
+    left = np.append(whole, np.full(tests - len(whole), usual))
+    label = np.arange(tests) // 2 if pairs else np.zeros(tests, int)
+    label = np.append(np.arange(len(whole)), np.full(tests - len(whole), len(whole))) if not pairs else label
+    observed = SimpleNamespace(rigid=np.zeros(tests, bool), mass_at=np.arange(tests) < (mass or 0))
+    conditions = SimpleNamespace(label=label, sizes=np.bincount(label))
+    state = SimpleNamespace(outlier=np.ones(tests), problem=SimpleNamespace(conditions=conditions, observed=observed))
+    flags, many = specimens._outliers(state, SimpleNamespace(whole=left))
+    return -1 if many else int(flags.sum())
+
+
+def bent(share):
+    """Whether the worst test is taken out, by what the squared residuals of the others then are of those before."""
+    state = SimpleNamespace(outlier=np.ones(3), solution=None, start=None, first=None, problem=None)
+    parts = {"replace": lambda one, **changed: SimpleNamespace(**vars(state)), "_weaken": lambda *given: None}
+    parts["residuals"] = lambda *given: SimpleNamespace(whole=np.full(3, share))
+    with patch.multiple(specimens, **parts):
+        return specimens._without_worst(state, SimpleNamespace(whole=np.array([9.0, 1.0, 1.0])))
+
+
+def unsteady(share):
+    """Whether an unsteady drive is tried as the cause of a misfit, by the share of it that this explains."""
+    rest, along = np.array([[np.sqrt(1000.0 * share + 1), 0.0]]), np.array([[1.0, 0.0]])
+    sides = iter([rest[..., None], along[..., None]])
+    left = SimpleNamespace(rig=np.array([1002.0]), rig_dof=np.array([2.0]))
+    parts = {"cholesky_qr": lambda *given: (None, None), "projected": lambda *given: next(sides)}
+    with patch.multiple(reconcile, **parts), patch.object(reconcile, "_level", return_value=0.0) as level:
+        reconcile._unsteady_drive(MagicMock(), left)
+    return level.called
+
+
+def each(residual):
+    """Factor of the variance of a test with this squared residual, where the noise is as the recordings give it."""
+    left = SimpleNamespace(rig=np.array([residual]), rig_dof=np.array([2.0]))
+    return round(float(reconcile._each(left, 1.0)[0]), 6)
+
+
+def grouped(*frequency, nominal=None):
+    """Number of conditions of some frequencies [Hz]."""
+    stated = None if nominal is None else np.array(nominal)
+    return len(set(group_conditions(np.zeros(len(frequency), int), np.array(frequency), stated).tolist()))
+
+
+def first_size(_):
+    """Size with which an effect of the amplitude begins."""
+    problem = SimpleNamespace(observed=SimpleNamespace(deflection=np.ones(1)))
+    return round(next(asking._absent(problem, None))[1].std, 6)
+
+
+def by_median(count):
+    """Whether the scatter of K* is that by the median, of so many repeats."""
+    conditions = SimpleNamespace(label=np.zeros(count, int), first=0, sizes=np.array([count]))
+    with patch.multiple(scatter, root_of=lambda function: 1.0, scatter_of=lambda *given: 0.0):
+        return scatter.robust_scatter(SimpleNamespace(conditions=conditions), None) == 1.0
+
+
+def searched(left):
+    """Number of first masses that are tried of belts and rods, by what they leave for each test."""
+    solution = SimpleNamespace(converged=True, objective=9 * left, evidence=0.0)
+    parts = {"with_belts": lambda *given, **how: None, "_first": lambda *given: None}
+    problem = SimpleNamespace(observed=SimpleNamespace(omega=np.ones(9)), shared=SimpleNamespace(rig=RIG))
+    with patch.multiple(belts, _searched=MagicMock(return_value=(None, solution)), **parts):
+        belts.explained(problem, {}, None)
+        return belts._searched.call_count
+
+
+#: Largest error that is possible, by its kind.
+BOUNDS = {
+    Kind.GAIN: 0.15, Kind.PHASE: 0.25, Kind.DELAY: 5e-3, Kind.LOW_CUT: 2.0, Kind.SLOPE: 0.01, Kind.MOUNTING_GAIN: 0.15,
+    Kind.MOUNTING_PHASE: 0.25, Kind.REMOUNTING_GAIN: 0.15, Kind.REMOUNTING_PHASE: 0.25, Kind.BLOCK: 0.3,
+    Kind.ANGLE_BLOCK: 0.3, Kind.DRIFT: 0.3, Kind.ANGLE_DRIFT: 0.3, Kind.STEP: 0.3, Kind.ANGLE_STEP: 0.3,
+    Kind.RIG_VALUE: 0.3, Kind.AMPLITUDE: 1.0, Kind.GAIN_DRIFT: 0.15, Kind.GAIN_STEP: 0.15, Kind.CROSSTALK: 0.15,
+    Kind.FIXTURE: 0.3, Kind.UNSTATED: 0.3, Kind.SCATTER: 0.03, Kind.BELT_MASS: 0.5, Kind.BELT_SHARE: 3.0,
+    Kind.BELT_ANGLE: 0.5, Kind.BELT_EXPONENT: 3.0, Kind.K1_LINEARITY: 0.1,
+}  # fmt: skip
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "contradiction of a statement, 3 u": (contradicted, {2.97: False, 3.03: True, -3.03: True}),
@@ -94,6 +213,44 @@ EDGES = {
         lambda count: gross([2.0] * count + [1.0] * (20 - count)), {14: "", 15: "f1_off"},
     ),
     "tests close to the resonance, 20 %": (lambda x: gross(2.0, x), {0.198: "", 0.202: "f1_off"}),
+    "group that is raised, 5 in evidence": (raised, {4.95: 0, 5.05: 1}),
+    "groups that are raised together, 10 in evidence": (lambda x: raised(30.0, 30.0 - x), {9.9: 2, 10.1: 1}),
+    "groups that are raised together, almost the best, 2": (lambda x: raised(6.0, 6.0 - x), {1.98: 2, 2.02: 1}),
+    "rare errors, 3 and 5 more in evidence": (
+        cost, {Kind.GAIN: 0.0, Kind.CROSSTALK: 3.0, Kind.GAIN_DRIFT: 3.0, Kind.GAIN_STEP: 5.0, Kind.STEP: 5.0},
+    ),
+    "size of a group, twice its bound": (as_large, {1.98: True, 2.02: False, -1.98: True, -2.02: False}),
+    "error of a stated value, half of it": (largest, {"mass": 7.5}),
+    "scatter that is tried, 3 %": (found_scatter, {0.0297: 29.7, 0.0303: 30.0}),
+    "trial that is followed, a tenth of the objective": (followed, {99.0: True, 101.0: False}),
+    "trial that is followed, 40 for each test": (lambda x: followed(x, 5), {198.0: True, 202.0: False}),
+    "outlier, 50 times the usual residual": (outliers, {49.5: 0, 50.5: 1}),
+    "outlier, 50 times the median over 1.386": (lambda x: outliers(x, usual=2.772), {99.0: 0, 101.0: 1}),
+    "outliers of a pair, half of the larger one": (
+        lambda x: outliers(1000.0, x * 1000.0, pairs=True), {0.495: 1, 0.505: 2},
+    ),
+    "outliers, a tenth of the tests": (lambda n: outliers(*[99.0] * n), {4: 4, 5: -1}),
+    "outliers, 35 % of the tests with a mass": (
+        lambda n: outliers(*[99.0] * n, tests=100, mass=20), {7: 7, 8: -1},
+    ),
+    "test that bends the others, a tenth of their residuals": (bent, {0.099: True, 0.101: False}),
+    "unsteady drive, 70 % of the misfit": (unsteady, {0.693: False, 0.707: True}),
+    "noise of a test, 4 degrees of freedom of the others": (each, {2.0: 1.0, 98.0: 17.0}),
+    "largest errors that are possible": (lambda kind: component(kind).bound, BOUNDS),
+    "belt that nobody states, 0.7, 0.05 and 0.6": (
+        lambda kind: component(kind).std, {Kind.BELT_SHARE: 0.7, Kind.BELT_ANGLE: 0.05, Kind.BELT_EXPONENT: 0.6},
+    ),
+    "size with which a group begins, a thirtieth": (first_size, {"amplitude": 0.033333}),
+    "parts of a run, 8": (lambda n: len(set(joint.parts_of_run(np.zeros(n), np.arange(n)).tolist())), {7: 7, 16: 8}),
+    "repeats of a median, 6": (by_median, {5: False, 6: True}),
+    "belt that leaves nothing, 8 for each test": (searched, {7.92: 2, 8.08: 6}),
+    "frequencies of one condition, 1.05 %": (lambda x: grouped(10.0, 10 * x), {1.0104: 1, 1.0106: 2}),
+    "frequencies of one condition, 1.61 % in all": (
+        lambda x: grouped(10.0, 10.08, 10 * x), {1.016: 1, 1.0163: 2},
+    ),
+    "stated frequencies of one condition, 0.05 %": (
+        lambda x: grouped(10.0, 10.0, nominal=(10.0, 10 * x)), {1.00049: 1, 1.00051: 2},
+    ),
 }  # fmt: skip
 
 
