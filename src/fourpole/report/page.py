@@ -149,6 +149,7 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         _remarks([*_remarked(results, dynamic_keys), *static.rows], checks_by_test(results.checks)),
     )
     shown = {key: figure for key, figure in figures.items() if key not in FRONT}
+    numbered = _numbered(list(shown.values()))
     models = results.models.models if results.models else ()
     return {
         "title": str(record.get("title") or "") or "Campaign without a title",
@@ -183,8 +184,8 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         "faults": list(results.faults),
         "assumptions": texts(record.get("assumptions")),
         "notes": texts(record.get("notes")),
-        "figures": _numbered(list(shown.values())),
-        "for_experts": _FOR_EXPERTS,
+        "figures": numbered,
+        "for_experts": [heading for heading, figure in numbered if figure.key in _FOR_EXPERTS],
         "remarks": remarks,
         "settings": {str(name): str(value) for name, value in section(record, "settings").items()},
         "versions": _versions(record),
