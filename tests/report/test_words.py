@@ -56,13 +56,13 @@ def test_the_number_of_tests(tally, text):
 @pytest.mark.parametrize(
     ("detail", "holds", "tests", "text"),
     [
-        (Reason(Code.CLIPPING), Holds.REJECTED, 2, f"Do not trust D1 and D2: {template(Code.CLIPPING, 'short')}."),
-        (Reason(None, "why"), Holds.WARNING, 12, "Use with care {ten} and 2 more (12 tests): why."),
+        (Reason(Code.CLIPPING), Holds.REJECTED, 2, f"Do not trust 2 tests: {template(Code.CLIPPING, 'short')}."),
+        (Reason(None, "why"), Holds.WARNING, 12, "Use with care 12 tests: why."),
     ],
 )
 def test_tests_not_to_trust(detail, holds, tests, text):
     named = tuple(f"D{i + 1}" for i in range(tests))
-    assert said(detail, holds, (), None, tests=named) == text.format(ten=", ".join(named[:10]))
+    assert said(detail, holds, (), None, tests=named) == text
 
 
 # ---- comparisons

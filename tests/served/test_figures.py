@@ -171,9 +171,9 @@ def test_a_figure_is_saved(mapped: Server, form: str, begin: bytes) -> None:
 
 def test_the_plan_is_that_of_the_command(mapped: Server) -> None:
     page = page_of(mapped, "/c/one/plan/expected", wanted="0.01 %")
-    assert "Wanted 0.01 % of K2 and C" in page
+    assert "Wanted U of 0.02 % (u of 0.01 %) of K2 and C" in page
     assert "Each remedy alone" in page
-    assert "u(K2) [%]" in page
+    assert "U(K2) [%]" in page
     status, content, headers = mapped.ask("/c/one/plan/run-sheet.csv?added_mass=5%20kg&repeats=2")
     assert status == 200
     assert content.startswith(b"test,file,kind,tyre")
@@ -181,7 +181,7 @@ def test_the_plan_is_that_of_the_command(mapped: Server) -> None:
     assert "one-tests.csv" in headers["content-disposition"]
     assert "is not known yet: guess its K1, K2 and C" in page_of(mapped, "/c/bare/plan/expected")
     guessed = {"k1": "180 kN/m", "k2": "120 kN/m", "c": "700 N s/m"}
-    assert "u(K2) [%]" in page_of(mapped, "/c/bare/plan/expected", **guessed)
+    assert "U(K2) [%]" in page_of(mapped, "/c/bare/plan/expected", **guessed)
     for wrong in ({"wanted": "-1 %"}, {"cycles": "many"}, {"added_mass": "5 m"}, {"k1": "<b>"}):
         assert 'role="alert"' in page_of(mapped, "/c/one/plan/expected", **wrong)
 

@@ -12,7 +12,6 @@ from rich.text import Text
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, progress, warn, without_controls
 from fourpole.app.options import PointOptions, ShapeOptions
-from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.errors import CampaignError
 from fourpole.export import export_results
 from fourpole.findings.compared import DIFFERS, NOT_SEEN, Comparison, compare
@@ -102,8 +101,8 @@ def _cells(value: ShownValue) -> tuple[str, ...]:
     unit = f" [{value.unit}]" if value.unit else ""
     return (
         f"{value.name}{unit}",
-        " ± ".join(filter(None, value.words("stated", COVERAGE_FACTOR))),
-        " ± ".join(filter(None, value.words("found", COVERAGE_FACTOR))),
+        " ± ".join(filter(None, value.words("stated"))),
+        " ± ".join(filter(None, value.words("found"))),
         value.pull_words,
         value.detection_number,
     )

@@ -257,11 +257,12 @@ def _extent(panel: Panel) -> Extent:
     extent = Extent(positive=not panel.y.signed)
     shown = [one for one in panel.series if one.role is not Role.REJECTED] or panel.series
     for one in shown:
-        extent.add(one.y, _bars(one) if one.role is not Role.REJECTED else None)
+        bars = _bars(one)
+        extent.add(one.y, bars if one.role is not Role.REJECTED else None)
         if one.role is Role.RANGE and one.spread is not None:
             extent.add(np.concatenate([one.y - one.spread, one.y + one.spread]))
-        if panel.y.signed and one.spread is not None and one.y.size:
-            reach = np.minimum(np.nan_to_num(_bars(one)), _LONG * np.nanmedian(np.append(_bars(one), 0.0)))
+        if panel.y.signed and bars is not None and one.y.size:
+            reach = np.minimum(np.nan_to_num(bars), _LONG * np.nanmedian(np.append(bars, 0.0)))
             extent.add(np.concatenate([one.y - reach, one.y + reach]))
     if panel.y.signed:
         extent.add(np.zeros(1))

@@ -149,6 +149,8 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         _remarks([*_remarked(results, dynamic_keys), *static.rows], checks_by_test(results.checks)),
     )
     shown = {key: figure for key, figure in figures.items() if key not in FRONT}
+    said = [rig.rests for rig in results.rigs if rig.rests]  # stands on the first page
+    numbered = _numbered(list(shown.values()))
     models = results.models.models if results.models else ()
     return {
         "title": str(record.get("title") or "") or "Campaign without a title",
@@ -182,9 +184,9 @@ def page_parts(results: Study, findings: Sequence[Sentence], figures: Mapping[st
         "lacks_models": results.models is None and results.dynamic.height > 0,
         "faults": list(results.faults),
         "assumptions": texts(record.get("assumptions")),
-        "notes": texts(record.get("notes")),
-        "figures": _numbered(list(shown.values())),
-        "for_experts": _FOR_EXPERTS,
+        "notes": [one for one in texts(record.get("notes")) if not any(rests in one for rests in said)],
+        "figures": numbered,
+        "for_experts": [heading for heading, figure in numbered if figure.key in _FOR_EXPERTS],
         "remarks": remarks,
         "settings": {str(name): str(value) for name, value in section(record, "settings").items()},
         "versions": _versions(record),

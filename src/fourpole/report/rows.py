@@ -40,18 +40,23 @@ def with_intervals(results: Study, rows: Sequence[dict[str, Any]]) -> Sequence[d
     """Rows of dynamic.csv with the skewed 95 % intervals of K2 and C by Monte Carlo, by the quantity."""
     skewed = skewed_intervals(results)
     for row in rows if skewed else ():
-        row |= {one: ends for one in (q.K2, q.C) if (ends := skewed.get((key_of(row), one.symbol)))}
+        row |= {_interval(one): ends for one in (q.K2, q.C) if (ends := skewed.get((key_of(row), one.symbol)))}
     return rows
 
 
-def texts(quantity: Quantity, row: Mapping[Any, Any], units: ShownUnits) -> tuple[str, str]:
+def _interval(quantity: Quantity) -> str:
+    """The name of its interval in a row."""
+    return f"95 % {quantity.symbol}"
+
+
+def texts(quantity: Quantity, row: Mapping[str, Any], units: ShownUnits) -> tuple[str, str]:
     """A value of a row in the unit shown, and ± U or its interval; the measured TR has no uncertainty in the table."""
     value, std = value_of(quantity, row) or (None, 0.0)
     scale = units.of(quantity).scale
     if value is None or (quantity is q.NONLINEARITY and abs(value) < _ROUND_OFF):
         return "" if value is None else "0", ""
-    if quantity in row:
-        low, high = row[quantity]
+    if _interval(quantity) in row:
+        low, high = row[_interval(quantity)]
         return with_interval(value / scale, low / scale, inf if high is None else high / scale)
     if std <= 0 or quantity.key == q.TR_MEASURED.key:
         return number(value / scale, quantity.digits), ""

@@ -421,7 +421,8 @@ def _named(source: Source) -> str:
 
 
 def _short(value: float | None, unit: str) -> str:
-    return "unknown" if value is None else f"{value:.5g}" + (f" {unit}" if unit != "1" else "")
+    shown, scale = q.ShownUnits().unit(unit)
+    return "unknown" if value is None else f"{value / scale:.5g} {shown}".rstrip()
 
 
 def _candidate_record(candidate: Candidate) -> dict[str, Any]:

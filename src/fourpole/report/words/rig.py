@@ -92,11 +92,11 @@ class ShownValue:
         """Detection limit: the smallest undeclared error that the tests would show; None if they show none."""
         return self._shown(self.value.detection_limit)
 
-    def words(self, which: Literal["stated", "found"], coverage: float = 1.0) -> tuple[str, str]:
-        """Value as stated or as found, and its standard uncertainty times a coverage factor."""
+    def words(self, which: Literal["stated", "found"]) -> tuple[str, str]:
+        """Value as stated or as found, and its U."""
         known, known_std = getattr(self.value, which), getattr(self.value, f"{which}_std")
         value, std = self._shown(known, self.zero), self._shown(known_std)
-        text, about = with_std(value, None if std is None else coverage * std, 5)
+        text, about = with_std(value, None if std is None else COVERAGE_FACTOR * std, 5)
         departure = self.group in (Role.CHANNEL, Role.RATIO, Role.SPECIMEN)
         if departure and value is not None and value > 0 and text.strip("0."):
             text = f"+{text}"

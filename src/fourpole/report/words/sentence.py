@@ -16,7 +16,7 @@ from fourpole.findings.list import Inertia, Reason, Tally, inertias
 from fourpole.findings.resonances import Crossings, Prediction, Resonance, ResonanceOrder
 from fourpole.findings.trends import Comparison, CycleLoss, Departure, Level, Trend
 from fourpole.quantities import Quantity, ShownUnits
-from fourpole.report.digits import SENTENCES, condition, counted, in_unit, some
+from fourpole.report.digits import SENTENCES, condition, counted, in_unit
 from fourpole.report.words import levels
 from fourpole.study.study import Study
 from fourpole.words import template
@@ -79,8 +79,6 @@ def inertia_table(results: Study) -> SimpleNamespace | None:
 
 __all__ = ["Sentence", "headline", "sentences"]
 
-#: Tests that one sentence names; more are counted.
-_MOST_NAMED = 10
 _HEADLINE = (Topic.STATIC, Topic.DYNAMIC, Topic.LOSS, Topic.DAMPING, Topic.RESONANCE, Topic.TRANSMISSIBILITY)
 _MOST_IN_HEADLINE = 8
 
@@ -103,11 +101,9 @@ def tally(finding: Finding, found: Tally, _: ShownUnits) -> str:
 
 
 def doubt(finding: Finding, _: Reason, __: ShownUnits) -> str:
-    """The tests that were rejected, or used with a warning, for one reason, as a sentence."""
+    """How many tests were rejected, or used with a warning, for one reason; the page names them after the sentence."""
     advice = "Do not trust" if finding.holds is Holds.REJECTED else "Use with care"
-    count = len(finding.tests)
-    of = f" ({count} tests)" if count > _MOST_NAMED else ""
-    return f"{advice} {some(finding.tests, _MOST_NAMED)}{of}: {reason_of(finding)}."
+    return f"{advice} {counted(len(finding.tests), 'test')}: {reason_of(finding)}."
 
 
 def reason_of(finding: Finding) -> str:
