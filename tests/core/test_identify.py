@@ -337,7 +337,7 @@ def test_k1_alone_moves_only_the_arm():
     ("stiffness", "says"),
     [
         (-2e5 + 3e4j, "no passive K2, C exist: K' = -2e\\+05 N/m is not positive; look for an inverted"),
-        (2e5 - 3e4j, "no passive C exists: K'' = -30000 N/m is not positive, the tyre would give energy"),
+        (2e5 - 3e4j, "no passive C exists: K'' = -30000 N/m is not positive, the specimen would give energy"),
         (1.7e5 + 3e4j, "no passive K2 exists: K' = 1.7e\\+05 N/m is not above the static K1 = 1.8e\\+05 N/m"),
     ],
 )

@@ -73,7 +73,7 @@ def test_lift_off(peak, verdict):
     if verdict == "warning":
         assert "close to lifting off" in remark_of(check)
     if verdict == "rejected":
-        assert "the tyre lifts off" in remark_of(check)
+        assert "the specimen lifts off" in remark_of(check)
         assert "100% of the preload of 1000 N" in remark_of(check)
     assert check_lift_off(peak, None).verdict == "ok"
 

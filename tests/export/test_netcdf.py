@@ -92,11 +92,23 @@ def test_every_number_says_unit_and_name_and_its_uncertainty(grid, analysed):
     )
     assert grid["K2"].attributes["ancillary_variables"] == "u_K2 corr_K2_C verdict"
     assert grid["u_K2"].attributes["long_name"] == "standard uncertainty of K2"
-    for name in ("K1", "K2", "C", "Re_K", "Im_K", "R", "I", "loss_factor", "TR_measured", "TR_predicted"):
+    for name in (
+        "K1",
+        "K2",
+        "C",
+        "Re_K",
+        "Im_K",
+        "R",
+        "I",
+        "loss_factor",
+        "TR_measured",
+        "TR_predicted",
+        "energy_per_cycle",
+    ):
         linked = grid[name].attributes["ancillary_variables"].split()
         assert linked[0] == ("u_TR" if name.startswith("TR") else f"u_{name}")
         assert set(linked) <= set(grid.variables)
-    assert len([column for column in frame.columns if column.startswith("u(")]) == 9
+    assert len([column for column in frame.columns if column.startswith("u(")]) == 10
 
 
 def test_the_verdict_is_a_flag(opened, changed):

@@ -207,7 +207,7 @@ def test_dynamic_tests_that_find_no_static_one(folder):
     )
     ((test, about, verdict, message),) = problems(folder)
     assert (test, about, verdict) == ("D2", "K1", "warning")
-    assert message.startswith("K2 and C would be left blank: no static test of tyre 'radial-ply' at this pressure")
+    assert message.startswith("K2 and C would be left blank: no static test of specimen 'radial-ply' at this pressure")
     row = analyse(folder, monte_carlo=0).dynamic.filter(pl.col("test") == "D2").row(0, named=True)
     assert message.removeprefix("K2 and C would be left blank: ") in row["remarks"]
 

@@ -239,12 +239,12 @@ HURTS = {
         "rejected",
         (
             "the dynamic force reaches 260.9 N, 104% of the preload of 250 N",
-            "the tyre lifts off; test with a higher preload or a smaller excitation",
+            "the specimen lifts off; test with a higher preload or a smaller excitation",
         ),
         in_row("1000", "250"),
     ),
     "near lift-off": Hurt(
-        "warning", ("95% of the preload of 275 N: the tyre is close to lifting off",), in_row("1000", "275")
+        "warning", ("95% of the preload of 275 N: the specimen is close to lifting off",), in_row("1000", "275")
     ),
     "inverted F1": Hurt("rejected", ("inverted",), with_column("F1", lambda one: -one)),
     "half of F1": Hurt("warning", ("F1 is 0.5 times", "wrongly scaled F1"), with_column("F1", lambda one: 0.5 * one)),

@@ -197,7 +197,7 @@ def test_a_rigid_mass_in_place_of_the_tyre_does_as_well(tmp_path):
     blocks = study.dynamic.filter(pl.col("tyre") == "")
     assert blocks.height == 16
     assert set(blocks["verdict"]) == {"ok"}
-    assert "a rigid mass of 5 kg in place of the tyre" in blocks["remarks"][0]
+    assert "a rigid mass of 5 kg in place of the specimen" in blocks["remarks"][0]
     assert blocks.select("Re K* [N/m]", "K2 [N/m]", "TR predicted [1]").null_count().row(0) == (16, 16, 16)
     np.testing.assert_allclose(blocks["TR measured [1]"], 1.0, atol=1e-3)  # the gains found make it one
     found = errors(study, folder)

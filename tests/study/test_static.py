@@ -88,7 +88,7 @@ def test_pressures_within_two_percent_are_the_same(bench, pressure, same):
     if same:
         assert k1_of(study) == [pytest.approx(tangent(1000.0))]
     else:
-        reason = "no static test of tyre 'bush' at this pressure; static tests of it are at 1.7 bar"
+        reason = "no static test of specimen 'bush' at this pressure; static tests of it are at 1.7 bar"
         is_without_k1(study.dynamic.row(0, named=True), reason)
         assert "add one, or state K1 [N/m] in tests.csv" in study.dynamic["remarks"][0]
 
@@ -124,7 +124,7 @@ def test_another_specimen_or_a_blank_pressure_is_another_condition(bench):
     study = bench.analyse()
     assert k1_of(study) == [pytest.approx(tangent(1000.0)), pytest.approx(tangent(1000.0)), None]
     assert study.static["pressure [Pa]"].to_list() == [pytest.approx(170e3), None]
-    is_without_k1(study.dynamic.row(2, named=True), "no static test of tyre 'mount' at this pressure")
+    is_without_k1(study.dynamic.row(2, named=True), "no static test of specimen 'mount' at this pressure")
 
 
 def test_k1_of_the_row_comes_before_that_of_a_static_test(bench):
@@ -144,7 +144,7 @@ def test_k1_of_the_row_comes_before_that_of_a_static_test(bench):
 def test_without_a_static_test_k_star_is_found_all_the_same(bench):
     bench.dynamic("D1", "1.7,1000")
     (row,) = bench.analyse().dynamic.rows(named=True)
-    is_without_k1(row, "no static test of tyre 'bush' at this pressure: add one, or state K1 [N/m] in tests.csv")
+    is_without_k1(row, "no static test of specimen 'bush' at this pressure: add one, or state K1 [N/m] in tests.csv")
     stiffness = bench.stiffness(14.0)
     assert row["Re K* [N/m]"] + 1j * row["Im K* [N/m]"] == pytest.approx(stiffness, rel=1e-7)
 
@@ -494,6 +494,6 @@ def test_k1_is_that_of_the_same_batch_and_an_axis_of_dynamic_tests_alone_does_no
     study = bench.analyse()
     assert k1_of(study) == [pytest.approx(tangent(1000.0)), pytest.approx(tangent(1000.0, a=120e3)), None]
     assert not any("amplitude" in remark for remark in study.dynamic["remarks"][:2])
-    is_without_k1(study.dynamic.row(2, named=True), "no static test of tyre 'bush' at this pressure, batch")
+    is_without_k1(study.dynamic.row(2, named=True), "no static test of specimen 'bush' at this pressure, batch")
     assert study.static["batch"].to_list() == ["A", "B"]
     assert "amplitude [mm]" not in study.static.columns

@@ -100,5 +100,5 @@ def test_a_rejection_that_may_pass_keeps_its_words():
     values = {"peak": 1500.0, "preload": 1000.0}
     rejected = Check(Code.LIFT_OFF, Verdict.REJECTED, 1.5, 1.0, values=values)
     later = Check(Code.LIFT_OFF, Verdict.WARNING, 1.5, 1.0, values={**values, "at_first": True})
-    assert "the tyre lifts off" in remark_of(rejected)
+    assert "the specimen lifts off" in remark_of(rejected)
     assert remark_of(later) == f"at first, {remark_of(rejected)}"

@@ -127,7 +127,8 @@ def _with_shared(
     ]
     words = []
     if sizes:
-        words = [f"u of K*, K2 and C has {', '.join(sizes)}; others: --std-rig, --std-gain, --std-phase, --std-k1"]
+        of = "K*" if k1 is None else "K*, K2 and C"
+        words = [f"u of {of} has {', '.join(sizes)}; others: --std-rig, --std-gain, --std-phase, --std-k1"]
     if (most := u.most_of_c()) is not None:
         source, row, ratio = most
         name = source.text.replace("_", " ")

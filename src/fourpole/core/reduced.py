@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -246,9 +247,9 @@ def reduced_uncertainty(
     frequency, count = result.frequency[rows], result.frequency.size
     whole = np.full((4, count), np.nan)
     if not rows.size:
-        return ReducedUncertainty(*whole, {})
+        return ReducedUncertainty(whole[0], whole[1], whole[2], whole[3], {})
     above = Rig(blocked=True)
-    mobility = 2j * np.pi * frequency / result.stiffness[rows]
+    mobility: ComplexArray = 2j * np.pi * frequency / result.stiffness[rows]
     if rig is not None:
         values = {name: rig_std * getattr(rig, name) for name in PARAMETERS if np.isfinite(getattr(rig, name))}
         above, mobility = replace(rig, std=values), result.mobility[rows]
@@ -258,7 +259,7 @@ def reduced_uncertainty(
     amplitudes = np.stack([np.ones(rows.size), mobility, np.full(rows.size, np.nan)], axis=1)
     phasors = Phasors(frequency, amplitudes, covariance, np.zeros(rows.size), np.full(rows.size, np.inf))
     channels = ChannelUncertainty(gain_std * np.array([1.0, 1.0, 0.0]), phase_std * np.array([1.0, 1.0, 0.0]))
-    stated = {"k1": k1, "k1_std": k1_std * abs(k1), "channels": channels}
+    stated: dict[str, Any] = {"k1": k1, "k1_std": k1_std * abs(k1), "channels": channels}
     found = identify(phasors, above, **stated)
     for place, matrix in ((0, found.stiffness_covariance), (2, found.arm_covariance)):
         whole[place : place + 2, rows] = np.sqrt(np.diagonal(matrix, 0, 1, 2)).T
@@ -266,7 +267,7 @@ def reduced_uncertainty(
     for source, variance in variance_by_source(phasors, above, **stated).items():
         by_source[source] = np.full(count, np.nan)
         by_source[source][rows] = np.sqrt(variance[:, 4]) / result.c[rows]
-    return ReducedUncertainty(*whole, by_source)
+    return ReducedUncertainty(whole[0], whole[1], whole[2], whole[3], by_source)
 
 
 def coherence_std(coherence: ArrayLike, averages: float) -> FloatArray:

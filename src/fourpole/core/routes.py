@@ -214,7 +214,7 @@ class NoArm(Enum):
         "look for an inverted force or motion channel, or a wrong moving mass",
     )
     NO_LOSS = (
-        "no passive C exists: K'' = {loss_modulus:.5g} kN/m is not positive, the tyre would give energy; ",
+        "no passive C exists: K'' = {loss_modulus:.5g} kN/m is not positive, the specimen would give energy; ",
         "look for an inverted channel, an undeclared delay or phase of a channel, or a wrong rig value",
     )
     NO_K1 = ("no static stiffness K1 is known, so K2 and C are left blank", "")
