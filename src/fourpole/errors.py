@@ -108,6 +108,8 @@ class CampaignError(FourpoleError, ValueError):
     """No test of a campaign folder can be analysed."""
 
     code = "campaign"
+    #: All faults of a statement, of which the message has the first; empty for another error.
+    faults: tuple[str, ...] = ()
 
 
 class RecordingError(FourpoleError, ValueError):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import time
+import zipfile
 from urllib.parse import quote
 
 import pytest
@@ -47,6 +49,7 @@ def test_a_mistake_is_a_message_on_the_page(server: Server) -> None:
     [
         {"command": "analyse"},
         {"command": "plot", "out": "/tmp/x.svg"},
+        {"command": "demo"},
         {"command": "causality", "std": "1\n--out=x"},
         {"command": "causality", "std": "1" * 300},
         ["rig"],
@@ -62,9 +65,24 @@ def test_an_option_that_is_not_one_of_the_command_is_left_out(server: Server) ->
     assert "moving mass" in asked(server, "rig", out="x.csv")
 
 
+def test_the_files_of_an_answer_are_offered(server: Server) -> None:
+    """A folder is packed. Nothing is left in the results, nor of the former answer when the next one is there."""
+    shown = asked(server, "export", to="tydex")
+    assert "Save tydex" in shown
+    status, content, headers = server.ask(f"{page(server)}/files/tydex")
+    assert (status, headers["content-disposition"][-11:]) == (200, '-tydex.zip"')
+    with zipfile.ZipFile(io.BytesIO(content)) as packed:
+        assert packed.namelist()
+    assert len(list(server.temporary.glob("fourpole-export-*"))) == 1
+    assert "Save " not in asked(server, "rig")
+    assert server.ask(f"{page(server)}/files/tydex")[0] == 400
+    assert not list(server.temporary.glob("fourpole-export-*"))
+    assert not list(server.root.rglob("tydex"))
+
+
 def test_the_page_lists_what_may_be_asked(server: Server) -> None:
     status, content, _ = server.ask(page(server))
     assert status == 200
-    for name in (b"rig", b"causality", b"check", b"verify", b"twoport"):
+    for name in (b"rig", b"causality", b"check", b"verify", b"twoport", b"export", b"report"):
         assert b"?command=" + name in content
     assert server.ask(f"{page(server)}?command=analyse")[0] == 400

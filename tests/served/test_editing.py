@@ -8,7 +8,7 @@ import pytest
 
 from fourpole.campaign import read_campaign
 from fourpole.errors import CampaignError, FourpoleError
-from fourpole.served.editing import ConflictError, exclude, problems_of, read_statement, save
+from fourpole.served.editing import ConflictError, doubts_left, exclude, problems_of, read_statement, save
 from fourpole.served.workspace import version_of
 
 TOML = """# kept: why this rig
@@ -19,8 +19,8 @@ moving_mass       = { value = 15.0, unit = "kg", std = 0.15 }  # weighed
 preload_stiffness = "12.44 kN/m"
 
 [channels]
-# doubt: force_in, column F1: in kN?
 sample_rate = "1000 Hz"
+# doubt: force_in, column F1: in kN?
 force_in   = { column = "F1", unit = "N", high_pass = { corner = "0.5 Hz", order = 1 } }
 motion_in  = { column = "V1", unit = "mm/s", invert = true }
 
@@ -90,8 +90,8 @@ def test_a_held_far_side_is_stated_and_taken_back(folder: Path) -> None:
 
 def test_a_settled_doubt_goes(folder: Path) -> None:
     now = read_statement(folder)
-    assert now.doubts == ("force_in, column F1: in kN?",)
-    save(folder, now.version, form(folder, settled=list(now.doubts)))
+    assert now.doubts == (("force_in, column F1: in kN?", "channels.force_in"),)
+    save(folder, now.version, form(folder, settled=[doubt for doubt, _ in now.doubts]))
     assert read_statement(folder).doubts == ()
 
 
@@ -131,6 +131,44 @@ def test_faults_are_told_at_their_places(folder: Path) -> None:
     now = read_statement(folder)
     save(folder, now.version, form(folder, channels={**now.channels, "motion_in": {"column": "V1", "unit": "N"}}))
     assert problems_of(folder)[0].path == "channels.motion_in.unit"
+
+
+def test_all_faults_are_told_at_once_without_saving(folder: Path) -> None:
+    """Those of campaign.toml, and of rows, which may name what only it states."""
+    now = read_statement(folder)
+    channels = {
+        **now.channels,
+        "force_in": {"column": "F1", "unit": "furlong", "delay": "5"},
+        "motion_in": {"column": "V1", "unit": "N"},
+    }
+    rig = {"moving_mass": ("much", "kg", ""), "preload_stiffness": ("12", "kN/m", "more")}
+    rows = [["D1", "d1.csv", "dynamik", "b", "1,7", "10", ""], ["D1", "", "dynamic", "a", "x", "10", ""]]
+    found = problems_of(folder, form(folder, channels=channels, rig=rig, rows=rows))
+    assert {one.path for one in found if one.row is None} == {
+        "rig.moving_mass", "rig.preload_stiffness.std", "channels.force_in.delay", "channels.motion_in.unit",
+    }  # fmt: skip
+    assert {(one.row, one.column) for one in found if one.row is not None} == {
+        (2, "kind"), (2, "tyre"), (3, "file"), (3, "pressure"), (3, "test"),
+    }  # fmt: skip
+    assert (folder / "campaign.toml").read_text() == TOML
+
+
+def test_a_doubt_of_a_row_goes_with_the_cell_that_it_is_about(folder: Path) -> None:
+    heads, doubt = ["test", "pressure [bar]", "doubts"], "pressure [1.7]: '1p7' taken as bar | preload []: not known"
+    rows = [["D1", "1.7", doubt], ["D2", "1.8", doubt]]
+    assert doubts_left(heads, rows) == [doubt, "preload []: not known"]
+    save(folder, read_statement(folder).version, form(folder, heads=heads, rows=rows))
+    assert [row[2] for row in read_statement(folder).rows] == [doubt, "preload []: not known"]
+    assert doubts_left(["test"], [["D1"]]) == []
+
+
+def test_a_doubt_stands_above_what_it_is_about(folder: Path) -> None:
+    text = "# doubt: a\ntitle = 'x'\n# doubt: b\n# [rig]\n# doubt: c\n# output = 'blocked'\n[channels]\n# doubt: d\n"
+    more = "# doubt: e\n# sample_rate = '1 kHz'\n# doubt: f\nmotion_in = { column = 'V1' }\n"
+    more += "# doubt: g\n[tyres.a]\n# doubt: h\n"
+    (folder / "campaign.toml").write_text(text + more)
+    places = ["", "rig", "rig", "channels.time", "channels.time", "channels.motion_in", "tyres", ""]
+    assert read_statement(folder).doubts == tuple(zip("abcdefgh", places, strict=True))
 
 
 def test_a_test_is_excluded_and_taken_in_again(folder: Path) -> None:

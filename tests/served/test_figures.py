@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import time
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 from urllib.parse import quote, urlencode
 
@@ -103,34 +103,64 @@ VEHICLE = ("statespace", "modelica", "tir", "table", "fmu")
 
 
 @pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf", *VEHICLE])
-def test_exports_are_sent_and_nothing_is_left(mapped: Server, kind: str, tmp_path: Path) -> None:
-    stated = f"?{urlencode({'frequency': '15 Hz', 'specimen': 'radial-ply'})}" if kind in VEHICLE else ""
-    status, content, headers = mapped.ask(f"/c/one/export/{kind}{stated}", headers={"Accept": "*/*"})
+@pytest.mark.sampled(4)
+def test_exports_are_offered_and_nothing_is_left_in_the_results(mapped: Server, kind: str) -> None:
+    stated = {"tyre": "radial-ply"} if kind in VEHICLE else {}
+    stated |= {"frequency": "15 Hz"} if kind == "tir" else {}
+    before = set((mapped.root / "one").rglob("*"))
+    shown = asked(mapped, kind, **stated)
+    (name,) = re.findall(r'ask/files/([^"]+)" download', shown)
+    status, content, headers = mapped.ask(f"/c/one/ask/files/{name}")
     assert status == 200, content
     assert len(content) > 100
     assert 'filename="one-' in headers["content-disposition"]
-    assert isinstance(json.loads(re.sub("%..", lambda found: chr(int(found[0][1:], 16)), headers["x-notes"])), list)
-    until = time.monotonic() + 10
-    while any(mapped.temporary.glob("fourpole-export-*")) and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not any(mapped.temporary.glob("fourpole-export-*"))
-    assert not (mapped.root / "one" / "results" / "results.mat").exists()
+    assert set((mapped.root / "one").rglob("*")) == before
 
 
-def test_an_export_that_cannot_be_says_why(mapped: Server) -> None:
-    for address, why in (
-        ("/c/two/export/prony", "model"),
-        ("/c/one/export/nothing", "no such kind"),
-        ("/c/one/export/prony?mode=shear&height=10", "height"),
-        ("/c/bare/export/mat", "run the analysis first"),
-        ("/c/one/export/tir", "--frequency"),
-        ("/c/one/export/tir?frequency=-1+Hz", "must be positive"),
-        ("/c/one/export/statespace?of=map&at=pressure%3D9+bar%2C+preload%3D1+kN", "outside what was measured"),
-        ("/c/one/export/statespace?at=nonsense", "no operating point"),
-    ):
-        status, content, _ = mapped.ask(address, headers={"Accept": "application/json"})
-        assert status == 400
-        assert why in json.loads(content)["error"]
+def asked(server: Server, kind: str, place: str = "one", **stated: str) -> str:
+    """The page with the answer of an export."""
+    status, content, _ = server.ask(f"/c/{place}/ask", "POST", {"command": "export", "to": kind, **stated})
+    assert status == 204, content
+    until = time.monotonic() + 60
+    while b"At work" in (content := server.ask(f"/c/{place}/ask?command=export")[1]):
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    return unescape(content.decode())
+
+
+@pytest.mark.parametrize(
+    ("place", "kind", "stated", "why"),
+    [
+        ("two", "prony", {}, "model"),
+        ("one", "nothing", {}, "no kind of file 'nothing'"),
+        ("one", "prony", {"mode": "shear", "height": "10"}, "height"),
+        ("one", "tir", {}, "--frequency"),
+        ("one", "tir", {"frequency": "-1 Hz"}, "must be positive"),
+        ("one", "statespace", {"of": "map", "at": "pressure=9 bar, preload=1 kN"}, "outside what was measured"),
+        ("one", "statespace", {"at": "nonsense"}, "no operating point"),
+    ],
+)
+@pytest.mark.sampled(3)
+def test_an_export_that_cannot_be_says_why(
+    mapped: Server, place: str, kind: str, stated: dict[str, str], why: str
+) -> None:
+    shown = asked(mapped, kind, place, **stated)
+    assert why in shown
+    assert "ask/files/" not in shown
+
+
+def test_the_exports_are_those_that_the_results_have_what_they_need_for(mapped: Server) -> None:
+    unlisted(mapped.root / "two" / "results")
+    one, two = (page_of(mapped, f"/c/{name}") for name in ("one", "two"))
+    assert 'name="to" value="mat"' in one
+    assert 'name="to" value="mat"' in two
+    assert one.count('name="to" value="fmu"') == 2  # of the fits and of the map
+    assert 'name="to" value="fmu"' not in two
+    assert "There are more when" in two
+    tir = one[one.index('name="to" value="tir"') :]
+    tir = tir[: tir.index("</form>")]
+    assert {"--at", "--frequency", "--radius", "--tyre"} < {*re.findall(r"--[\w-]+", tir)}
+    assert "--height" not in tir
 
 
 def test_a_figure_of_any_quantity_over_any_axis(mapped: Server) -> None:
@@ -263,16 +293,22 @@ def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
     fitted.unlink()
 
 
-def test_an_export_is_saved_with_what_it_leaves_out(window: Page) -> None:
+def test_an_export_is_made_and_offered_where_it_was_asked_for(window: Page) -> None:
     with visiting(window) as page:
-        page.goto("/c/one/model")
+        page.goto("/c/one")
+        page.get_by_role("button", name="results.mat").press("Enter")
+        link = page.get_by_role("link", name="Save results.mat")
+        expect(link).to_be_focused(timeout=LONG)
         with page.expect_download() as saved:
-            page.get_by_role("link", name="results.mat").click()
+            page.keyboard.press("Enter")
         assert saved.value.suggested_filename == "one-results.mat"
-        expect(page.locator("#exported")).to_contain_text("one-results.mat is saved.")
-        page.get_by_role("link", name="prony.k").click()
-        expect(page.locator("#exported.misfit")).to_contain_text("no elastic moduli")
-        expect(page.get_by_label("Height")).to_be_visible()
+        page.get_by_role("button", name="prony.k").click()
+        expect(page.locator("#answer")).to_contain_text("no elastic moduli", timeout=LONG)
+        page.set_viewport_size({"width": 390, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert barriers(page) == []
+        page.reload()
+        expect(page.locator("#answer")).to_contain_text("no elastic moduli")
 
 
 def test_a_choice_shows_its_figure_at_once(window: Page) -> None:

@@ -169,6 +169,57 @@ def test_a_wrong_entry_is_marked_in_the_words_of_the_command(window: Page, serve
         toml.write_text(before)
 
 
+def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server: Server) -> None:
+    toml, table = next(server.root.rglob("campaign.toml")), next(server.root.rglob("tests.csv"))
+    before = toml.read_text(), table.read_text()
+    doubts = "\n# doubt: its unit\nforce_in ", "\n# doubt: its sign\nmotion_in "
+    toml.write_text(before[0].replace("\nforce_in ", doubts[0]).replace("\nmotion_in ", doubts[1]))
+    with visiting(window) as page:
+        page.goto(f"{campaign(page)}/statement")
+        delay, unit = (page.locator(f"[data-path='channels.force_in.{key}']") for key in ("delay", "unit"))
+        kind = page.locator("#tests tbody tr").nth(3).locator("input").nth(2)
+        good = kind.input_value(), unit.input_value()
+        for field, text in ((delay, "5"), (unit, "furlong"), (kind, "dynamik")):
+            field.fill(text)
+        expect(page.locator("#problems li")).to_have_count(2, timeout=LONG)  # a unit is checked when the keys are right
+        delay.fill("")
+        expect(page.locator(".wrong").first).to_contain_text("'furlong' is a length", timeout=LONG)
+        expect(page.locator(".wrong").last).to_contain_text("did you mean 'dynamic'?")
+        assert unit.get_attribute("aria-describedby") == page.locator(".wrong").first.get_attribute("id")
+        assert barriers(page) == []
+        page.set_viewport_size({"width": 390, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        settled = page.locator("[name=settled]")
+        assert [settled.nth(at).is_checked() for at in (0, 1)] == [True, False]
+        kind.fill(good[0])
+        unit.fill(good[1])
+        expect(page.locator(".wrong")).to_have_count(0, timeout=LONG)
+        assert not settled.first.is_checked()
+        settled.last.check()
+        page.click("#save")
+        expect(page.locator("#kept")).to_have_text("Saved.", timeout=LONG)
+    assert toml.read_text() == before[0].replace("\nforce_in ", doubts[0])
+    assert table.read_text() == before[1]
+    toml.write_text(before[0])
+
+
+def test_the_demo_is_made_once_and_opened(tmp_path: Path) -> None:
+    with serving(tmp_path) as server:
+        first, second = (server.document("/demo", "POST", {}) for _ in range(2))
+        assert first == second == {"next": "/c/fourpole-demo/run"}
+        assert b"The demo is recorded" in server.ask(first["next"])[1]
+        assert server.ask(first["next"], "DELETE")[0] == 204
+        for body in ({"command": "demo"}, {"command": "demo", "options": []}):
+            assert server.ask("/c/fourpole-demo/run", "POST", body)[0] in (400, 404)
+        (tmp_path / "fourpole-demo").mkdir(exist_ok=True)
+        (tmp_path / "fourpole-demo" / "campaign.toml").write_text("title = 'mine'\n")
+        until = time.monotonic() + 30
+        while server.document("/demo", "POST", {})["next"] != "/c/fourpole-demo":
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        assert (tmp_path / "fourpole-demo" / "campaign.toml").read_text() == "title = 'mine'\n"
+
+
 def test_rows_are_pasted_from_a_spreadsheet(window: Page) -> None:
     with visiting(window) as page:
         page.goto(f"{campaign(page)}/statement")

@@ -142,6 +142,9 @@ def model(page: Page) -> None:
     page.reload()
     assert slider.get_attribute("aria-valuetext") == value
     assert page.locator("#answers").inner_text() == answer
+    visit(page, "Results")
+    enter(page, page.get_by_role("button", name="results.mat"))
+    expect(page.get_by_role("link", name="Save results.mat")).to_be_focused(timeout=LONG)
     with page.expect_download() as saved:
-        enter(page, page.get_by_role("link", name="results.mat"))
+        page.keyboard.press("Enter")
     assert saved.value.suggested_filename == "recordings-results.mat"

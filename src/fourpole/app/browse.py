@@ -45,7 +45,8 @@ def _options(name: str) -> Iterator[AskedOption]:
         if not isinstance(option, OptionInfo) or Path in _kinds(kind) or one.name in _LEFT_OUT:
             continue
         long = next((each for each in option.param_decls or () if each.startswith("--")), f"--{one.name}")
-        yield AskedOption(long.partition("/")[0].replace("_", "-"), option.help or "", flag=bool in _kinds(kind))
+        name, needed = long.partition("/")[0].replace("_", "-"), option.default is ...
+        yield AskedOption(name, option.help or "", flag=bool in _kinds(kind), needed=needed)
 
 
 def _kinds(kind: Any) -> tuple[Any, ...]:

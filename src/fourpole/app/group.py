@@ -7,7 +7,7 @@ import inspect
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial, update_wrapper
+from functools import update_wrapper
 from pathlib import Path
 from pkgutil import resolve_name
 from types import SimpleNamespace
@@ -36,11 +36,14 @@ def show(answer: Answer, *, as_json: bool, indent: int | None = 2) -> int:
     if as_json and (document := answer.told):
         print_json(document, indent)
     if events.wanted(answer=True):
-        events.tell(answer=answer.plain())
+        events.tell(answer=answer.plain(), files=[str(path) for _, path in answer.files])
     for part in () if as_json else answer.shown:
         _print(part)
     for what, path in answer.files:
-        (say if as_json else partial(out, fold=False))(f"{what}: {path}")
+        if not as_json:
+            out(f"{what}: {path}", fold=False)
+        elif not events.wanted(answer=True):
+            say(f"{what}: {path}")
     for further in answer.then():
         show(further, as_json=as_json, indent=None)
     return answer.code

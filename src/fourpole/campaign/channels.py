@@ -5,7 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StrictBool,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from fourpole import units
 from fourpole.campaign import defaults
@@ -380,33 +390,34 @@ class ChannelsFile(File):
     reference: ReferenceFile | None = None
     drive: Annotated[DriveFile | None, BeforeValidator(_column)] = None
 
+    @field_validator(*CHANNEL_KINDS)
+    @classmethod
+    def _of_role(cls, channel: ChannelFile | None, info: ValidationInfo) -> ChannelFile | None:
+        """A channel, checked by itself, so that the faults of all channels are found."""
+        role = str(info.field_name)
+        if channel is None:
+            return None
+        # The recording states a missing unit. Any unit of the kind serves to check the other keys.
+        unit = {"unit": units.si_unit(CHANNEL_KINDS[role][0])} if channel.has_no_unit else {}
+        channel.model_copy(update=unit).conversion(CHANNEL_KINDS[role])
+        for key in sorted(channel.model_fields_set):
+            if key in _DYNAMIC_ONLY and role not in CHANNELS:
+                raise ValueError(f"{key} is for channels of dynamic tests, a static one has none: remove it")
+            if role not in ONLY_OF.get(key, (role,)):
+                raise ValueError(f"{key} is a key of {' and '.join(ONLY_OF[key])} alone: remove it")
+        return channel
+
     @model_validator(mode="after")
     def _readable(self) -> ChannelsFile:
+        """The table; ValueError for crosstalk that does not come from another stated channel of the dynamic tests."""
         if self.time is not None and self.sample_rate is not None:
             raise ValueError("time and sample_rate are both stated: keep one of them")
-        for role, channel in self.by_role.items():
-            try:
-                # The recording states a missing unit. Any unit of the kind serves to check the other keys.
-                self.conversion(role, units.si_unit(CHANNEL_KINDS[role][0]) if channel.has_no_unit else None)
-            except ValueError as error:
-                raise ValueError(f"{role}: {error}") from None
-        self._check_crosstalk()
-        for role, channel in self.by_role.items():
-            for key in sorted(channel.model_fields_set):
-                if key in _DYNAMIC_ONLY and role not in CHANNELS:
-                    why = "is for channels of dynamic tests, a static one has none: remove it"
-                    raise ValueError(f"{role}: {key} {why}")
-                if role not in ONLY_OF.get(key, (role,)):
-                    raise ValueError(f"{role}: {key} is a key of {' and '.join(ONLY_OF[key])} alone: remove it")
-        return self
-
-    def _check_crosstalk(self) -> None:
-        """ValueError for crosstalk that does not come from another stated channel of the dynamic tests."""
         for role, channel in self.by_role.items():
             for source in channel.crosstalk:
                 if source == role or role not in CHANNELS or self.named(source) is None:
                     why = "itself" if source == role else f"{source}, which is not stated"
                     raise ValueError(f"{role}: crosstalk is of another channel of the dynamic tests, not of {why}")
+        return self
 
     def line(self, role: str) -> ChannelFile | DriveFile | None:
         """The channel of a role, or the drive; None if it is not stated."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from fourpole.core.arrays import IntArray, short_repr
 from fourpole.core.phasor import CHANNELS
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.io.child import read_apart
-from fourpole.io.documents import delimiter_of, rows_of
+from fourpole.io.documents import delimiter_of, rows_of, toml_of
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import why_no_campaign, why_no_folder, why_no_tests
 from fourpole.io.formats.workbook import first_table
@@ -137,10 +137,8 @@ def read_campaign(folder: str | Path) -> Campaign:
         columns, tests = _listed(statement_text(table, MOST_TESTS, sha256, strict=False), stated)
     if table.name != TESTS[0]:
         tests = [replace(test, workbook=table.name) for test in tests]
-    _check_channels(stated, tests)
-    _check_files(folder, stated, tests)
-    extra = _further_columns(columns, tests, stated)
-    doubts = (*doubtful_columns(columns, stated), *doubtful_values(columns, tests), *doubtful_uncertainties(stated))
+    extra = _checked_together(folder, columns, tests, stated)
+    doubts = _doubts(columns, tests, stated)
     logo, path, limits = logo_of(folder, stated.report.logo), folder / LIMITS, Limits()
     if path.exists() or path.is_symlink():
         specimens = tuple(dict.fromkeys(test.tyre for test in tests))
@@ -177,6 +175,13 @@ def _naming(name: str) -> Iterator[None]:
 
 def _listed(text: str, stated: CampaignFile) -> tuple[list[Column], list[Test]]:
     """Columns and tests of the text of tests.csv."""
+    columns, rows = _table(text)
+    with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts of a campaign
+        return columns, _tests([test_of_row(row, cells, columns, stated) for row, cells in rows], stated)
+
+
+def _table(text: str) -> tuple[list[Column], list[tuple[int, list[str]]]]:
+    """Columns of the text of tests.csv, and its rows, by their numbers, with points for decimal commas."""
     rows = list(_rows(text))
     if not rows:
         raise CampaignError("tests.csv: has no row of names; the first row is test,file,kind,tyre,pressure [bar],...")
@@ -184,14 +189,81 @@ def _listed(text: str, stated: CampaignFile) -> tuple[list[Column], list[Test]]:
     if delimiter_of(text) == ";" and any(0 < _decimals(cell) != 3 for _, cells in rows[1:] for cell in cells):
         commas = [(row, [cell.replace(",", ".") if _decimals(cell) else cell for cell in cells]) for row, cells in rows]
         rows = [rows[0], *commas[1:]]
-    with units.hints(_HINTED):  # not around what asks for the nearest name to decide, as the doubts of a campaign
-        return columns, _tests([test_of_row(row, cells, columns, stated) for row, cells in rows[1:]], stated)
+    return columns, rows[1:]
 
 
 def _decimals(cell: str) -> int:
     """Number of digits behind the only comma of a number; three may be thousands. 0 for any other cell."""
     whole, _, part = cell.partition(",")
     return len(part) if whole.lstrip("+-").isdecimal() and part.isdecimal() else 0
+
+
+def _doubts(columns: Sequence[Column], tests: Sequence[Test], stated: CampaignFile) -> tuple[str, ...]:
+    """What is allowed as it is stated, but probably a slip."""
+    return (*doubtful_columns(columns, stated), *doubtful_values(columns, tests), *doubtful_uncertainties(stated))
+
+
+def _checked_together(
+    folder: Path, columns: Sequence[Column], tests: list[Test], stated: CampaignFile
+) -> tuple[str, ...]:
+    """Heads of the columns that pass through; CampaignError if both files do not state what the tests need."""
+    for fault in _lacking(stated, tests):
+        raise CampaignError(fault)
+    _check_files(folder, stated, tests)
+    return _further_columns(columns, tests, stated)
+
+
+def check_statement(folder: Path, text: str, table: str) -> tuple[list[str], list[Test], tuple[str, ...]]:
+    """All that is wrong with the texts of campaign.toml and tests.csv, which need not be those in the folder.
+
+    Returns
+    -------
+    (list of str, list of Test, tuple of str)
+        Faults of the whole, the tests that could be read, with their faults, and the doubts if there is no fault.
+    """
+    faults: list[str] = []
+    with units.hints(_HINTED):
+        try:
+            stated: CampaignFile | None = parse_campaign(text)
+        except CampaignError as error:
+            faults += error.faults or (str(error),)
+            stated = _with_names(text)
+        if stated is None:
+            return faults, [], ()
+        try:
+            columns, rows = _table(table)
+        except CampaignError as error:
+            return [*faults, str(error)], [], ()
+        tests = []
+        for row, cells in rows:
+            try:
+                tests.append(test_of_row(row, cells, columns, stated))
+            except CampaignError as error:
+                faults.append(str(error))
+    whole, faults = not faults, [*faults, *_same_names(tests)]
+    if not whole:  # rows are checked against the names alone
+        named = [[fault for fault in test.faults if fault.code not in ("rig", "preload")] for test in tests]
+        tests = [replace(test, faults=tuple(kept)) for test, kept in zip(tests, named, strict=True)]
+    elif not faults:
+        faults += _lacking(stated, tests)
+    if faults or any(test.problem and not test.excluded for test in tests):
+        return faults, tests, ()
+    try:
+        tests = _tests(tests, stated)
+        _checked_together(folder, columns, tests, stated)
+    except CampaignError as error:
+        return [str(error)], tests, ()
+    return [], tests, _doubts(columns, tests, stated)
+
+
+def _with_names(text: str) -> CampaignFile | None:
+    """The specimens that a faulty campaign.toml names, for rows to be checked against; None if it is no TOML."""
+    with suppress(TableError, CampaignError):
+        stated = toml_of(text, "campaign.toml")
+        tables = {name: stated[name] for name in ("tyres", "specimens") if isinstance(stated.get(name), dict)}
+        names: dict[str, Any] = {name: {one: {} for one in table} for name, table in tables.items()}
+        return parse_campaign({"channels": {}, **names})
+    return None
 
 
 def statement_text(path: Path, most: int, sha256: dict[str, str], *, strict: bool) -> str:
@@ -239,13 +311,8 @@ def _tests(tests: list[Test], stated: CampaignFile) -> list[Test]:
     """
     if not tests:
         raise CampaignError("tests.csv: lists no test below its row of names")
-    seen: dict[str, int] = {}
-    for test in tests:
-        if seen.setdefault(test.name, test.row) != test.row:
-            raise CampaignError(
-                f"tests.csv row {test.row}: test {units.shown(test.name)} stands in row {seen[test.name]} already: "
-                "give each test a name of its own"
-            )
+    for fault in _same_names(tests):
+        raise CampaignError(fault)
     pulled = {test.tyre for test in tests if not test.faults and test.values.get("preload", 1.0) <= 0}
     fixed = {
         name
@@ -253,6 +320,17 @@ def _tests(tests: list[Test], stated: CampaignFile) -> list[Test]:
         if specimen.fixed or (specimen.fixed is None and name in pulled)
     }
     return [replace(test, fixed=True) if test.tyre in fixed else test for test in tests]
+
+
+def _same_names(tests: Sequence[Test]) -> Iterator[str]:
+    """A fault for each test that has the name of one above it."""
+    seen: dict[str, int] = {}
+    for test in tests:
+        if seen.setdefault(test.name, test.row) != test.row:
+            yield (
+                f"tests.csv row {test.row}: test {units.shown(test.name)} stands in row {seen[test.name]} already: "
+                "give each test a name of its own"
+            )
 
 
 def _further_columns(columns: Sequence[Column], tests: Sequence[Test], stated: CampaignFile) -> tuple[str, ...]:
@@ -269,8 +347,8 @@ def _further_columns(columns: Sequence[Column], tests: Sequence[Test], stated: C
     return further
 
 
-def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
-    """CampaignError if campaign.toml lacks a channel that the tests of some kind need."""
+def _lacking(stated: CampaignFile, tests: Sequence[Test]) -> Iterator[str]:
+    """A fault for each channel that campaign.toml lacks and tests of some kind need."""
     needs = {
         "dynamic": ("motion_in",),
         "calibration": ("motion_in",),
@@ -280,7 +358,7 @@ def _check_channels(stated: CampaignFile, tests: list[Test]) -> None:
     for kind, roles in needs.items():
         for role in roles:
             if any(test.kind == kind for test in tests) and stated.channels.named(role) is None:
-                raise CampaignError(
+                yield (
                     f"campaign.toml: [channels] {role} is missing, {kind} tests need it: "
                     f'{role} = {{ column = "...", unit = "..." }}'
                 )

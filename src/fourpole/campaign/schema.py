@@ -6,10 +6,11 @@ import datetime as dt
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     StrictBool,
@@ -99,7 +100,7 @@ def _stated(raw: Any, kind: str) -> Stated:
 class RigFile(File):
     """[rig] or [rigs.NAME] of campaign.toml."""
 
-    values: dict[str, Stated] = Field(default_factory=dict)
+    values: dict[str, Annotated[Stated, BeforeValidator(lambda raw: _stated(*raw))]] = Field(default_factory=dict)
     fixture: Stated | None = None
     output: Literal["blocked"] | None = None
     force_at: Literal["drive", "ground"] | None = None
@@ -110,16 +111,15 @@ class RigFile(File):
         if not isinstance(raw, dict):
             raise ValueError("must be a table of values")
         known_keys(raw, (*PARAMETERS, _FIXTURE, "output", "force_at"))
-        values = {}
-        for name in (*PARAMETERS, _FIXTURE):
-            if name in raw:
-                try:
-                    values[name] = _stated(raw[name], _RIG_KINDS.get(name, "stiffness"))
-                except ValueError as error:
-                    raise ValueError(f"{name}: {error}") from None
-        fixture = values.pop(_FIXTURE, None)
-        if fixture is not None and not fixture.value > 0:
-            raise ValueError(f"{_FIXTURE} is {fixture.value:g} N/m: it must be positive; leave a rigid fixture out")
+        values = {name: (raw[name], _RIG_KINDS[name]) for name in PARAMETERS if name in raw}
+        fixture = None
+        if _FIXTURE in raw:
+            try:
+                fixture = _stated(raw[_FIXTURE], "stiffness")
+            except ValueError as error:
+                raise ValueError(f"{_FIXTURE}: {error}") from None
+            if not fixture.value > 0:
+                raise ValueError(f"{_FIXTURE} is {fixture.value:g} N/m: it must be positive; leave a rigid fixture out")
         return {
             "values": values, "fixture": fixture, "output": raw.get("output"), "force_at": raw.get("force_at"),
         }  # fmt: skip
@@ -415,10 +415,11 @@ def parse_campaign(stated: str | dict[str, Any], name: str = "campaign.toml") ->
         raise CampaignError(f"{error}{remedy}") from None
     except ValidationError as error:
         faults = error.errors(include_url=False)
-        lines = [_fault(fault, name) for fault in faults[:3]]
-        if len(faults) > 3:
-            lines.append(f"... and {len(faults) - 3} more")
-        raise CampaignError("\n".join(lines)) from None
+        lines = [_fault(fault, name) for fault in faults]
+        more = [f"... and {len(faults) - 3} more"] if len(faults) > 3 else []
+        told = CampaignError("\n".join([*lines[:3], *more]))
+        told.faults = tuple(lines)
+        raise told from None
 
 
 #: Class of each table of campaign.toml by its name; the other tables that have keys are channels.
@@ -441,7 +442,7 @@ _WANTED = {
 
 def _fault(fault: Any, name: str) -> str:
     """Message on one fault that pydantic found: place, fault and remedy."""
-    path = [str(part) for part in fault["loc"]]
+    path = [str(part) for part in fault["loc"] if part != "values"]
     kind = fault["type"]
     if kind == "extra_forbidden":
         owner: Any = CampaignFile

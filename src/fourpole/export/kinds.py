@@ -66,15 +66,16 @@ class ExportKind:
         return writer
 
 
-#: What may be stated for an export, in the order of the arguments of `export_results`, and how messages name it.
+#: What may be stated for an export, in the order of the arguments of `export_results`: how messages name it, and the
+#: options of the command that state it.
 OPTIONS = {
-    "shape": "the shape of a specimen: leave out its height, area and mode",
-    "poisson": "Poisson's ratio: leave out --poisson",
-    "points": "an operating point: leave out --at",
-    "specimen": "a specimen of its own: leave out --specimen",
-    "frequency": "a frequency: leave out --frequency",
-    "radius": "a radius: leave out --radius",
-    "belt": "a belt: leave out --belt-mass",
+    "shape": ("the shape of a specimen", ("--mode", "--height", "--area", "--bonded", "--bulk")),
+    "poisson": ("Poisson's ratio", ("--poisson",)),
+    "points": ("an operating point", ("--at",)),
+    "specimen": ("a specimen of its own", ("--specimen",)),
+    "frequency": ("a frequency", ("--frequency",)),
+    "radius": ("a radius", ("--radius",)),
+    "belt": ("a belt", ("--belt-mass", "--belt-share")),
 }
 
 
@@ -105,7 +106,7 @@ KINDS = {
     "lsdyna-springs": _material("springs.k", "fe.write_springs", "of a model: LS-DYNA discrete springs"),
     "prony": _material("prony.csv", "pronytable", "of a model: CSV of stiffnesses, moduli and intervals"),
     "fmu": _system("specimen.fmu", "fmi", "of a model or a map: FMU of FMI 2.0, with C source"),
-    "fmu3": _system("specimen-fmi3.fmu", "fmi.write_fmi3", "the same of FMI 3.0"),
+    "fmu3": _system("specimen-fmi3.fmu", "fmi.write_fmi3", "of a model or a map: the same of FMI 3.0"),
     "statespace": _system("statespace.json", "systems", "of a model or a map: matrices A, B, C, D as JSON"),
     "modelica": _system("FourpoleModels.mo", "modelica", "of a model or a map: Modelica source"),
     "tir": _system("specimen.tir", "tir", "of a model or a map: vertical block of a .tir file", "frequency", "radius"),
@@ -212,7 +213,8 @@ def export_results(
     stated = zip(OPTIONS, (shape, poisson, points, specimen, frequency, radius, belt), strict=True)
     more: dict[str, Any] = {name: value for name, value in stated if value is not None and value != ()}
     if unused := [name for name in more if name not in chosen.options]:
-        raise CampaignError(f"{kind} has no use for {OPTIONS[unused[0]]}")
+        what, options = OPTIONS[unused[0]]
+        raise CampaignError(f"{kind} has no use for {what}: leave out {', '.join(options)}")
     place = _source(place, chosen.takes)
     given = _given(place)
     if given is not chosen.takes and not (chosen.takes is Takes.EITHER and given in (Takes.MODEL, Takes.MAP)):

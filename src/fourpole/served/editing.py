@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +17,8 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable, Table
 
 from fourpole import quantities as q
-from fourpole.campaign import read_campaign
-from fourpole.campaign.folder import MOST_TOML
+from fourpole.campaign.folder import MOST_TOML, check_statement
+from fourpole.campaign.row import DOUBTS, still_open
 from fourpole.errors import CampaignError, FourpoleError, TableError
 from fourpole.io.documents import delimiter_of, rows_of, toml_of
 from fourpole.io.door import read_bytes
@@ -39,6 +39,10 @@ EXCLUDED = "excluded"
 _DOUBT = re.compile(r"\s*#\s*doubt:\s*+(.*)$")
 _ROW = re.compile(r"(?:^|; )tests\.csv row (\d+): ")
 _PLACE = re.compile(r"^campaign\.toml: \[?([\w.\-]+)\]?:?(?: ([\w.]+)(?=[: ]))?")
+#: A table and a key of campaign.toml, also as a comment that stands in its place.
+_TABLE, _KEY = re.compile(r"\s*(?:#\s*)?\[(\w+)[\].]"), re.compile(r"\s*(?:#\s*)?(\w+)\s*=")
+#: The parts of a value of the rig.
+_PARTS = ("value", "unit", "std")
 _QUOTED = re.compile(r"'([^']*)'")
 
 
@@ -67,8 +71,8 @@ class Statement:
         Whether the far side of the specimen is held.
     simple : bool
         Whether the form can show the rig: there is one, or none.
-    doubts : tuple of str
-        The doubts that stand in campaign.toml as comments.
+    doubts : tuple of (str, str)
+        The doubts that stand in campaign.toml as comments, each with the path of what it is about.
     heads : list of str
         Heads of tests.csv.
     rows : list of list of str
@@ -83,7 +87,7 @@ class Statement:
     rig: dict[str, tuple[str, str, str]]
     blocked: bool
     simple: bool
-    doubts: tuple[str, ...]
+    doubts: tuple[tuple[str, str], ...]
     heads: list[str]
     rows: list[list[str]]
 
@@ -100,7 +104,10 @@ class FormFault:
 
 def read_statement(folder: Path) -> Statement:
     """The statement of a folder; empty where a file is missing."""
-    version, text, table = version_of(folder), _text(folder, "campaign.toml"), _text(folder, "tests.csv")
+    return _statement(version_of(folder), _text(folder, "campaign.toml"), _text(folder, "tests.csv"))
+
+
+def _statement(version: str, text: str, table: str) -> Statement:
     stated: dict[str, Any] = {}
     with suppress(TableError):
         stated = toml_of(text, "campaign.toml")
@@ -115,10 +122,25 @@ def read_statement(folder: Path) -> Statement:
         rig={name: _value(rig.get(name)) for name in RIG},
         blocked=rig.get("output") == "blocked",
         simple="rigs" not in stated,
-        doubts=tuple(found[1] for line in text.splitlines() if (found := _DOUBT.match(line))),
+        doubts=tuple(_doubts(text)),
         heads=heads,
         rows=rows,
     )
+
+
+def _doubts(text: str) -> Iterator[tuple[str, str]]:
+    """The doubts in campaign.toml, each with the path of what stands below it: a channel, the rig, or a table."""
+    open_, table = list[str](), ""
+    for line in text.splitlines():
+        if found := _DOUBT.match(line):
+            open_.append(found[1])
+        elif found := _TABLE.match(line) or _KEY.match(line):
+            path = table = found[1] if found.re is _TABLE else table
+            if found.re is _KEY and table == "channels":
+                path = f"{table}.{'time' if found[1] == 'sample_rate' else found[1]}"
+            yield from ((doubt, path) for doubt in open_)
+            open_ = []
+    yield from ((doubt, "") for doubt in open_)
 
 
 def save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
@@ -150,6 +172,16 @@ def _save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
         raise ConflictError(
             "someone else, or an editor, has changed this campaign since the page was opened: load it again"
         )
+    text, table = _new(folder, form)
+    with staged(folder) as new:
+        write_text(new / "campaign.toml", text)
+        if table is not None:
+            write_text(new / "tests.csv", table)
+    return version_of(folder)
+
+
+def _new(folder: Path, form: Mapping[str, Any]) -> tuple[str, str | None]:
+    """The texts of campaign.toml and tests.csv that a form states; None for a table that it does not state."""
     try:
         text = _stated(_text(folder, "campaign.toml"), form)
         former = _text(folder, "tests.csv")
@@ -160,11 +192,7 @@ def _save(folder: Path, version: str, form: Mapping[str, Any]) -> str:
         raise
     except (KeyError, TypeError, ValueError, AttributeError):
         raise CampaignError("the form is not whole: load the page again") from None
-    with staged(folder) as new:
-        write_text(new / "campaign.toml", text)
-        if table is not None:
-            write_text(new / "tests.csv", table)
-    return version_of(folder)
+    return text, table
 
 
 def _check_readable(text: str, table: str) -> None:
@@ -200,20 +228,22 @@ def exclude(folder: Path, test: str, reason: str) -> None:
         _save(folder, stated.version, {"heads": heads, "rows": rows})
 
 
-def problems_of(folder: Path) -> list[FormFault]:
-    """What is wrong with the statement as it is, each with its place; the doubts of the command line last."""
-    stated = read_statement(folder)
+def problems_of(folder: Path, form: Mapping[str, Any] | None = None) -> list[FormFault]:
+    """All that is wrong with a statement as it is, or as a form would save it, each with its place; doubts last."""
     try:
-        campaign = read_campaign(folder)
+        text, table = (_text(folder, "campaign.toml"), None) if form is None else _new(folder, form)
+        table = _text(folder, "tests.csv") if table is None else table
+        stated = _statement("", text, table)
+        faults, tests, doubts = check_statement(folder, text, table)
     except FourpoleError as error:
-        return [_placed(str(error), stated)]
-    found = [
+        return [FormFault(str(error))]
+    of_rows = [
         FormFault(f"tests.csv row {test.row}: {fault}", row=test.row, column=fault.code)
-        for test in campaign.tests
+        for test in tests
         if not test.excluded
         for fault in test.faults
     ]
-    return [*found, *(_placed(doubt, stated) for doubt in campaign.doubts)]
+    return [*(_placed(one, stated) for one in faults), *of_rows, *(_placed(one, stated) for one in doubts)]
 
 
 def _placed(text: str, stated: Statement) -> FormFault:
@@ -224,10 +254,12 @@ def _placed(text: str, stated: Statement) -> FormFault:
     found = _PLACE.match(text)
     path = "" if found is None else ".".join(part for part in found.groups() if part)
     section, _, role = path.partition(".")
-    if section == "channels" and role in stated.channels:
-        quoted = _QUOTED.findall(text)
-        keys = [key for key, value in stated.channels[role].items() if value in quoted]
-        path = f"{path}.{keys[0]}" if keys else path
+    values = {**stated.channels, "time": stated.clock}.get(role, {}) if section == "channels" else {}
+    if section == "rig":
+        values = dict(zip(_PARTS, stated.rig.get(role, ()), strict=False))
+    quoted = _QUOTED.findall(text)
+    keys = [key for key, value in values.items() if value in quoted]
+    path = f"{path}.{keys[0]}" if keys else path
     return FormFault(text, path)
 
 
@@ -296,12 +328,25 @@ def _cells(text: str) -> tuple[list[str], list[list[str]]]:
 def _written(heads: Sequence[str], rows: Sequence[Sequence[str]], delimiter: str) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n", delimiter=delimiter)
-    writer.writerow([str(one) for one in heads])
-    for row in rows:
+    names = [str(one) for one in heads]
+    writer.writerow(names)
+    left = doubts_left(names, rows)
+    for at, row in enumerate(rows):
         cells = [str(one) for one in row]
+        if left and DOUBTS in names[: len(cells)]:
+            cells[names.index(DOUBTS)] = left[at]
         if any(cell.strip() for cell in cells):
             writer.writerow(cells)
     return text.getvalue()
+
+
+def doubts_left(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The doubts of each row of a form without those whose cell was changed; none where there is no such column."""
+    names = [str(head).partition(" [")[0] for head in heads]
+    if DOUBTS not in names:
+        return []
+    named = (dict(zip(names, map(str, row), strict=False)) for row in rows)
+    return [still_open(cells.get(DOUBTS, ""), cells) for cells in named]
 
 
 def _stated(former: str, form: Mapping[str, Any]) -> str:

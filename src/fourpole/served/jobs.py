@@ -9,6 +9,8 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from fourpole.errors import CampaignError
@@ -31,11 +33,14 @@ class AskedOption:
     help : str
     flag : bool
         Whether it takes no value.
+    needed : bool
+        Whether the command cannot do without it.
     """
 
     name: str
     help: str
     flag: bool
+    needed: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,11 @@ class Job:
     place : Place
         The campaign.
     words : tuple of str
-        The command's arguments, the name of the command first.
+        The command's arguments but the last, the name of the command first.
+    path : Path
+        Its last argument: the folder of the campaign, or a file in it.
+    folder : TemporaryDirectory or None
+        A folder of its own for the files that it makes, which goes with the job.
     task : dict
         The last progress: task, done, total, left [s].
     tests : dict of str to dict
@@ -118,12 +127,16 @@ class Job:
         The JSON document that it printed.
     answer : list
         Its answer for a reader: lines, and tables with heads, rows and the heads of numbers.
+    files : list of Path
+        The files that it made.
     code : int or None
         Its exit code.
     """
 
     place: Place
     words: tuple[str, ...]
+    path: Path
+    folder: TemporaryDirectory[str] | None = None
     phase: Phase = Phase.WAITING
     task: dict[str, Any] = field(default_factory=dict)
     tests: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -133,6 +146,7 @@ class Job:
     messages: deque[str] = field(default_factory=lambda: deque(maxlen=_MOST_MESSAGES))
     document: Any = None
     answer: list[Any] = field(default_factory=list)
+    files: list[Path] = field(default_factory=list)
     code: int | None = None
     _changed: asyncio.Condition = field(default_factory=asyncio.Condition, repr=False)
     _process: asyncio.subprocess.Process | None = field(default=None, repr=False)
@@ -170,6 +184,11 @@ class Job:
         elif self._process is not None and self._process.returncode is None:
             interrupt(self._process)
 
+    def forget(self) -> None:
+        """Delete the folder of its own."""
+        if self.folder is not None:
+            self.folder.cleanup()
+
 
 class Jobs:
     """The jobs of a server: as many at a time as it has processors, the others wait their turn.
@@ -186,20 +205,29 @@ class Jobs:
         """The last job of a campaign."""
         return self._jobs.get(place.key)
 
+    def making(self, key: str) -> Place | None:
+        """The place of a job that is not over, whose campaign need not be there yet."""
+        job = self._jobs.get(key)
+        return None if job is None or job.over else job.place
+
     def before(self, job: Job) -> int:
         """Number of jobs that were asked for before a waiting one and are not over."""
         others = list(self._jobs.values())
         return sum(not one.over for one in others[: others.index(job)])
 
-    def start(self, place: Place, *words: str) -> Job:
-        """Start a command on a campaign; where one is running there, that job."""
+    def start(
+        self, place: Place, *words: str, path: Path | None = None, folder: TemporaryDirectory[str] | None = None
+    ) -> Job:
+        """Start a command on a campaign, or on a file in it; where one is running there, that job."""
         former = self._jobs.pop(place.key, None)
         if former is not None and not former.over:
             self._jobs[place.key] = former
             return former
-        job = self._jobs[place.key] = Job(place, words)
+        if former is not None:
+            former.forget()
+        job = self._jobs[place.key] = Job(place, words, path or place.folder, folder)
         for key in [key for key, one in self._jobs.items() if one.over][:-_MOST_DONE]:
-            del self._jobs[key]
+            self._jobs.pop(key).forget()
         task = asyncio.create_task(self._run(job))
         self._running.add(task)
         task.add_done_callback(self._running.discard)
@@ -211,6 +239,8 @@ class Jobs:
             job.stop()
         if self._running:
             await asyncio.wait(self._running, timeout=10)
+        for job in self._jobs.values():
+            job.forget()
 
     async def _run(self, job: Job) -> None:
         async with self._turn:
@@ -223,7 +253,7 @@ class Jobs:
 
 async def _run(job: Job, events: str) -> None:
     """Run the command of a job to its end, with these events."""
-    words = (*job.words, str(job.place.folder.absolute()), "--json")
+    words = (*job.words, str(job.path.absolute()), "--json")
     try:
         async with running_module(
             "fourpole", *words, variables={_EVENTS: events, "NO_COLOR": "1"}, limit=_LINE
@@ -276,6 +306,7 @@ def _take(job: Job, event: dict[str, Any]) -> None:
         job.judged.append(event["judged"])
     elif "answer" in event:
         job.answer += event["answer"]
+        job.files += map(Path, event["files"])
     elif "watching" in event:
         job.task = event
     elif "together" in event:

@@ -66,8 +66,6 @@ class Site:
     answers: Jobs = field(default_factory=lambda: Jobs(1, "answer"))
     #: Figures are drawn one at a time: their style is a setting of matplotlib.
     drawing: threading.Lock = field(default_factory=threading.Lock)
-    #: Reports are printed one at a time: each takes a browser.
-    printing: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
         loader = ChoiceLoader([PackageLoader("fourpole.served", "templates"), DictLoader(PARTS)])
@@ -75,8 +73,9 @@ class Site:
         self._templates.globals |= {"place": _place, "address": address, "version": VERSION}
 
     def place(self, request: Request) -> Place:
-        """The campaign that the address names."""
-        return self.workspace.find(str(request.path_params["key"]))
+        """The campaign that the address names, also one that is being made."""
+        key = str(request.path_params["key"])
+        return self.jobs.making(key) or self.workspace.find(key)
 
     def results(self, place: Place) -> Shown:
         """The results of a campaign that has been analysed; CampaignError if they are gone."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from starlette.routing import Route
 from fourpole import quantities as q
 from fourpole.core.condition import AXES, Axis
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.export.kinds import KINDS, OPTIONS, Takes
 from fourpole.findings.compared import compare
 from fourpole.io.published import published_beside
 from fourpole.plot import FIGURES, PAPER, figures_of
@@ -28,11 +29,14 @@ from fourpole.plot.sheet import floats
 from fourpole.plot.states import place_text
 from fourpole.report.compared import compared_parts
 from fourpole.served.figures import LinkedFigure, drawn, figure_of, values_of
+from fourpole.served.held import Shown
 from fourpole.served.site import Site, attachment
 from fourpole.served.workspace import Place
 from fourpole.study.study import Study
 from fourpole.units import quantity
 
+#: The commands that the section Exports starts.
+_FOR_FILES = ("export", "report")
 #: Files of the results that a page offers, with their kinds.
 _FILES = {"report.html": "text/html", "report.pdf": "application/pdf"}
 #: The axes by which tests are selected, with the kind of quantity of their values.
@@ -71,12 +75,42 @@ def explore_routes(site: Site) -> list[Route]:
 
 
 def _shown_results(site: Site, place: Place, _: Request) -> dict[str, Any]:
-    shown = site.results(place)
+    shown, job = site.results(place), site.answers.of(place)
     return {
+        "exports": list(_exports(site, shown)),
+        "job": job if job is not None and job.name in _FOR_FILES else None,
+        "fitted": shown.results.models is not None,
         **shown.parts,
         "front_figures": [LinkedFigure(one, shown) for one in shown.parts["front_figures"]],
         "figures": [(heading, LinkedFigure(one, shown)) for heading, one in shown.parts["figures"]],
     }
+
+
+def _exports(site: Site, shown: Shown) -> Iterator[dict[str, Any]]:
+    """The files that the commands can make of these results: what the form states, and the options that it asks for."""
+    results, asked = shown.results, {one.name: one.options for one in site.commands}
+    if not {*_FOR_FILES} <= {*asked}:
+        return
+    has = results.files.has if results.files is not None else lambda _: False
+    kept = {"png": has("figures/storage-loss.png"), "paper": any(has(f"figures/{key}.svg") for key in PAPER)}
+    stated = {"command": "report", "pdf": "1", **{name: "1" for name, there in kept.items() if there}}
+    yield {
+        "file": "report.pdf",
+        "about": "the report, printed by a browser of the server",
+        "stated": stated,
+        "options": (),
+    }
+    made = {"model": results.models, "map": results.maps}
+    sources = {Takes.MODEL: ["model"], Takes.MAP: ["map"], Takes.EITHER: ["model", "map"]}
+    for name, kind in KINDS.items():
+        flags = {flag for one in kind.options for flag in OPTIONS[one][1]}
+        options = [one for one in asked["export"] if one.name in flags]
+        for source in sources.get(kind.takes, [""]):
+            if source and made[source] is None:
+                continue
+            about = kind.about.replace("of a model or a map", f"of the {source}") if source else kind.about
+            stated = {"command": "export", "to": name, "of": source}
+            yield {"file": kind.file, "about": about, "stated": stated, "options": options}
 
 
 def _file(site: Site, place: Place, asked: QueryParams, form: str) -> tuple[str, bytes]:

@@ -13,9 +13,12 @@ from fourpole.errors import FileError
 from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import MOST_BYTES, MOST_FILES, LeftOut, state_of
 
+#: Folder of the demo, as the command names it.
+_DEMO = "fourpole-demo"
+
 
 def routes(site: Site) -> list[Route]:
-    """The page, and the steps of an upload."""
+    """The page, the demo, and the steps of an upload."""
 
     async def page(_: Request) -> Response:
         return await site.page("home.html", lambda: _shown(site))
@@ -48,8 +51,19 @@ def routes(site: Site) -> list[Route]:
         await run_in_threadpool(site.uploads.drop, request.path_params["ticket"])
         return JSONResponse({})
 
+    async def demo(_: Request) -> Response:
+        place = site.workspace.place_of(site.workspace.root / _DEMO)
+        if site.jobs.making(place.key):
+            return JSONResponse({"next": address(place, "run")})
+        if (place.folder / "campaign.toml").is_file():
+            return JSONResponse({"next": address(place)})
+        place = site.workspace.place_of(await run_in_threadpool(site.workspace.new_folder, _DEMO))
+        site.jobs.start(place, "demo")
+        return JSONResponse({"next": address(place, "run")})
+
     return [
         Route("/", page),
+        Route("/demo", demo, methods=["POST"]),
         Route("/upload", begin, methods=["POST"]),
         Route("/upload/{ticket}/{number:int}", file, methods=["PUT"]),
         Route("/upload/{ticket}", finish, methods=["POST"]),

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
+import zipfile
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 from markupsafe import Markup
@@ -16,9 +20,12 @@ from starlette.responses import RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from fourpole.errors import CampaignError, FourpoleError
+from fourpole.export.kinds import KINDS
+from fourpole.io.door import read_bytes
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.report.cards import embedded
 from fourpole.served.jobs import Job, Jobs, Phase, asked_named
-from fourpole.served.site import Site, address, body_of
+from fourpole.served.site import Site, address, attachment, body_of
 from fourpole.served.workspace import Place
 from fourpole.units import shown
 from fourpole.words import package_toml
@@ -74,7 +81,7 @@ def run_routes(site: Site) -> list[Route]:
         place, form = site.place(request), await body_of(request)
         command = str(form.get("command")) if isinstance(form, dict) else ""
         options = form.get("options", []) if isinstance(form, dict) else []
-        known = command in COMMANDS and isinstance(options, list)
+        known = command in COMMANDS and command != "demo" and isinstance(options, list)  # that makes a new campaign
         if not known or not all(re.fullmatch(COMMANDS[command][0], str(one)) for one in options):
             raise CampaignError(f"no command {shown(command)} with these options can be started here")
         site.jobs.start(place, command, *map(str, options))
@@ -131,14 +138,42 @@ def ask_routes(site: Site) -> list[Route]:
         place, form = site.place(request), await body_of(request)
         stated = {str(name): str(value) for name, value in form.items()} if isinstance(form, dict) else {}
         asked = asked_named(site.commands, stated.get("command", ""))
-        site.answers.start(place, asked.name, *asked.words(stated))
+        words, folder = (asked.name, *asked.words(stated)), None
+        if asked.name == "export" and (kind := KINDS.get(stated.get("to", "").strip())):
+            folder = TemporaryDirectory(prefix="fourpole-export-", ignore_cleanup_errors=True)
+            words = (*words, f"--out={Path(folder.name, kind.file)}")
+        path = place.results / "map.json" if stated.get("of") == "map" else place.folder
+        job = site.answers.start(place, *words, path=path, folder=folder)
+        if job.words != words:
+            raise CampaignError(f"{job.name} is at work on this campaign: wait for its answer, or stop it")
         return Response(status_code=204)
+
+    async def file(request: Request) -> Response:
+        place, name = site.place(request), str(request.path_params["name"])
+        job = site.answers.of(place)
+        path = next((one for one in (job.files if job else ()) if one.name == name), None)
+        if path is None:
+            raise CampaignError("there is no such file any more: make it again")
+        name, content = await run_in_threadpool(_content, path)
+        return attachment(content, "application/octet-stream", f"{place.key}-{name}")
 
     return [
         site.page_route("/c/{key}/ask", "ask.html", shown, of_results=True),
         Route("/c/{key}/ask", start, methods=["POST"]),
+        Route("/c/{key}/ask/files/{name}", file),
         *job_routes(site, site.answers, "ask", _ask_documents),
     ]
+
+
+def _content(path: Path) -> tuple[str, bytes]:
+    """Name and content of a file that a command made; a folder is packed."""
+    if not path.is_dir():
+        return path.name, read_bytes(path, max_bytes=MAX_FILE_BYTES, within=path.parent)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for one in sorted(path.iterdir()):
+            archive.writestr(one.name, read_bytes(one, max_bytes=MAX_FILE_BYTES, within=path))
+    return f"{path.name}.zip", packed.getvalue()
 
 
 async def _ask_documents(_: Place, job: Job) -> AsyncIterator[dict[str, Any]]:

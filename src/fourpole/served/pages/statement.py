@@ -18,7 +18,7 @@ from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import survey
 from fourpole.io.signals import FileInfo, SignalInfo
 from fourpole.report.cards import embedded
-from fourpole.served.editing import KEYS, RIG, ROLES, problems_of, read_statement, save
+from fourpole.served.editing import KEYS, RIG, ROLES, doubts_left, problems_of, read_statement, save
 from fourpole.served.site import Site, address, body_of
 from fourpole.served.workspace import Place, state_of
 
@@ -27,7 +27,7 @@ _MOST_COLUMNS = 24
 
 
 def routes(site: Site) -> list[Route]:
-    """The form, what it saves, and the columns of a recording."""
+    """The form, what is wrong with it, what it saves, and the columns of a recording."""
 
     async def page(request: Request) -> Response:
         place = site.place(request)
@@ -41,14 +41,17 @@ def routes(site: Site) -> list[Route]:
             raise CampaignError("the form is not whole: load the page again")
 
         def kept() -> dict[str, Any]:
-            version = save(place.folder, str(form.get("version", "")), form)
-            return {"version": version, "problems": [asdict(one) for one in problems_of(place.folder)]}
+            typing = request.method == "POST"
+            version = "" if typing else save(place.folder, str(form.get("version", "")), form)
+            problems = problems_of(place.folder, form if typing else None)
+            doubts = doubts_left(form.get("heads", ()), form.get("rows", ()))
+            return {"version": version, "problems": [asdict(one) for one in problems], "doubts": doubts}
 
         return JSONResponse(await run_in_threadpool(kept))
 
     return [
         Route("/c/{key}/statement", page),
-        Route("/c/{key}/statement", keep, methods=["PUT"]),
+        Route("/c/{key}/statement", keep, methods=["PUT", "POST"]),
         site.document_route("/c/{key}/columns", _columns),
     ]
 

@@ -16,8 +16,8 @@ const app = (() => {
     if (!answer.ok || document.error) throw new Error(document.error || `the server answered with ${answer.status}`);
     return document;
   };
-  const send = (address, document, method = "POST") => call(address, {
-    method, body: JSON.stringify(document), headers: { "Content-Type": "application/json" },
+  const send = (address, document, method = "POST", options = {}) => call(address, {
+    ...options, method, body: JSON.stringify(document), headers: { "Content-Type": "application/json" },
   });
   return { say, ask, call, send };
 })();

@@ -67,5 +67,10 @@
       event.target.value = "";
     });
   }
+  byId("demo").addEventListener("click", async () => {
+    try {
+      location.assign((await app.send("/demo", {})).next);
+    } catch (error) { refuse(error.message); }
+  });
   byId("cancel").addEventListener("click", () => stopped?.abort());
 })();

@@ -1,8 +1,8 @@
 "use strict";
-// The map with sliders: the server answers, the state stands in the address; jobs; and files for other programs.
+// The map with sliders: the server answers, the state stands in the address; and jobs.
 (() => {
   const byId = (id) => document.getElementById(id);
-  const point = byId("point"), doing = byId("doing"), told = byId("exported");
+  const point = byId("point"), doing = byId("doing");
 
   // ---- sliders
   const curves = (shown) => {
@@ -117,35 +117,6 @@
         await app.send(jobs.dataset.run, { command, options });
         location.assign(jobs.dataset.run);
       } catch (error) { doing.textContent = error.message; }
-    });
-  }
-
-  // ---- exports
-  const save = (blob, name) => {
-    const link = draw.html("a"), address = URL.createObjectURL(blob);
-    link.href = address;
-    link.download = name;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(address), 60000);
-  };
-  for (const link of document.querySelectorAll("[data-export]")) {
-    link.addEventListener("click", async (event) => {
-      event.preventDefault();
-      const form = link.dataset.form && byId(link.dataset.form), query = new URLSearchParams(form ? [...new FormData(form)].filter(([, value]) => value) : []);
-      told.className = "";
-      told.textContent = `Making ${link.textContent} …`;
-      try {
-        const answer = await app.ask(`${link.getAttribute("href")}?${query}`);
-        if (!answer.headers.has("Content-Disposition")) throw new Error((await answer.json()).error);
-        const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") ?? "")?.[1] ?? link.textContent;
-        save(await answer.blob(), name);
-        const notes = JSON.parse(decodeURIComponent(answer.headers.get("X-Notes") ?? "%5B%5D"));
-        told.textContent = [`${name} is saved.`, notes.join("; ")].join(" ");
-      } catch (error) {
-        if (form) form.parentElement.open = true;
-        told.className = "misfit";
-        told.textContent = error.message;
-      }
     });
   }
 })();

@@ -1,5 +1,6 @@
 "use strict";
-// The form of a campaign's statement. What is wrong is said by the server, in the words of the command line.
+// The form of a campaign's statement. What is wrong is said by the server, in the words of the command line, while it
+// is filled in; a doubt is settled by a change of what it is about.
 (() => {
   const byId = (id) => document.getElementById(id);
   const form = byId("form"), table = byId("tests"), problems = byId("problems"), kept = byId("kept");
@@ -16,8 +17,7 @@
   const heads = () => [...table.tHead.rows[0].cells].map((cell) => cell.dataset.head);
   const nameOf = (head) => head.replace(/\s*\[[^\]]*\]\s*$/, "");
   const cell = (value, head, row) => {
-    const box = made("td"), input = made("input", "", { type: "text", "aria-label": `${head}, row ${row}` });
-    input.value = value;
+    const box = made("td"), input = made("input", "", { type: "text", value, "aria-label": `${head}, row ${row}` });
     box.append(input);
     return box;
   };
@@ -42,7 +42,7 @@
     for (const row of data.rows) addRow(row);
     widen();
   };
-  const cells = () => [...table.tBodies[0].rows].map((row) => [...row.cells].map((one) => one.firstElementChild.value.trim()));
+  const cells = () => [...table.tBodies[0].rows].map((row) => [...row.cells].map(({ firstElementChild: one }) => (one.dataset.doubts ?? one.value).trim()));
   table.addEventListener("paste", (event) => {
     const text = event.clipboardData.getData("text/plain"), input = event.target.closest("input");
     if (!input || !/[\t\n]/.test(text.trim())) return;
@@ -55,8 +55,8 @@
         if (target) target.value = value.trim();
       });
     });
-    changed = true;
     widen();
+    table.dispatchEvent(new Event("input", { bubbles: true }));
   });
   table.addEventListener("keydown", (event) => { // up and down go through a column, as in a spreadsheet
     const step = { ArrowUp: -1, ArrowDown: 1, Enter: 1 }[event.key], box = event.target.closest("td");
@@ -73,13 +73,17 @@
     [...table.tBodies[0].rows].forEach((row, at) => row.append(cell("", name, at + 1)));
     widen();
     byId("new-column").value = "";
-    changed = true;
+    table.dispatchEvent(new Event("input", { bubbles: true }));
   });
 
   // ---- what is wrong, at its place
-  const marked = (problem) => {
+  const filled = () => { // rows that are saved
+    const all = cells();
+    return [...table.tBodies[0].rows].filter((_, at) => all[at].some(Boolean));
+  };
+  const marked = (problem, rows) => {
     if (problem.row !== null) {
-      const row = table.tBodies[0].rows[problem.row - 2];
+      const row = rows[problem.row - 2];
       const at = heads().findIndex((one) => nameOf(one).toLowerCase() === problem.column.toLowerCase());
       return row?.cells[Math.max(at, 0)]?.firstElementChild;
     }
@@ -87,13 +91,20 @@
     if (form.hidden) return byId("text");
     return fields.find((one) => one.dataset.path === problem.path) ?? fields.find((one) => problem.path && one.dataset.path.startsWith(`${problem.path}.`));
   };
+  let shown = "[]";
   const show = (list) => {
-    for (const one of document.querySelectorAll("[aria-invalid]")) { one.removeAttribute("aria-invalid"); one.removeAttribute("title"); }
-    const items = list.map((problem) => {
-      const item = made("li"), field = marked(problem);
+    if (JSON.stringify(list) === shown) return; // or else the same would be read aloud again
+    shown = JSON.stringify(list);
+    for (const one of document.querySelectorAll("[aria-invalid]")) { one.removeAttribute("aria-invalid"); one.removeAttribute("aria-describedby"); }
+    for (const one of document.querySelectorAll(".wrong")) one.remove();
+    const rows = filled(), items = list.map((problem, number) => {
+      const item = made("li"), field = marked(problem, rows);
       if (!field) { item.textContent = problem.text; return item; }
       field.setAttribute("aria-invalid", "true");
-      field.title = problem.text;
+      if (field.id !== "text") {
+        field.after(made("small", problem.text.replace(/^(tests\.csv row \d+: |campaign\.toml: (\[\w+\] )?[\w.]+: )/, ""), { class: "wrong", id: `wrong-${number}` }));
+        field.setAttribute("aria-describedby", `${field.getAttribute("aria-describedby") ?? ""} wrong-${number}`.trim());
+      }
       const link = made("button", problem.text, { type: "button", class: "link" });
       link.addEventListener("click", () => { field.scrollIntoView({ block: "center" }); field.focus(); });
       item.append(link);
@@ -103,6 +114,16 @@
     text.append(...items);
     problems.replaceChildren(made("p", list.length === 1 ? "One thing is not right yet:" : `${list.length} things are not right yet:`), text);
     problems.hidden = !list.length;
+  };
+
+  const doubts = (left) => { // of each row; what the page had is kept, for a change may be taken back
+    const at = heads().indexOf("doubts");
+    left.forEach((text, row) => {
+      const input = table.tBodies[0].rows[row]?.cells[at].firstElementChild;
+      if (!input || input.value === text) return;
+      input.dataset.doubts ??= input.value;
+      input.value = text;
+    });
   };
 
   // ---- saving
@@ -122,13 +143,17 @@
     const settled = [...document.querySelectorAll("[name=settled]:checked")].map((one) => one.value);
     return { title: form.elements.title.value.trim(), channels, clock, rig, blocked: simple ? simple.checked : false, settled };
   };
+  let waiting = 0, asked = new AbortController();
   const save = async (content) => {
+    clearTimeout(waiting);
+    asked.abort();
     kept.textContent = "Saving …";
     try {
       const answer = await app.send(form.dataset.address, { version, heads: heads(), rows: cells(), ...content }, "PUT");
       ({ version } = answer);
       changed = false;
       show(answer.problems);
+      doubts(answer.doubts);
       kept.textContent = answer.problems.length ? "Saved; see below." : "Saved.";
       for (const one of document.querySelectorAll("[name=settled]:checked")) { const list = one.closest("ul"); one.closest("li").remove(); if (!list.children.length) list.closest("section").remove(); }
       return answer.problems.length === 0;
@@ -136,6 +161,31 @@
       kept.textContent = "";
       show([{ text: `Not saved: ${error.message}`, row: null, path: "", column: "" }]);
       return false;
+    }
+  };
+  const check = (content) => { // a moment after the last change
+    clearTimeout(waiting);
+    asked.abort();
+    waiting = setTimeout(async () => {
+      asked = new AbortController();
+      try {
+        const answer = await app.send(form.dataset.address, { heads: heads(), rows: cells(), ...content() }, "POST", { signal: asked.signal });
+        show(answer.problems);
+        doubts(answer.doubts);
+      } catch (error) {
+        if (error.name !== "AbortError") kept.textContent = error.message;
+      }
+    }, 400);
+  };
+  const about = (path) => { // the fields that answer a doubt
+    const [name, role] = path.split(".");
+    if (role) return ["column", "unit", "sensitivity", "gain", "invert", "sample_rate"].flatMap((key) => [...form.querySelectorAll(`[data-role="${role}"] [name=${key}]`)]);
+    const at = name === "tyres" ? heads().findIndex((one) => ["tyre", "specimen"].includes(nameOf(one))) : -1;
+    return at < 0 ? [...form.querySelectorAll(`[data-path^="${name}."]`)] : [...table.tBodies[0].rows].map((row) => row.cells[at].firstElementChild);
+  };
+  const settle = () => {
+    for (const one of document.querySelectorAll("[name=settled]:not([data-by=hand])")) {
+      one.checked = one.dataset.about !== "" && about(one.dataset.about).some((field) => (field.type === "checkbox" ? field.checked !== field.defaultChecked : field.value !== field.defaultValue));
     }
   };
   byId("save").addEventListener("click", () => save(stated()));
@@ -148,7 +198,14 @@
     } catch (error) { show([{ text: error.message, row: null, path: "", column: "" }]); }
   });
   form.addEventListener("submit", (event) => event.preventDefault());
-  document.addEventListener("input", () => { changed = true; kept.textContent = ""; chain(); });
+  document.addEventListener("input", ({ target }) => {
+    changed = true;
+    kept.textContent = "";
+    chain();
+    delete target.dataset.doubts;
+    if (target.name === "settled") target.dataset.by = "hand"; else settle();
+    check(target.id === "text" ? () => ({ text: target.value }) : stated);
+  });
   addEventListener("beforeunload", (event) => { if (changed) event.preventDefault(); });
 
   // ---- the columns of a recording, with their outlines
