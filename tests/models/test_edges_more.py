@@ -23,6 +23,7 @@ from fourpole.models import (
 )
 from fourpole.models.data import StiffnessData, _check_covariance
 from fourpole.models.kraus import separation
+from fourpole.models.linearised import Scatter
 from fourpole.models.maxwell import GeneralisedMaxwell, Prony
 from fourpole.models.ramp import Ramp
 from fourpole.models.surface import Axes, term_sets
@@ -167,6 +168,9 @@ EDGES = {
     ),
     "prior of a map, 10, 0.5 and 2": (priors, {"N/m": [10.0, 0.5], "s": [10.0, 2.0]}),
     "start of a map, 3 from the median": (start, {2.97: 2.97, 3.03: 3.0}),
+    "prior of a scatter, 1 % within a factor of 3": (
+        lambda x: round(Scatter((x, x)).log_prior, 6), {0.01: 0.0, 0.03: -1.0, 0.9e-4: -17.571242},
+    ),
     "recordings that are needed, 0.3 of the discrepancy": (recorded, {0.297: False, 0.303: True}),
     "second order of shared errors, 0.1 u": (stale, {0.099: False, 0.101: True}),
     "K* that shared errors explain, 5 u": (
