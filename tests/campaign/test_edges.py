@@ -9,8 +9,10 @@ from unittest.mock import MagicMock, patch
 
 import pytest
 
-from fourpole.campaign import folder, limits, place, report, row
+from fourpole.campaign import channels, folder, limits, place, report, row
 from fourpole.campaign.doubts import doubtful_columns, doubtful_uncertainties, doubtful_values
+from fourpole.campaign.schema import ConditionsFile
+from fourpole.core.chain import HighPass
 from fourpole.errors import CampaignError
 
 HEAD = ["test", "file", "kind", "tyre"]
@@ -22,7 +24,7 @@ def taken(function):
     def decided(case):
         try:
             function(case)
-        except CampaignError:
+        except ValueError:  # a CampaignError, or one of a field
             return False
         return True
 
@@ -107,7 +109,7 @@ EDGES = {
         doubtful("pressure", "pressure", "Pa"), {4950.0: "?", 5050.0: "", 2.475e6: "", 2.525e6: "?"},
     ),
     "pressure that is usual, 0.5 to 15 bar": (
-        doubtful("pressure", "pressure", "Pa"), {0.495: "?", 0.505: "bar", 14.9: "bar", 51.0: "kPa"},
+        doubtful("pressure", "pressure", "Pa"), {0.495: "?", 0.505: "bar", 14.9: "bar", 15.1: "psi", 51.0: "kPa"},
     ),
     "preload in another unit, 5 N to 1 MN": (
         doubtful("preload", "force", "N"), {4.95: "kN", 5.05: "", 0.99e6: "", 1.01e6: "?"},
@@ -139,6 +141,19 @@ EDGES = {
     "limits, 1000": (taken(lambda n: limits.read_limits(n * LIMIT, ())), {1000: True, 1001: False}),
     "campaign.toml, 1 MB, and tests.csv, 200 MB": (
         largest, {"campaign.toml": 1_000_000, "tests.csv": 200_000_000},
+    ),
+    "axes of a condition, 20": (
+        taken(lambda n: ConditionsFile.model_validate({"axes": [f"axis{at}" for at in range(n)]})),
+        {20: True, 21: False},
+    ),
+    "characters of a particular, 600": (
+        taken(lambda n: report.ReportFile.model_validate({"customer": "a" * n})), {600: True, 601: False},
+    ),
+    "pieces of equipment, 60": (
+        taken(lambda n: report.ReportFile.model_validate({"equipment": [{"name": "a"}] * n})), {60: True, 61: False},
+    ),
+    "order of a filter, 12": (
+        taken(lambda n: channels._filter(HighPass)({"corner": "1 Hz", "order": n})), {12: True, 13: False},
     ),
     "logo, 300 kB": (taken(logo), {300_000: True, 300_001: False}),
 }  # fmt: skip

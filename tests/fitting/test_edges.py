@@ -11,8 +11,9 @@ import pytest
 
 from fourpole import quantities as q
 from fourpole.core.condition import Sameness
+from fourpole.core.sources import Kind, Source
 from fourpole.errors import ModelError
-from fourpole.fitting import byamplitude, measured, query, ranges, ridetyres, shifting, static
+from fourpole.fitting import byamplitude, hint, measured, modelling, query, ranges, ridetyres, shifting, static
 from fourpole.fitting.amplitude import levels_of, mixed
 from fourpole.fitting.byamplitude import outside_levels
 from fourpole.fitting.effort import seconds_of_fits
@@ -130,6 +131,26 @@ def tyres(count):
         ridetyres.tyres_for_ride("a")
 
 
+def ends(_):
+    """Lowest and highest frequency of the ranges beside a band of 10 to 20 Hz."""
+    one = MagicMock(frequency=np.array([10.0, 20.0]), keys=[], tests=[])
+    parts = {"ranges_of": lambda data, low, high: (low, high), "slowest": lambda loop: np.inf}
+    parts |= {"ConditionFile": lambda **fields: fields["ranges"]}
+    parts |= dict.fromkeys(("NamedValue", "StaticFile", "tested", "rest_of"), MagicMock())
+    with patch.multiple(modelling, **parts):
+        return modelling._condition_entry(one, MagicMock(), MagicMock(), np.zeros((0, 2)), None, ranged=True)
+
+
+def errors(found):
+    """Errors of a gain that are tried, with their uncertainties, and the one that is then taken of all conditions."""
+    likelihood = MagicMock()
+    likelihood.problem.errors, tried = [Source(Kind.GAIN, "V1")], []
+    parts = {"_without_error": lambda likelihood, source, value, std: tried.append((round(value, 9), round(std, 9)))}
+    with patch.multiple(hint, _error_of=lambda one, near: found, **parts):
+        hint._common_error([None], likelihood, Source(Kind.GAIN, "V1"))
+    return tried
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "model discrepancy that is named, 1 %": (remarks, {0.0099: 0, 0.0101: 1}),
@@ -174,7 +195,12 @@ EDGES = {
     "frequencies of a range, 4 per decade and 50": (
         lambda decades: len(ranges._steps(1.0, 10.0**decades)), {2.0: 10, 11.9: 49, 13.0: 50},
     ),
+    "ranges beside the band, ten times": (ends, {"10 to 20 Hz": (1.0, 200.0)}),
     "time of a fit, 0.5 s and 20 ms for each row": (seconds_of_fits, {0: 0.5, 100: 2.5}),
+    "errors of a gain, up to 24 % by 6 %, and one value to 5 %": (
+        errors, {None: [(0.0, 0.05)] + [(sign * size, 0.05) for size in (0.06, 0.12, 0.18, 0.24) for sign in (1, -1)],
+                 0.2: [(0.0, 0.05), (0.2, 0.01)]},
+    ),
 }  # fmt: skip
 
 

@@ -150,6 +150,16 @@ def band(shoulder=0.0, floor=0.0, gap=0):
         return signals._band(track, 0)
 
 
+def moving(quantity):
+    """A function that gives the unit of a dynamic channel that states none, by its amplitude."""
+
+    def decided(size):
+        shape = SimpleNamespace(amplitudes={"x": size})
+        return channels._dynamic_role("force_in", Column("x", None, quantity), [shape]).unit
+
+    return decided
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "static recording, below 0.5 Hz": (lambda x: kind(x / 100.0), {0.495: "static", 0.505: "dynamic"}),
@@ -178,6 +188,9 @@ EDGES = {
     "tests that are passive with a sign turned, 90 %": (turned, {0.896: False, 0.904: True}),
     "load without a unit, N from 100 on": (lambda x: unit("load", x), {99.0: "kN", 101.0: "N"}),
     "deflection without a unit, mm from 0.5 on": (lambda x: unit("deflection", x), {0.495: "m", 0.505: "mm"}),
+    "force without a unit, N from 1 on": (moving("force"), {0.99: "kN", 1.01: "N"}),
+    "velocity without a unit, mm/s from 3 on": (moving("velocity"), {2.97: "m/s", 3.03: "mm/s"}),
+    "displacement without a unit, mm from 0.02 on": (moving("displacement"), {0.0198: "m", 0.0202: "mm"}),
     "mass that is a load, from 50 kg on": (
         lambda text: read_name(text)[0].what, {"49.5 kg": "added_mass", "50.5 kg": "preload"},
     ),

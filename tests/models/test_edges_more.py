@@ -23,6 +23,7 @@ from fourpole.models import (
 )
 from fourpole.models.data import StiffnessData, _check_covariance
 from fourpole.models.kraus import separation
+from fourpole.models.linearised import Scatter
 from fourpole.models.maxwell import GeneralisedMaxwell, Prony
 from fourpole.models.ramp import Ramp
 from fourpole.models.surface import Axes, term_sets
@@ -105,6 +106,34 @@ def tried(decades):
         return False
 
 
+def farthest(column, sign):
+    """Frequency or damping ratio of a resonance from 10 to 100 rad/s, where the lowest or highest is the best."""
+
+    def with_pairs(places):
+        return SimpleNamespace(chi2=sign * np.log(places[-1, column]) + 20.0, places=places)
+
+    made = SimpleNamespace(data=SimpleNamespace(omega=np.array([10.0, 100.0])), with_pairs=with_pairs)
+    found = ladder.Ladder.with_another(made, SimpleNamespace(places=np.zeros((0, 2))))
+    return round(float(found.places[-1, column]), 6)
+
+
+def suspects(count):
+    """Number of frequencies, of so many, of which each may be the wrong one in place of a resonance."""
+    made = MagicMock(data=SimpleNamespace(omega=np.arange(1.0, count + 1)))
+    made.with_pairs.return_value.chance = 0.0
+    ladder.Ladder.with_one_wrong(made, SimpleNamespace(belt=(), places=np.ones((1, 2))))
+    return made.with_pairs.call_count
+
+
+def first_step(_):
+    """First step in the logarithms of a belt whose place is nearly known."""
+    tried = []
+    made = SimpleNamespace(count=9)
+    made._belted = lambda belt: (tried.append(tuple(belt)), (float(np.sum(np.square(belt))), 0, None))[1]
+    ladder.Ladder._moved_belt(made, (1.0, 2.0), near=True)
+    return round(tried[1][0] - 1.0, 9)
+
+
 def separable(degree, count=10, apart=1.0):
     """Whether an amplitude is told from the frequency whose logarithm is of this degree in that of the frequency.
 
@@ -167,6 +196,9 @@ EDGES = {
     ),
     "prior of a map, 10, 0.5 and 2": (priors, {"N/m": [10.0, 0.5], "s": [10.0, 2.0]}),
     "start of a map, 3 from the median": (start, {2.97: 2.97, 3.03: 3.0}),
+    "prior of a scatter, 1 % within a factor of 3": (
+        lambda x: round(Scatter((x, x)).log_prior, 6), {0.01: 0.0, 0.03: -1.0, 0.9e-4: -17.571242},
+    ),
     "recordings that are needed, 0.3 of the discrepancy": (recorded, {0.297: False, 0.303: True}),
     "second order of shared errors, 0.1 u": (stale, {0.099: False, 0.101: True}),
     "K* that shared errors explain, 5 u": (
@@ -181,6 +213,12 @@ EDGES = {
     ),
     "master curve, 6 decades": (names, {5.94: False, 6.06: True}),
     "resonances, up to 6 decades": (tried, {5.94: True, 6.06: False}),
+    "lowest resonance, 0.7 of the band": (lambda column: farthest(column, 1.0), {0: 7.0}),
+    "highest resonance, 1.4 of the band": (lambda column: farthest(column, -1.0), {0: 140.0}),
+    "least damping ratio of a resonance, 0.1 %": (lambda column: farthest(column, 1.0), {1: 1e-3}),
+    "largest damping ratio of a resonance, 2": (lambda column: farthest(column, -1.0), {1: 2.0}),
+    "frequencies that may be wrong in place of a resonance, 12": (suspects, {11: 11, 13: 12}),
+    "first step of a belt that is nearly known, 0.5 %": (first_step, {"belt": 0.005}),
     "arms of a Maxwell model, 1 to 60": (taken(GeneralisedMaxwell), {0: False, 1: True, 60: True, 61: False}),
     "relaxation times per decade, 1 to 12": (taken(Prony), {0: False, 1: True, 12: True, 13: False}),
     "relaxation times, 300": (

@@ -37,7 +37,7 @@ def road(gap=1.0, uneven=0.0, height=0.0, share=0.0):
 
 
 def resolved(share):
-    """The number of rides until the frequencies are enough, by what they leave unresolved."""
+    """How many times finer the frequencies are until they are enough, by what they leave unresolved."""
     counts = []
 
     def ridden(*given):
@@ -46,7 +46,7 @@ def resolved(share):
 
     with patch.object(compare, "_on_class", ridden):
         taken(lambda _: compare.compare_on_class(None, [], None, 20.0, []))(None)
-    return len(counts)
+    return [round(count / counts[0]) for count in counts]
 
 
 def shared(source):
@@ -54,19 +54,6 @@ def shared(source):
     first, second = np.array([1.0]), np.array([1.1])
     effects = {"gain": np.array([[0.1]])}, {source: np.array([[0.11]])}
     return round(float(compare.relative_difference((first, effects[0]), (second, effects[1]))[1][0]), 9)
-
-
-def finer(_):
-    """How many times finer the frequencies are of the rides that are tried, until they are enough."""
-    counts = []
-
-    def ridden(*given):
-        counts.append(given[-1])
-        return "found", SimpleNamespace(unresolved=1.0, frequency=np.ones(1), spectrum=np.ones(1))
-
-    with patch.object(compare, "_on_class", ridden):
-        taken(lambda _: compare.compare_on_class(None, [], None, 20.0, []))(None)
-    return [round(count / counts[0]) for count in counts]
 
 
 def band(_):
@@ -83,7 +70,7 @@ def no_states(values):
 
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
-    "ride that is resolved, 1 %": (resolved, {0.0099: 1, 0.0101: 3}),
+    "ride that is resolved, 1 %, or 8 and 32 times finer": (resolved, {0.0099: [1], 0.0101: [1, 8, 32]}),
     "error that is shared, in proportion": (shared, {"gain": 0.0, "other": round(0.11 * 2**0.5, 9)}),
     "step of the weighting, 2.5 ms": (taken(check_step), {2.49e-3: True, 2.51e-3: False}),
     "step of a sweep, 20 samples a cycle": (
@@ -102,7 +89,6 @@ EDGES = {
     "points that are even, 90 % of them": (
         taken(lambda x: road(2.0, uneven=0.1, share=x)), {7 / 99: False, 9 / 99: True},
     ),
-    "rides that are finer, 8 and 32 times": (finer, {"unresolved": [1, 8, 32]}),
     "tyre as branches, 0.1 to 200 Hz": (band, {"fractional": (0.1, 200.0)}),
     "road of a class, 0.011 to 2.83 1/m": (
         lambda n: bool(ClassRoad.of("A").spectrum(n) > 0), {0.0109: False, 0.0111: True, 2.82: True, 2.84: False},

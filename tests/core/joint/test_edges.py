@@ -11,6 +11,7 @@ import pytest
 
 from fourpole.core.components import component
 from fourpole.core.joint import asking, belts, joint, reconcile, scatter, specimens
+from fourpole.core.joint import unseen as unseen_module
 from fourpole.core.joint.asking import Group, tie
 from fourpole.core.joint.belts import is_possible
 from fourpole.core.joint.conditions import group_conditions
@@ -61,6 +62,21 @@ def possible(mass):
 def unseen(shift):
     """Number of unseen components, by the shift of TR in its uncertainties."""
     return len(_listed(list(shared().parameters), np.ones(1), np.array([[0.0], [0.0], [shift]]), np.zeros(1, bool)))
+
+
+def shown_from(derivative):
+    """Size from which a component shows, by what of its derivative is left beside all other values."""
+    made, values, one = MagicMock(condition=np.zeros(1, int), order=np.zeros(1, int)), MagicMock(), shared().parameters
+    values.value, values.by_own, values.by_shared = np.ones((1, 6)), np.zeros((1, 6, 2)), np.zeros((1, 6, 0))
+    values.covariance_of = lambda *given: np.eye(6)[None]
+    part = SimpleNamespace(impedance_by_shared=np.zeros((1, 1)))
+    wide = SimpleNamespace(linearised=lambda *given: [(0, 0, part)])
+    parts = {"groups_of": lambda *given: [SimpleNamespace(parameters=one, largest=1e9)]}
+    parts |= {"widened": lambda *given: (wide, np.array([[derivative]]), np.zeros((1, 2, 1)))}
+    parts |= {"_by_impedance": lambda *given: np.zeros((1, 1)), "_listed": lambda extra, units, *given: float(units[0])}
+    parts |= {"_padded": lambda *given: None}
+    with patch.multiple(unseen_module, **parts):
+        return unseen_module.unseen(made, values)
 
 
 def gross(ratio, near=0.9):
@@ -236,6 +252,7 @@ EDGES = {
     "test that bends the others, a tenth of their residuals": (bent, {0.099: True, 0.101: False}),
     "unsteady drive, 70 % of the misfit": (unsteady, {0.693: False, 0.707: True}),
     "noise of a test, 4 degrees of freedom of the others": (each, {2.0: 1.0, 98.0: 17.0}),
+    "unseen component, shown from 4 u on": (shown_from, {1.0: 4.0, 2.0: 2.0}),
     "largest errors that are possible": (lambda kind: component(kind).bound, BOUNDS),
     "belt that nobody states, 0.7, 0.05 and 0.6": (
         lambda kind: component(kind).std, {Kind.BELT_SHARE: 0.7, Kind.BELT_ANGLE: 0.05, Kind.BELT_EXPONENT: 0.6},
