@@ -68,6 +68,12 @@ def test_the_table_has_u_and_names_the_frequency_at_which_the_mass_tells(run, tm
     assert "no K1" not in ran.output
 
 
+def test_preloads_of_a_machine_whose_compression_is_negative(run, tmp_path):
+    files = [bench(tmp_path / f"{name}.csv", offset=load) for name, load in (("a", -500.0), ("b", -900.0))]
+    rows, _ = found(run("stiffness", *files, "--json"))
+    assert [row["preload [N]"] for row in rows] == pytest.approx([500.0] * 4 + [900.0] * 4, rel=0.01)
+
+
 @pytest.mark.usefixtures("without_figures")
 def test_the_campaign_that_is_kept_gives_the_same_to_the_last_bit(run, tmp_path):
     files = [bench(tmp_path / "a.csv", offset=500.0), bench(tmp_path / "b.csv", offset=900.0)]

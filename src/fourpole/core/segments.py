@@ -21,6 +21,8 @@ _SWEPT = 0.02
 _SINE = 9
 #: Least amplitude of a loop over the largest height [1]; what is smaller is rest or a ramp.
 _WHOLE = 0.25
+#: Departure in height of the half cycles at the ends, while the machine begins and stops, that are left out [1].
+_FULL = 0.02
 #: Half cycles at the beginning of a sinusoid that are left out, while the specimen and the machine settle.
 _SETTLING = 2
 #: Frequency [Hz] below which cycles are loops of a static test, as for a recording of its own.
@@ -87,7 +89,7 @@ def segments(motion: FloatArray, rate: float) -> list[Segment]:
     found, first = list[Segment](), 0
     while first < height.size:
         last = _alike(at, height, first, noise)
-        one = _segment(motion[turns[first : last + 1]], turns[[first, last]] / rate, at[first:last])
+        one = _segment(motion[turns[first : last + 1]], turns[[first, last]] / rate, at[first:last], noise)
         if one is not None and (one.kind == "sine" or one.amplitude > _WHOLE * height.max()):
             goes_on = found and one.kind == found[-1].kind == "loop" and one.start <= found[-1].end
             found.append(replace(found.pop(), end=one.end) if goes_on else one)
@@ -152,7 +154,7 @@ def _alike(at: FloatArray, height: FloatArray, first: int, noise: float) -> int:
     return last
 
 
-def _segment(values: FloatArray, ends: FloatArray, at: FloatArray) -> Segment | None:
+def _segment(values: FloatArray, ends: FloatArray, at: FloatArray, noise: float) -> Segment | None:
     """The segment of half cycles between turning points, which pass their middles at some times; None if it is none."""
     amplitude, mean = 0.5 * np.median(np.abs(np.diff(values))), 0.5 * np.median(values[1:] + values[:-1])
     lengths = np.diff(at)
@@ -161,7 +163,11 @@ def _segment(values: FloatArray, ends: FloatArray, at: FloatArray) -> Segment | 
         return Segment("loop", float(ends[0]), float(ends[1]), float(frequency), float(amplitude), float(mean))
     if at.size < _SINE:
         return None
-    at, lengths = at[_SETTLING:], lengths[_SETTLING:]
+    full = np.flatnonzero(np.abs(0.5 * np.abs(np.diff(values)) / amplitude - 1.0) < _FULL + _NOISE * noise / amplitude)
+    at = at[max(_SETTLING, full[0]) : full[-1] + 1]
+    lengths = np.diff(at)
+    if lengths.size < _SETTLING:
+        return None
     usual, spread = float(np.mean(lengths)), float(np.std(lengths))
     change = abs(np.polyfit(np.arange(lengths.size), lengths, 1)[0]) * lengths.size
     if change > _SWEPT * usual + 4.0 * spread / np.sqrt(lengths.size):

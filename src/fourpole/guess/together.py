@@ -177,9 +177,8 @@ class _Together:
     def _test(self, index: int, one: RecordingConditions) -> Row:
         """The row of tests.csv of one recording."""
         kind, doubts, recording = self.kinds[index], tuple(dict.fromkeys(self.of_row[index])), self.recordings[index]
-        tyre = "" if kind == "calibration" else one.tyre
-        of = (self.names[index], recording.file, kind, tyre, one.values, one.repeat)
-        return Row(*of, doubts, one.band, recording.window)
+        of = (recording.file, kind, "" if kind == "calibration" else one.tyre, one.values, one.repeat)
+        return Row(self.names[index], *of, doubts, one.band, recording.window)
 
     def _doubt(self, about: str, text: str, remedy: str = "", tests: Sequence[int] = ()) -> None:
         """Add a doubt on the campaign, or on the tests of some indices."""
@@ -264,7 +263,7 @@ class _Together:
             conditions.doubt("frequency", text)
 
     def _mean_loads(self, roles: dict[str, Role]) -> dict[int, tuple[Token, ...]]:
-        """The mean of F1 of each recording as its preload, if it is larger than the amplitude.
+        """The mean of F1 of each recording as its preload, if it is larger than the amplitude; all may be negative.
 
         Means that differ by less than 2 % are of one preload, their median.
         """
@@ -275,17 +274,18 @@ class _Together:
         means: dict[int, float] = {}
         for index in self._of_kind(*DYNAMIC_KINDS):
             shape = self.recordings[index].shape
-            if shape is not None and role.column in shape.means:
-                low = min(scale * value for value in shape.ranges[role.column])
-                if low > 0:
-                    means[index] = scale * shape.means[role.column]
+            if shape is not None and role.column in shape.means and np.prod(shape.ranges[role.column]) > 0:
+                means[index] = scale * shape.means[role.column]
+        sign = -1.0 if means and max(means.values()) < 0 else 1.0
+        means = {index: sign * mean for index, mean in means.items() if sign * mean > 0}
+        below = "" if sign > 0 else ", negative in the files: as compression"
         found: dict[int, tuple[Token, ...]] = {}
         axis = Axis("preload", relative=_ONE_LOAD)
         groups = axis.groups(means.values()) if means else np.zeros(0, int)
         for group in np.unique(groups):
             members = [index for index, of in zip(means, groups, strict=True) if of == group]
             load = float(f"{np.median([means[index] for index in members]):.3g}")
-            text = f"the mean of F1 is taken: {load:g} N; so it is if the force cell shows 0 N without a load"
+            text = f"the mean of F1 is taken: {load:g} N{below}; so it is if the force cell shows 0 N without a load"
             found |= dict.fromkeys(members, (Token("preload", "mean of F1", load, doubt=text),))
         return found
 
