@@ -55,7 +55,9 @@ def test_another_host_is_refused(server: Server, host: str) -> None:
 )
 def test_another_site_can_change_nothing(server: Server, headers: dict[str, str]) -> None:
     key = "radial-and-cross~"
-    for method, path in (("POST", "/upload"), ("PUT", f"/c/{key}/statement"), ("POST", f"/c/{key}/run")):
+    for method, path in (
+        ("POST", "/upload"), ("POST", "/demo"), ("PUT", f"/c/{key}/statement"), ("POST", f"/c/{key}/run"),
+    ):  # fmt: skip
         assert server.ask(path, method, {}, headers=headers, own=False)[0] == 403
 
 

@@ -167,13 +167,14 @@
     clearTimeout(waiting);
     asked.abort();
     waiting = setTimeout(async () => {
-      asked = new AbortController();
+      const { signal } = asked = new AbortController();
       try {
-        const answer = await app.send(form.dataset.address, { heads: heads(), rows: cells(), ...content() }, "POST", { signal: asked.signal });
+        const answer = await app.send(form.dataset.address, { heads: heads(), rows: cells(), ...content() }, "POST", { signal });
+        if (signal.aborted) return;
         show(answer.problems);
         doubts(answer.doubts);
       } catch (error) {
-        if (error.name !== "AbortError") kept.textContent = error.message;
+        if (!signal.aborted) kept.textContent = error.message;
       }
     }, 400);
   };
