@@ -25,10 +25,10 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="From recordings of tyre and elastomer rigs to the dynamic stiffness K* = K' + jK'', |K*| and loss angle, "
-    "static stiffness K1, spring K2 and damper C, mobility and transmissibility, each with its uncertainty.\n\nStart with fourpole demo, which makes a "
-    "campaign folder to look at and analyses it; then fourpole analyse YOUR-FOLDER.\n\nQuantities are "
-    'written with their unit, as in "12.44 kN/m". Exit codes: 0 all used, 2 the input could not be read, 3 done but '
-    "some tests were rejected.",
+    "static stiffness K1, spring K2 and damper C, mobility and transmissibility, each with its uncertainty."
+    "\n\nStart with fourpole demo, which makes a campaign folder to look at and analyses it; then fourpole analyse "
+    'YOUR-FOLDER.\n\nQuantities are written with their unit, as in "12.44 kN/m". Exit codes: 0 all used, 2 the input '
+    "could not be read, 3 done but some tests were rejected.",
 )
 
 
