@@ -13,7 +13,7 @@ import pytest
 from fourpole.core.routes import maxwell_arm
 from fourpole.study import analyse
 from fourpole.study.results import read_results
-from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
+from fourpole.virtual import CROSS_PLY, FAULTS, RADIAL_PLY, simulate_campaign
 from fourpole.words import cause_words
 
 pytestmark = pytest.mark.thorough
@@ -378,3 +378,14 @@ def test_k2_and_c_scatter_as_stated_where_k1_and_k_star_are_drawn(rough):
         k2, c = maxwell_arm(stiffness, k1, 2 * np.pi * row["frequency [Hz]"])
         assert row["u(K2) [N/m]"] > 0.75 * np.std(k2), row["test"]
         assert row["u(C) [N s/m]"] > 0.75 * np.std(c), row["test"]
+
+
+def test_an_inverted_v2_beside_a_weighed_mass_is_named_and_no_row_is_used(tmp_path):
+    """The search for each test's own departure is lost there: its steps must stay numbers."""
+    made = simulate_campaign(
+        tmp_path, seed=3, pressures=[135e3, 205e3], preloads=[1000.0, 2000.0], frequencies=[10.0, 14.0, 18.0, 24.0],
+        added_masses=(0.0, 10.0), faults=[FAULTS["V2 with the other sign"]],
+    )  # fmt: skip
+    found = analyse(made.folder)
+    assert set(found.dynamic["verdict"]) == {"rejected"}
+    assert any("V2 with its sign inverted" in note for note in found.notes)

@@ -26,6 +26,8 @@ _MOST = 1.0
 _ENOUGH = 6
 #: Newton steps to the K* of a test by itself.
 _NEWTON = 3
+#: Largest departure of ln K* of a test from its condition; the steps of a rig that is far from its tests go on and on.
+_FARTHEST = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +206,7 @@ def own_tests(problem: Problem, solution: Solution) -> OwnTests:
         covariance = square * np.linalg.inv(np.eye(2) + square * weight)
         drawn = covariance @ np.swapaxes(by_k, 1, 2)
         shift = (drawn @ (residual + np.einsum("nij,nj->ni", by_k, shift))[..., None])[..., 0]
+        shift *= np.minimum(1.0, _FARTHEST / np.maximum(np.abs(shift).max(axis=1, keepdims=True), _FARTHEST))
     by_frequency = plain.by_log_frequency(solution.z, solution.stiffness)
     return OwnTests(
         shift=shift,
