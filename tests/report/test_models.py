@@ -62,7 +62,7 @@ def asked(command):
     assert words[:3] == ["fourpole", "query", "map.json"]
     options = dict(zip(words[3::2], words[4::2], strict=True))
     frequency = units.frequency_grid(options.pop("--frequency"))
-    tyre = options.pop("--tyre", None)
+    tyre = options.pop("--specimen", None)
     state = {}
     for option, text in options.items():
         if option == "--at":
@@ -309,7 +309,7 @@ def test_the_range_of_a_map(fitted, axes, text):
 @pytest.mark.parametrize("name", ["a b", "it's $HOME `x`", "--help", "", "radial-ply"])
 def test_a_name_of_a_tyre_reaches_the_command_as_it_is(name):
     option, read = shlex.split(tyre_option(name))
-    assert (option, read) == ("--tyre", name)
+    assert (option, read) == ("--specimen", name)
 
 
 # ---- on the page
@@ -331,7 +331,7 @@ def test_models_maps_and_faults_stand_on_the_page(fitted):
         "zener chosen",
         "Parameters of zener in 6 conditions",
         "Operating map",
-        "To query it: fourpole query map.json --tyre cross-ply --pressure",
+        "To query it: fourpole query map.json --specimen cross-ply --pressure",
     ):
         assert text in said, text
     alone = on_page(replace(fitted, models=None, maps=None, faults=("model.json: is no model file",)))

@@ -159,7 +159,7 @@ def test_the_exports_are_those_that_the_results_have_what_they_need_for(mapped: 
     assert "There are more when" in two
     tir = one[one.index('name="to" value="tir"') :]
     tir = tir[: tir.index("</form>")]
-    assert {"--at", "--frequency", "--radius", "--tyre"} < {*re.findall(r"--[\w-]+", tir)}
+    assert {"--at", "--frequency", "--radius", "--specimen"} < {*re.findall(r"--[\w-]+", tir)}
     assert "--height" not in tir
 
 

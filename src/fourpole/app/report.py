@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from fourpole.answer import Answer, Table
 from fourpole.app.console import option, progress, rising, warn
-from fourpole.campaign.folder import LIMITS
+from fourpole.app.standing import STATEMENT
 from fourpole.errors import CampaignError
 from fourpole.findings import by_size, findings
 from fourpole.io.door import read_bytes, sha256_of
@@ -100,7 +100,7 @@ def _changed(results: Study, folder: Path) -> list[str]:
     """Statements of the campaign around a results folder that are not those that were analysed, with the remedy."""
     hashes, campaign = section(results.record, "sha256"), resolved(folder).parent
     changed = []
-    for name in ("campaign.toml", "tests.csv", LIMITS):
+    for name in STATEMENT:
         path = campaign / name
         if hashes and path.is_file() and sha256_of(path, max_bytes=MAX_FILE_BYTES) != hashes.get(name):
             changed.append(name)

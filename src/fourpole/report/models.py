@@ -269,8 +269,8 @@ def query_command(entry: MapEntry, *, several: bool) -> str:
 
 
 def tyre_option(name: str) -> str:
-    """The option that names a tyre."""
-    return f"--tyre {shlex.quote(name)}"
+    """The option that names a specimen."""
+    return f"--specimen {shlex.quote(name)}"
 
 
 def inside(entry: MapEntry) -> Sequence[float]:

@@ -10,6 +10,7 @@ from itertools import zip_longest
 from markupsafe import Markup
 
 from fourpole import quantities as q
+from fourpole.core.confidence import COVERAGE_FACTOR
 from fourpole.core.digits import number, with_std
 from fourpole.plot import FIGURES, draw, figure_data, render
 from fourpole.plot.cards import dynamic_cards, static_cards
@@ -102,5 +103,6 @@ def _rows(panel: Panel) -> Iterator[tuple[str, str, str, str]]:
 def _texts(one: Series, which: str) -> Iterator[str]:
     values, stds = (one.x, one.across) if which == "x" else (one.y, one.spread)
     for value, std in zip_longest(values.tolist(), [] if stds is None else stds.tolist()):
-        text, about = with_std(value, std) if std is not None and std > 0 else (number(value, 5), "")
+        known = std is not None and std > 0
+        text, about = with_std(value, COVERAGE_FACTOR * std) if known else (number(value, 5), "")
         yield f"{text} ± {about}" if about else text
