@@ -105,7 +105,7 @@ VEHICLE = ("statespace", "modelica", "tir", "table", "fmu")
 @pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf", *VEHICLE])
 @pytest.mark.sampled(4)
 def test_exports_are_offered_and_nothing_is_left_in_the_results(mapped: Server, kind: str) -> None:
-    stated = {"tyre": "radial-ply"} if kind in VEHICLE else {}
+    stated = {"specimen": "radial-ply"} if kind in VEHICLE else {}
     stated |= {"frequency": "15 Hz"} if kind == "tir" else {}
     before = set((mapped.root / "one").rglob("*"))
     shown = asked(mapped, kind, **stated)
