@@ -58,7 +58,7 @@ def test_the_app_gets_the_parts_as_events(added, monkeypatch):
     monkeypatch.setenv("FOURPOLE_EVENTS", "answer")
     said = CliRunner().invoke(app, ["greet", "rig", "--json"])
     (event,) = (json.loads(line[1:]) for line in said.stderr.split("\n") if line.startswith("\x1e"))
-    assert event == {"answer": ["hello rig"]}
+    assert event == {"answer": ["hello rig"], "files": []}
 
 
 def test_an_answer_is_shown_in_its_order_with_its_files(capsys):

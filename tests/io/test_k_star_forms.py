@@ -354,7 +354,7 @@ def test_a_header_that_does_not_fit_leaves_the_numbers_of_the_columns(tmp_path: 
     path = tmp_path / "rep.osc"
     head = "T=0;Mw=94.9;\nFreq\tG'\tG\"\tTemp\tStrain\tEta*\nrad/s\tPa\tPa\t°C\t%\tPa-s\n"
     path.write_text(head + "".join(f"   {10**at}   3.48E5   7.0E4   -0.01\n" for at in (2, 1, 0)), encoding="latin-1")
-    with pytest.raises(TableError, match=r"rows 4 cells; the columns are known by their numbers"):
+    with pytest.raises(TableError, match=r"rows 4 cells; .*; the columns are known by their numbers"):
         read_k_star(path, TableOptions(factor=0.05))
     columns = ["frequency=1 [rad/s]", "storage=2 [Pa]", "loss=3 [Pa]"]
     table = read_k_star(path, TableOptions(columns=columns, factor=0.05))
