@@ -21,10 +21,10 @@ pytestmark = [
 
 PAGES = (
     "", "/explore", "/tests", "/tests/D1", "/statement", "/model", "/plan", "/plan/expected", "/run", "/watch",
-    "/columns", "/tests/D1/signals", "/tests/D1/residual", "/files/report.html", "/figure.svg", "/export/mat",
+    "/columns", "/tests/D1/signals", "/tests/D1/residual", "/files/report.html", "/figure.svg", "/ask",
 )  # fmt: skip
 #: A page is asked of every third campaign, those of every n-th: what takes long seldom, where faults are told always.
-SHARE = {**dict.fromkeys(("", "/explore", "/plan/expected", "/figure.svg", "/export/mat"), 6), "/run": 1}
+SHARE = {**dict.fromkeys(("", "/explore", "/plan/expected", "/figure.svg", "/ask"), 6), "/run": 1}
 #: Largest memory of the server after all of them [kB]; without any it takes about 200 MB.
 MOST_MEMORY = 600_000
 
