@@ -88,8 +88,11 @@ def test_the_version_is_printed_without_the_command_line():
     assert not loaded & {"typer", "numpy", "importlib.metadata", "typing"}
 
 
-def test_the_list_of_commands_needs_typer_and_neither_rich_nor_numpy():
-    loaded = loaded_by(run("--help", code=0))
+def test_the_list_of_commands_needs_nothing_and_in_a_narrow_terminal_neither_rich_nor_numpy(monkeypatch):
+    code = run("--help", code=0)
+    assert not loaded_by(code.replace("    main()", "    main(); raise SystemExit(0)")) & {"typer", "pathlib", "numpy"}
+    monkeypatch.setenv("COLUMNS", "60")
+    loaded = loaded_by(code)
     assert "typer" in loaded
     assert not loaded & {"rich", "numpy", "pydantic", "fourpole.words"}
 

@@ -293,6 +293,7 @@ def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
     fitted.unlink()
 
 
+@pytest.mark.sampled(3)
 def test_an_export_is_made_and_offered_where_it_was_asked_for(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/c/one")

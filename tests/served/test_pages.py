@@ -169,6 +169,7 @@ def test_a_wrong_entry_is_marked_in_the_words_of_the_command(window: Page, serve
         toml.write_text(before)
 
 
+@pytest.mark.sampled(2)
 def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server: Server) -> None:
     toml, table = next(server.root.rglob("campaign.toml")), next(server.root.rglob("tests.csv"))
     before = toml.read_text(), table.read_text()
@@ -203,6 +204,7 @@ def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server:
     toml.write_text(before[0])
 
 
+@pytest.mark.sampled(3)
 def test_the_demo_is_made_once_and_opened(tmp_path: Path) -> None:
     with serving(tmp_path) as server:
         first, second = (server.document("/demo", "POST", {}) for _ in range(2))

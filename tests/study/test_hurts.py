@@ -250,7 +250,7 @@ HURTS = {
     "half of F1": Hurt("warning", ("F1 is 0.5 times", "wrongly scaled F1"), with_column("F1", lambda one: 0.5 * one)),
     "K' below K1": Hurt(
         "rejected",
-        ("no passive K2 exists: K' = ", "is not above the static K1 = 2e+05 N/m", "a K1 taken at another load"),
+        ("no passive K2 exists: K' = ", "is not above the static K1 = 200 kN/m", "a K1 taken at another load"),
         lambda f: f.add_column("K1 [N/m]", {"D2": "200000"}),
     ),
     # the row of tests.csv
