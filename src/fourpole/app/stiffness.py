@@ -27,7 +27,7 @@ from fourpole.io.folders import make_folder
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import write_bytes, write_text
 from fourpole.quantities import Quantity
-from fourpole.report.digits import PLUS_MINUS, with_u
+from fourpole.report.digits import PLUS_MINUS, counted, with_u
 from fourpole.study.study import Study
 from fourpole.words import first_of
 
@@ -119,21 +119,17 @@ def _parts(study: Study, verdicts: _Verdicts, input_mass: float | None) -> Itera
         ]
         for row, said in zip(rows, verdicts.values(), strict=True)
     ]
-    heads = [
-        "specimen",
-        *(f"{one.symbol} [{one.suffix or one.shown}]" for one in (*places, *shown)),
-        "verdict",
-        "remarks",
-    ]
-    yield Table(heads, cells, heads[1:-2])
-    yield PLUS_MINUS
-    if input_mass and (
-        known := [abs(complex(row[q.STORAGE.head], row[q.LOSS.head])) for row in rows if row[q.LOSS.head]]
-    ):
+    numbers = [f"{one.symbol} [{one.suffix or one.shown}]" for one in (*places, *shown)]
+    if rows:
+        yield Table(["specimen", *numbers, "verdict", "remarks"], cells, numbers)
+        yield PLUS_MINUS
+    known = [found[0] for row in rows if (found := value_of(q.MODULUS, row))]
+    if input_mass and known:
         hertz = sqrt(_TELLING * min(known) / input_mass) / (2 * pi)
         yield f"the mass of {input_mass:g} kg before the specimen takes 1 % of |K*| at {hertz:.3g} Hz; it was taken out"
     if study.static.height:
-        yield f"{study.static.height} loops of a static test: --campaign DIR keeps them, fourpole static evaluates them"
+        loops = counted(study.static.height, "static test")
+        yield f"{loops}: --campaign DIR keeps it for K1, and fourpole static evaluates a curve at a load"
 
 
 def _plain(value: float | None, quantity: Quantity) -> str:
