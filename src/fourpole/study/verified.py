@@ -12,6 +12,7 @@ from typing import Any
 
 import polars as pl
 
+from fourpole.campaign.folder import LIMITS, MOST_TESTS, TESTS
 from fourpole.campaign.place import inside
 from fourpole.errors import CampaignError, FileError, FourpoleError, TableError
 from fourpole.fitting.verified import verify
@@ -250,7 +251,8 @@ def _input(campaign: Path, name: str, sha: str) -> Proof:
         path = inside(campaign, name)
         if not path.exists():
             return Proof(name, Match.MISSING)
-        return Proof(name, Match.SAME if sha256_of(path, max_bytes=MAX_FILE_BYTES) == sha else Match.CHANGED)
+        most = MOST_TESTS if name in ("campaign.toml", *TESTS, LIMITS) else MAX_FILE_BYTES
+        return Proof(name, Match.SAME if sha256_of(path, max_bytes=most) == sha else Match.CHANGED)
     except TableError:  # an empty file
         return Proof(name, Match.CHANGED, "is empty")
     except FileError as error:
