@@ -28,6 +28,7 @@ from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import write_bytes, write_text
 from fourpole.quantities import Quantity
 from fourpole.report.digits import PLUS_MINUS, counted, with_u
+from fourpole.study.results import read_results
 from fourpole.study.study import Study
 from fourpole.words import first_of
 
@@ -46,16 +47,21 @@ def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass
     Without a folder for the campaign, nothing is left.
     """
     if folder is not None:
-        keep_existing(folder)
-        study = _analysed(recordings, make_folder(folder), input_mass)
         from fourpole.app.analysis import run_analysis
         from fourpole.study import DRAWS
 
+        keep_existing(folder)
+        _state(recordings, make_folder(folder), input_mass)
         run_analysis(folder, None, "joint", DRAWS, RunOptions(), Wanted(), as_json=True)
-        kept = [("campaign", folder), ("report", results_of(folder, None) / "report.html")]
+        results = results_of(folder, None)
+        study, kept = read_results(results), [("campaign", folder), ("report", results / "report.html")]
     else:
+        from fourpole.study import analyse
+
         with TemporaryDirectory(prefix="fourpole-") as place:
-            study, kept = _analysed(recordings, Path(place), input_mass), []
+            _state(recordings, Path(place), input_mass)
+            with progress("analysing") as advance:
+                study, kept = analyse(read_campaign(place), progress=advance), []
     for note in study.notes:
         say(f"note: {note}")
     verdicts = _verdicts(study)
@@ -63,10 +69,8 @@ def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass
     return Answer(_parts(study, verdicts, input_mass), lambda: _document(study, verdicts), files=kept, code=code)
 
 
-def _analysed(recordings: Iterable[Path], folder: Path, input_mass: float | None) -> Study:
-    """The recordings copied into a folder, guessed to be a campaign of a bench, and analysed."""
-    from fourpole.study import analyse
-
+def _state(recordings: Iterable[Path], folder: Path, input_mass: float | None) -> None:
+    """Copy the recordings into a folder, and state what they are guessed to be: a campaign of a bench."""
     counts: Counter[str] = Counter()
     for path in recordings:
         counts[path.name] += 1
@@ -87,8 +91,6 @@ def _analysed(recordings: Iterable[Path], folder: Path, input_mass: float | None
         write_text(folder / "campaign.toml", stated.replace("[rig]\n", mass, 1))
     for role, one in guess.roles.items():
         say(f"understood {role}: column '{one.column}' [{one.unit}]{', inverted' if one.invert else ''}")
-    with progress("analysing") as advance:
-        return analyse(read_campaign(folder), progress=advance)
 
 
 def _verdicts(study: Study) -> _Verdicts:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from fourpole.io.child import read_apart
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
 from fourpole.io.recordings import survey
-from fourpole.io.signals import FileInfo, SignalInfo
+from fourpole.io.signals import FileInfo, Signal, SignalInfo
 from fourpole.io.source import decode
 from fourpole.units import MOTIONS, shown
 
@@ -246,8 +247,7 @@ def _recordings(path: Path, name: str, info: FileInfo) -> Iterator[FolderRecordi
     elif len(whole) == 1 and _sole(next(iter(whole)), groups):
         whole = {"": next(iter(whole.values()))}
     for group, signals in whole.items():
-        one = _recording(path, name, group, signals, info)
-        yield from _segments(path, name, group, one, max(signal.count for signal in signals)) or [one]
+        yield from _recording(path, name, group, signals, info)
 
 
 def _sole(group: str, groups: dict[str, list[SignalInfo]]) -> bool:
@@ -264,23 +264,26 @@ def _enough(signals: list[SignalInfo]) -> bool:
     return sum(column.quantity != "time" for column in columns) >= 2
 
 
-def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo) -> FolderRecording:
-    """The recording that the channels of a group of a file make."""
+def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo) -> list[FolderRecording]:
+    """The recording that the channels of a group of a file make, or one for each motion if it makes several."""
     signals = signals[:_MOST_CHANNELS]
     columns = [column_of(signal.name, signal.unit) for signal in signals]
     clock = next((column for column in columns if column.quantity == "time"), None)
     own = tuple(column for column in columns if column.quantity != "time")
     rate = _common_rate(signals)
-    shape, problem = None, ""
+    title, unit = clock.name if clock else None, (clock and clock.unit) or "s"
+    read = partial(samples_of, path, group=group, label=name, clock=title, unit=unit)
+    shape, problem, samples = None, "", dict[str, Signal]()
     try:
-        shape = _shape(path, name, group, own, clock, rate)
+        samples = read([column.name for column in own])
+        shape = _shape(samples, own, rate)
     except FourpoleError as error:
         problem = _without_name(str(error), name)
-    return FolderRecording(
+    one = FolderRecording(
         file=f"{name}#{group}" if group else name,
         columns=own,
-        clock=clock.name if clock else None,
-        clock_unit=(clock and clock.unit) or "s",
+        clock=title,
+        clock_unit=unit,
         rate=(shape and shape.rate) or rate,
         text=info.format.startswith("text"),
         timed=all(signal.rate or signal.duration is not None for signal in signals),
@@ -289,21 +292,19 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
         header=(*read_header(info.notes), *_recorded(own, shape)),
         problem=problem,
     )
-
-
-def _segments(path: Path, name: str, group: str, one: FolderRecording, rows: int) -> list[FolderRecording]:
-    """A recording for each of the motions that a recording makes one after the other; none if it has a single one."""
-    moving = _motions(one.columns)
-    steady = one.shape is not None and one.shape.kind == "dynamic" and rows <= ENOUGH_ROWS
-    if one.shape is None or steady or not moving:
-        return []
+    moving, longer = list(_motions(own)), max(each.count for each in signals) > ENOUGH_ROWS
+    if shape is None or not moving or (shape.kind == "dynamic" and not longer):
+        return [one]
     try:
-        signals = samples_of(
-            path, list(moving), group=group, label=name, clock=one.clock, unit=one.clock_unit, rows=ALL_ROWS
-        )
+        motions = read(moving, rows=ALL_ROWS) if longer else {of: samples[of] for of in moving}
     except FourpoleError:
-        return []
-    windows = segments_of(signals[next(iter(moving))], one.rate)
+        return [one]
+    return _segments(one, motions) or [one]
+
+
+def _segments(one: FolderRecording, signals: Mapping[str, Signal]) -> list[FolderRecording]:
+    """A recording for each of the motions that one makes one after the other; none if it has a single one."""
+    windows = segments_of(next(iter(signals.values())), one.rate)
     shapes = [
         signal_shape({of: within(signal, window, one.rate) for of, signal in signals.items()}, rate=one.rate)
         for window in windows
@@ -318,12 +319,8 @@ def _common_rate(signals: Sequence[SignalInfo]) -> float | None:
     return rates.pop() if len(rates) == 1 else None
 
 
-def _shape(
-    path: Path, name: str, group: str, columns: Sequence[Column], clock: Column | None, rate: float | None
-) -> SignalShape:
-    """The shape of the signals in some columns of a group of a file."""
-    names, unit = [column.name for column in columns], (clock and clock.unit) or "s"
-    samples = samples_of(path, names, group=group, label=name, clock=clock.name if clock else None, unit=unit)
+def _shape(samples: Mapping[str, Signal], columns: Sequence[Column], rate: float | None) -> SignalShape:
+    """The shape of the signals in some columns."""
     aside = frozenset(column.name for column in columns if column.quantity in _ASIDE)
     return signal_shape(samples, rate=rate, aside=aside, motions=_motions(columns))
 

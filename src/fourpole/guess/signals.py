@@ -114,17 +114,21 @@ def segments_of(signal: Signal, rate: float | None) -> list[tuple[float, float]]
     lasts = sum(one.end - one.start for one in found) * (rate or 0.0)
     if len(found) < 2 or all(one.kind == "loop" for one in found) or lasts < _COVERED * signal.samples.size:
         return []
-    first = float(signal.time[0]) if signal.time is not None else signal.start
+    first = _begin(signal)
     return [(first + one.start, first + one.end) for one in found]
 
 
 def within(signal: Signal, window: tuple[float, float], rate: float | None) -> Signal:
     """The samples of a signal between two times [s]."""
     rate = rate_of(signal) or rate or 1.0
-    first = float(signal.time[0]) if signal.time is not None else signal.start
-    low, high = (round((end - first) * rate) for end in window)
+    low, high = (round((end - _begin(signal)) * rate) for end in window)
     time = None if signal.time is None else signal.time[low:high]
     return replace(signal, samples=signal.samples[low:high], start=signal.start + low / rate, time=time)
+
+
+def _begin(signal: Signal) -> float:
+    """Time of the first sample [s]."""
+    return float(signal.time[0]) if signal.time is not None else signal.start
 
 
 def signal_shape(
