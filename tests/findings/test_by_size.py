@@ -4,6 +4,7 @@ import pytest
 from tests.findings.designed import Tables, Tyre
 
 from fourpole.findings import by_size, findings
+from fourpole.findings.facts import in_order
 from fourpole.findings.trends import Comparison, Level, Trend
 from fourpole.quantities import K2
 
@@ -24,3 +25,8 @@ def test_the_largest_effects_come_first_and_small_ones_only_if_sure(u):
     assert all(abs(one.effect) < 0.01 and abs(one.effect) <= 3 * one.std for one in left)
     kinds = [type(one.detail) for one in shown if one.topic == "damping"]
     assert Level not in kinds[: kinds.index(Trend)]
+
+
+def test_names_are_sorted_by_their_numbers_decimals_too_but_the_parts_of_a_date_one_by_one():
+    names = ("2026.9.1", "2026.10.1", "D2", "D10", "a_1bar", "a_1.35bar", "a_1.7bar")
+    assert in_order(reversed(names)) == names

@@ -428,8 +428,8 @@ def pairs(means: Mapping[Name, float]) -> list[tuple[Name, Name]]:
 
 
 def natural(name: str) -> tuple[Any, ...]:
-    """A key that sorts D2 before D10, and 1.35bar before 1.7bar."""
-    parts = re.split(r"([0-9]+(?:\.[0-9]+)?)", name)
+    """A key that sorts D2 before D10, 1.35bar before 1.7bar, and the date 2026.9.1 before 2026.10.1."""
+    parts = re.split(r"((?<![0-9.])[0-9]+\.[0-9]+(?!\.?[0-9])|[0-9]+)", name)
     return tuple((0, float(part), "") if at % 2 else (1, 0.0, part) for at, part in enumerate(parts)), name
 
 
