@@ -73,7 +73,7 @@ def test_what_is_not_linear_stands_before_a_rejection(bench):
         return friction(motion, rate) + 400 * np.gradient(np.gradient(motion)) * rate**2
 
     study = bench(heavy, 1e3)
-    assert "rejected" in set(study.dynamic["verdict"])
+    assert "rejected" in set(study.dynamic["verdict K2 C"])
     assert all(remark.startswith("the specimen is not linear") for remark in study.dynamic["remarks"])
     _, first, *_ = verdicts(Facts(study))
     assert first.detail.code is Code.LINEARITY

@@ -79,6 +79,9 @@ DYNAMIC = [
     "K* of",
     "verdict",
     "remarks",
+    "verdict K*",
+    "verdict K2 C",
+    "verdict TR",
 ]
 COVARIANCE = "covariance Re F1, Im F1, Re V1, Im V1, Re V2, Im V2"
 FILES = {"static.csv", "dynamic.csv", "dynamic.parquet", "phasors.parquet", "study.json"}

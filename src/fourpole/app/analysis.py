@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from fourpole import quantities as q
 from fourpole.answer import Answer
 from fourpole.app import events
 from fourpole.app.check import gathered_alike
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 #: Models are fitted without being asked for if that takes no longer than this [s].
 _FEW_SECONDS = 5.0
 _MOST_LISTED = 12
+#: Verdicts whose reasons are printed; what is printed in their place where K* is ok, and no passive K2 and C exist.
+_SAID, _NO_ARM = (Verdict.REJECTED, Verdict.WARNING), "without K2 and C"
 #: Checks that another run may pass with the same files, so that their results do not stand.
 _PASSING = {code.text for code in (Code.READER, Code.SLOW, Code.MEMORY, Code.FAULT)}
 
@@ -298,8 +301,11 @@ def _same(new: Path, former: Path) -> bool:
 
 
 def _verdicts(study: Study) -> pl.DataFrame:
-    """Test, verdict and remarks of every row of both tables."""
-    return pl.concat([table.select("test", "verdict", "remarks") for table in (study.static, study.dynamic)])
+    """Test, verdict and remarks of every row of both tables; `_NO_ARM` where K* is ok, and K2 and C do not exist."""
+    verdict, arm = pl.col(q.VERDICT.head), pl.col(q.VERDICT_ARM.head)
+    lost = pl.when((verdict == Verdict.OK) & (arm == Verdict.REJECTED)).then(pl.lit(_NO_ARM)).otherwise(verdict)
+    dynamic = study.dynamic.with_columns(lost.alias(q.VERDICT.head))
+    return pl.concat([table.select("test", "verdict", "remarks") for table in (study.static, dynamic)])
 
 
 def _notes(study: Study) -> list[str]:
@@ -307,9 +313,9 @@ def _notes(study: Study) -> list[str]:
     notes, checks = [], checks_by_point(study.checks)
     keys = [key for table in (study.static, study.dynamic) for key in keys_of(table)]
     rows = dict(zip(_verdicts(study).rows(), keys, strict=True))
-    for verdict in (Verdict.REJECTED, Verdict.WARNING):
+    for verdict, of_check in (*((each, each) for each in _SAID), (_NO_ARM, Verdict.REJECTED)):
         kinds = gathered_alike(
-            (name, kind_of([check for check in checks.get(key, ()) if check.verdict == verdict], text), text)
+            (name, kind_of([check for check in checks.get(key, ()) if check.verdict == of_check], text), text)
             for (name, holds, text), key in rows.items()
             if holds == verdict
         )

@@ -9,13 +9,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import polars as pl
+
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, progress, say
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import results_of
 from fourpole.campaign import read_campaign
-from fourpole.core.checks import Code, Verdict, worst_verdict
+from fourpole.core.checks import Asked, Verdict
 from fourpole.core.digits import number
 from fourpole.errors import CampaignError
 from fourpole.findings.list import checks_by_point
@@ -36,9 +38,6 @@ from fourpole.words import first_of
 _TELLING = 0.01
 _SHOWN = (q.STORAGE, q.LOSS, q.MODULUS, q.LOSS_ANGLE)
 _WHERE = (q.PRELOAD, q.DEFLECTION_AMPLITUDE, q.FREQUENCY)
-#: Checks of the damped arm, K2 and C.
-_OF_ARM = {Code.NO_K1, Code.PASSIVE_ARM, Code.K1, Code.K1_TEMPERATURE, Code.K1_MIXED, Code.K1_BRANCH}
-_Verdicts = Mapping[tuple[str, int], tuple[Verdict, str]]
 
 
 def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass: float | None = None) -> Answer:
@@ -64,9 +63,8 @@ def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass
                 study, kept = analyse(read_campaign(place), progress=advance), []
     for note in study.notes:
         say(f"note: {note}")
-    verdicts = _verdicts(study)
-    code = SOME_REJECTED if Verdict.REJECTED in [verdict for verdict, _ in verdicts.values()] else OK
-    return Answer(_parts(study, verdicts, input_mass), lambda: _document(study, verdicts), files=kept, code=code)
+    code = SOME_REJECTED if Verdict.REJECTED in study.dynamic[q.VERDICT_K.head] else OK
+    return Answer(_parts(study, input_mass), lambda: _document(study), files=kept, code=code)
 
 
 def _state(recordings: Iterable[Path], folder: Path, input_mass: float | None) -> None:
@@ -93,21 +91,14 @@ def _state(recordings: Iterable[Path], folder: Path, input_mass: float | None) -
         say(f"understood {role}: column '{one.column}' [{one.unit}]{', inverted' if one.invert else ''}")
 
 
-def _verdicts(study: Study) -> _Verdicts:
-    """Verdict on K* of each row, and why: a static stiffness, which K2 and C need, was not asked for."""
-    checks, found = checks_by_point(study.checks), {}
-    for key, row in zip(keys_of(study.dynamic), study.dynamic.rows(named=True), strict=True):
-        held = [check for check in checks.get(key, ()) if check.code not in _OF_ARM and check.verdict is not Verdict.OK]
-        found[key] = (
-            worst_verdict([check.verdict for check in held]),
-            "; ".join(dict.fromkeys(one.cause for one in held)),
-        )
-        if row[q.STORAGE.head] is None:
-            found[key] = Verdict.REJECTED, row["remarks"]
-    return found
+def _causes(study: Study) -> list[str]:
+    """What is doubtful in K* of each row, in a few words."""
+    checks = checks_by_point(study.checks.filter(pl.col(q.QUANTITY.head) == Asked.STIFFNESS))
+    keys = keys_of(study.dynamic)
+    return ["; ".join(dict.fromkeys(one.cause for one in checks.get(key, ()) if one.cause)) for key in keys]
 
 
-def _parts(study: Study, verdicts: _Verdicts, input_mass: float | None) -> Iterator[Part]:
+def _parts(study: Study, input_mass: float | None) -> Iterator[Part]:
     """A table with U of what was found, and what limits it."""
     rows, units = study.dynamic.to_dicts(), study.shown
     places = [units.of(one) for one in _WHERE if any(row[one.head] is not None for row in rows)]
@@ -117,9 +108,10 @@ def _parts(study: Study, verdicts: _Verdicts, input_mass: float | None) -> Itera
             row["tyre"] or "",
             *(_plain(row[one.head], one) for one in places),
             *(_found(row, one) for one in shown),
-            *said,
+            row[q.VERDICT_K.head],
+            cause,
         ]
-        for row, said in zip(rows, verdicts.values(), strict=True)
+        for row, cause in zip(rows, _causes(study), strict=True)
     ]
     numbers = [f"{one.symbol} [{one.suffix or one.shown}]" for one in (*places, *shown)]
     if rows:
@@ -144,11 +136,9 @@ def _found(row: Mapping[str, Any], quantity: Quantity) -> str:
     return "" if found is None else with_u(*found, quantity.scale)
 
 
-def _document(study: Study, verdicts: _Verdicts) -> list[dict[str, Any]]:
+def _document(study: Study) -> list[dict[str, Any]]:
     """A row for each sine, in SI units."""
     heads = [*_WHERE, q.STORAGE, q.LOSS]
     columns = ["test", "tyre", *(head for one in heads for head in one.heads if head in study.dynamic.columns)]
-    return [
-        {**row, "verdict": verdict, "remarks": remarks}
-        for row, (verdict, remarks) in zip(study.dynamic.select(columns).to_dicts(), verdicts.values(), strict=True)
-    ]
+    verdicts = pl.col(q.VERDICT_K.head).alias(q.VERDICT.head)
+    return study.dynamic.select(*columns, verdicts, q.REMARKS.head).to_dicts()

@@ -35,6 +35,7 @@ from fourpole.campaign.channels import (
 )
 from fourpole.campaign.ordinary import LoggerFile, Ordinary, UnstatedFile
 from fourpole.campaign.report import Equipment, ReportFile
+from fourpole.core.checks import Asked
 from fourpole.core.components import SpecimenUncertainty, component
 from fourpole.core.condition import AXES, Axis, Sameness, axis_of
 from fourpole.core.phasor import CHANNELS
@@ -279,6 +280,17 @@ class ConditionsFile(File):
         return axes
 
 
+class AnalysisFile(File):
+    """[analysis]: the quantities that are asked of the tests; none for those that the campaign can give."""
+
+    asked: tuple[Literal["K*", "K2", "C", "TR"], ...] = ()
+
+    @property
+    def quantities(self) -> frozenset[Asked]:
+        """The quantities with a verdict of their own."""
+        return frozenset(Asked.ARM if name in ("K2", "C") else Asked(name) for name in self.asked)
+
+
 class CampaignFile(File):
     """The content of campaign.toml."""
 
@@ -293,6 +305,7 @@ class CampaignFile(File):
     conditions: ConditionsFile = ConditionsFile()
     logger: LoggerFile = LoggerFile()
     unstated: UnstatedFile = UnstatedFile()
+    analysis: AnalysisFile = AnalysisFile()
     report: ReportFile = ReportFile()
 
     @model_validator(mode="after")
@@ -370,6 +383,7 @@ class CampaignFile(File):
             "sample_rate [Hz]": self.channels.rate,
             "logger": self.logger.model_dump(),
             "unstated": self.unstated.model_dump(),
+            **({"analysis": {"asked": list(self.analysis.asked)}} if self.analysis.asked else {}),
             "conditions": {
                 f"{key} [1]": value for key in _OF_SPECIMENS if (value := getattr(self.conditions, key)) is not None
             },
@@ -430,6 +444,7 @@ _TABLES: dict[str, Any] = {
     "conditions": ConditionsFile,
     "logger": LoggerFile,
     "unstated": UnstatedFile,
+    "analysis": AnalysisFile,
     "report": ReportFile,
     "equipment": Equipment,
 }

@@ -41,6 +41,15 @@ class Verdict(StrEnum):
 VERDICTS = tuple(Verdict)
 
 
+class Asked(StrEnum):
+    """A quantity that is asked of a test, and has a verdict of its own."""
+
+    K1 = "K1"
+    STIFFNESS = "K*"
+    ARM = "K2 C"
+    TR = "TR"
+
+
 class Code(Enum):
     """The code of each check, which is its name on disk."""
 
@@ -88,6 +97,7 @@ class Code(Enum):
     K1_MIXED = "K1 conditions"
     K1_BRANCH = "K1 of one branch"
     NO_K1 = "no K1"
+    PASSIVE = "passivity"
     PASSIVE_ARM = "passive arm"
     UNCERTAINTY = "uncertainty"
     AGREEMENT = "agreement"
@@ -120,10 +130,22 @@ class Code(Enum):
         """Whether the limit is the least good statistic; it is the largest one of every other code."""
         return self in (Code.MAINS, Code.PASSIVE_ARM)
 
+    @property
+    def quantity(self) -> Asked:
+        """What the check bears on; K2, C and TR follow from K*, so what bears on K* bears on them, too."""
+        return Asked.ARM if self in _OF_ARM else Asked.STIFFNESS
+
     @classmethod
     def read(cls, text: str) -> Code | None:
         """The code with this name on disk; None if no code has it."""
         return next((code for code in cls if code.value == text), None)
+
+
+#: Checks of K1, which K2 and C need, and of the damped arm that they are.
+_OF_ARM = {
+    Code.NO_K1, Code.K1, Code.K1_TEMPERATURE, Code.K1_MIXED, Code.K1_BRANCH, Code.K1_EXCHANGED, Code.K1_LARGE,
+    Code.PASSIVE_ARM, Code.UNCERTAINTY,
+}  # fmt: skip
 
 
 class Looks(Enum):

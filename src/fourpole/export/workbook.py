@@ -96,7 +96,7 @@ def _width(name: str, texts: Sequence[str]) -> float:
 
 def _verdict(name: str, text: str, styles: Styles) -> Any:
     """Format of a verdict; None for any other cell."""
-    if name != "verdict" or text not in _VERDICTS:
+    if not name.startswith("verdict") or text not in _VERDICTS:
         return None
     fill, ink = _VERDICTS[text]
     return styles(bg_color=fill, font_color=ink)

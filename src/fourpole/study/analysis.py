@@ -20,6 +20,7 @@ from fourpole.io.folders import is_for_keeping, make_folder
 from fourpole.io.remote import EVERY, allowing
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import remove_leftovers
+from fourpole.study.asked import asked_only
 from fourpole.study.cache import Cache
 from fourpole.study.compare import compare_points, judge_points
 from fourpole.study.identify import check_rig, identify_points, possible_route
@@ -134,7 +135,7 @@ def analyse(
     points = replace(points, condition=condition_numbers(campaign, points.tests), stiffness=stiffness)
     points, conditions, mixed = compare_points(campaign, points)
     groups, remarks = identify_points(campaign, points, route, monte_carlo, seed)
-    points = judge_points(points, groups, route)
+    points = asked_only(campaign, judge_points(points, groups, route))
     likelihoods = {group.rig_name: likelihood_of(group.joint) for group in groups if group.joint is not None}
     tables = select_tables(campaign, statics, points, groups, likelihoods, conditions, route)
     estimates = {group.rig_name: group.estimate.record for group in groups if group.estimate is not None}

@@ -26,7 +26,7 @@ from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS
-from fourpole.core.routes import no_arm
+from fourpole.core.routes import NoArm, no_arm
 from fourpole.core.scales import check_scale, k1_exchanged
 from fourpole.study.identify import RigGroup
 from fourpole.study.points import Points, StaticStiffness
@@ -52,6 +52,8 @@ _OF_KIND = {"random": Excitation.RANDOM, "sweep": Excitation.SWEEP}
 _DECIBEL = 20.0 / np.log(10.0)
 #: Relative scatter of K* from test to test beyond which more than the specimen differs; tyres repeat to 0.03-1 %.
 _MOST_SCATTER = 0.02
+#: Standard uncertainties below zero from which K'' is negative.
+_NEGATIVE = 1.96
 #: If at least this share of the Monte Carlo trials is not passive, no passive K2 and C exist.
 _NEVER_PASSIVE = 0.975
 #: Standard uncertainties of the shared errors of ln K*: drift over the run, and power of the deflection amplitude.
@@ -365,7 +367,8 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
             if points.condition[row] < 0:
                 last.append((row, reported(Code.CALIBRATION, Verdict.OK, mass=points.tests[row].added_mass)))
             else:
-                last.append((row, _arm_check(group, place, stiffness)))
+                of_row = (_passivity(group, place), _arm_check(group, place, stiffness))
+                last += ((row, check) for check in of_row if check is not None)
             if place in group.heavy:
                 last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
             last += ((row, check) for check in (*stiffness.checks, *_joint_checks(group, place)))
@@ -407,12 +410,27 @@ def _joint_checks(group: RigGroup, place: int) -> Iterator[Check]:
         yield reported(Code.CONVERGENCE, Verdict.WARNING)
 
 
-def _arm_check(group: RigGroup, place: int, stiffness: StaticStiffness) -> Check:
-    """Check whether K2 and C exist, and whether their uncertainty is small enough for propagation."""
+def _passivity(group: RigGroup, place: int) -> Check:
+    """Check whether K* was found, and that the specimen gives no energy by more than the uncertainty of K''."""
+    value, variance = complex(group.result.stiffness[place]), float(group.result.stiffness_covariance[place, 1, 1])
+    if not np.isfinite(value):
+        return reported(Code.PASSIVE, Verdict.REJECTED, because=NoArm.NO_STIFFNESS, storage=np.nan, loss_modulus=np.nan)
+    below = max(-value.imag, 0.0)
+    times = below / np.sqrt(variance) if variance > 0 else np.inf if below else 0.0
+    if times <= _NEGATIVE:
+        return Check(Code.PASSIVE, Verdict.OK, times, _NEGATIVE)
+    return reported(
+        Code.PASSIVE, Verdict.REJECTED, times, _NEGATIVE, because=NoArm.NO_LOSS, storage=value.real,
+        loss_modulus=value.imag,
+    )  # fmt: skip
+
+
+def _arm_check(group: RigGroup, place: int, stiffness: StaticStiffness) -> Check | None:
+    """Check whether K2 and C exist, and whether they are certain enough for propagation; None where no K1 is."""
     result = group.result
     value, k1 = complex(result.stiffness[place]), float(result.k1[place])
     reason = no_arm(value, k1, result.k2[place], result.c[place])
-    if stiffness.lack is not None and value.real > 0 and value.imag > 0:
+    if not np.isfinite(k1) or not np.isfinite(value):
         return stiffness.lack
     if reason is not None:
         share = group.intervals[place][0].non_passive_share if place in group.intervals else np.nan

@@ -13,7 +13,7 @@ from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
 from fourpole.core.alone import deflection_amplitude, deflection_std
 from fourpole.core.arrays import FloatArray
-from fourpole.core.checks import Check, worst_verdict
+from fourpole.core.checks import Asked, Check, worst_verdict
 from fourpole.core.identify import OUTPUTS
 from fourpole.core.joint.around import Likelihood
 from fourpole.core.phasor import SYMBOLS
@@ -22,6 +22,7 @@ from fourpole.fitting.likelihood import likelihood_columns
 from fourpole.fitting.rows import KEY, pair_columns, tyre_columns
 from fourpole.quantities import DERIVED
 from fourpole.study import tables as of
+from fourpole.study.asked import verdict_columns
 from fourpole.study.bodies import specimen_rows
 from fourpole.study.identify import RigGroup, channel_uncertainty
 from fourpole.study.points import Points
@@ -111,8 +112,7 @@ def point_columns(campaign: Campaign, points: Points, groups: Sequence[RigGroup]
         q.RIG: [test.rig for test in tests],
         q.TYRE: [test.tyre for test in tests],
         q.CONSTRUCTION: [getattr(specimens.get(test.tyre), "construction", "") for test in tests],
-        q.VERDICT: [worst_verdict(check.verdict for check in of_row) for of_row in points.checks],
-        q.REMARKS: ["; ".join(filter(None, map(remark_of, of_row))) for of_row in points.checks],
+        **verdict_columns(campaign, points),
     }
     return {
         **{quantity.head: np.array(column, dtype=object) for quantity, column in texts.items()},
@@ -238,9 +238,12 @@ def _check_rows(
     statics: Sequence[StaticRow], points: Points, conditions: Sequence[tuple[str, Check]]
 ) -> list[_Columns]:
     """Rows of checks.csv; a check of a static test has one row, and one of a condition stands under its words."""
-    of_statics = dict.fromkeys(((static.test.name, 1), check) for static in statics for check in static.checks)
-    of_points = [(key, check) for key, rows in zip(points.keys, points.checks, strict=True) for check in rows]
-    of_conditions = [((name, 1), check) for name, check in conditions]
+    of_statics = dict.fromkeys(
+        ((static.test.name, 1), check, Asked.K1) for static in statics for check in static.checks
+    )
+    rows_of_points = zip(points.keys, points.checks, strict=True)
+    of_points = [(key, check, check.code.quantity) for key, rows in rows_of_points for check in rows]
+    of_conditions = [((name, 1), check, check.code.quantity) for name, check in conditions]
     return [
         {
             **dict(zip(KEY, key, strict=True)),
@@ -251,8 +254,9 @@ def _check_rows(
             q.VERDICT.head: check.verdict,
             q.REMEDY.head: said(check).remedy,
             q.VALUES.head: json.dumps(plain, ensure_ascii=False) if (plain := plain_values(check)) else "",
+            q.QUANTITY.head: quantity,
         }
-        for key, check in (*of_statics, *of_points, *of_conditions)
+        for key, check, quantity in (*of_statics, *of_points, *of_conditions)
     ]
 
 

@@ -32,7 +32,10 @@ _KINDS = {quantity.head: quantity.kind for quantity in QUANTITIES}
 #: Columns of numbers that a table has only where there is a value; every other further column is text.
 OPTIONAL = {q.POINT.head: pl.Int64, q.TEMPERATURE.head: pl.Float64}
 #: Columns that results of older versions lack; they are read as blank.
-LATER = (q.VALUES.head, q.K_OF.head, *q.ENERGY.heads)
+LATER = (
+    q.VALUES.head, q.K_OF.head, *q.ENERGY.heads, q.VERDICT_K.head, q.VERDICT_ARM.head, q.VERDICT_TR.head,
+    q.QUANTITY.head,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +154,7 @@ DYNAMIC = TableSpec(
         q.STORAGE, q.LOSS, q.STORAGE.u_head, q.LOSS.u_head, q.CORR_K, *q.LOSS_FACTOR.heads, *q.K1.heads,
         q.K2, q.C, q.K2.u_head, q.C.u_head, q.CORR_K2_C, q.TR_MEASURED, *q.TR_PREDICTED.heads, *q.ENERGY.heads,
         *(head for quantity in DERIVED for head in quantity.heads), q.ROUTE, q.K_OF, q.VERDICT, q.REMARKS,
+        q.VERDICT_K, q.VERDICT_ARM, q.VERDICT_TR,
     ),
     endings=(".csv", ".parquet"), always=True,
 )  # fmt: skip
@@ -189,7 +193,7 @@ BUDGET = TableSpec(
 )  # fmt: skip
 CHECKS = TableSpec(
     "checks", "a check of a test, or of a condition",
-    _columns(q.TEST, q.CODE, q.CHANNEL, q.STATISTIC, q.LIMIT, q.VERDICT, q.REMEDY, q.VALUES),
+    _columns(q.TEST, q.CODE, q.CHANNEL, q.STATISTIC, q.LIMIT, q.VERDICT, q.REMEDY, q.VALUES, q.QUANTITY),
     key=(*KEY, q.CODE.head, q.CHANNEL.head),
 )  # fmt: skip
 CORRECTIONS = TableSpec(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from functools import cache
 from importlib import resources
-from math import degrees, isfinite
+from math import degrees, isfinite, nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fourpole.core.checks import Check, Code, Excitation, NoK1, Verdict
@@ -248,7 +248,8 @@ def why_no_k1(values: _Values) -> dict[str, str]:
 
 def _passive_arm(values: _Values) -> dict[str, str]:
     if "because" in values:
-        why, remedy = values["because"].says(complex(values["storage"], values["loss_modulus"]), values["k1"])
+        stiffness = complex(values["storage"], values["loss_modulus"])
+        why, remedy = values["because"].says(stiffness, values.get("k1", nan))
         return {"why": why, "remedy": remedy}
     return {"interval": interval_words(values["low K2"], values["high K2"], "N/m")}
 
@@ -289,6 +290,7 @@ _FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
     Code.K1_MIXED: lambda values: {"axes": _and(values["axes"])},
     Code.K1_BRANCH: _k1_branch,
     Code.NO_K1: why_no_k1,
+    Code.PASSIVE: _passive_arm,
     Code.PASSIVE_ARM: _passive_arm,
     Code.UNCERTAINTY: _uncertainty,
     Code.RIG: lambda values: {"causes": explained(values["causes"])},
