@@ -1,7 +1,6 @@
-"""Quantities: one entry for each column of the result tables, with its names, units and meaning.
+"""Quantities: one entry for each column of the result tables; tables, axes and sentences take names and units from it.
 
-Tables, axes, sentences and exports take names and units from here. The head of a column is `column` with the SI unit:
-"Re K* [N/m]"; the head of its standard uncertainty is "u(Re K*) [N/m]".
+The head of a column is `column` with the SI unit, "Re K* [N/m]"; that of its standard uncertainty "u(Re K*) [N/m]".
 """
 
 from __future__ import annotations

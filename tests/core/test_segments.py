@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fourpole.core.segments import segments
+from fourpole.core.segments import segments as all_segments
 
 RATE = 2000.0
 
@@ -46,6 +46,11 @@ def motion(*parts, noise=0.0, step=0.0):
         made.append(part(made[-1][-1]))
     one = np.concatenate(made) + noise * np.random.default_rng(1).standard_normal(sum(map(len, made)))
     return np.round(one / step) * step if step else one
+
+
+def segments(motion, rate):
+    """The steady ones, which are tests."""
+    return [one for one in all_segments(motion, rate) if one.kind in ("sine", "loop")]
 
 
 FREQUENCIES = (0.5, 1, 2, 5, 10, 20, 50, 100)
@@ -98,3 +103,16 @@ def test_a_cycle_or_two_and_a_few_samples_are_none():
     assert segments(motion(rest(1.0), sine(10.0, 1.0, 0.4), rest(1.0)), RATE) == []
     assert segments(np.zeros(3), RATE) == []
     assert segments(np.zeros(0), RATE) == []
+
+
+def test_what_lies_between_is_named():
+    parts = [rest(2.0), loops(5.0, 20.0, 3), ramp(2.0, 1.0), rest(4.0), sine(2.0, 0.1, 5.0), rest(2.0), ramp(1.0, 0.0)]
+    parts += [rest(2.0), sweep(2.0, 50.0, 20.0), rest(2.0), random(2.0, 60.0, 20.0), rest(2.0)]
+    kinds = [one.kind for one in all_segments(motion(*parts, noise=1e-3), RATE)]
+    assert kinds[:5] == ["loop", "ramp", "hold", "sine", "hold"]
+    assert kinds[5:] == ["ramp", "rest", "sweep", "hold", "random", "hold"]
+
+
+def test_slow_sines_are_sines_and_slow_triangles_are_loops():
+    found = segments(motion(rest(1.0), sine(0.1, 1.0, 80.0), rest(1.0), loops(5.0, 10.0, 6)), RATE)
+    assert [one.kind for one in found] == ["sine", "loop"]

@@ -39,12 +39,14 @@ def remarks_of(page: str) -> str:
 
 
 def test_a_rejection_for_want_of_a_passive_arm_stands_once_with_its_tests(vague):
-    rows = (vague / "tests.csv").read_text()
-    (vague / "tests.csv").write_text(rows.replace("100000", "300000"))
+    stated = {name: (vague / name).read_text() for name in ("tests.csv", "campaign.toml")}
+    (vague / "tests.csv").write_text(stated["tests.csv"].replace("100000", "300000"))
+    (vague / "campaign.toml").write_text(stated["campaign.toml"] + '\n[analysis]\nasked = ["K2"]\n')
     try:
         results = analyse(vague, monte_carlo=0)
     finally:
-        (vague / "tests.csv").write_text(rows)
+        for name, text in stated.items():
+            (vague / name).write_text(text)
     assert results.dynamic["verdict"].to_list() == ["rejected"] * 3
     assert len(set(results.dynamic["remarks"])) == 3
     found = findings(results)

@@ -295,9 +295,9 @@ def parts_read(folder, monkeypatch):
     edit(folder, "tests.csv", "1.7,1000,10", "1.7,1000,")
     lengths, load = {}, reduce.load_recording
 
-    def loaded(place, path, *more, part):
+    def loaded(place, path, *more, part, read):
         lengths.setdefault(path.stem, []).append(part)
-        return load(place, path, *more, part=part)
+        return load(place, path, *more, part=part, read=read)
 
     monkeypatch.setattr(reduce, "load_recording", loaded)
     problems(folder)

@@ -1,8 +1,10 @@
-"""The steady sinusoids and slow loops of a motion that a test machine makes one after the other in one recording."""
+"""What a test machine does one after the other in one recording: rests, ramps, holds, loops, sines, sweeps, random."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -25,8 +27,24 @@ _WHOLE = 0.25
 _FULL = 0.02
 #: Half cycles at the beginning of a sinusoid that are left out, while the specimen and the machine settle.
 _SETTLING = 2
-#: Frequency [Hz] below which cycles are loops of a static test, as for a recording of its own.
+#: Third harmonic of slow cycles over their fundamental [1], above which they are no sinusoid; a triangle has 1/9.
+_TRIANGLE = 0.05
+#: Frequency [Hz] below which few cycles are loops of a static test, as for a recording of its own.
 SLOW = 0.5
+#: Fewest half cycles of a sweep or of a random motion; least change of the logarithm of their length in a sweep.
+_MANY, _CHIRPED = 40, 0.3
+#: Range of the motion over the amplitude of the cycles beside it [1], up to which it rests.
+_STILL = 0.02
+#: Rest over the motion beside it [1], in time, from which it is none of the turns of a cycle; net change of a ramp [1].
+_DWELL, _ONE_WAY = 0.3, 0.8
+#: Range of a rest over that of the recording [1], from which the noise hides what is not a cycle.
+_SEEN = 0.2
+#: Share of a recording that the steady sinusoids and loops must have, or they are parts of another motion [1].
+_COVERED = 0.1
+#: Number of parts of what is between the segments; fewest samples of one.
+_BLOCKS, _LEAST = 100, 4
+#: Kinds of segments that are tests.
+TESTS = ("loop", "sine", "sweep", "random")
 
 
 @dataclass(frozen=True)
@@ -36,16 +54,17 @@ class Segment:
     Attributes
     ----------
     kind : str
-        "sine" or "loop".
+        "sine"; "loop", slow cycles of a static test; "rest" at the level of the beginning, "hold" at another one;
+        "ramp" between them; "sweep", "random".
     start, end : float [s]
         Of the part that is steady, from the first sample of the motion.
     frequency : float [Hz]
-        Cycles over time.
+        Cycles over time; 0 without cycles.
     amplitude, mean : float
         Half the height of a cycle, and the middle between its ends, in the unit of the motion.
     """
 
-    kind: Literal["sine", "loop"]
+    kind: Literal["rest", "ramp", "hold", "loop", "sine", "sweep", "random"]
     start: float
     end: float
     frequency: float
@@ -54,11 +73,11 @@ class Segment:
 
 
 def segments(motion: FloatArray, rate: float) -> list[Segment]:
-    """The steady sinusoids and slow loops of a motion, in their order.
+    """The segments of a motion, in their order.
 
     The motion is cut at its turning points, those that stand out of the noise. Half cycles of one length and height in
-    a row are a segment; its ends are where the motion passes the middle, which noise moves least. What is between
-    segments is rest, a ramp, or a motion of another kind, such as a sweep or a random one, which has none.
+    a row are a sinusoid or a loop; its ends are where the motion passes the middle, which noise moves least. What lies
+    between is cut where the motion stops and begins; its settling belongs to no segment.
 
     Parameters
     ----------
@@ -82,14 +101,30 @@ def segments(motion: FloatArray, rate: float) -> list[Segment]:
         return []
     noise = _noise(motion)
     turns = _turning_points(motion, noise)
-    if turns.size < _SINE:
-        return []
+    cycles = _cycles(motion, turns, rate, noise) if turns.size >= _SINE else []
+    if sum(one.end - one.start for one in cycles) * rate < _COVERED * motion.size:
+        cycles = []  # a random motion has a few cycles that are alike
+    found, before = list[Segment](), None
+    for one in [*cycles, None]:
+        beside = [each for each in (before, one) if each is not None]
+        ends = int(before.end * rate) + 1 if before else 0, int(one.start * rate) if one else motion.size
+        least = max(_NOISE * noise, _STILL * min((each.amplitude for each in beside), default=0.0))
+        between = list(_between(motion, turns, ends, rate, least)) if least < _SEEN * np.ptp(motion) else []
+        half = max((0.5 / each.frequency for each in beside if each.kind == "sine"), default=0.0)
+        found += [each for each in between if each.end - each.start > half]  # what is shorter is a cycle that settles
+        found += [one] if one is not None else []
+        before = one
+    return found
+
+
+def _cycles(motion: FloatArray, turns: IntArray, rate: float, noise: float) -> list[Segment]:
+    """The steady sinusoids and the loops."""
     at = _middles(motion, turns) / rate
     height = np.abs(np.diff(motion[turns]))
     found, first = list[Segment](), 0
     while first < height.size:
         last = _alike(at, height, first, noise)
-        one = _segment(motion[turns[first : last + 1]], turns[[first, last]] / rate, at[first:last], noise)
+        one = _segment(motion, turns[first : last + 1], at[first:last], rate, noise)
         if one is not None and (one.kind == "sine" or one.amplitude > _WHOLE * height.max()):
             goes_on = found and one.kind == found[-1].kind == "loop" and one.start <= found[-1].end
             found.append(replace(found.pop(), end=one.end) if goes_on else one)
@@ -154,11 +189,14 @@ def _alike(at: FloatArray, height: FloatArray, first: int, noise: float) -> int:
     return last
 
 
-def _segment(values: FloatArray, ends: FloatArray, at: FloatArray, noise: float) -> Segment | None:
+def _segment(motion: FloatArray, turns: IntArray, at: FloatArray, rate: float, noise: float) -> Segment | None:
     """The segment of half cycles between turning points, which pass their middles at some times; None if it is none."""
+    values, ends = motion[turns], turns[[0, -1]] / rate
     amplitude, mean = 0.5 * np.median(np.abs(np.diff(values))), 0.5 * np.median(values[1:] + values[:-1])
     lengths = np.diff(at)
-    if lengths.size and np.median(lengths) > 0.55 / SLOW:
+    slow = lengths.size and np.median(lengths) > 0.55 / SLOW
+    even = (turns.size - 2) // 2 * 2  # a rest before the first turn is a part of its half cycle
+    if slow and (at.size < _SINE or _third(motion[turns[1] : turns[1 + even]], even) > _TRIANGLE):
         frequency = 0.5 / np.mean(lengths)
         return Segment("loop", float(ends[0]), float(ends[1]), float(frequency), float(amplitude), float(mean))
     if at.size < _SINE:
@@ -173,3 +211,55 @@ def _segment(values: FloatArray, ends: FloatArray, at: FloatArray, noise: float)
     if change > _SWEPT * usual + 4.0 * spread / np.sqrt(lengths.size):
         return None
     return Segment("sine", float(at[0]), float(at[-1]), 0.5 / usual, float(amplitude), float(mean))
+
+
+def _third(motion: FloatArray, halves: int) -> float:
+    """Third harmonic over the fundamental of a motion of so many half cycles, a multiple of two [1]."""
+    turn = np.exp(-1j * np.pi * halves * np.arange(motion.size) / motion.size)
+    return float(abs(np.mean(motion * turn**3)) / abs(np.mean(motion * turn)))
+
+
+def _between(
+    motion: FloatArray, turns: IntArray, ends: tuple[int, int], rate: float, least: float
+) -> Iterator[Segment]:
+    """What lies between two of the steady segments: rests, holds and ramps; sweeps and random motions.
+
+    The motion is still where its range is at most `least`, or a small part of that between the segments.
+    """
+    inside = turns[(turns > ends[0]) & (turns < ends[1] - 1)]
+    for low, high, still in _runs(motion, inside, ends, least):
+        part, turned = motion[low:high], inside[(inside > low) & (inside < high - 1)]
+        times, mean = (low / rate, high / rate), float(np.mean(part))
+        if still:
+            yield Segment("rest" if abs(mean - motion[0]) <= 2 * least else "hold", *times, 0.0, 0.0, mean)
+        elif turned.size >= _MANY:
+            lengths = np.diff(turned)
+            first, last = (float(np.mean(each)) for each in np.array_split(lengths, 3)[::2])
+            change = abs(np.log(last / first))
+            swept = change > _CHIRPED and np.std(np.diff(np.log(lengths))) < 0.5 * change
+            frequency, height = 0.5 * rate / float(np.mean(lengths)), float(np.median(np.abs(np.diff(motion[turned]))))
+            yield Segment("sweep" if swept else "random", *times, frequency, 0.5 * height, mean)
+        elif abs(part[-1] - part[0]) > _ONE_WAY * np.ptp(part):
+            yield Segment("ramp", *times, 0.0, 0.0, mean)
+
+
+def _runs(motion: FloatArray, turns: IntArray, ends: tuple[int, int], least: float) -> Iterator[tuple[int, int, bool]]:
+    """First and last place of each part in which the motion is still, or moves; a turn of a cycle is not still."""
+    if ends[1] - ends[0] < _LEAST:
+        return
+    edges = np.unique(np.linspace(*ends, min(_BLOCKS, (ends[1] - ends[0]) // _LEAST) + 1).astype(int))
+    least = max(least, 0.5 * _STILL * float(np.ptp(motion[slice(*ends)])))
+    still = np.array([np.ptp(motion[low:high]) <= least for low, high in pairwise(edges)], dtype=bool)
+    at = [0, *(np.flatnonzero(np.diff(still)) + 1).tolist(), still.size]
+    runs = [(int(edges[low]), int(edges[high]), bool(still[low])) for low, high in pairwise(at)]
+    half = [(high - low) / (1 + np.count_nonzero((turns > low) & (turns < high))) for low, high, _ in runs]
+    begun = runs[0][0]
+    for place, (low, high, rests) in enumerate(runs):
+        beside = max((*half[max(place - 1, 0) : place], *half[place + 1 : place + 2]), default=0.0)
+        if rests and high - low > _DWELL * beside:
+            if begun < low:
+                yield begun, low, False
+            yield low, high, True
+            begun = high
+    if begun < ends[1]:
+        yield begun, ends[1], False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -14,6 +15,7 @@ import numpy as np
 
 from fourpole import units
 from fourpole.core.recording import DERIVATIVES
+from fourpole.core.segments import TESTS
 from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
@@ -72,6 +74,8 @@ class FolderRecording:
         Reason why the samples could not be read; empty if they could.
     window : (float, float) or None [s]
         The part of the file that the test is; None for the whole file.
+    segment : str
+        Kind and number of that part among those of the file, as "sine 3".
     """
 
     file: str
@@ -87,6 +91,7 @@ class FolderRecording:
     folder: tuple[Token, ...] = ()
     problem: str = ""
     window: tuple[float, float] | None = None
+    segment: str = ""
 
     @property
     def frequency(self) -> float:
@@ -304,13 +309,21 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
 
 def _segments(one: FolderRecording, signals: Mapping[str, Signal]) -> list[FolderRecording]:
     """A recording for each of the motions that one makes one after the other; none if it has a single one."""
-    windows = segments_of(next(iter(signals.values())), one.rate)
-    shapes = [
-        signal_shape({of: within(signal, window, one.rate) for of, signal in signals.items()}, rate=one.rate)
-        for window in windows
-    ]
-    cut = [(round(start, 4), round(end, 4)) for start, end in windows]
-    return [replace(one, shape=shape, window=window) for shape, window in zip(shapes, cut, strict=True)]
+    counts, found = Counter[str](), list[FolderRecording]()
+    for each in segments_of(next(iter(signals.values())), one.rate):
+        counts[each.kind] += 1
+        if each.kind not in TESTS:
+            continue
+        window = (each.start, each.end)
+        parts = {of: within(signal, window, one.rate) for of, signal in signals.items()}
+        shape = signal_shape(parts, rate=one.rate, motions=_motions(one.columns))
+        if each.kind in _KINDS:
+            shape = replace(shape, kind=_KINDS[each.kind], band=None)
+        elif shape.kind != each.kind:
+            continue  # too short for its band
+        cut, segment = (round(window[0], 4), round(window[1], 4)), f"{each.kind} {counts[each.kind]}"
+        found.append(replace(one, shape=shape, window=cut, segment=segment))
+    return found
 
 
 def _common_rate(signals: Sequence[SignalInfo]) -> float | None:
@@ -340,6 +353,8 @@ def _tokens(name: str, group: str) -> tuple[Token, ...]:
     return tuple(token for text in texts for token in read_name(text))
 
 
+#: Kinds of tests of segments with one frequency.
+_KINDS = {"loop": "static", "sine": "dynamic"}
 #: Quantities whose channels do not decide on kind and frequency of a test.
 _ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference", "drive", "ratio"})
 #: Recorded conditions, with the range of plausible means in SI.

@@ -11,7 +11,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.spectrum import hann, peak_place
 from fourpole.core.demodulation.tracks import Track
-from fourpole.core.segments import segments
+from fourpole.core.segments import TESTS, Segment, segments
 from fourpole.core.spectra import average, random, sweep
 from fourpole.core.spectra.excited import RESOLVED
 from fourpole.core.spectra.motion import fine_spectrum, motion_of, segment_of
@@ -44,8 +44,6 @@ _GAP = 3
 _CYCLES = 30.0
 #: Least ratio of the ends of a band, and margin for the round-off of the sampling rate.
 _WIDE, _MARGIN = 1.5, 1.01
-#: Least share of a recording that its segments have together [1]; less may be alike by chance.
-_COVERED = 0.1
 #: Least share of the recording in which the power of a sweep lies [1]: an impact has far less.
 _LASTING = 0.3
 
@@ -107,15 +105,18 @@ def samples_of(
     return dict(zip(names, next(stream(source).chunks), strict=True))
 
 
-def segments_of(signal: Signal, rate: float | None) -> list[tuple[float, float]]:
-    """Start and end of each segment of a signal [s], if it has several and one of them is a sinusoid."""
+def segments_of(signal: Signal, rate: float | None) -> list[Segment]:
+    """The segments of a signal, in the times of its file [s], if several are tests, and not all of them loops."""
     rate = rate_of(signal) or rate
     found = segments(filled(signal.samples), rate) if rate and np.isfinite(signal.samples).sum() > 1 else []
-    lasts = sum(one.end - one.start for one in found) * (rate or 0.0)
-    if len(found) < 2 or all(one.kind == "loop" for one in found) or lasts < _COVERED * signal.samples.size:
+    tests = [one for one in found if one.kind in TESTS]
+    steady = [one for one in tests if one.kind in ("sine", "loop")]
+    # A few sinusoids may be parts of a random motion; loops alone are a static test.
+    several = len(steady) > 1 if any(one.kind == "sine" for one in steady) else len(tests) > len(steady) > 0
+    if not several:
         return []
     first = _begin(signal)
-    return [(first + one.start, first + one.end) for one in found]
+    return [replace(one, start=first + one.start, end=first + one.end) for one in found]
 
 
 def within(signal: Signal, window: tuple[float, float], rate: float | None) -> Signal:

@@ -178,7 +178,7 @@ class _Together:
         """The row of tests.csv of one recording."""
         kind, doubts, recording = self.kinds[index], tuple(dict.fromkeys(self.of_row[index])), self.recordings[index]
         of = (recording.file, kind, "" if kind == "calibration" else one.tyre, one.values, one.repeat)
-        return Row(self.names[index], *of, doubts, one.band, recording.window)
+        return Row(self.names[index], *of, doubts, one.band, recording.window, recording.segment)
 
     def _doubt(self, about: str, text: str, remedy: str = "", tests: Sequence[int] = ()) -> None:
         """Add a doubt on the campaign, or on the tests of some indices."""

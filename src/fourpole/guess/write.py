@@ -70,6 +70,7 @@ class Row:
     doubts: tuple[tuple[str, str], ...] = ()
     band: tuple[float, float] | None = None
     window: tuple[float, float] | None = None
+    segment: str = ""
 
 
 @dataclass(frozen=True)
@@ -315,6 +316,7 @@ def tests_csv(rows: Sequence[Row]) -> str:
             columns[one.stated_head] = cells
     if any(row.window for row in rows):
         columns[q.WINDOW.head] = ["" if row.window is None else "{:g}..{:g}".format(*row.window) for row in rows]
+        columns["segment"] = [row.segment for row in rows]
     if any(row.repeat for row in rows):
         columns["repeat"] = [row.repeat for row in rows]
     named = {head.partition(" ")[0]: cells for head, cells in columns.items()}

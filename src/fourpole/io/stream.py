@@ -135,6 +135,26 @@ def stream(source: StreamSource) -> Stream:
     return Stream(count, _reconciled(chain([first], chunks), source, names, kind.name == "text"), {})
 
 
+class ReadOnce:
+    """Reads the channels of a recording once for all parts of it that are wanted one after the other.
+
+    A recording that is read in chunks, because it needs much memory, is read again for each part.
+    """
+
+    def __init__(self) -> None:
+        self._held: tuple[StreamSource, Chunk] | None = None
+
+    def stream(self, source: StreamSource) -> Stream:
+        """The named channels of a recording, as `stream` gives them."""
+        if self._held is not None and self._held[0] == source:
+            return Stream(0, iter([self._held[1]]), {})
+        run = stream(source)
+        if run.count:
+            return run
+        self._held = source, next(run.chunks)
+        return Stream(0, iter([self._held[1]]), {})
+
+
 def _read(kind: Format, source: StreamSource, names: tuple[str, ...]) -> tuple[int, Iterator[Sequence[Signal]]]:
     """Number of samples of the longest channel (0 if it is one chunk), and the chunks with the times of the file."""
     request = Request(source.path, names, source.group, source.label, _MOST_MEMORY)

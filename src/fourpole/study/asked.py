@@ -44,12 +44,17 @@ def verdict_columns(campaign: Campaign, points: Points) -> dict[q.Quantity, list
     return columns
 
 
+def expects_k1(campaign: Campaign) -> bool:
+    """Whether a test without K1 lacks it: other tests are static ones, or K2 or C is asked for."""
+    return bool(campaign.of_kind("static")) or Asked.ARM in campaign.stated.analysis.quantities
+
+
 def _asked(campaign: Campaign, points: Points) -> Iterator[frozenset[Asked]]:
     """What is asked of each row: as stated, else K*, K2 and C where a K1 is or should be, and TR where a mass moves."""
     moving = {name for name, rig in campaign.stated.all_rigs.items() if not rig.rig().blocked}
-    static, stated = bool(campaign.of_kind("static")), campaign.stated.analysis.quantities
+    expected, stated = expects_k1(campaign), campaign.stated.analysis.quantities
     for test, condition, stiffness in zip(points.tests, points.condition, points.stiffness, strict=True):
-        arm = np.isfinite(stiffness.value) or (static and stiffness.lack is not None)
+        arm = np.isfinite(stiffness.value) or (expected and stiffness.lack is not None)
         can = {Asked.STIFFNESS: True, Asked.ARM: arm, Asked.TR: test.rig in moving}
         wanted = stated or frozenset(quantity for quantity, possible in can.items() if possible)
         yield wanted if condition >= 0 else frozenset()

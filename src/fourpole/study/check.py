@@ -20,6 +20,7 @@ from fourpole.io.recordings import survey
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.stream import StreamSource, stream, times_of
+from fourpole.study.asked import expects_k1
 from fourpole.study.identify import no_rig, possible_route
 from fourpole.study.load import source_of
 from fourpole.study.record import assumptions_of
@@ -269,7 +270,7 @@ class _Inspection:
             if test.kind != "dynamic" or test.name in bad:
                 continue
             k1 = stiffness_for(test, statics, self.campaign.stated.sameness)
-            if k1.lack is not None:
+            if k1.lack is not None and expects_k1(self.campaign):
                 text = "K2 and C would be left blank: {why}: {remedy}".format(**why_no_k1(k1.lack.values))
                 self._say(test, "K1", Verdict.WARNING, text, kind_of(k1.lack))
             for check in k1.checks:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -39,13 +39,21 @@ _MOST_ANGLES = 1 << 17
 
 
 def load_recording(
-    folder: Path, path: Path, test: Test, channels: ChannelsFile, roles: Sequence[str], *, part: float | None = None
+    folder: Path,
+    path: Path,
+    test: Test,
+    channels: ChannelsFile,
+    roles: Sequence[str],
+    *,
+    part: float | None = None,
+    read: Callable[[StreamSource], Stream] = stream,
 ) -> tuple[Recording, list[Message]]:
     """The channels `roles` of a dynamic test and the reference of the drive, with remarks on their times.
 
-    With `part` [s], the recording ends this long after its own start, or after the start of the window.
+    With `part` [s], the recording ends this long after its own start, or after the start of the window. `read` gives
+    the samples of the file.
     """
-    loaded, remarks, reference = _gathered(path, test, channels, roles, channels.reference, part=part)
+    loaded, remarks, reference = _gathered(path, test, channels, roles, channels.reference, part=part, read=read)
     for role, channel in loaded.items():
         stated = channels.named(role)
         if isinstance(stated, ChannelFile) and stated.response is not None:
@@ -96,6 +104,7 @@ def _gathered(
     *,
     timed: bool = True,
     part: float | None = None,
+    read: Callable[[StreamSource], Stream] = stream,
 ) -> tuple[dict[str, Channel], list[Message], Reference | None]:
     """Channels by role, remarks, and the reference.
 
@@ -106,7 +115,7 @@ def _gathered(
     columns = [*stated.values(), *([turning] if turning is not None else [])]
     source = source_of(path, test, channels, columns, timed=timed)
     turn = ReferenceBuilder(turning, timing) if turning is not None else None
-    run = stream(source if part is None else replace(source, rows=_ROWS_OF_PART))
+    run = read(source if part is None else replace(source, rows=_ROWS_OF_PART))
     lines = _fed(run, channels, stated, turn, timing, part)
     built = {role: line.channel() for role, line in lines.items()}
     remarks = [Message("time base", "", line.base.remark) for line in lines.values() if line.base.remark]

@@ -6,8 +6,8 @@ kept in the cache. The checks that depend on the rig and on other statements are
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -43,6 +43,7 @@ from fourpole.io.door import sha256_of
 from fourpole.io.recordings import began_at
 from fourpole.io.remote import permission
 from fourpole.io.signals import MAX_FILE_BYTES
+from fourpole.io.stream import ReadOnce, Stream, StreamSource, stream
 from fourpole.study.load import load_recording
 from fourpole.study.points import Demodulated, Points
 
@@ -128,24 +129,50 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Reduc
     return [Reduction(folder, test, channels, rigs.get(test.rig), needed, responses, remote) for test in tests]
 
 
-def demodulated(job: Reduction) -> Demodulated:
-    """The heavy part of a job: all that the recording gives, whatever the rig; an error is a check that rejects it."""
-    sha256 = ""
+def demodulated(jobs: Sequence[Reduction]) -> list[Demodulated]:
+    """The heavy part of jobs of one file, which is opened, hashed and read once: what it gives, whatever the rig."""
+    with ExitStack() as stack:
+        file = _File(stack)
+        return [_demodulated(job, file) for job in jobs]
+
+
+@dataclass
+class _File:
+    """The file of some jobs, once one of them has needed it: its path, hash and time, and what was read of it."""
+
+    stack: ExitStack
+    path: Path | None = None
+    sha256: str = ""
+    began: float | None = None
+    read: ReadOnce = field(default_factory=ReadOnce)
+
+    def opened(self, job: Reduction) -> Path:
+        """The path of the file, for as long as the stack is open."""
+        if self.path is None:
+            path = self.stack.enter_context(at_hand(job.folder, job.test.file))
+            self.sha256 = sha256_of(path, max_bytes=MAX_FILE_BYTES, label=job.test.file)
+            self.path, self.began = path, began_at(path)
+        return self.path
+
+
+def _demodulated(job: Reduction, file: _File) -> Demodulated:
+    """What a job gives; an error is a check that rejects it."""
     try:
         if job.test.problem:
             code = Code.EXCLUDED if job.test.excluded else Code.STATEMENT
             why = problem_of(job.test)
             return Demodulated(checks=(reported(code, Verdict.REJECTED, error=why),))
-        with at_hand(job.folder, job.test.file) as path:
-            sha256 = sha256_of(path, max_bytes=MAX_FILE_BYTES, label=job.test.file)
-            return replace(demodulated_part(job, path), sha256=sha256, began=began_at(path))
+        done = demodulated_part(job, file.opened(job), read=file.read.stream)
+        return replace(done, sha256=file.sha256, began=file.began)
     except FourpoleError as error:
         codes: dict[type, Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
         code = codes.get(type(error), Code.RECORDING)
         check, lasting = reported(code, Verdict.REJECTED, error=error.message), isinstance(error, RecordingError)
-        sha256 = "" if isinstance(error, FileError) else sha256  # no result of the content, which may be read again
+        sha256 = (
+            "" if isinstance(error, FileError) else file.sha256
+        )  # no result of the content, which may be read again
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
-        check, lasting = fault_of(error, job.test.file), False
+        check, lasting, sha256 = fault_of(error, job.test.file), False, file.sha256
     return Demodulated(checks=(check,), sha256=sha256, lasting=lasting)
 
 
@@ -174,7 +201,7 @@ def points_of(job: Reduction, done: Demodulated) -> Points:
         checks=checks,
         corrections=corrections,
         previews=(shown, *(None,) * (count - 1)),
-        began=np.full(count, np.nan if done.began is None else done.began),
+        began=np.full(count, np.nan if done.began is None else done.began + (job.test.window or (0.0,))[0]),
         sha256=(done.sha256,) * count,
         columns=columns,
     )
@@ -219,12 +246,14 @@ def _checks_of_lines(job: Reduction, lines: Excited, done: Demodulated) -> Itera
             whole = [check for check in whole if check.verdict is not Verdict.OK]
 
 
-def demodulated_part(job: Reduction, path: Path, part: float | None = None) -> Demodulated:
+def demodulated_part(
+    job: Reduction, path: Path, part: float | None = None, read: Callable[[StreamSource], Stream] = stream
+) -> Demodulated:
     """Amplitudes of all stated channels; a damaged channel that the route does not need is left out with a warning.
 
     With `part` [s], only the first part of this length is used.
     """
-    recording, made = loaded(job, path, part)
+    recording, made = loaded(job, path, part, read)
     start, steady, many = None, None, job.test.band is not None
     if job.test.window is None and not many:
         with suppress(RecordingError):  # the demodulation raises the same error with its cause
@@ -279,7 +308,9 @@ def _preview(recording: Recording) -> Preview | None:
     return raw_preview(tracks[0], len(roles)) if len(tracks) == 1 else None
 
 
-def loaded(job: Reduction, path: Path, part: float | None = None) -> tuple[Recording, list[Check]]:
+def loaded(
+    job: Reduction, path: Path, part: float | None = None, read: Callable[[StreamSource], Stream] = stream
+) -> tuple[Recording, list[Check]]:
     """The recording with all stated channels, or with the needed channels only, and its checks."""
     roles = _stated_roles(job)
     spare = [role for role in roles if role not in job.needed]
@@ -288,7 +319,7 @@ def loaded(job: Reduction, path: Path, part: float | None = None) -> tuple[Recor
     while True:
         try:
             kept = tries[len(failed)]
-            recording, remarks = load_recording(job.folder, path, job.test, job.channels, kept, part=part)
+            recording, remarks = load_recording(job.folder, path, job.test, job.channels, kept, part=part, read=read)
             break
         except TableError as error:
             failed.append(error.message)

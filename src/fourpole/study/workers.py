@@ -21,6 +21,7 @@ from concurrent.futures import (
 )
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
+from itertools import groupby, islice
 from typing import TypeAlias
 
 from fourpole.campaign.place import at_hand, identity_or_none, is_guarded
@@ -29,7 +30,7 @@ from fourpole.errors import CampaignError, FourpoleError, Message
 from fourpole.io.child import SECONDS, Child, Died, Late, answer_of, child
 from fourpole.io.door import sha256_of
 from fourpole.io.identity import Identity
-from fourpole.io.packed import unpack
+from fourpole.io.packed import pack, unpack
 from fourpole.io.remote import allow, is_elsewhere
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.study.cache import Cache, packed, unpacked
@@ -47,6 +48,8 @@ _PAYS = 3.0
 _TASK = 0.3
 #: Number of tasks in flight per worker, so that none waits, and the memory is bounded.
 _AHEAD = 3
+#: Most parts of one recording in a task: so many are lost if its worker dies.
+_MOST_PARTS = 64
 #: Number of files about which servers are asked at a time.
 _ASKED = 16
 #: Interval at which Ctrl-C is looked for where a wait cannot be interrupted [s].
@@ -59,42 +62,45 @@ OF_WORK = OF_JOB
 
 
 def run_batch(jobs: Sequence[Reduction], seconds: float, guarded: bool) -> list[Answer]:
-    """Demodulate recordings one after the other: the task of any executor; see `run_job`."""
-    return [run_job(job, seconds, guarded=guarded) for job in jobs]
+    """Demodulate recordings one after the other: the task of any executor; see `run_jobs`."""
+    of_files = groupby(jobs, key=lambda job: job.test.file)
+    return [answer for _, group in of_files for answer in run_jobs(list(group), seconds, guarded=guarded)]
 
 
-def run_job(job: Reduction, seconds: float, *, guarded: bool = False) -> Answer:
-    """Demodulate a recording.
+def run_jobs(jobs: Sequence[Reduction], seconds: float, *, guarded: bool = False) -> list[Answer]:
+    """Demodulate the parts of a recording that are tests.
 
     Parameters
     ----------
-    job : Reduction
-        The job.
+    jobs : sequence of Reduction
+        The jobs of one file.
     seconds : float [s]
-        Limit of the processor time; a large file has more.
+        Limit of the processor time of each; a large file has more.
     guarded : bool
-        Whether it is run in the worker process of this thread; otherwise only if there is a reason.
+        Whether they are run in the worker process of this thread; otherwise only if there is a reason.
     """
-    if is_elsewhere(job.test.file):
-        allow(job.remote)  # a worker of a cluster has the permission of the user who sends the jobs
-    if not guarded and not is_guarded(job.folder, job.test.file):
-        return demodulated(job)
+    folder, file = jobs[0].folder, jobs[0].test.file
+    if is_elsewhere(file):
+        allow(jobs[0].remote)  # a worker of a cluster has the permission of the user who sends the jobs
+    if not guarded and not is_guarded(folder, file):
+        return [*demodulated(jobs)]
     try:
-        return unpacked(child().call(demodulate_packed, job, size=_size(job), seconds=seconds))
+        answers = child().call(demodulate_packed, list(jobs), size=_size(jobs[0]), seconds=seconds * len(jobs))
+        return [unpacked(answer) for answer in unpack(answers)]
     except Late as death:
-        check = reported(Code.SLOW, Verdict.REJECTED, file=job.test.file, error=death.message)
+        check = reported(Code.SLOW, Verdict.REJECTED, file=file, error=death.message)
     except Died as death:
-        return str(death)
+        return [str(death)] * len(jobs)
     except MemoryError as error:
-        check = fault_of(error, job.test.file)
+        check = fault_of(error, file)
     except RuntimeError as error:
         check = reported(Code.FAULT, Verdict.REJECTED, error=Message("fault", "", str(error)))
-    return Demodulated(checks=(check,), lasting=False)
+    return [Demodulated(checks=(check,), lasting=False)] * len(jobs)
 
 
-def demodulate_packed(job: Reduction) -> bytes:
-    """The packed result of a job: the work of a worker process."""
-    return packed(demodulated(job))
+def demodulate_packed(jobs: list[Reduction]) -> bytes:
+    """The packed results of the jobs of one file: the work of a worker process."""
+    return pack([packed(done) for done in demodulated(jobs)])
 
 
 def check_part_of(job: Reduction, *, guarded: bool = False) -> tuple[Check, ...]:
@@ -191,7 +197,8 @@ def reduce_tests(
     with ThreadPoolExecutor(_ASKED) as asking:  # servers are asked about several files at a time
         each = asking.map if any(is_elsewhere(job.test.file) for job in jobs) else map
         identities = list(each(lambda job: identity_or_none(job.folder, job.test.file), jobs))
-    costs = [_SECONDS + _PER_BYTE * (identity.size if identity is not None else 0) for identity in identities]
+    sizes = {job.test.file: each.size for job, each in zip(jobs, identities, strict=True) if each is not None}
+    costs = [_SECONDS + _PER_BYTE * sizes.pop(job.test.file, 0) for job in jobs]  # a file is read once
     run = _Run(jobs, cache, seconds, progress, arrived, identities, costs)
     left = [index for index in range(len(jobs)) if not run.recall(index)]
     cost = sum(costs[index] for index in left)
@@ -199,7 +206,9 @@ def reduce_tests(
     try:
         with pool as used:
             if used is None:
-                dead = [index for index in left if not run.take(index, run_job(jobs[index], seconds))]
+                dead = []
+                for batch in run.batches(left, 0.0):
+                    dead += run.taken(batch, run_batch([jobs[index] for index in batch], seconds, guarded=False))
             else:
                 dead = run.by(used, left)
             for index in dead:
@@ -222,18 +231,19 @@ class _Run:
     identities: Sequence[Identity | None]
     costs: Sequence[float]
     results: dict[int, Points] = field(default_factory=dict)
+    hashes: dict[str, str] = field(default_factory=dict)
 
     def recall(self, index: int) -> bool:
         """Take the result of a job that the cache has, or whose test cannot be used; False for another one."""
         job, cache, identity = self.jobs[index], self.cache, self.identities[index]
         if job.test.problem:
-            return self.take(index, demodulated(job))
+            return self.take(index, demodulated([job])[0])
         if cache is None or identity is None:
             return False
-        sha256 = cache.hash_noted(job.test.file, identity)
+        sha256 = cache.hash_noted(job.test.file, identity) or self.hashes.get(job.test.file, "")
         if not sha256 and cache.may_have(job.test.file):
             with suppress(FourpoleError, OSError), at_hand(job.folder, job.test.file) as path:
-                sha256 = sha256_of(path, max_bytes=MAX_FILE_BYTES)
+                sha256 = self.hashes[job.test.file] = sha256_of(path, max_bytes=MAX_FILE_BYTES)
             cache.note(job.test.file, identity, sha256)
         done = cache.recall(cache.name(job.settings, sha256)) if sha256 else None
         return done is not None and self.take(index, done, kept=True)
@@ -260,7 +270,7 @@ class _Run:
         elsewhere = not isinstance(executor, ThreadPoolExecutor | ProcessPoolExecutor)
         dead: list[int] = []
         running: dict[Future[list[Answer]], list[int]] = {}
-        batches = self._batches(left, 0.0 if own else _TASK)
+        batches = self.batches(left, 0.0 if own else _TASK)
         waiting = next(batches, None)
         try:
             while running or waiting:
@@ -270,28 +280,32 @@ class _Run:
                     waiting = next(batches, None)
                 for future in wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED).done:
                     indices = running.pop(future)
-                    answers = _answers(future, len(indices))
-                    dead += [i for i, answer in zip(indices, answers, strict=True) if not self.take(i, answer)]
+                    dead += self.taken(indices, _answers(future, len(indices)))
         finally:
             for future in running:
                 future.cancel()
         return dead
 
-    def _batches(self, left: Sequence[int], seconds: float) -> Iterator[list[int]]:
-        """Jobs in batches of about this time [s]."""
+    def batches(self, left: Sequence[int], seconds: float) -> Iterator[list[int]]:
+        """Jobs in batches of about this time [s] and of whole files, which are read once, but for the longest ones."""
         batch: list[int] = []
-        for index in left:
-            batch.append(index)
-            if sum(self.costs[index] for index in batch) >= seconds:
-                yield batch
-                batch = []
+        for _, group in groupby(left, key=lambda index: self.jobs[index].test.file):
+            while part := list(islice(group, _MOST_PARTS)):
+                batch += part
+                if sum(self.costs[index] for index in batch) >= seconds:
+                    yield batch
+                    batch = []
         if batch:
             yield batch
+
+    def taken(self, indices: Sequence[int], answers: Sequence[Answer]) -> list[int]:
+        """Take the answers to some jobs; those whose worker died."""
+        return [index for index, answer in zip(indices, answers, strict=True) if not self.take(index, answer)]
 
     def once_more(self, index: int) -> None:
         """Run a job again by itself, in a worker of its own; if it dies again, its test is rejected."""
         job = self.jobs[index]
-        answer = run_job(job, self.seconds, guarded=True)
+        (answer,) = run_jobs([job], self.seconds, guarded=True)
         if isinstance(answer, str):
             why = Message("reader", "", answer)
             check = reported(Code.READER, Verdict.REJECTED, file=job.test.file, error=why)
