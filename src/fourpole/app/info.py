@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -15,9 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from fourpole.answer import Answer, Part
+from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import progress, rising, table_width, warn
 from fourpole.app.options import InfoOptions
+from fourpole.core.digits import number
+from fourpole.core.segments import Segment
+from fourpole.guess.gather import segments_in
 from fourpole.io.child import read_apart
 from fourpole.io.convert import Choice, convert
 from fourpole.io.look import ChannelSummary, look_at
@@ -29,6 +33,9 @@ _MOST = 64
 _LONGEST_NAME, _LEAST_PLOT, _MOST_PLOT = 28, 8, 48
 _NUMBER = 11
 _HEIGHT = 10
+#: The sign of each kind of segment, and most signs of a drawing.
+_SIGNS = {"rest": "_", "hold": "-", "ramp": "/", "loop": "^", "sine": "~", "sweep": ">", "random": "#"}
+_MOST_DRAWN = 100
 
 
 @dataclass(frozen=True)
@@ -92,13 +99,38 @@ def run_info(file: Path, options: InfoOptions) -> Answer:
     if not options.quick:
         with progress("reading") as advance:
             seen = read_apart(look_at, file, found, some, classes=(ChannelSummary,), progress=advance)
+    motion = None if options.quick or options.channel else segments_in(file)
     rows = []
     for at in shown:
         one = seen.get(at)
         rows.append(_Row(found.signals[at], *((None, one) if isinstance(one, str) else (one,))))
     head = {"file": file.name, "format": found.format, "notes": found.notes}
     read = len(shown) if options.quick else len(some)
-    return Answer(_shown(file, found, rows, options, read), lambda: {**head, "signals": [_plain(row) for row in rows]})
+    parts = (*_shown(file, found, rows, options, read), *(_motion(*motion) if motion is not None else ()))
+
+    def document() -> dict[str, Any]:
+        several = {} if motion is None else {"segments": [{"channel": motion[0], **asdict(one)} for one in motion[2]]}
+        return {**head, "signals": [_plain(row) for row in rows], **several}
+
+    return Answer(parts, document)
+
+
+def _motion(channel: str, unit: str, segments: Sequence[Segment]) -> Iterator[Part]:
+    """What a recording does one after the other, drawn along its time, and as a table."""
+    end, width = segments[-1].end, min(table_width(), _MOST_DRAWN)
+    edges = segments[0].start + (end - segments[0].start) * (np.arange(width) + 0.5) / width
+    drawn = [next((_SIGNS[one.kind] for one in segments if one.start <= at <= one.end), " ") for at in edges]
+    signs = ", ".join(f"{_SIGNS[kind]} {kind}" for kind in dict.fromkeys(one.kind for one in segments))
+    yield f"\nsegments of {channel!r} ({signs}):\n{''.join(drawn)}"
+    heads = ["segment", "from [s]", "to [s]", "f [Hz]", f"amplitude [{unit}]", f"mean [{unit}]"]
+    counts, rows = Counter[str](), []
+    for one in segments[:_MOST]:
+        counts[one.kind] += 1
+        cycles = (number(one.frequency), number(one.amplitude)) if one.frequency else ("", "")
+        rows.append([f"{one.kind} {counts[one.kind]}", number(one.start), number(one.end), *cycles, number(one.mean)])
+    yield Table(heads, rows, heads[1:])
+    if len(segments) > _MOST:
+        yield f"... and {len(segments) - _MOST} more"
 
 
 def run_convert(

@@ -229,7 +229,7 @@ def _between(
     inside = turns[(turns > ends[0]) & (turns < ends[1] - 1)]
     for low, high, still in _runs(motion, inside, ends, least):
         part, turned = motion[low:high], inside[(inside > low) & (inside < high - 1)]
-        times, mean = (low / rate, high / rate), float(np.mean(part))
+        times, mean = (float(low / rate), float(high / rate)), float(np.mean(part))
         if still:
             yield Segment("rest" if abs(mean - motion[0]) <= 2 * least else "hold", *times, 0.0, 0.0, mean)
         elif turned.size >= _MANY:
@@ -237,7 +237,7 @@ def _between(
             first, last = (float(np.mean(each)) for each in np.array_split(lengths, 3)[::2])
             change = abs(np.log(last / first))
             swept = change > _CHIRPED and np.std(np.diff(np.log(lengths))) < 0.5 * change
-            frequency, height = 0.5 * rate / float(np.mean(lengths)), float(np.median(np.abs(np.diff(motion[turned]))))
+            frequency, height = float(0.5 * rate / np.mean(lengths)), float(np.median(np.abs(np.diff(motion[turned]))))
             yield Segment("sweep" if swept else "random", *times, frequency, 0.5 * height, mean)
         elif abs(part[-1] - part[0]) > _ONE_WAY * np.ptp(part):
             yield Segment("ramp", *times, 0.0, 0.0, mean)

@@ -15,11 +15,20 @@ import numpy as np
 
 from fourpole import units
 from fourpole.core.recording import DERIVATIVES
-from fourpole.core.segments import TESTS
+from fourpole.core.segments import TESTS, Segment
 from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
-from fourpole.guess.signals import ALL_ROWS, ENOUGH_ROWS, SignalShape, samples_of, segments_of, signal_shape, within
+from fourpole.guess.signals import (
+    ALL_ROWS,
+    ENOUGH_ROWS,
+    SignalShape,
+    parts_of,
+    samples_of,
+    segments_of,
+    signal_shape,
+    within,
+)
 from fourpole.io.child import read_apart
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
@@ -305,6 +314,29 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
     except FourpoleError:
         return [one]
     return _segments(one, motions) or [one]
+
+
+def segments_in(path: Path) -> tuple[str, str, list[Segment]] | None:
+    """Name and unit of the channel that shows the motion of a recording, and its segments; None if it is one thing."""
+    found: tuple[str, str, list[Segment]] | None = None
+    with suppress(FourpoleError):
+        found = read_apart(motion_of, path, path.name, classes=(Segment,))
+    return found if found is not None and len(found[2]) > 1 else None
+
+
+def motion_of(path: Path, name: str) -> tuple[str, str, list[Segment]] | None:
+    """The same of any number of segments, as a worker process finds it; None without a motion."""
+    info = survey(path, max_bytes=_MOST_BYTES, label=name)
+    first = [signal for signal in info.signals if signal.group == info.signals[0].group][:_MOST_CHANNELS]
+    columns = [column_of(signal.name, signal.unit) for signal in first]
+    clock = next((column for column in columns if column.quantity == "time"), None)
+    moving = next(iter(_motions(columns)), None)
+    if moving is None:
+        return None
+    title, unit = clock.name if clock else None, (clock and clock.unit) or "s"
+    samples = samples_of(path, [moving], group=first[0].group, label=name, clock=title, unit=unit, rows=ALL_ROWS)
+    found = parts_of(samples[moving], _common_rate(first))
+    return moving, next(column.unit for column in columns if column.name == moving) or "", found
 
 
 def _segments(one: FolderRecording, signals: Mapping[str, Signal]) -> list[FolderRecording]:

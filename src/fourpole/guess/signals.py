@@ -105,18 +105,20 @@ def samples_of(
     return dict(zip(names, next(stream(source).chunks), strict=True))
 
 
-def segments_of(signal: Signal, rate: float | None) -> list[Segment]:
-    """The segments of a signal, in the times of its file [s], if several are tests, and not all of them loops."""
-    rate = rate_of(signal) or rate
+def parts_of(signal: Signal, rate: float | None) -> list[Segment]:
+    """The segments of a signal, in the times of its file [s]; none without a rate."""
+    rate, first = rate_of(signal) or rate, _begin(signal)
     found = segments(filled(signal.samples), rate) if rate and np.isfinite(signal.samples).sum() > 1 else []
-    tests = [one for one in found if one.kind in TESTS]
-    steady = [one for one in tests if one.kind in ("sine", "loop")]
-    # A few sinusoids may be parts of a random motion; loops alone are a static test.
-    several = len(steady) > 1 if any(one.kind == "sine" for one in steady) else len(tests) > len(steady) > 0
-    if not several:
-        return []
-    first = _begin(signal)
     return [replace(one, start=first + one.start, end=first + one.end) for one in found]
+
+
+def segments_of(signal: Signal, rate: float | None) -> list[Segment]:
+    """The segments of a signal, if several are tests, and not all of them loops."""
+    found = parts_of(signal, rate)
+    steady = [one.kind for one in found if one.kind in ("sine", "loop")]
+    # One sinusoid may be a part of a random motion; loops alone are a static test.
+    tests = sum(one.kind in TESTS for one in found)
+    return found if (len(steady) > 1 if "sine" in steady else tests > len(steady) > 0) else []
 
 
 def within(signal: Signal, window: tuple[float, float], rate: float | None) -> Signal:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -41,6 +41,8 @@ _MIXED = 2.0
 _PRESSURE = q.PRESSURE.key
 #: Amplitudes of a copied recording are equal to this share of the standard uncertainty of their noise.
 _COPIED = 1e-3
+#: Share of a window that another one has in common with it, from which they are copies.
+_OVERLAP = 0.5
 #: Tests whose deflections differ by less than this factor have one level.
 _LEVEL = 1.25
 #: Lines within this share of a frequency are compared with it, and the fewest frequencies of a comparison.
@@ -187,7 +189,7 @@ def copies(points: Points, sound: BoolArray) -> Iterator[tuple[int, Check]]:
 
     If only one of them is sound by all other checks, the copy is the other one. Amplitudes are equal within a fraction
     of their noise: their last digits depend on the stated frequency, from which the search begins. Repeats without
-    noise are no copies.
+    noise are no copies. Parts of one file are copies if their windows overlap.
     """
     amplitudes = points.phasors.amplitudes
     size = np.nan_to_num(np.hypot(amplitudes[:, 1].real, amplitudes[:, 1].imag))
@@ -200,13 +202,24 @@ def copies(points: Points, sound: BoolArray) -> Iterator[tuple[int, Check]]:
             same[-1].append(row)
         else:
             same.append([row])
-    for rows in map(sorted, same):
+    for rows in map(sorted, (*same, *_overlapping(points))):
         names = list(dict.fromkeys(points.tests[row].name for row in rows))
         single = np.count_nonzero(sound[rows]) == 1
         for row in rows if len(names) > 1 else ():
             if not (single and sound[row]):
                 others = tuple(name for name in names if name != points.tests[row].name)
                 yield row, reported(Code.COPY, Verdict.WARNING, tests=others)
+
+
+def _overlapping(points: Points) -> list[list[int]]:
+    """Pairs of rows whose windows of one recording have more than half of the shorter one in common."""
+    windows = {test.name: (test.file, *test.window, row)
+               for row, test in enumerate(points.tests) if test.window is not None}  # fmt: skip
+    return [
+        [row, other]
+        for (file, low, high, row), (file2, begin, end, other) in pairwise(sorted(windows.values()))
+        if file == file2 and min(high, end) - begin > _OVERLAP * min(high - low, end - begin)
+    ]
 
 
 def noises(points: Points, used: BoolArray) -> Iterator[tuple[int, Check]]:

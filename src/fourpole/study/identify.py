@@ -172,7 +172,8 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     as tests.csv states it, as their recordings state it, or in the order of tests.csv.
     """
     tests, strange, stated = [points.tests[index] for index in rows], points.strange[rows], campaign.stated
-    _, recording, lines = np.unique([test.name for test in tests], return_inverse=True, return_counts=True)
+    _, own, lines = np.unique([test.name for test in tests], return_inverse=True, return_counts=True)
+    files = [test.name if test.window is None else f"{test.file} " for test in tests]  # parts of one are no repeats
     count = Counter(test.name for test in points.tests)
     nominal = [np.nan if count[test.name] > 1 else test.value("frequency") or np.nan for test in tests]
     temperature, time = (
@@ -206,8 +207,8 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
         "bodies": stated.bodies,
         "time": time,
         "apart": np.where(strange, 0.0, apart),
-        "lines": lines[recording].astype(float),
-        "recording": recording,
+        "lines": lines[own].astype(float),
+        "recording": np.unique(files, return_inverse=True)[1].ravel(),
     }
     return setup, order
 
