@@ -202,7 +202,8 @@ def _segment(motion: FloatArray, turns: IntArray, at: FloatArray, rate: float, n
     if at.size < _SINE:
         return None
     full = np.flatnonzero(np.abs(0.5 * np.abs(np.diff(values)) / amplitude - 1.0) < _FULL + _NOISE * noise / amplitude)
-    at = at[max(_SETTLING, full[0]) : full[-1] + 1]
+    # The last half cycle may end in a rest: it then goes on to the first turn of the next motion.
+    at = at[max(_SETTLING, full[0]) : full[-1]]
     lengths = np.diff(at)
     if lengths.size < _SETTLING:
         return None
