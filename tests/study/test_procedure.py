@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fourpole.campaign import read_campaign
+from fourpole.campaign.row import begun_at
 from fourpole.io import stream as streams
 from fourpole.study import analyse, reduce
 
@@ -96,3 +98,14 @@ def test_rows_follow_one_another_in_time(procedure, monkeypatch):
     )
     analyse(folder)
     assert [time - 1.7e9 for time in began] == pytest.approx([low for low, _ in windows], abs=1e-4)
+
+
+def test_one_stated_time_of_a_recording_is_that_of_its_start(procedure):
+    folder, windows = procedure
+    state(folder, windows)
+    rows = (folder / "tests.csv").read_text().splitlines()
+    (folder / "tests.csv").write_text("\n".join([rows[0] + ",time [s]", *(row + ",100" for row in rows[1:])]) + "\n")
+    assert begun_at(read_campaign(folder).tests) == pytest.approx([100 + low for low, _ in windows])
+    apart = [f"{row},{100 + at}" for at, row in enumerate(rows[1:])]
+    (folder / "tests.csv").write_text("\n".join([rows[0] + ",time [s]", *apart]) + "\n")
+    assert begun_at(read_campaign(folder).tests) == pytest.approx([100, 101, 102, 103])

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
+from math import nan
 
 from fourpole import quantities as q
 from fourpole import units
@@ -221,6 +222,21 @@ class Test:
 def problem_of(test: Test) -> Message:
     """Why the row of a test cannot be used, as a value: the columns at fault, and the whole sentence."""
     return Message("tests.csv", ", ".join(f"{fault.code} {fault.site}" for fault in test.faults), test.problem)
+
+
+def begun_at(tests: Sequence[Test]) -> list[float]:
+    """Stated time at which each test began [s], or not-a-number.
+
+    Tests that state one time for one recording began as long after it as their windows do.
+    """
+    stated = [(test.file, test.values.get("time", nan)) for test in tests]
+    windows: dict[tuple[str, float], set[tuple[float, float] | None]] = {}
+    for test, key in zip(tests, stated, strict=True):
+        windows.setdefault(key, set()).add(test.window)
+    return [
+        key[1] + (test.window[0] if test.window is not None and len(windows[key]) > 1 else 0.0)
+        for test, key in zip(tests, stated, strict=True)
+    ]
 
 
 def condition_of(test: Test, rule: Sameness) -> Condition:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign.folder import Campaign
-from fourpole.campaign.row import condition_of, condition_words
+from fourpole.campaign.row import begun_at, condition_of, condition_words
 from fourpole.core import stats
 from fourpole.core.alone import Alone
 from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
@@ -247,7 +247,7 @@ def _curves(campaign: Campaign, points: Points, alone: Alone, rows: np.ndarray) 
     deflection -= np.mean(deflection[np.isfinite(deflection)]) if np.isfinite(deflection).any() else 0.0
     lever = np.where(np.isfinite(alone.lever), alone.lever, complex(np.nan))
     # The place in the run, from -0.5 to 0.5: by the stated times if all are stated, else by the order.
-    time = np.array([test.values.get("time", np.nan) for test in tests])
+    time = np.array(begun_at(tests))
     time = time if np.all(np.isfinite(time)) else np.arange(len(tests), dtype=float)
     place = (time - time.min()) / (float(np.ptp(time)) or 1.0) - 0.5
     shared = [lever, 1j * lever * alone.frequency / alone.frequency.mean(), place + 0j, deflection + 0j]

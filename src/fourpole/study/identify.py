@@ -11,7 +11,7 @@ import numpy as np
 
 from fourpole.campaign import defaults
 from fourpole.campaign.folder import Campaign
-from fourpole.campaign.row import Test
+from fourpole.campaign.row import Test, begun_at
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
 from fourpole.core.channelerrors import ChannelUncertainty
@@ -176,9 +176,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     files = [test.name if test.window is None else f"{test.file} " for test in tests]  # parts of one are no repeats
     count = Counter(test.name for test in points.tests)
     nominal = [np.nan if count[test.name] > 1 else test.value("frequency") or np.nan for test in tests]
-    temperature, time = (
-        np.array([test.values.get(name, np.nan) for test in tests]) for name in ("temperature", "time")
-    )
+    temperature, time = np.array([test.values.get("temperature", np.nan) for test in tests]), np.array(begun_at(tests))
     order = RunOrder.TIME
     if not np.all(np.isfinite(time)):
         time, order = points.began[rows], RunOrder.RECORDINGS
