@@ -146,17 +146,24 @@ def verdicts(facts: Facts) -> list[Finding]:
     tally = Tally(*(list(worst.values()).count(verdict) for verdict in VERDICTS))
     used = in_order(test for test, verdict in worst.items() if verdict != Verdict.REJECTED)
     checks = checks_by_test(facts.results.checks)
-    doubts = [*_of_verdict(Holds.REJECTED, rows, checks), *_of_verdict(Holds.WARNING, rows, checks)]
+    bad, warned = ([row for row in rows if row["verdict"] == holds] for holds in (Holds.REJECTED, Holds.WARNING))
+    doubts = [*_of_verdict(Holds.REJECTED, bad, checks), *_of_verdict(Holds.WARNING, warned, checks)]
+    lost = {
+        row["test"] for row in rows if row["verdict"] == Verdict.OK and row.get(q.VERDICT_ARM.head) == Verdict.REJECTED
+    }
+    if lost:  # K* of these is ok
+        why = Reason(None, template(Code.PASSIVE_ARM, "short", Verdict.REJECTED))
+        doubts.append(Finding(Topic.TRUST, None, (), Holds.WARNING, why, tests=in_order(lost)))
     # A specimen that is not linear comes first, because all other checks assume a linear one.
     doubts.sort(key=lambda finding: not (isinstance(finding.detail, Reason) and finding.detail.code is Code.LINEARITY))
     return [Finding(Topic.TRUST, None, facts.tyres, tally.holds, tally, tests=used), *doubts]
 
 
 def _of_verdict(holds: Holds, rows: Sequence[Row], checks: Mapping[str, Sequence[CheckRow]]) -> list[Finding]:
-    """The tests of a verdict by reason, the commonest reason first."""
+    """Tests of one verdict by its reason, the commonest reason first."""
     reasons: dict[Reason, set[str]] = {}
     alike: dict[object, Reason] = {}
-    for row in (row for row in rows if row["verdict"] == holds):
+    for row in rows:
         for doubt, kind in _doubts(checks.get(row["test"], ()), row["verdict"], row["remarks"] or ""):
             reasons.setdefault(doubt if doubt.code else alike.setdefault(kind, doubt), set()).add(row["test"])
     order = sorted(
