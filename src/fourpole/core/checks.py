@@ -63,6 +63,7 @@ class Code(Enum):
     LIFT_OFF = "lift-off"
     RESONANCE = "rig resonance"
     CONSISTENCY = "F1 against V2"
+    BLOCKING = "blocking mass"
     CLIPPING = "clipping"
     LEFT_OUT = "use"
     TIME_BASE = "time base"
@@ -176,6 +177,15 @@ class NoK1(Enum):
     NO_TEST = auto()
     NO_PRELOAD = auto()
     REJECTED = auto()
+
+
+class Difficulty(Enum):
+    """What makes K* by a blocking mass uncertain: auxiliary springs, motions that are alike, or another source."""
+
+    UNSTATED_SPRINGS = auto()
+    SPRINGS = auto()
+    ALIKE = auto()
+    SOURCE = auto()
 
 
 class Excitation(Enum):

@@ -1,0 +1,95 @@
+"""A blocking mass in place of a force cell: K* of two motions, with auxiliary springs that nobody stated."""
+
+import numpy as np
+import pytest
+
+from fourpole.core.alone import Alone
+from fourpole.core.blocking import blocking_checks, with_unstated_springs
+from fourpole.core.channelerrors import ChannelUncertainty
+from fourpole.core.checks import Difficulty, Verdict
+from fourpole.core.identify import identify, variance_by_source
+from fourpole.core.phasor import Phasors
+from fourpole.core.rig import Rig
+
+MASS = 12.5
+STIFFNESS = 180e3 * (1 + 0.15j)
+RESONANCE = np.sqrt(180e3 / MASS) / (2 * np.pi)
+
+
+def motions(frequency, spring=0.0, damper=0.0):
+    """V2 over V1 of the mass on the specimen and on its springs, by Newton's law."""
+    omega = 2 * np.pi * np.asarray(frequency)
+    ratio = STIFFNESS / (STIFFNESS + spring + 1j * omega * damper - MASS * omega**2)
+    amplitudes = np.stack([np.full(omega.shape, np.nan), np.ones(omega.shape), ratio], axis=1)
+    count = omega.size
+    return Phasors(np.asarray(frequency), amplitudes, np.zeros((count, 6, 6)), np.zeros(count), np.zeros(count))
+
+
+def judged(frequency, rig=None, gain=0.0, **true):
+    """K* relative to the true one, its relative u, and the checks, with springs that nobody stated."""
+    phasors = motions(np.asarray(frequency, dtype=float), **true)
+    if rig is None:
+        rig = with_unstated_springs(Rig(moving_mass=MASS), phasors, np.zeros(phasors.frequency.size))
+    stated = {"route": "transmissibility", "channels": ChannelUncertainty(gain=np.array([0.0, gain, gain]))}
+    found = identify(phasors, rig, **stated)
+    u = np.sqrt(np.trace(found.stiffness_covariance, axis1=1, axis2=2)) / np.abs(found.stiffness)
+    variance = variance_by_source(phasors, rig, **stated)
+    return found.stiffness / STIFFNESS, u, blocking_checks(phasors, rig, found, variance)
+
+
+def test_u_of_unstated_springs_is_that_of_a_spring_as_stiff_as_the_specimen():
+    frequency = RESONANCE * np.array([3.0, 6.0, 12.0])
+    off, u, _ = judged(frequency)
+    assert off == pytest.approx(1.0, rel=1e-9)
+    size = abs(STIFFNESS) / (MASS * (2 * np.pi * frequency) ** 2)
+    damper = 0.02 * 2 * np.sqrt(abs(STIFFNESS) / np.sqrt(3) * MASS) / (MASS * 2 * np.pi * frequency)
+    assert u == pytest.approx(np.sqrt(size**2 / 3 + damper**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.6, 1.0])
+def test_no_verdict_is_ok_where_springs_softer_than_the_specimen_change_k_by_more_than_a_decibel(share):
+    frequency = RESONANCE * np.geomspace(0.1, 20.0, 60)
+    off, u, checks = judged(frequency, spring=share * 180e3, damper=20.0)
+    ok = np.array([check.verdict is Verdict.OK for check in checks])
+    assert np.abs(off[ok] - 1.0).max() < 0.122
+    assert np.all(np.abs(off[ok] - 1.0) < 2 * u[ok])
+    assert ok[frequency > 6 * RESONANCE].all()
+
+
+def test_the_limit_is_that_of_the_standard_which_asks_for_20_db():
+    """The mass moves by about a tenth of the input where m w² is 9.5 |K*|: there U is 1 dB."""
+    frequency = np.sqrt(abs(STIFFNESS) / np.sqrt(3) / (MASS * 0.0610)) / (2 * np.pi)
+    _, _, checks = judged(frequency * np.array([0.98, 1.02]))
+    assert [check.verdict for check in checks] == [Verdict.WARNING, Verdict.OK]
+    assert checks[0].values["difficulty"] is Difficulty.UNSTATED_SPRINGS
+    assert checks[0].values["ratio"] == pytest.approx(0.12, rel=0.05)
+    assert checks[0].values["enough"] == pytest.approx(frequency, rel=0.02)
+
+
+def test_at_the_resonance_and_below_it_nothing_is_ok():
+    _, _, checks = judged(RESONANCE * np.array([0.1, 0.5, 1.0, 1.2, 2.0]), spring=9e3)
+    assert [check.verdict for check in checks] == [*3 * [Verdict.REJECTED], *2 * [Verdict.WARNING]]
+
+
+def test_stated_springs_make_it_right_and_below_the_resonance_the_difference_of_the_motions_decides():
+    frequency, rig = RESONANCE * np.array([0.15, 0.4, 1.0, 3.0]), Rig(moving_mass=MASS, preload_stiffness=9e3)
+    off, _, checks = judged(frequency, rig, gain=0.01, spring=9e3)
+    assert off == pytest.approx(1.0, rel=1e-9)
+    assert [check.verdict for check in checks] == [Verdict.REJECTED, Verdict.WARNING, Verdict.OK, Verdict.OK]
+    assert checks[0].values["difficulty"] is Difficulty.ALIKE
+
+
+def test_an_uncertain_stated_spring_and_another_source_are_named():
+    loose = Rig(moving_mass=MASS, preload_stiffness=9e3, std={"preload_stiffness": 5e3})
+    (springs,) = judged([10.0], loose, spring=9e3)[2]
+    assert springs.values["difficulty"] is Difficulty.SPRINGS
+    heavy = Rig(moving_mass=MASS, preload_stiffness=9e3, std={"moving_mass": 1.5})
+    (mass,) = judged([100.0], heavy, spring=9e3)[2]
+    assert (mass.values["difficulty"], mass.values["source"]) == (Difficulty.SOURCE, "moving_mass")
+
+
+def test_each_test_by_itself_has_k_without_a_force():
+    phasors = motions([40.0, 80.0], spring=9e3)
+    alone = Alone.of(phasors, 2 * [Rig(moving_mass=MASS, preload_stiffness=9e3)], np.zeros(2))
+    assert alone.stiffness == pytest.approx(STIFFNESS, rel=1e-9)
+    assert alone.lever == pytest.approx(1 / (1 - phasors.amplitudes[:, 2]))
