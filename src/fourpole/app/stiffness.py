@@ -12,7 +12,7 @@ from typing import Any
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, progress, say
-from fourpole.app.options import RunOptions, Wanted
+from fourpole.app.options import MassOptions, RunOptions, Wanted
 from fourpole.app.standing import results_of
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import Code, Verdict, worst_verdict
@@ -22,6 +22,7 @@ from fourpole.findings.list import checks_by_point
 from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import keys_of
 from fourpole.guess import guess_campaign, keep_existing
+from fourpole.guess.masses import shows_force
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import make_folder
 from fourpole.io.signals import MAX_FILE_BYTES
@@ -41,17 +42,20 @@ _OF_ARM = {Code.NO_K1, Code.PASSIVE_ARM, Code.K1, Code.K1_TEMPERATURE, Code.K1_M
 _Verdicts = Mapping[tuple[str, int], tuple[Verdict, str]]
 
 
-def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass: float | None = None) -> Answer:
-    """K* of each steady sine in some recordings, as of a bench whose far side is fixed: init and analyse in one step.
+def run_stiffness(
+    recordings: list[Path], mass: MassOptions, folder: Path | None = None, input_mass: float | None = None
+) -> Answer:
+    """K* of each steady sine in some recordings: init and analyse in one step.
 
-    Without a folder for the campaign, nothing is left.
+    The far side is fixed, or a mass behind the specimen takes the place of a force cell. Nothing is left without a
+    folder for the campaign.
     """
     if folder is not None:
         from fourpole.app.analysis import run_analysis
         from fourpole.study import DRAWS
 
         keep_existing(folder)
-        _state(recordings, make_folder(folder), input_mass)
+        _state(recordings, make_folder(folder), mass, input_mass)
         run_analysis(folder, None, "joint", DRAWS, RunOptions(), Wanted(), as_json=True)
         results = results_of(folder, None)
         study, kept = read_results(results), [("campaign", folder), ("report", results / "report.html")]
@@ -59,7 +63,7 @@ def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass
         from fourpole.study import analyse
 
         with TemporaryDirectory(prefix="fourpole-") as place:
-            _state(recordings, Path(place), input_mass)
+            _state(recordings, Path(place), mass, input_mass)
             with progress("analysing") as advance:
                 study, kept = analyse(read_campaign(place), progress=advance), []
     for note in study.notes:
@@ -69,26 +73,31 @@ def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass
     return Answer(_parts(study, verdicts, input_mass), lambda: _document(study, verdicts), files=kept, code=code)
 
 
-def _state(recordings: Iterable[Path], folder: Path, input_mass: float | None) -> None:
-    """Copy the recordings into a folder, and state what they are guessed to be: a campaign of a bench."""
+def _state(recordings: Iterable[Path], folder: Path, mass: MassOptions, input_mass: float | None) -> None:
+    """Copy the recordings into a folder, and state what they are guessed to be: a campaign of a bench, or of a mass."""
+    if mass.rig and input_mass is not None:
+        raise CampaignError(
+            "--input-mass is before a force cell, which a mass behind the specimen replaces: leave it out"
+        )
     counts: Counter[str] = Counter()
     for path in recordings:
         counts[path.name] += 1
         name = path.name if counts[path.name] == 1 else f"{path.parent.name}_{counts[path.name]}_{path.name}"
         write_bytes(folder / name, read_bytes(path, max_bytes=MAX_FILE_BYTES, label=str(path)))
     with progress("reading") as advance:
-        guess = guess_campaign(folder, progress=advance)
-    if guess.moving and not guess.blocked:
+        guess = guess_campaign(folder, rig=mass.rig, below=mass.below, progress=advance)
+    if guess.moving and not guess.blocked and not (mass.rig and shows_force(guess.roles)):
         why = "a second motion" if "motion_out" in guess.roles else "no displacement"
         raise CampaignError(
             f"{first_of([path.name for path in recordings], 3)}: a bench records one displacement and one force, and "
-            f"here is {why}: put the recordings into a folder and run fourpole init, which asks for the rest"
+            f"here is {why}: put the recordings into a folder and run fourpole init, which asks for the rest; "
+            "--mass-above or --mass-below states a mass that takes the place of a force"
         )
     guess.write()
     if input_mass is not None:
         stated = read_bytes(folder / "campaign.toml", max_bytes=MAX_FILE_BYTES).decode()
-        mass = f'[rig]\ninput_mass = "{input_mass:.12g} kg"\n'
-        write_text(folder / "campaign.toml", stated.replace("[rig]\n", mass, 1))
+        line = f'[rig]\ninput_mass = "{input_mass:.12g} kg"\n'
+        write_text(folder / "campaign.toml", stated.replace("[rig]\n", line, 1))
     for role, one in guess.roles.items():
         say(f"understood {role}: column '{one.column}' [{one.unit}]{', inverted' if one.invert else ''}")
 
@@ -100,7 +109,7 @@ def _verdicts(study: Study) -> _Verdicts:
         held = [check for check in checks.get(key, ()) if check.code not in _OF_ARM and check.verdict is not Verdict.OK]
         found[key] = (
             worst_verdict([check.verdict for check in held]),
-            "; ".join(dict.fromkeys(one.cause for one in held)),
+            "; ".join(dict.fromkeys(": ".join(filter(None, (one.cause, one.remedy))) for one in held)),
         )
         if row[q.STORAGE.head] is None:
             found[key] = Verdict.REJECTED, row["remarks"]

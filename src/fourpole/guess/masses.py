@@ -1,0 +1,111 @@
+r"""V1 and V2 of recordings without a force, where a mass behind the specimen shows it: which is which, and their signs.
+
+The mass gives :math:`K^*/m = -\omega^2 T/(1 - T)` with :math:`T = V_2/V_1`: of an elastomer it has a small positive
+angle and changes little with frequency. If columns are exchanged, or a sensor is turned round, it is negative, loses no
+energy, or rises with :math:`\omega^2`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fourpole.core.arrays import ComplexArray
+from fourpole.guess.channels import Role, name_words, velocity
+from fourpole.guess.signals import SignalShape
+from fourpole.guess.words import LOWER, UPPER
+
+#: Share of the tests that must show a passive specimen so that nothing is changed [1].
+_MOST = 0.9
+#: Departure of ln(K*/m) from a constant that no elastomer has: a factor of e, or an angle of 1 rad.
+_STRANGE = 1.0
+#: What is changed, as a doubt, by whether the columns are exchanged and one sensor is turned.
+_CHANGES = {
+    (False, False): "",
+    (
+        True,
+        False,
+    ): "V1 and V2 are exchanged against what the names say: only so K* is positive and much the same at all "
+    "frequencies",
+    (False, True): "its sign is turned: only so K* is positive and much the same at all frequencies",
+    (True, True): "V1 and V2 are exchanged against what the names say, and the sign of one is turned: only so K* is "
+    "positive and much the same at all frequencies",
+}
+_MASS = (
+    "rig: no force is recorded, so K* follows from the mass behind the specimen, which is stated nowhere",
+    'fourpole init FOLDER --force --mass-above "12.5 kg" (or --mass-below), or moving_mass in [rig] of campaign.toml',
+)
+_SPRINGS = (
+    (
+        "rig: no force is recorded, so K* follows from the moving mass. The stiffness K3 of its auxiliary springs is "
+        "stated nowhere: they count as softer than the specimen, so that u(K*)/K* is 0.6 K*/(m w²)"
+    ),
+    "state preload_stiffness in [rig] of campaign.toml if K* is wanted near the resonance of mass and specimen",
+)
+_UNLIKE = "the motions are not those of a mass behind a specimen: check columns and signs of both"
+
+
+def shows_force(roles: Mapping[str, Role]) -> bool:
+    """Whether a mass behind the specimen takes the place of a force: V1 and V2 are recorded, and F1 is not."""
+    return "force_in" not in roles and {"motion_in", "motion_out"} <= roles.keys()
+
+
+def rig_doubt(roles: Mapping[str, Role], rig: Mapping[str, float]) -> tuple[str, str] | None:
+    """What the lack of a value of the rig costs, and the remedy; None if both are known."""
+    if {"moving_mass", "preload_stiffness"} <= rig.keys():
+        return None
+    if shows_force(roles) and "moving_mass" in rig:
+        return _SPRINGS
+    if shows_force(roles):
+        return _MASS
+    with_both, without = "K*, K2, C and TR can be given", "no K*"
+    if {"force_in", "motion_in", "motion_out"} <= roles.keys():
+        with_both = "TR is predicted, and the joint route finds the errors of both values and of the sensors"
+        without = "K* by the relative route, with the errors of the sensors as stated"
+    found = "rig: its moving mass m and preload stiffness K3 are stated nowhere. With both (2 % is enough) "
+    return f"{found}{with_both}. Without: {without}", "state both in [rig] of campaign.toml"
+
+
+def by_mass(roles: dict[str, Role], shapes: Sequence[SignalShape], *, below: bool) -> dict[str, Role]:
+    """The roles of V1 and V2 by what a mass behind the specimen does; as they are where a force was recorded.
+
+    With the mass `below`, words as lower and upper in the names mean the opposite of what they mean on a tyre rig.
+    """
+    if not shows_force(roles):
+        return roles
+    near, far = roles["motion_in"], roles["motion_out"]
+    if below and (_is(near, LOWER) or _is(far, UPPER)):
+        near, far = far, near
+    ratios = [(shape.frequency, velocity(shape, far) / velocity(shape, near)) for shape in shapes]
+    known = np.array([pair for pair in ratios if np.isfinite(pair[1]) and pair[1] not in (0, 1)]).reshape(-1, 2)
+    doubt, stiffness = "", _stiffness(*known.T)
+    passive = float(np.mean((stiffness.real > 0) & (stiffness.imag > 0))) if known.size else 1.0
+    if passive < _MOST or (known.size and _departure(stiffness) > _STRANGE):
+        departures = {change: _departure(_stiffness(*known.T, *change)) for change in _CHANGES}
+        exchanged, turned = change = min(departures, key=lambda one: departures[one])
+        doubt = _UNLIKE
+        if departures[change] < _STRANGE:
+            doubt, near, far = _CHANGES[change], *((far, near) if exchanged else (near, far))
+            far = replace(far, invert=far.invert != turned)
+    far = replace(far, role="motion_out")
+    return {**roles, "motion_in": replace(near, role="motion_in"), "motion_out": far.doubted(doubt) if doubt else far}
+
+
+def _stiffness(
+    frequency: ComplexArray, ratio: ComplexArray, exchanged: bool = False, turned: bool = False
+) -> ComplexArray:
+    """K* over the mass, in one unit, by V2 over V1 or what this is after a change."""
+    ratio = (-1 if turned else 1) * (1 / ratio if exchanged else ratio)
+    return -(frequency.real**2) * ratio / (1 - ratio)
+
+
+def _departure(stiffness: ComplexArray) -> float:
+    """Median departure of ln K* from a real constant [1]."""
+    logs = np.log(stiffness)
+    return float(np.median(np.abs(logs - np.median(logs.real))))
+
+
+def _is(role: Role, words: frozenset[str]) -> bool:
+    return bool(words & set(name_words(role.column)))
