@@ -120,6 +120,25 @@ def test_masses_of_several_tests_stand_in_their_names(run, tmp_path):
         assert np.all(off < expanded)
 
 
+def test_random_excitation_needs_no_force_either(run, tmp_path):
+    rate, size = 1024.0, 40 * 1024
+    lines, rng = np.fft.rfftfreq(size, 1 / rate), np.random.default_rng(4)
+    spectrum = np.fft.rfft(rng.standard_normal(size)) * ((lines > 12.0) & (lines < 250.0))
+    moved = np.concatenate([[0.0], ratio(lines[1:])])
+    signals = [np.fft.irfft(part, size) + 1e-3 * rng.standard_normal(size) for part in (spectrum, spectrum * moved)]
+    columns = {"Time [s]": np.arange(size) / rate, **dict(zip(NAMES["below"], signals, strict=True))}
+    (tmp_path / "rig").mkdir()
+    pl.DataFrame(columns).write_csv(tmp_path / "rig" / "Lager rauschen.csv")
+    assert run("init", tmp_path / "rig", "--mass-below", "12.5 kg").exit_code == 0
+    assert run("analyse", tmp_path / "rig", "--tables-only").exit_code in (0, 3)
+    rows = pl.read_csv(tmp_path / "rig" / "results" / "dynamic.csv").filter(pl.col("Re K* [N/m]").is_not_null())
+    off, expanded, _ = judged(rows.to_dicts())
+    assert len(off) > 50
+    assert np.mean(off < expanded) > 0.9
+    above = np.array(sorted(rows["frequency [Hz]"].to_list())) > 60.0
+    assert np.median(off[above]) < 0.03
+
+
 def test_two_masses_or_a_mass_before_a_force_cell_are_refused(run, tmp_path):
     file = recorded(tmp_path / "a.csv", NAMES["above"], 86.0)
     ran = run("init", tmp_path, "--mass-above", "1 kg", "--mass-below", "1 kg")

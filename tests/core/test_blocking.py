@@ -9,7 +9,10 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Difficulty, Verdict
 from fourpole.core.identify import identify, variance_by_source
 from fourpole.core.phasor import Phasors
+from fourpole.core.recording import Channel, Recording
 from fourpole.core.rig import Rig
+from fourpole.core.spectra.random import random_amplitudes
+from fourpole.core.spectra.sweep import sweep_amplitudes
 
 MASS = 12.5
 STIFFNESS = 180e3 * (1 + 0.15j)
@@ -83,8 +86,10 @@ def test_an_uncertain_stated_spring_and_another_source_are_named():
     loose = Rig(moving_mass=MASS, preload_stiffness=9e3, std={"preload_stiffness": 5e3})
     (springs,) = judged([10.0], loose, spring=9e3)[2]
     assert springs.values["difficulty"] is Difficulty.SPRINGS
-    heavy = Rig(moving_mass=MASS, preload_stiffness=9e3, std={"moving_mass": 1.5})
-    (mass,) = judged([100.0], heavy, spring=9e3)[2]
+    for std, verdict in ((3.7, Verdict.OK), (3.8, Verdict.WARNING), (6.3, Verdict.REJECTED)):
+        heavy = Rig(moving_mass=MASS, preload_stiffness=9e3, std={"moving_mass": std})
+        (mass,) = judged([100.0], heavy, spring=9e3)[2]
+        assert mass.verdict is verdict
     assert (mass.values["difficulty"], mass.values["source"]) == (Difficulty.SOURCE, "moving_mass")
 
 
@@ -93,3 +98,39 @@ def test_each_test_by_itself_has_k_without_a_force():
     alone = Alone.of(phasors, 2 * [Rig(moving_mass=MASS, preload_stiffness=9e3)], np.zeros(2))
     assert alone.stiffness == pytest.approx(STIFFNESS, rel=1e-9)
     assert alone.lever == pytest.approx(1 / (1 - phasors.amplitudes[:, 2]))
+
+
+@pytest.mark.parametrize(("kind", "amplitudes"), [("random", random_amplitudes), ("sweep", sweep_amplitudes)])
+def test_random_excitation_and_sweeps_without_a_force(kind, amplitudes):
+    """V2/V1 is that of the mass within its uncertainty, at all lines; what needs F1 is not-a-number."""
+    rate, seconds, rng = 1024.0, 64.0, np.random.default_rng(5)
+    size = int(rate * seconds)
+    lines = np.fft.rfftfreq(size, 1 / rate)
+    time = np.arange(size) / rate
+    drive = rng.standard_normal(size)
+    if kind == "sweep":
+        drive = np.sin(2 * np.pi * (8.0 * time + 96.0 * time**2 / seconds)) * np.minimum(1.0, 0.5 * (seconds - time))
+    spectrum = np.fft.rfft(drive)
+    spectrum[(lines < 6.0) | (lines > 220.0)] = 0.0
+    spectrum[1:] *= 1 / (2j * np.pi * lines[1:])
+    moved = np.zeros(lines.size, dtype=complex)
+    moved[1:] = motions(lines[1:], spring=9e3, damper=40.0).amplitudes[:, 2]
+    near, far = (np.fft.irfft(part, size) for part in (spectrum, spectrum * moved))
+    noisy = [part + 2e-3 * near.std() * rng.standard_normal(size) for part in (near, far)]
+    channels = {
+        role: Channel(samples, "velocity", rate)
+        for role, samples in zip(("motion_in", "motion_out"), noisy, strict=True)
+    }
+    found = amplitudes(Recording(rate, channels), (12.0, 180.0))
+    force, v1, v2 = found.phasors.amplitudes.T
+    assert np.isnan(force).all()
+    assert np.isnan(found.estimates).all()
+    true = motions(found.phasors.frequency, spring=9e3, damper=40.0).amplitudes[:, 2]
+    pull = np.abs(np.log(v2 / v1 / true)) / (np.sqrt(2) * found.relative[:, 1])
+    assert np.isnan(found.relative[:, 0]).all()
+    assert np.sqrt(np.mean(pull**2)) < 1.6
+    assert np.quantile(found.relative[:, 1], 0.9) < 0.1
+    inside = (lines >= 12.0) & (lines <= 180.0)
+    across = np.zeros(lines.size, dtype=complex)
+    across[inside] = (spectrum * (1 - moved))[inside] / (2j * np.pi * lines[inside])
+    assert found.deflection == pytest.approx(np.sqrt(2) * np.fft.irfft(across, size).std(), rel=0.05)

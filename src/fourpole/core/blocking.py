@@ -19,6 +19,7 @@ import numpy as np
 from fourpole.core.arrays import FloatArray
 from fourpole.core.checks import Check, Code, Difficulty, judged
 from fourpole.core.components import component
+from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.identify import Identification
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
@@ -77,7 +78,8 @@ def blocking_checks(
     Returns
     -------
     tuple of N Check
-        Rejected where U (k = 2) is more than |K*|, a warning where it is more than 1 dB, else ok.
+        Rejected where U (k = 2) is more than |K*|, a warning where springs or motions that are alike make it more than
+        1 dB, or another source more than 60 %, else ok.
     """
     sources, parts = list(variance), np.stack([part[:, :2].sum(axis=1) for part in variance.values()])
     v1, v2 = phasors.amplitudes[:, 1:].T
@@ -93,5 +95,6 @@ def blocking_checks(
             difficulty = Difficulty.ALIKE if alike else Difficulty.SOURCE
         enough = float(phasors.frequency[place]) * float(np.sqrt(share / _DECIBEL))
         said = {"difficulty": difficulty, "source": main.text, "ratio": abs(complex(ratio[place]))}
-        checks.append(judged(Code.BLOCKING, share, _DECIBEL, _NOTHING, percent=200 * share, enough=enough, **said))
+        warn = NOT_LINEAR if difficulty is Difficulty.SOURCE else _DECIBEL
+        checks.append(judged(Code.BLOCKING, share, warn, _NOTHING, percent=200 * share, enough=enough, **said))
     return tuple(checks)
