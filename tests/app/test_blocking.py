@@ -120,6 +120,27 @@ def test_masses_of_several_tests_stand_in_their_names(run, tmp_path):
         assert np.all(off < expanded)
 
 
+@pytest.mark.parametrize(("sign", "verdict"), [(1.0, "warning"), (-1.0, "rejected")])
+def test_two_sensors_on_the_mass_are_a_mean_and_their_tilt_is_said(run, tmp_path, sign, verdict):
+    (tmp_path / "rig").mkdir()
+    for file in laboratory(tmp_path / "one", ("acc_base [m/s2]", "acc_mass_left [m/s2]"))[4:]:
+        table = pl.read_csv(file)
+        left = pl.col("acc_mass_left [m/s2]")
+        right = (0.75 * left).alias("acc_mass_right [m/s2]")
+        table.with_columns(right).write_csv(tmp_path / "rig" / file.name)
+    assert run("init", tmp_path / "rig", "--mass-above", "12.5 kg").exit_code == 0
+    stated = (tmp_path / "rig" / "campaign.toml").read_text(encoding="utf-8")
+    assert 'beside = ["acc_mass_right"]' in stated
+    for file in (tmp_path / "rig").glob("*.csv") if sign < 0 else ():
+        if file.name != "tests.csv":
+            table = pl.read_csv(file)
+            table.with_columns(-pl.col("acc_mass_right [m/s2]")).write_csv(file)
+    run("analyse", tmp_path / "rig", "--tables-only")
+    checks = pl.read_csv(tmp_path / "rig" / "results" / "checks.csv").filter(pl.col("code") == "tilt")
+    assert checks["statistic"].to_list() == pytest.approx([1 / 7 if sign > 0 else 7.0] * 4, rel=1e-3)
+    assert set(checks["verdict"]) == {verdict}
+
+
 def test_random_excitation_needs_no_force_either(run, tmp_path):
     rate, size = 1024.0, 40 * 1024
     lines, rng = np.fft.rfftfreq(size, 1 / rate), np.random.default_rng(4)

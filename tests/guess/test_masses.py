@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fourpole.guess.channels import Role
-from fourpole.guess.masses import _departure, by_mass, rig_doubt
+from fourpole.guess.channels import Column, Role
+from fourpole.guess.masses import _apart, _departure, by_mass, rig_doubt
 
 NEAR = Role("motion_in", "acc_base", "m/s^2", "acceleration")
 FAR = Role("motion_out", "acc_mass", "m/s^2", "acceleration")
@@ -116,3 +116,33 @@ def test_what_a_value_of_the_rig_gains_is_said(rig, said):
 @pytest.mark.parametrize(("factor", "doubted"), [(0.98, False), (1.02, True)])
 def test_a_stiffness_that_changes_by_a_factor_of_e_is_none_of_an_elastomer(factor, doubted):
     assert (_departure(np.exp(factor * np.array([-1.0, 0.0 - 1j, 0.0 - 1j, 0.0, 1.0]))) > 1.0) is doubted
+
+
+def sensors(*, third, tilt=0.0, unit="m/s^2"):
+    """The roles with a third column: a further sensor on the mass, on the input, or across."""
+    names = ("acc_base", "acc_mass", third)
+    shapes = []
+    for place in BANDS["across"]:
+        of = {"on mass": ratio(place) * (1 + tilt), "on input": 1.0 + tilt, "across": 0.05j}[third]
+        shapes.append(
+            SimpleNamespace(frequency=place, amplitudes=dict(zip(names, (1.0, ratio(place), of), strict=True)))
+        )
+    columns = [Column(name, "m/s^2", "acceleration") for name in names[:2]] + [Column(third, unit, "acceleration")]
+    return by_mass({"motion_in": NEAR, "motion_out": FAR}, shapes, columns)
+
+
+def test_a_third_sensor_is_part_of_a_mean_where_it_moves_as_v1_or_v2_does():
+    assert sensors(third="on mass", tilt=0.2)["motion_out"].beside == ("on mass",)
+    assert sensors(third="on input")["motion_in"].beside == ("on input",)
+    assert "which move as sensors on one part do" in sensors(third="on input")["motion_in"].doubts[0]
+    assert all(not role.beside for role in sensors(third="across").values())
+    assert all(not role.beside for role in sensors(third="on mass", unit="g").values())
+
+
+@pytest.mark.parametrize(("tilt", "beside"), [(0.29, ("on mass",)), (0.31, ())])
+def test_a_mass_may_tilt_by_thirty_percent(tilt, beside):
+    assert sensors(third="on mass", tilt=tilt)["motion_out"].beside == beside
+
+
+def test_columns_without_amplitudes_are_apart():
+    assert _apart("a", "b", []) == np.inf

@@ -65,6 +65,7 @@ class Code(Enum):
     CONSISTENCY = "F1 against V2"
     BLOCKING = "blocking mass"
     CLIPPING = "clipping"
+    TILT = "tilt"
     LEFT_OUT = "use"
     TIME_BASE = "time base"
     STEADY = "steady part"

@@ -62,7 +62,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Role:
-    """The column of a role, the unit and the sign of its numbers, and the doubts on them."""
+    """The column of a role, with those `beside` it of one mean, the unit and sign of the numbers, and the doubts."""
 
     role: str
     column: str
@@ -70,6 +70,7 @@ class Role:
     quantity: str
     invert: bool = False
     doubts: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
 
     def doubted(self, doubt: str) -> Role:
         """The role with one more doubt."""

@@ -13,14 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray
-from fourpole.guess.channels import Role, name_words, velocity
+from fourpole.guess.channels import Column, Role, name_words, velocity
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import LOWER, UPPER
+from fourpole.units import shown
 
 #: Share of the tests that must show a passive specimen so that nothing is changed [1].
 _MOST = 0.9
 #: Departure of ln(K*/m) from a constant that no elastomer has: a factor of e, or an angle of 1 rad.
 _STRANGE = 1.0
+#: Departure of a sensor from another one up to which both are on one part [1]; the mass may tilt.
+_FOLLOWS = 0.3
 #: What is changed, as a doubt, by whether the columns are exchanged and one sensor is turned.
 _CHANGES = {
     (False, False): "",
@@ -68,10 +71,13 @@ def rig_doubt(roles: Mapping[str, Role], rig: Mapping[str, float]) -> tuple[str,
     return f"{found}{with_both}. Without: {without}", "state both in [rig] of campaign.toml"
 
 
-def by_mass(roles: dict[str, Role], shapes: Sequence[SignalShape], *, below: bool) -> dict[str, Role]:
+def by_mass(
+    roles: dict[str, Role], shapes: Sequence[SignalShape], columns: Sequence[Column] = (), *, below: bool = False
+) -> dict[str, Role]:
     """The roles of V1 and V2 by what a mass behind the specimen does; as they are where a force was recorded.
 
-    With the mass `below`, words as lower and upper in the names mean the opposite of what they mean on a tyre rig.
+    With the mass `below`, words as lower and upper in the names mean the opposite of what they mean on a tyre rig. One
+    of several `columns` whose motion is that of V1 or V2 is a further sensor beside it.
     """
     if not shows_force(roles):
         return roles
@@ -89,8 +95,32 @@ def by_mass(roles: dict[str, Role], shapes: Sequence[SignalShape], *, below: boo
         if departures[change] < _STRANGE:
             doubt, near, far = _CHANGES[change], *((far, near) if exchanged else (near, far))
             far = replace(far, invert=far.invert != turned)
+    near, far = (_with_beside(one, other, shapes, columns) for one, other in ((near, far), (far, near)))
     far = replace(far, role="motion_out")
     return {**roles, "motion_in": replace(near, role="motion_in"), "motion_out": far.doubted(doubt) if doubt else far}
+
+
+def _with_beside(role: Role, other: Role, shapes: Sequence[SignalShape], columns: Sequence[Column]) -> Role:
+    """A role with the further sensors on its part: columns of its kind and unit that move as it does, and not as V1
+    or V2 on the other side.
+    """
+    alike = []
+    for column in columns:
+        of_kind = (column.quantity, column.unit) == (role.quantity, role.unit)
+        if of_kind and column.name not in (role.column, other.column):
+            own, far = (_apart(column.name, one.column, shapes) for one in (role, other))
+            alike += [column.name] if own < _FOLLOWS and own < far else []
+    if not alike:
+        return role
+    listed = " and ".join(shown(name, 30) for name in (role.column, *alike))
+    return replace(role, beside=tuple(alike)).doubted(f"the mean of {listed}, which move as sensors on one part do")
+
+
+def _apart(one: str, other: str, shapes: Sequence[SignalShape]) -> float:
+    """Median departure of the amplitudes of two columns from each other, over those of the second [1]."""
+    pairs = [(shape.amplitudes.get(one, 0j), shape.amplitudes.get(other, 0j)) for shape in shapes]
+    shares = [abs(a / b - 1) for a, b in pairs if b]
+    return float(np.median(shares)) if shares else np.inf
 
 
 def _stiffness(

@@ -142,8 +142,8 @@ def signal_shape(
     """The shape of a recording by its samples; channels `aside` do not decide on kind and frequency.
 
     `motions` are the channels that may show random excitation or a sweep, the likeliest first, each with the number of
-    differentiations that make it a velocity. With `widest`, the band is that of the motion with the widest one: behind a
-    specimen it is narrower.
+    differentiations that make it a velocity. With `widest`, the band is the widest of theirs: a motion behind a
+    specimen has a narrower one.
     """
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
     shape = SignalShape("", float("nan"), rate)

@@ -337,7 +337,9 @@ class _Together:
         """The column, unit and sign of each role; doubts on them are added."""
         static = self._voted(("static",), static_roles)
         dynamic = self._scaled(self._voted(MOVING_KINDS, dynamic_roles), static)
-        dynamic = by_mass(dynamic, self._shapes(self._of_kind(*MOVING_KINDS)), below=self.below)
+        moving = self._of_kind(*MOVING_KINDS)
+        columns = self.recordings[moving[0]].columns if moving else ()
+        dynamic = by_mass(dynamic, self._shapes(moving), columns, below=self.below)
         roles = {**dynamic, **static}
         spread = self._of_kind("random", "sweep")
         if drive := drive_role([self.recordings[index].columns for index in spread], self._shapes(spread)):

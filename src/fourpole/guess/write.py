@@ -296,6 +296,7 @@ def _channel(role: Role) -> str:
     keys = [f"column = {quoted(role.column)}"]
     keys.append(f"unit = {quoted(role.unit)}" if role.unit is not None else 'unit = "V", sensitivity = "..."')
     keys += ["invert = true"] if role.invert else []
+    keys += [f"beside = [{', '.join(map(quoted, role.beside))}]"] if role.beside else []
     return f"{sign}{role.role:<10} = {{ {', '.join(keys)} }}\n"
 
 

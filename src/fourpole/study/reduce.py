@@ -300,7 +300,8 @@ def loaded(job: Reduction, path: Path, part: float | None = None) -> tuple[Recor
     lost = [(role, failed[1]) for role in spare[1:]] if len(failed) > 1 else []
     lost += [(spare[0], failed[0])] if failed else []
     timed = [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
-    return recording, [*(_left_out(role, because) for role, because in lost), *timed]
+    tilted = [checks.check_tilt(SYMBOLS[role], one.tilt) for role, one in recording.channels.items() if one.tilt]
+    return recording, [*(_left_out(role, because) for role, because in lost), *timed, *tilted]
 
 
 def _stated_roles(job: Reduction) -> list[str]:
