@@ -160,6 +160,20 @@ def test_random_excitation_needs_no_force_either(run, tmp_path):
     assert np.median(off[above]) < 0.03
 
 
+def test_a_mass_needs_two_motions_and_no_force(run, tmp_path):
+    one = pl.read_csv(recorded(tmp_path / "a.csv", NAMES["above"], 86.0)).drop("acc_mass [m/s2]")
+    one.write_csv(tmp_path / "a.csv")
+    ran = run("stiffness", tmp_path / "a.csv", "--mass-above", "12.5 kg")
+    assert ran.exit_code == 2
+    assert "here is no second motion" in " ".join(ran.stderr.split())
+    one.with_columns((pl.col("acc_base [g]") * 3).alias("F1 [N]"), pl.col("acc_base [g]").alias("acc_2 [g]")).write_csv(
+        tmp_path / "a.csv"
+    )
+    ran = run("stiffness", tmp_path / "a.csv", "--mass-above", "12.5 kg")
+    assert ran.exit_code == 2
+    assert "here is a force" in " ".join(ran.stderr.split())
+
+
 def test_two_masses_or_a_mass_before_a_force_cell_are_refused(run, tmp_path):
     file = recorded(tmp_path / "a.csv", NAMES["above"], 86.0)
     ran = run("init", tmp_path, "--mass-above", "1 kg", "--mass-below", "1 kg")

@@ -86,7 +86,13 @@ def _state(recordings: Iterable[Path], folder: Path, mass: MassOptions, input_ma
         write_bytes(folder / name, read_bytes(path, max_bytes=MAX_FILE_BYTES, label=str(path)))
     with progress("reading") as advance:
         guess = guess_campaign(folder, rig=mass.rig, below=mass.below, progress=advance)
-    if guess.moving and not guess.blocked and not (mass.rig and shows_force(guess.roles)):
+    if mass.rig and not shows_force(guess.roles):
+        why = "a force" if "force_in" in guess.roles else "no second motion"
+        raise CampaignError(
+            f"{first_of([path.name for path in recordings], 3)}: a mass in place of a force needs a motion before the "
+            f"specimen and that of the mass, and here is {why}: put the recordings into a folder and run fourpole init"
+        )
+    if guess.moving and not guess.blocked and not mass.rig:
         why = "a second motion" if "motion_out" in guess.roles else "no displacement"
         raise CampaignError(
             f"{first_of([path.name for path in recordings], 3)}: a bench records one displacement and one force, and "

@@ -67,7 +67,8 @@ def rig_doubt(roles: Mapping[str, Role], rig: Mapping[str, float]) -> tuple[str,
     if {"force_in", "motion_in", "motion_out"} <= roles.keys():
         with_both = "TR is predicted, and the joint route finds the errors of both values and of the sensors"
         without = "K* by the relative route, with the errors of the sensors as stated"
-    found = "rig: its moving mass m and preload stiffness K3 are stated nowhere. With both (2 % is enough) "
+    lacking = "preload stiffness K3 is" if "moving_mass" in rig else "moving mass m and preload stiffness K3 are"
+    found = f"rig: its {lacking} stated nowhere. With both (2 % is enough) "
     return f"{found}{with_both}. Without: {without}", "state both in [rig] of campaign.toml"
 
 
