@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from fourpole.core import blocking
 from fourpole.core.alone import Alone
-from fourpole.core.blocking import blocking_checks, with_unstated_springs
+from fourpole.core.blocking import blocking_checks, least_springs, shown_springs, with_unstated_springs
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Difficulty, Verdict
 from fourpole.core.identify import identify, variance_by_source
@@ -13,6 +14,7 @@ from fourpole.core.recording import Channel, Recording
 from fourpole.core.rig import Rig
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
+from fourpole.words import remark_of
 
 MASS = 12.5
 STIFFNESS = 180e3 * (1 + 0.15j)
@@ -32,12 +34,14 @@ def judged(frequency, rig=None, gain=0.0, **true):
     """K* relative to the true one, its relative u, and the checks, with springs that nobody stated."""
     phasors = motions(np.asarray(frequency, dtype=float), **true)
     if rig is None:
-        rig = with_unstated_springs(Rig(moving_mass=MASS), phasors, np.zeros(phasors.frequency.size))
+        same = np.zeros(phasors.frequency.size, dtype=int)
+        rig = with_unstated_springs(Rig(moving_mass=MASS), phasors, 0.0 * same, same)
     stated = {"route": "transmissibility", "channels": ChannelUncertainty(gain=np.array([0.0, gain, gain]))}
     found = identify(phasors, rig, **stated)
     u = np.sqrt(np.trace(found.stiffness_covariance, axis1=1, axis2=2)) / np.abs(found.stiffness)
     variance = variance_by_source(phasors, rig, **stated)
-    return found.stiffness / STIFFNESS, u, blocking_checks(phasors, rig, found, variance)
+    added, family = np.zeros(u.size), np.zeros(u.size, dtype=int)
+    return found.stiffness / STIFFNESS, u, blocking_checks(phasors, rig, found, variance, added, family)
 
 
 def test_u_of_unstated_springs_is_that_of_a_spring_as_stiff_as_the_specimen():
@@ -49,14 +53,70 @@ def test_u_of_unstated_springs_is_that_of_a_spring_as_stiff_as_the_specimen():
     assert u == pytest.approx(np.sqrt(size**2 / 3 + damper**2), rel=1e-6)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.6, 1.0])
-def test_no_verdict_is_ok_where_springs_softer_than_the_specimen_change_k_by_more_than_a_decibel(share):
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.6, 1.0, 2.0, 5.0])
+def test_no_verdict_is_ok_where_springs_change_k_by_more_than_a_decibel_or_by_more_than_u(share):
     frequency = RESONANCE * np.geomspace(0.1, 20.0, 60)
     off, u, checks = judged(frequency, spring=share * 180e3, damper=20.0)
     ok = np.array([check.verdict is Verdict.OK for check in checks])
     assert np.abs(off[ok] - 1.0).max() < 0.122
     assert np.all(np.abs(off[ok] - 1.0) < 2 * u[ok])
-    assert ok[frequency > 6 * RESONANCE].all()
+    assert share > 1.0 or ok[frequency > 6 * RESONANCE].all()
+
+
+RELAXING = {
+    "constant": lambda omega: STIFFNESS + 0 * omega,
+    "fractional": lambda omega: 180e3 * (1 + 0.35 * (2e-3j * omega) ** 0.25),
+    "dashpot": lambda omega: 180e3 + 120j * omega,
+    "one arm": lambda omega: 120e3 + 1 / (1 / 120e3 + 1 / (700j * omega)),
+}
+
+
+@pytest.mark.parametrize("law", RELAXING.values(), ids=RELAXING)
+@pytest.mark.parametrize("spring", [0.0, 8e3, 400e3])
+def test_springs_stiffer_than_the_specimen_show_and_nothing_else_does(law, spring):
+    frequency = np.geomspace(25.0, 320.0, 14)
+    omega, rng = 2 * np.pi * frequency, np.random.default_rng(2)
+    for scatter in (0.0, 0.01):
+        stiffness = law(omega) * (1 + scatter * rng.standard_normal(omega.size))
+        phasors = motions(frequency)
+        phasors.amplitudes[:, 2] = 1.02 * stiffness / (stiffness + spring + 30j * omega - MASS * omega**2)
+        found = shown_springs(Rig(moving_mass=MASS), phasors, np.zeros(14), np.zeros(14, dtype=int))
+        if spring < 1e5:
+            assert found == 0.0
+        elif not scatter:
+            assert 0.5 * spring < found < 1.1 * spring
+
+
+def test_springs_are_told_where_they_show():
+    _, _, checks = judged(RESONANCE * np.array([3.0, 4.0, 5.0, 6.0, 8.0, 12.0]), spring=900e3)
+    assert checks[3].values["difficulty"] is Difficulty.SHOWN_SPRINGS
+    assert checks[3].values["spring"] == pytest.approx(900e3, rel=0.1)
+    assert "kN/m of them or more" in remark_of(checks[3])
+
+
+@pytest.mark.parametrize(("count", "known"), [(3, False), (4, True)])
+def test_four_tests_show_springs(count, known):
+    inertia = 1e6 * np.arange(1.0, count + 1)
+    spring, _ = least_springs(1e5 / (1 - 5e3 / inertia), inertia, np.zeros(count, dtype=int), np.zeros(count))
+    assert np.isfinite(spring) == known
+
+
+@pytest.mark.parametrize(("times", "found"), [(3.9, 0.0), (4.1, 4.1)])
+def test_springs_of_four_standard_uncertainties_are_told(monkeypatch, times, found):
+    monkeypatch.setattr(blocking, "least_springs", lambda *given: (times, 1.0))
+    assert shown_springs(Rig(moving_mass=MASS), motions([40.0]), np.zeros(1), np.zeros(1)) == found
+
+
+def test_springs_are_those_of_all_specimens_of_a_rig():
+    inertia = np.tile(np.geomspace(4e5, 4e6, 6), 2)
+    storage = np.repeat([1e5, 2.5e5], 6) / (1 - 3e4 / inertia)
+    spring, std = least_springs(storage, inertia, np.repeat([3, 8], 6), np.zeros(12))
+    assert spring == pytest.approx(3e4, rel=1e-9)
+    (row,) = [1 / 5e-3]  # u by least squares, by hand: of the slope over 1/(m w²) within each family
+    weak = 1 / inertia.reshape(2, 6)
+    ratio = 1 / storage.reshape(2, 6)
+    left = weak - ratio * (np.sum(weak * ratio, axis=1) / np.sum(ratio**2, axis=1))[:, None]
+    assert std == pytest.approx(1 / (row * np.linalg.norm(left)), rel=1e-6)
 
 
 def test_the_limit_is_that_of_the_standard_which_asks_for_20_db():

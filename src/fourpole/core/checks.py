@@ -184,6 +184,7 @@ class Difficulty(Enum):
     """What makes K* by a blocking mass uncertain: auxiliary springs, motions that are alike, or another source."""
 
     UNSTATED_SPRINGS = auto()
+    SHOWN_SPRINGS = auto()
     SPRINGS = auto()
     ALIKE = auto()
     SOURCE = auto()

@@ -192,9 +192,10 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     apart = temperature_std(temperature, points.condition[rows], stated.conditions.per_kelvin)
     added, added_std = added_masses(tests)
     phasors, of_rig = points.phasors.part(rows), stated.all_rigs.get(rig_name)
+    family = np.where(strange, len(points.tests) + np.arange(rows.size), points.condition[rows])
     rig = None if of_rig is None else of_rig.rig()
     if rig is not None and of_rig is not None and of_rig.unstated_springs:
-        rig = with_unstated_springs(rig, phasors, added)
+        rig = with_unstated_springs(rig, phasors, added, family)
     channels = channel_uncertainty(
         campaign, [points.corrections[index] for index in rows], float(phasors.frequency.max())
     )
@@ -203,7 +204,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     setup = {
         "rig": rig,
         "k1": np.array([points.stiffness[index].value for index in rows]),
-        "family": np.where(strange, len(points.tests) + np.arange(rows.size), points.condition[rows]),
+        "family": family,
         "nominal_frequency": np.array(nominal),
         "added_mass": added,
         "added_mass_std": added_std,
@@ -317,7 +318,9 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     variance = variance_by_source(phasors, rig, k1, **arguments)
     variance = k1_apart(variance, [of_test.parts for of_test in stiffness])
     heavy = frozenset() if blocked else frozenset(np.flatnonzero(known).tolist())
-    mass = blocking_checks(phasors, rig, result, variance) if rig is not None and route == "transmissibility" else ()
+    mass: tuple[Check, ...] = ()
+    if rig is not None and route == "transmissibility":
+        mass = blocking_checks(phasors, rig, result, variance, setup["added_mass"], setup["family"])
     return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=heavy, blocking=mass)
 
 

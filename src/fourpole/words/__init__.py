@@ -261,8 +261,8 @@ def _uncertainty(values: _Values) -> dict[str, str]:
 
 
 def _blocking(values: _Values) -> dict[str, str]:
-    case = values["difficulty"].name.lower()
-    return {part: _say("difficulty", f"{case}_{part}", **values) for part in ("why", "remedy")}
+    case, known = values["difficulty"].name.lower(), {**values, "spring": values["spring"] / 1e3}
+    return {part: _say("difficulty", f"{case}_{part}", **known) for part in ("why", "remedy")}
 
 
 def _exchanged_k1(values: _Values) -> dict[str, str]:
