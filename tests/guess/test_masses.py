@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fourpole.guess import masses
 from fourpole.guess.channels import Column, Role
 from fourpole.guess.masses import _apart, _departure, by_mass, rig_doubt
 
@@ -56,6 +57,18 @@ def test_a_sensor_that_is_turned_is_found_and_said(band):
     columns, turned, (doubt,) = found(BANDS[band], turned=True)
     assert (columns, turned) == (("acc_base", "acc_mass"), True)
     assert "its sign is turned" in doubt
+
+
+@pytest.mark.parametrize("place", [0.8, 1.0, 1.2, 3.0])
+def test_one_recording_shows_exchanged_columns_too(place):
+    assert found([place], exchanged=True)[:2] == (("acc_base", "acc_mass"), False)
+    assert found([place])[1:] == (False, ())
+
+
+def test_a_channel_that_stands_still_is_passed_over():
+    still = SimpleNamespace(frequency=20.0, amplitudes={"acc_base": 0j, "acc_mass": 1.0 + 0j})
+    roles = {"motion_in": NEAR, "motion_out": FAR}
+    assert by_mass(roles, [still]) == roles
 
 
 def test_a_low_loss_whose_sign_the_phases_of_the_sensors_hide_turns_nothing():
@@ -115,7 +128,8 @@ def test_what_a_value_of_the_rig_gains_is_said(rig, said):
 
 @pytest.mark.parametrize(("factor", "doubted"), [(0.98, False), (1.02, True)])
 def test_a_stiffness_that_changes_by_a_factor_of_e_is_none_of_an_elastomer(factor, doubted):
-    assert (_departure(np.exp(factor * np.array([-1.0, 0.0 - 1j, 0.0 - 1j, 0.0, 1.0]))) > 1.0) is doubted
+    logs = 0.1j + factor * np.array([-1.0, -1j, -1j, 0.0, 1.0])
+    assert (_departure(np.exp(logs)) > 1.0) is doubted
 
 
 def sensors(*, third, tilt=0.0, unit="m/s^2"):
@@ -146,3 +160,12 @@ def test_a_mass_may_tilt_by_thirty_percent(tilt, beside):
 
 def test_columns_without_amplitudes_are_apart():
     assert _apart("a", "b", []) == np.inf
+
+
+@pytest.mark.parametrize(("after", "changed"), [(0.49, True), (0.51, False)])
+def test_half_of_the_departure_is_a_clear_change(monkeypatch, after, changed):
+    departures = iter([1.0, after, 2.0, 2.0])
+    monkeypatch.setattr(masses, "_departure", lambda stiffness: next(departures))
+    leads = SimpleNamespace(frequency=20.0, amplitudes={"acc_base": 1.0, "acc_mass": 0.5j})
+    roles = by_mass({"motion_in": NEAR, "motion_out": FAR}, [leads])
+    assert (roles["motion_in"].column == "acc_mass") is changed

@@ -12,7 +12,7 @@ from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.routes import stiffness_by
+from fourpole.core.routes import stiffness_by, transmissibility_route
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ def _alone(phasors: Phasors, rig: Rig | None, added: float) -> tuple[complex, fl
             stiffness = stiffness_by("mobility", [np.asarray(a) for a in (force, v1, v2)], impedance, omega)
             lever, slopes = 0j, np.array([1 / f1, -1 / v1, 0.0])
         elif rig is not None and not np.isfinite(f1):
-            stiffness = stiffness_by("transmissibility", phasors.amplitudes, rig.impedance(omega, added), omega)
+            stiffness = transmissibility_route(v2 / v1, rig.impedance(omega, added), omega)
             lever = complex(np.divide(v1, v1 - v2))
             slopes = lever * np.array([0.0, -1 / v1, 1 / v2])
         else:

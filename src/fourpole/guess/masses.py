@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fourpole.core.arrays import ComplexArray
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.guess.channels import Column, Role, name_words, velocity
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import LOWER, UPPER
@@ -22,6 +22,8 @@ from fourpole.units import shown
 _MOST = 0.9
 #: Departure of ln(K*/m) from a constant that no elastomer has: a factor of e, or an angle of 1 rad.
 _STRANGE = 1.0
+#: Usual loss angle [rad], and the departure after a change over that before it from which on it is made [1].
+_LOSS, _CLEARLY = 0.1, 0.5
 #: Departure of a sensor from another one up to which both are on one part [1]; the mass may tilt.
 _FOLLOWS = 0.3
 #: What is changed, as a doubt, by whether the columns are exchanged and one sensor is turned.
@@ -85,15 +87,15 @@ def by_mass(
     near, far = roles["motion_in"], roles["motion_out"]
     if below and (_is(near, LOWER) or _is(far, UPPER)):
         near, far = far, near
-    ratios = [(shape.frequency, velocity(shape, far) / velocity(shape, near)) for shape in shapes]
-    known = np.array([pair for pair in ratios if np.isfinite(pair[1]) and pair[1] not in (0, 1)]).reshape(-1, 2)
-    doubt, stiffness = "", _stiffness(*known.T)
-    passive = float(np.mean((stiffness.real > 0) & (stiffness.imag > 0))) if known.size else 1.0
-    if passive < _MOST or (known.size and _departure(stiffness) > _STRANGE):
-        departures = {change: _departure(_stiffness(*known.T, *change)) for change in _CHANGES}
+    frequency, ratio = _ratios(near, far, shapes)
+    doubt, stiffness = "", _stiffness(frequency, ratio)
+    passive = float(np.mean((stiffness.real > 0) & (stiffness.imag > 0))) if ratio.size else 1.0
+    if passive < _MOST or (ratio.size and _departure(stiffness) > _STRANGE):
+        departures = {change: _departure(_stiffness(frequency, ratio, *change)) for change in _CHANGES}
         exchanged, turned = change = min(departures, key=lambda one: departures[one])
-        doubt = _UNLIKE
-        if departures[change] < _STRANGE:
+        if departures[change] > _STRANGE:
+            doubt = _UNLIKE
+        elif departures[change] < _CLEARLY * departures[False, False]:
             doubt, near, far = _CHANGES[change], *((far, near) if exchanged else (near, far))
             far = replace(far, invert=far.invert != turned)
     near, far = (_with_beside(one, other, shapes, columns) for one, other in ((near, far), (far, near)))
@@ -124,18 +126,25 @@ def _apart(one: str, other: str, shapes: Sequence[SignalShape]) -> float:
     return float(np.median(shares)) if shares else np.inf
 
 
+def _ratios(near: Role, far: Role, shapes: Sequence[SignalShape]) -> tuple[FloatArray, ComplexArray]:
+    """Frequencies [Hz] and V2 over V1 of the tests that have both."""
+    pairs = [(shape.frequency, velocity(shape, near), velocity(shape, far)) for shape in shapes]
+    known = [(f, v2 / v1) for f, v1, v2 in pairs if v1 and v2 and v1 != v2 and np.isfinite((f, v1, v2)).all()]
+    return np.array([f for f, _ in known], dtype=float), np.array([ratio for _, ratio in known], dtype=complex)
+
+
 def _stiffness(
-    frequency: ComplexArray, ratio: ComplexArray, exchanged: bool = False, turned: bool = False
+    frequency: FloatArray, ratio: ComplexArray, exchanged: bool = False, turned: bool = False
 ) -> ComplexArray:
     """K* over the mass, in one unit, by V2 over V1 or what this is after a change."""
     ratio = (-1 if turned else 1) * (1 / ratio if exchanged else ratio)
-    return -(frequency.real**2) * ratio / (1 - ratio)
+    return -(frequency**2) * ratio / (1 - ratio)
 
 
 def _departure(stiffness: ComplexArray) -> float:
-    """Median departure of ln K* from a real constant [1]."""
+    """Median departure of ln K* from a constant with a usual loss angle [1]."""
     logs = np.log(stiffness)
-    return float(np.median(np.abs(logs - np.median(logs.real))))
+    return float(np.median(np.abs(logs - np.median(logs.real) - 1j * _LOSS)))
 
 
 def _is(role: Role, words: frozenset[str]) -> bool:

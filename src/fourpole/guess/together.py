@@ -471,7 +471,7 @@ class _Together:
             if len(values) > 1:
                 text = f"{what}: stated as {first_of([f'{value:g}' for value in sorted(values)], 5)}, so none is taken"
                 self._doubt("rig", text, "state the right one in [rig] of campaign.toml")
-        return {what: next(iter(values)) for what, values in stated.items() if len(values) == 1} | self.stated
+        return {**{what: next(iter(one)) for what, one in stated.items() if len(one) == 1}, **self.stated}
 
     def _files(self) -> None:
         """Add doubts on the files that are no recordings."""

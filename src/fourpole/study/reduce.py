@@ -165,8 +165,7 @@ def points_of(job: Reduction, done: Demodulated) -> Points:
         checks = ((*done.checks, *bent, *_checks_of_sine(job, result, done.mean_force)),)
     elif result is not None:
         phasors, corrections, columns = result.phasors, result.corrections, _columns_of(result)
-        known = np.isfinite(result.phasors.amplitudes).any(axis=0)
-        roles = tuple(role for role, there in zip(CHANNELS, known, strict=True) if there)
+        roles = tuple(np.array(CHANNELS)[np.isfinite(result.phasors.amplitudes).any(axis=0)].tolist())
         shown = (roles, result.preview) if result.preview is not None else None
         checks = tuple(_checks_of_lines(job, result, done))
     count = len(checks)
