@@ -56,7 +56,7 @@ def fixed(share):
     """Whether the far side may be fixed, by V2 over V1."""
     folder = MagicMock()
     with patch.object(together, "motion_share", lambda *given: share):
-        _Together._far_side(folder, {"motion_in": FORCE, "motion_out": FORCE}, {})
+        _Together._far_side(folder, dict.fromkeys(("force_in", "motion_in", "motion_out"), FORCE), {})
     return folder._doubt.called
 
 

@@ -22,6 +22,7 @@ SITUATIONS = [
     replace(PLAIN, fits=False, candidate="a frame of 1e+06 N/m"),
     replace(PLAIN, scatter=True),
     replace(PLAIN, joint=False, with_v2=False, blocked=True),
+    replace(PLAIN, joint=False, with_f1=False),
 ]
 #: Keys of campaign.toml that a remedy may name.
 STATED = (
@@ -37,6 +38,17 @@ SOURCES = [
     *(Source(Kind.GAIN, *pair) for pair in RATIOS),
     Source(Kind.ADDED_MASS, mass=10.0),
 ]
+
+
+@pytest.mark.parametrize("source", [source for source in SOURCES if source.role in (Role.CHANNEL, Role.RIG)])
+def test_no_remedy_names_the_joint_route_where_no_force_is_recorded(source):
+    for situation in (
+        replace(PLAIN, joint=False, with_f1=False),
+        replace(PLAIN, joint=False, massed=True, with_f1=False),
+    ):
+        assert "joint" not in remedy(source, situation)
+    spring = Source(Kind.RIG_VALUE, "preload_stiffness")
+    assert remedy(spring, situation).endswith("test at higher frequencies or with a heavier mass")
 
 
 def test_all_kinds_are_looked_at():

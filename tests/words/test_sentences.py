@@ -7,7 +7,19 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from fourpole.core.checks import VERDICTS, Branch, Check, Code, Excitation, Looks, NoK1, Side, Verdict, reported
+from fourpole.core.checks import (
+    VERDICTS,
+    Branch,
+    Check,
+    Code,
+    Difficulty,
+    Excitation,
+    Looks,
+    NoK1,
+    Side,
+    Verdict,
+    reported,
+)
 from fourpole.core.components import COMPONENTS
 from fourpole.core.sources import Kind, Role
 from fourpole.words import interval_words, remark_of, template
@@ -39,13 +51,14 @@ def test_every_case_has_words(group, case):
     assert all(TEXTS[group][member.name.lower()] for member in case)
 
 
-def test_every_lack_of_k1_has_a_cause_and_a_remedy():
-    assert all(TEXTS["no_k1"][f"{case.name.lower()}_{part}"] for case in NoK1 for part in ("why", "remedy"))
+@pytest.mark.parametrize(("group", "cases"), [("no_k1", NoK1), ("difficulty", Difficulty)])
+def test_every_lack_of_k1_and_every_difficulty_has_a_cause_and_a_remedy(group, cases):
+    assert all(TEXTS[group][f"{case.name.lower()}_{part}"] for case in cases for part in ("why", "remedy"))
 
 
 def test_every_text_is_named_in_the_program():
     source = resources.files("fourpole.words").joinpath("__init__.py").read_text(encoding="utf-8")
-    for group in set(TEXTS) - {"checks", "causes", "looks", "excitation", "no_k1", "units"}:
+    for group in set(TEXTS) - {"checks", "causes", "looks", "excitation", "no_k1", "difficulty", "units"}:
         members = {member.name.lower() for case in (Branch, Side) for member in case}
         assert all(f'"{key}"' in source for key in TEXTS[group] if key not in members), group
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, warn
+from fourpole.app.options import MassOptions
 from fourpole.campaign import Campaign, read_campaign
 from fourpole.campaign.row import DOUBTS, columns_in_doubt
 from fourpole.core.checks import Verdict
@@ -148,12 +149,12 @@ _MOST_CONDITIONS = 40
 _ROLES = {**SYMBOLS, **{role: role for role in ("drive", "load", "deflection")}}
 
 
-def run_init(folder: Path, force: bool = False, pattern: list[str] | None = None) -> Answer:
+def run_init(folder: Path, mass: MassOptions, force: bool = False, pattern: list[str] | None = None) -> Answer:
     """Guess a campaign, write it, and show the guess with its doubts."""
     if not force:
         keep_existing(folder)
     with progress("reading") as advance:
-        guess = guess_campaign(folder, patterns=pattern or (), progress=advance)
+        guess = guess_campaign(folder, patterns=pattern or (), rig=mass.rig, below=mass.below, progress=advance)
     guess.write(force=force)
     checked, following = _following(folder)
     return Answer(_parts(folder, guess, checked, following), lambda: _guess_document(guess, checked, following))

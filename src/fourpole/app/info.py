@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
+from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import progress, rising, table_width, warn
 from fourpole.app.options import InfoOptions
@@ -122,7 +123,7 @@ def _motion(channel: str, unit: str, segments: Sequence[Segment]) -> Iterator[Pa
     drawn = [next((_SIGNS[one.kind] for one in segments if one.start <= at <= one.end), " ") for at in edges]
     signs = ", ".join(f"{_SIGNS[kind]} {kind}" for kind in dict.fromkeys(one.kind for one in segments))
     yield f"\nsegments of {channel!r} ({signs}):\n{''.join(drawn)}"
-    heads = ["segment", "from [s]", "to [s]", "f [Hz]", f"amplitude [{unit}]", f"mean [{unit}]"]
+    heads = ["segment", "from [s]", "to [s]", q.FREQUENCY.label, f"amplitude [{unit}]", f"mean [{unit}]"]
     counts, rows = Counter[str](), []
     for one in segments[:_MOST]:
         counts[one.kind] += 1

@@ -167,6 +167,29 @@ class RigOptions:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
+class MassOptions:
+    """A mass behind the specimen that takes the place of a force cell [kg], and its auxiliary springs [N/m]."""
+
+    mass_above: float | None = None
+    mass_below: float | None = None
+    preload_stiffness: float | None = None
+
+    @property
+    def rig(self) -> dict[str, float]:
+        """The values that are given, by their keys in [rig]."""
+        if self.mass_above is not None and self.mass_below is not None:
+            raise RigError("--mass-above and --mass-below: one mass is behind the specimen, keep one of them")
+        mass = self.mass_below if self.mass_above is None else self.mass_above
+        given = {"moving_mass": mass, "preload_stiffness": self.preload_stiffness}
+        return {name: float(value) for name, value in given.items() if value is not None}
+
+    @property
+    def below(self) -> bool:
+        """Whether the mass is below the specimen."""
+        return self.mass_below is not None
+
+
+@dataclass(frozen=True, repr=False, eq=False)
 class SharedErrors:
     """Standard uncertainties of the rig's values, gains and K1 [1], and of a phase [rad]; None: as usual."""
 

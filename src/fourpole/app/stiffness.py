@@ -14,7 +14,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, progress, say
-from fourpole.app.options import RunOptions, Wanted
+from fourpole.app.options import MassOptions, RunOptions, Wanted
 from fourpole.app.standing import results_of
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import Asked, Verdict
@@ -24,6 +24,7 @@ from fourpole.findings.list import checks_by_point
 from fourpole.findings.polar import value_of
 from fourpole.fitting.rows import keys_of
 from fourpole.guess import guess_campaign, keep_existing
+from fourpole.guess.masses import shows_force
 from fourpole.io.door import read_bytes
 from fourpole.io.folders import make_folder
 from fourpole.io.signals import MAX_FILE_BYTES
@@ -40,17 +41,20 @@ _SHOWN = (q.STORAGE, q.LOSS, q.MODULUS, q.LOSS_ANGLE)
 _WHERE = (q.PRELOAD, q.DEFLECTION_AMPLITUDE, q.FREQUENCY)
 
 
-def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass: float | None = None) -> Answer:
-    """K* of each steady sine in some recordings, as of a bench whose far side is fixed: init and analyse in one step.
+def run_stiffness(
+    recordings: list[Path], mass: MassOptions, folder: Path | None = None, input_mass: float | None = None
+) -> Answer:
+    """K* of each steady sine in some recordings: init and analyse in one step.
 
-    Without a folder for the campaign, nothing is left.
+    The far side is fixed, or a mass behind the specimen takes the place of a force cell. Nothing is left without a
+    folder for the campaign.
     """
     if folder is not None:
         from fourpole.app.analysis import run_analysis
         from fourpole.study import DRAWS
 
         keep_existing(folder)
-        _state(recordings, make_folder(folder), input_mass)
+        _state(recordings, make_folder(folder), mass, input_mass)
         run_analysis(folder, None, "joint", DRAWS, RunOptions(), Wanted(), as_json=True)
         results = results_of(folder, None)
         study, kept = read_results(results), [("campaign", folder), ("report", results / "report.html")]
@@ -58,7 +62,7 @@ def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass
         from fourpole.study import analyse
 
         with TemporaryDirectory(prefix="fourpole-") as place:
-            _state(recordings, Path(place), input_mass)
+            _state(recordings, Path(place), mass, input_mass)
             with progress("analysing") as advance:
                 study, kept = analyse(read_campaign(place), progress=advance), []
     for note in study.notes:
@@ -67,35 +71,47 @@ def run_stiffness(recordings: list[Path], folder: Path | None = None, input_mass
     return Answer(_parts(study, input_mass), lambda: _document(study), files=kept, code=code)
 
 
-def _state(recordings: Iterable[Path], folder: Path, input_mass: float | None) -> None:
-    """Copy the recordings into a folder, and state what they are guessed to be: a campaign of a bench."""
+def _state(recordings: Iterable[Path], folder: Path, mass: MassOptions, input_mass: float | None) -> None:
+    """Copy the recordings into a folder, and state what they are guessed to be: a campaign of a bench, or of a mass."""
+    if mass.rig and input_mass is not None:
+        raise CampaignError(
+            "--input-mass is before a force cell, which a mass behind the specimen replaces: leave it out"
+        )
     counts: Counter[str] = Counter()
     for path in recordings:
         counts[path.name] += 1
         name = path.name if counts[path.name] == 1 else f"{path.parent.name}_{counts[path.name]}_{path.name}"
         write_bytes(folder / name, read_bytes(path, max_bytes=MAX_FILE_BYTES, label=str(path)))
     with progress("reading") as advance:
-        guess = guess_campaign(folder, progress=advance)
-    if guess.moving and not guess.blocked:
+        guess = guess_campaign(folder, rig=mass.rig, below=mass.below, progress=advance)
+    if mass.rig and not shows_force(guess.roles):
+        why = "a force" if "force_in" in guess.roles else "no second motion"
+        raise CampaignError(
+            f"{first_of([path.name for path in recordings], 3)}: a mass in place of a force needs a motion before the "
+            f"specimen and that of the mass, and here is {why}: put the recordings into a folder and run fourpole init"
+        )
+    if guess.moving and not guess.blocked and not mass.rig:
         why = "a second motion" if "motion_out" in guess.roles else "no displacement"
         raise CampaignError(
             f"{first_of([path.name for path in recordings], 3)}: a bench records one displacement and one force, and "
-            f"here is {why}: put the recordings into a folder and run fourpole init, which asks for the rest"
+            f"here is {why}: put the recordings into a folder and run fourpole init, which asks for the rest; "
+            "--mass-above or --mass-below states a mass that takes the place of a force"
         )
     guess.write()
     if input_mass is not None:
         stated = read_bytes(folder / "campaign.toml", max_bytes=MAX_FILE_BYTES).decode()
-        mass = f'[rig]\ninput_mass = "{input_mass:.12g} kg"\n'
-        write_text(folder / "campaign.toml", stated.replace("[rig]\n", mass, 1))
+        line = f'[rig]\ninput_mass = "{input_mass:.12g} kg"\n'
+        write_text(folder / "campaign.toml", stated.replace("[rig]\n", line, 1))
     for role, one in guess.roles.items():
         say(f"understood {role}: column '{one.column}' [{one.unit}]{', inverted' if one.invert else ''}")
 
 
 def _causes(study: Study) -> list[str]:
-    """What is doubtful in K* of each row, in a few words."""
+    """What is doubtful in K* of each row in a few words, with what to do."""
     checks = checks_by_point(study.checks.filter(pl.col(q.QUANTITY.head) == Asked.STIFFNESS))
     keys = keys_of(study.dynamic)
-    return ["; ".join(dict.fromkeys(one.cause for one in checks.get(key, ()) if one.cause)) for key in keys]
+    words = {key: [": ".join(filter(None, (one.cause, one.remedy))) for one in rows] for key, rows in checks.items()}
+    return ["; ".join(dict.fromkeys(filter(None, words.get(key, ())))) for key in keys]
 
 
 def _parts(study: Study, input_mass: float | None) -> Iterator[Part]:

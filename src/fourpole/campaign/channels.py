@@ -143,9 +143,13 @@ class File(BaseModel):
 
 
 class ChannelFile(File):
-    """One channel of [channels]: its column, and how recorded numbers become SI values."""
+    """One channel of [channels]: its column, and how recorded numbers become SI values.
+
+    It is the mean of its column and of those `beside` it, of further sensors on the same part.
+    """
 
     column: str = Field(min_length=1)
+    beside: Annotated[tuple[str, ...], BeforeValidator(lambda raw: [raw] if isinstance(raw, str) else raw)] = ()
     unit: str | None = None
     gain: Annotated[float, AfterValidator(lambda value: units.bounded(value, value))] = 1.0
     offset: float | str = 0.0

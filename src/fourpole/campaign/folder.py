@@ -357,7 +357,8 @@ def _lacking(stated: CampaignFile, tests: Sequence[Test]) -> Iterator[str]:
     }
     for kind, roles in needs.items():
         for role in roles:
-            if any(test.kind == kind for test in tests) and stated.channels.named(role) is None:
+            spared = role == "force_in" and stated.channels.motion_out is not None
+            if any(test.kind == kind for test in tests) and stated.channels.named(role) is None and not spared:
                 yield (
                     f"campaign.toml: [channels] {role} is missing, {kind} tests need it: "
                     f'{role} = {{ column = "...", unit = "..." }}'

@@ -131,10 +131,8 @@ class RigFile(File):
             raise ValueError('force_at is a key of a bench: state output = "blocked" too, or leave it out')
         if self.force_at == "ground" and "input_mass" in self.values:
             raise ValueError('with force_at = "ground" no input mass is between force cell and specimen: leave it out')
-        if self.output != "blocked":
-            for name, example in (("moving_mass", "15 kg"), ("preload_stiffness", "12.44 kN/m")):
-                if name not in self.values:
-                    raise ValueError(f'{name} is missing: state it, as {name} = "{example}", or output = "blocked"')
+        if self.output != "blocked" and "moving_mass" not in self.values:
+            raise ValueError('moving_mass is missing: state it, as moving_mass = "15 kg", or output = "blocked"')
         self.rig()
         return self
 
@@ -158,9 +156,14 @@ class RigFile(File):
         return 1 / self.fixture.value, self.fixture.std / self.fixture.value**2
 
     @property
+    def unstated_springs(self) -> bool:
+        """Whether the moving mass hangs on springs of which nothing is stated, as a blocking mass may."""
+        return self.output != "blocked" and "preload_stiffness" not in self.values
+
+    @property
     def with_damping(self) -> RigFile:
         """The rig with a damper of zero where a moving one states none: its uncertainty is a part of the critical."""
-        if self.output == "blocked" or "preload_damping" in self.values:
+        if self.output == "blocked" or self.unstated_springs or "preload_damping" in self.values:
             return self
         critical = 2.0 * sqrt(self.values["preload_stiffness"].value * self.values["moving_mass"].value)
         damping = Stated(0.0, component(Kind.RIG_VALUE).std * critical, assumed=True)
@@ -315,6 +318,16 @@ class CampaignFile(File):
             raise ValueError(f"{units.shown(twice[0])} is both under [tyres] and [specimens]: keep one of them")
         return self
 
+    @model_validator(mode="after")
+    def _springs(self) -> CampaignFile:
+        for name, rig in {"": self.rig, **self.rigs}.items():
+            if rig is not None and rig.unstated_springs and self.channels.force_in is not None:
+                raise ValueError(
+                    f"[{f'rigs.{name}' if name else 'rig'}] preload_stiffness is missing: state it, as "
+                    'preload_stiffness = "12.44 kN/m", or output = "blocked"'
+                )
+        return self
+
     @property
     def sameness(self) -> Sameness:
         """The rule that decides whether two tests have the same condition."""
@@ -402,6 +415,11 @@ class CampaignFile(File):
             where = f"[rigs.{name}]" if name else "[rig]"
             if assumed := [key for key, value in rig.stated.items() if value.assumed and value.value]:
                 notes.append(f"{where} {', '.join(assumed)}: no std stated, taken as 2 % (exact = true if it is exact)")
+            if rig.unstated_springs:
+                notes.append(
+                    f"{where} preload_stiffness: not stated; the auxiliary springs of the mass count as softer than "
+                    "the specimen, which is a part of u(K*): state it"
+                )
             damping = rig.values.get("preload_damping")
             if damping is not None and damping.assumed and damping.std and not damping.value:
                 part = f"{100 * component(Kind.RIG_VALUE).std:g} % of the critical one"

@@ -12,7 +12,7 @@ from fourpole.core.arrays import ByRows, ComplexArray, FloatArray
 from fourpole.core.channelerrors import ChannelError, parts
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import Rig
-from fourpole.core.routes import stiffness_by
+from fourpole.core.routes import stiffness_by, transmissibility_route
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Alone(ByRows):
     Attributes
     ----------
     stiffness : (N,) complex array [N/m]
-        K*: from F1, V1 and V2, or from F1, V1 and the rig where V2 is not known.
+        K*: from F1, V1 and V2, or from two of them and the rig where one is not known.
     noise : (N,) float array [1]
         Standard uncertainty of ln K* from the noise.
     deflection : (N,) float array [m]
@@ -58,6 +58,10 @@ def _alone(phasors: Phasors, rig: Rig | None, added: float) -> tuple[complex, fl
             impedance = np.inf if rig is None or blocked else complex(rig.impedance(omega, added))
             stiffness = stiffness_by("mobility", [np.asarray(a) for a in (force, v1, v2)], impedance, omega)
             lever, slopes = 0j, np.array([1 / f1, -1 / v1, 0.0])
+        elif rig is not None and not np.isfinite(f1):
+            stiffness = transmissibility_route(v2 / v1, rig.impedance(omega, added), omega)
+            lever = complex(np.divide(v1, v1 - v2))
+            slopes = lever * np.array([0.0, -1 / v1, 1 / v2])
         else:
             stiffness = stiffness_by("relative", [np.asarray(a) for a in (force, v1, v2)], 0.0, omega)
             lever = complex(np.divide(v1, v1 - v2))

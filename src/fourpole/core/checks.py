@@ -72,7 +72,9 @@ class Code(Enum):
     LIFT_OFF = "lift-off"
     RESONANCE = "rig resonance"
     CONSISTENCY = "F1 against V2"
+    BLOCKING = "blocking mass"
     CLIPPING = "clipping"
+    TILT = "tilt"
     LEFT_OUT = "use"
     TIME_BASE = "time base"
     STEADY = "steady part"
@@ -198,6 +200,16 @@ class NoK1(Enum):
     NO_TEST = auto()
     NO_PRELOAD = auto()
     REJECTED = auto()
+
+
+class Difficulty(Enum):
+    """What makes K* by a blocking mass uncertain: auxiliary springs, motions that are alike, or another source."""
+
+    UNSTATED_SPRINGS = auto()
+    SHOWN_SPRINGS = auto()
+    SPRINGS = auto()
+    ALIKE = auto()
+    SOURCE = auto()
 
 
 class Excitation(Enum):

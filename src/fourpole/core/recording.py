@@ -68,6 +68,8 @@ class Channel(ByValue):
         Cross-talk of other channels, before the chain of this one.
     clipped : float [1], optional
         Share of the samples at full scale, if `samples` no longer show it.
+    tilt : float [1], optional
+        Largest departure of a sensor from the mean over this mean, if the channel is the mean of several on one part.
 
     Raises
     ------
@@ -89,6 +91,7 @@ class Channel(ByValue):
     chain: tuple[Link, ...] = ()
     crosstalk: tuple[CrossTalk, ...] = ()
     clipped: float | None = None
+    tilt: float | None = None
 
     def __post_init__(self) -> None:
         if self.quantity not in DERIVATIVES:

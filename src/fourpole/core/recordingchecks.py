@@ -153,6 +153,16 @@ def check_halves(demodulation: Demodulation, names: tuple[str, ...]) -> Check:
     return reported(Code.HALVES, Verdict.WARNING, worst, 1.0, names[which], **change)
 
 
+#: Departure of a sensor from the mean of those on one part, over the mean. If they stand unevenly by a tenth of their
+#: distance, a tenth is an error of 1 % of the motion, the usual error of a gain. From 1 on one is dead or turned round.
+_TILTED, _TURNED = 0.1, 1.0
+
+
+def check_tilt(channel: str, tilt: float) -> Check:
+    """Check how far the sensors of a channel that is their mean depart from it."""
+    return judged(Code.TILT, tilt, _TILTED, _TURNED, channel)
+
+
 #: The force channel has the static load if its mean is at least this share of the preload.
 _HAS_LOAD = 0.5
 #: Largest departure of the mean of F1 from the preload, with the zero of a force cell.

@@ -217,12 +217,11 @@ class Rig:
             return gradient
         jw = 1j * omega
         by = dict.fromkeys(("moving_mass", "tyre_mass", "added_mass"), jw)
-        if self._held:
-            by_leaf = (1 + self._leaf(omega) / self.frame_stiffness) ** -2.0 / jw
-            by["preload_stiffness"] = by_leaf * (1 + 1j * self.preload_loss_factor)
-            by["preload_damping"] = by_leaf * jw
-            by["preload_loss_factor"] = by_leaf * 1j * self.preload_stiffness
-            by["frame_stiffness"] = self._support(omega) ** 2 * jw / self.frame_stiffness**2
+        by_leaf = (1 + self._leaf(omega) / self.frame_stiffness) ** -2.0 / jw
+        by["preload_stiffness"] = by_leaf * (1 + 1j * self.preload_loss_factor)
+        by["preload_damping"] = by_leaf * jw
+        by["preload_loss_factor"] = by_leaf * 1j * self.preload_stiffness
+        by["frame_stiffness"] = self._support(omega) ** 2 * jw / self.frame_stiffness**2
         names = [*PARAMETERS, "added_mass"]
         for name, derivative in by.items():
             gradient[..., names.index(name)] = derivative

@@ -62,7 +62,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Role:
-    """The column of a role, the unit and the sign of its numbers, and the doubts on them."""
+    """The column of a role, with those `beside` it of one mean, the unit and sign of the numbers, and the doubts."""
 
     role: str
     column: str
@@ -70,6 +70,7 @@ class Role:
     quantity: str
     invert: bool = False
     doubts: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
 
     def doubted(self, doubt: str) -> Role:
         """The role with one more doubt."""
@@ -84,7 +85,7 @@ def column_of(name: str, unit: str | None) -> Column:
     >>> column_of("Beschl_unten", "m/s2")
     Column(name='Beschl_unten', unit='m/s2', quantity='acceleration', side='in', likely=0)
     """
-    words = _words(name)
+    words = name_words(name)
     named, stated = _named(words, name), _quantity(unit)
     aside = named in ("reference", "drive", "temperature", "pressure") and stated == "displacement"
     quantity = named if aside or stated in ("", "voltage") else stated
@@ -93,10 +94,10 @@ def column_of(name: str, unit: str | None) -> Column:
     if NUMBERED & set(words):
         words = [word for word in words if not word.isdigit() and word not in ("input", "output")]
     sides = [side for side, known in (("in", IN), ("out", OUT)) if known & set(words)]
-    return Column(name, unit, quantity, sides[0] if len(sides) == 1 else "", _likely(_words(name)))
+    return Column(name, unit, quantity, sides[0] if len(sides) == 1 else "", _likely(name_words(name)))
 
 
-def _words(name: str) -> list[str]:
+def name_words(name: str) -> list[str]:
     """The words of a name, without its unit, in small letters."""
     bare = units.column_unit(name)[0]
     found = [word.casefold() for word in _SPLIT.findall(bare)]
@@ -129,7 +130,7 @@ def is_command(name: str) -> bool:
     >>> is_command("Sollweg [mm]"), is_command("変位指令"), is_command("Drive")
     (True, True, False)
     """
-    return COMMAND.search(" ".join(_words(name))) is not None
+    return COMMAND.search(" ".join(name_words(name))) is not None
 
 
 def _contains(word: str, known: frozenset[str]) -> bool:
@@ -379,7 +380,7 @@ def _signs(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> dict[str, R
 
 def _stiffness(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> np.ndarray:  # type: ignore[type-arg]
     """K* of each test by the relative route [N/m]."""
-    phasors = np.array([[_velocity(shape, roles[role]) for role in _SYMBOLS] for shape in shapes])
+    phasors = np.array([[velocity(shape, roles[role]) for role in _SYMBOLS] for shape in shapes])
     omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
     with np.errstate(all="ignore"):
         return np.asarray(1j * omega * phasors[:, 0] / (phasors[:, 1] - phasors[:, 2]))
@@ -390,7 +391,7 @@ def _passive(stiffness: np.ndarray) -> float:  # type: ignore[type-arg]
     return float(np.mean((stiffness.real > 0) & (stiffness.imag > 0)))
 
 
-def _velocity(shape: SignalShape, role: Role) -> complex:
+def velocity(shape: SignalShape, role: Role) -> complex:
     """Amplitude of a force [N], or of the velocity of a motion [m/s], with the sign of the role."""
     amplitude = shape.amplitudes.get(role.column, complex(float("nan")))
     turn = (2j * np.pi * shape.frequency) ** DERIVATIVES[role.quantity]
@@ -407,9 +408,7 @@ def motion_share(near: Role, far: Role, shapes: Sequence[SignalShape]) -> float:
     """Median of V2 over V1 [1]; not-a-number where an amplitude is not known."""
     if near.unit is None or far.unit is None:
         return float("nan")
-    shares = [
-        abs(_velocity(shape, far)) / size for shape in _sinusoids(shapes) if (size := abs(_velocity(shape, near)))
-    ]
+    shares = [abs(velocity(shape, far)) / size for shape in _sinusoids(shapes) if (size := abs(velocity(shape, near)))]
     return float(np.median(shares)) if shares else float("nan")
 
 

@@ -6,6 +6,7 @@ see `fourpole.guess.specimens`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -15,7 +16,7 @@ import numpy as np
 from fourpole.core.condition import FREQUENCY
 from fourpole.guess.names import CONDITIONS, KINDS_OF, Entry, RecordingConditions, Token, axis_named, plain
 from fourpole.guess.specimens import doubt_equal, name_specimens
-from fourpole.guess.words import PASSED_OVER
+from fourpole.guess.words import CONSTRUCTIONS, PASSED_OVER
 
 #: Unit in which a condition is written in a doubt, and the SI value of one such unit.
 _SHOWN = {one.key: (one.shown, one.scale) for one in CONDITIONS}
@@ -245,3 +246,14 @@ def _with(entry: Entry, numbers: dict[_Slot, Token], meanings: Mapping[_Slot, _M
             changed[id(token)] = replace(token, what="word")
     name, header, folder = (tuple(changed.get(id(token), token) for token in tokens) for _, tokens in entry.parts)
     return replace(entry, name=name, header=header, folder=folder)
+
+
+def constructions_of(conditions: Sequence[RecordingConditions]) -> dict[str, str]:
+    """The construction of each tyre, as stated or by the name of the tyre; empty if it is not known."""
+    found: dict[str, str] = {}
+    for one in conditions:
+        if one.tyre:
+            name = re.sub(r"[\W_]", "", one.tyre.casefold())
+            named = next((construction for word, construction in CONSTRUCTIONS if word in name), "")
+            found[one.tyre] = found.get(one.tyre) or one.construction or named
+    return found

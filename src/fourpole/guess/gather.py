@@ -367,7 +367,8 @@ def _common_rate(signals: Sequence[SignalInfo]) -> float | None:
 def _shape(samples: Mapping[str, Signal], columns: Sequence[Column], rate: float | None) -> SignalShape:
     """The shape of the signals in some columns."""
     aside = frozenset(column.name for column in columns if column.quantity in _ASIDE)
-    return signal_shape(samples, rate=rate, aside=aside, motions=_motions(columns))
+    widest = all(column.quantity != "force" for column in columns)
+    return signal_shape(samples, rate=rate, aside=aside, motions=_motions(columns), widest=widest)
 
 
 def _motions(columns: Sequence[Column]) -> dict[str, int]:

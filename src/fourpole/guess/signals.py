@@ -140,11 +140,13 @@ def signal_shape(
     rate: float | None = None,
     aside: frozenset[str] = frozenset(),
     motions: Mapping[str, int] | None = None,
+    widest: bool = False,
 ) -> SignalShape:
     """The shape of a recording by its samples; channels `aside` do not decide on kind and frequency.
 
     `motions` are the channels that may show random excitation or a sweep, the likeliest first, each with the number of
-    differentiations that make it a velocity.
+    differentiations that make it a velocity. With `widest`, the band is the widest of theirs: a motion behind a
+    specimen has a narrower one.
     """
     lines = {name: _Line.of(signal, rate) for name, signal in signals.items() if np.isfinite(signal.samples).sum() > 1}
     shape = SignalShape("", float("nan"), rate)
@@ -156,10 +158,9 @@ def signal_shape(
     if min((line.samples.size for line in excited.values()), default=0) < 16:
         return shape
     shape = _with_excitation(shape, excited, {name: line for name, line in lines.items() if name in aside})
-    for name, derivative in (motions or {}).items():
-        if name in excited:
-            return _with_band(shape, excited[name], derivative)
-    return shape
+    known = [(excited[name], derivative) for name, derivative in (motions or {}).items() if name in excited]
+    shapes = [_with_band(shape, *motion) for motion in (known if widest else known[:1])]
+    return max(shapes, key=lambda one: one.band[1] / one.band[0] if one.band else 0.0, default=shape)
 
 
 def _with_band(shape: SignalShape, motion: _Line, derivative: int) -> SignalShape:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +23,12 @@ from fourpole.guess.channels import (
     motion_share,
     static_roles,
 )
-from fourpole.guess.conditions import read_conditions
+from fourpole.guess.conditions import constructions_of, read_conditions
 from fourpole.guess.gather import FolderContents, gather
+from fourpole.guess.masses import by_mass, rig_doubt, shows_force
 from fourpole.guess.names import CONDITIONS, DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions, Token, kind_word
 from fourpole.guess.pattern import named_by, read_pattern, test_names
 from fourpole.guess.signals import SignalShape
-from fourpole.guess.words import CONSTRUCTIONS
 from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row
 from fourpole.units import shown
 from fourpole.words import first_of
@@ -71,7 +70,12 @@ _REMEDIES = {
 
 
 def guess_campaign(
-    folder: str | Path, *, patterns: Sequence[str] = (), progress: Callable[[int, int], None] | None = None
+    folder: str | Path,
+    *,
+    patterns: Sequence[str] = (),
+    rig: Mapping[str, float] | None = None,
+    below: bool = False,
+    progress: Callable[[int, int], None] | None = None,
 ) -> GuessedCampaign:
     """Guess a campaign from a folder of recordings in any format.
 
@@ -82,6 +86,10 @@ def guess_campaign(
     patterns : sequence of str
         Patterns of the names of recordings, such as "{specimen}_{pressure}bar_{frequency}Hz". The first that matches a
         name says what it states, and nothing is guessed from names. Without a pattern the names are interpreted.
+    rig : mapping of str to float, optional
+        Values of the rig that are known, in SI, by their keys, as moving_mass.
+    below : bool
+        Whether the moving mass is below the specimen, which words as "lower" in names of channels then mean.
     progress : callable (done, total)
         Called after each file.
 
@@ -114,7 +122,9 @@ def guess_campaign(
         why = "".join(f"; {name} {reason}" for name, reason in gathered.left_out[:3])
         raise CampaignError(f"{units.shown(folder, 200)[1:-1]}: holds no recording that can be read{why}")
     unmatched = named_by(read, gathered) if read else []
-    return _Together(folder, gathered, unmatched).guess()
+    together = _Together(folder, gathered, unmatched)
+    together.stated, together.below = rig or {}, below
+    return together.guess()
 
 
 def guess_more(folder: Path, known: FolderContents, more: FolderContents) -> list[Row]:
@@ -129,6 +139,8 @@ class _Together:
 
     def __init__(self, folder: Path, gathered: FolderContents, unmatched: Sequence[int] = ()) -> None:
         self.folder, self.gathered = folder, gathered
+        self.stated: Mapping[str, float] = {}
+        self.below = False
         self.recordings = gathered.recordings
         self.doubts: list[Doubt] = []
         #: Doubts on single tests, by subject: index of the test and text.
@@ -169,7 +181,7 @@ class _Together:
             reference=self._reference(),
             rig=rig,
             blocked=blocked,
-            constructions=_constructions(conditions),
+            constructions=constructions_of(conditions),
             doubts=tuple(self.doubts),
             left_out=tuple(self.gathered.left_out),
         )
@@ -325,6 +337,9 @@ class _Together:
         """The column, unit and sign of each role; doubts on them are added."""
         static = self._voted(("static",), static_roles)
         dynamic = self._scaled(self._voted(MOVING_KINDS, dynamic_roles), static)
+        moving = self._of_kind(*MOVING_KINDS)
+        columns = self.recordings[moving[0]].columns if moving else ()
+        dynamic = by_mass(dynamic, self._shapes(moving), columns, below=self.below)
         roles = {**dynamic, **static}
         spread = self._of_kind("random", "sweep")
         if drive := drive_role([self.recordings[index].columns for index in spread], self._shapes(spread)):
@@ -339,7 +354,7 @@ class _Together:
         """Whether the far side of the specimen is taken as fixed; asked where V2 is missing or far below V1."""
         near, far = roles.get("motion_in"), roles.get("motion_out")
         tested = self._shapes(self._of_kind(*DYNAMIC_KINDS))
-        if near is None or not tested:
+        if near is None or not tested or shows_force(roles):
             return False
         if far is None and near.quantity == "displacement" and not rig:
             self._doubt(
@@ -365,22 +380,13 @@ class _Together:
         for kinds, needed in ((DYNAMIC_KINDS, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
             first = next(iter(self._of_kind(*kinds)), None)
             for role, follows in needed.items():
-                if first is not None and role not in roles and not (blocked and role == "motion_out"):
+                spared = (blocked and role == "motion_out") or (shows_force(roles) and role == "force_in")
+                if first is not None and role not in roles and not spared:
                     columns = ", ".join(shown(column.name, 30) for column in self.recordings[first].columns[:10])
                     text = f"{role}: no column is understood as it among {columns}; {follows}"
                     self._doubt(role, text, f"state {role} in [channels] of campaign.toml")
-        if blocked or not set(DYNAMIC_KINDS) & set(self.kinds) or {"moving_mass", "preload_stiffness"} <= rig.keys():
-            return
-        with_both, without = "K*, K2, C and TR can be given", "no K*"
-        if {"force_in", "motion_in", "motion_out"} <= roles.keys():
-            with_both = "TR is predicted, and the joint route finds the errors of both values and of the sensors"
-            without = "K* by the relative route, with the errors of the sensors as stated"
-        self._doubt(
-            "rig",
-            "rig: its moving mass m and preload stiffness K3 are stated nowhere. With both (2 % is enough) "
-            f"{with_both}. Without: {without}",
-            "state both in [rig] of campaign.toml",
-        )
+        if not blocked and set(DYNAMIC_KINDS) & set(self.kinds) and (doubt := rig_doubt(roles, rig)):
+            self._doubt("rig", *doubt)
 
     def _voted(
         self, kinds: tuple[str, ...], roles_of: Callable[[Sequence[Column], Sequence[SignalShape]], dict[str, Role]]
@@ -459,14 +465,13 @@ class _Together:
         pairs = [(what, one.values.pop(what)) for one in conditions for what in RIG_VALUES if what in one.values]
         pairs += [(token.what, token.value) for token in self.gathered.notes if token.what in RIG_VALUES]
         for what, value in pairs:
-            stated.setdefault(what, set()).add(value)
+            if what not in self.stated:
+                stated.setdefault(what, set()).add(value)
         for what, values in stated.items():
             if len(values) > 1:
-                listed = ", ".join(f"{value:g}" for value in sorted(values)[:5])
-                text = f"{what}: stated as {listed}, so none is taken"
+                text = f"{what}: stated as {first_of([f'{value:g}' for value in sorted(values)], 5)}, so none is taken"
                 self._doubt("rig", text, "state the right one in [rig] of campaign.toml")
-        rig = {what: next(iter(values)) for what, values in stated.items() if len(values) == 1}
-        return rig
+        return {**{what: next(iter(one)) for what, one in stated.items() if len(one) == 1}, **self.stated}
 
     def _files(self) -> None:
         """Add doubts on the files that are no recordings."""
@@ -487,14 +492,3 @@ def _constant(counts: Sequence[float]) -> int:
 def _counted(every: str, kinds: tuple[str, ...]) -> str:
     """The number of tests in words: "every dynamic test", "3 tests"."""
     return f"{every} {'' if len(kinds) > 1 else f'{kinds[0]} '}test{'' if every in ('every', '1') else 's'}"
-
-
-def _constructions(conditions: Sequence[RecordingConditions]) -> dict[str, str]:
-    """The construction of each tyre, as stated or by the name of the tyre; empty if it is not known."""
-    found: dict[str, str] = {}
-    for one in conditions:
-        if one.tyre:
-            name = re.sub(r"[\W_]", "", one.tyre.casefold())
-            named = next((construction for word, construction in CONSTRUCTIONS if word in name), "")
-            found[one.tyre] = found.get(one.tyre) or one.construction or named
-    return found

@@ -177,13 +177,15 @@ COMMAND = re.compile(
     r"|f(?:ü|ue)hrungsgr(?:ö|oe)(?:ss|ß)e|sollwert|setpoint|consigne|consigna|指令|目標|目标|设定值|給定|给定"
 )
 #: Words in the name of a channel at the contact, and in that of a channel at the moving mass.
-IN = _words(
-    "1 in input lower bottom unten unter untere contact road base shaker exciter platform plate actuator kontakt "
-    "eingang entree entrée bas inf inferieur boden anregung drive latsch patch cam ground erreger platte table"
+LOWER = _words("lower bottom unten unter untere bas inf inferieur boden ground")
+UPPER = _words("upper top oben ober obere haut sup superieur")
+IN = LOWER | _words(
+    "1 in input contact road base shaker exciter platform plate actuator kontakt eingang entree entrée anregung "
+    "drive latsch patch cam erreger platte table"
 )
-OUT = _words(
-    "2 out output upper top oben ober obere wheel rim axle mass sprung ausgang sortie haut sup superieur felge "
-    "rad achse masse response antwort jante roue hub body aufbau far"
+OUT = UPPER | _words(
+    "2 out output wheel rim axle mass sprung ausgang sortie felge rad achse masse response antwort jante roue hub "
+    "body aufbau far"
 )
 #: Words by which loggers number their channels; a number beside such a word does not identify the side.
 NUMBERED = _words("channel ch chan kanal voie canal sensor signal input ai analog col column spalte")

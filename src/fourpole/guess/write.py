@@ -15,6 +15,7 @@ from fourpole import quantities as q
 from fourpole.campaign.row import DOUBTS, doubts_cell
 from fourpole.errors import CampaignError
 from fourpole.guess.channels import Role
+from fourpole.guess.masses import shows_force
 from fourpole.guess.names import CONDITIONS, MOVING_KINDS
 from fourpole.io.lock import campaign_lock
 from fourpole.io.staging import staged
@@ -125,6 +126,8 @@ class GuessedCampaign:
         weighed = any(row.values.get("added_mass") for row in self.rows)
         if weighed or any(doubt.about == "far side" for doubt in self.doubts):
             del asked["added_mass"]
+        elif shows_force(self.roles):
+            asked["added_mass"] = _OTHER_MASS
         return asked
 
     def write(self, *, force: bool = False) -> list[Path]:
@@ -157,6 +160,10 @@ _ASKED = {
     "tests.csv is 'added_mass [kg]'. K* rests on its weight then: u(K*) of some 0.1 %, not the sensors' 2 to 4 %",
     "specimen_mass": "what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states " + _WEIGHT,
 }
+_OTHER_MASS = (
+    "can some tests be run once more with a weighed mass bolted to the mass behind the specimen? Its column in "
+    "tests.csv is 'added_mass [kg]'. K* of both must agree: if not, springs, a sensor or a mass that bends is the cause"
+)
 #: The table [report], with every key that it may have.
 _REPORT = """\
 # What the report says of laboratory, customer and test. Each key may be left
@@ -246,7 +253,7 @@ def _rig(guess: GuessedCampaign) -> str:
         return ""
     if guess.blocked:
         return f'{_doubts(guess, "far side")}[rig]\noutput = "blocked"\n'
-    whole = {"moving_mass", "preload_stiffness"} <= guess.rig.keys()
+    whole = guess.rig.keys() >= ({"moving_mass"} if shows_force(guess.roles) else {"moving_mass", "preload_stiffness"})
     sign = "" if whole else "# "
     hint = "" if whole else "    # remove the # signs of this table when its values are yours"
     lines = [_doubts(guess, "rig"), f"{sign}[rig]{hint}\n"]
@@ -255,7 +262,7 @@ def _rig(guess: GuessedCampaign) -> str:
         if value is not None:
             lines.append(f'{sign}{name:<17} = "{value / scale:.12g} {unit}"\n')
         elif example:
-            lines.append(f'{sign}{name:<17} = "{example}"    # an example, not yours\n')
+            lines.append(f'# {name:<17} = "{example}"    # an example, not yours\n')
     if any(doubt.about == "far side" for doubt in guess.doubts):
         lines += [_doubts(guess, "far side"), '# output            = "blocked"    # needs no other value\n']
     return "".join(lines)
@@ -290,6 +297,7 @@ def _channel(role: Role) -> str:
     keys = [f"column = {quoted(role.column)}"]
     keys.append(f"unit = {quoted(role.unit)}" if role.unit is not None else 'unit = "V", sensitivity = "..."')
     keys += ["invert = true"] if role.invert else []
+    keys += [f"beside = [{', '.join(map(quoted, role.beside))}]"] if role.beside else []
     return f"{sign}{role.role:<10} = {{ {', '.join(keys)} }}\n"
 
 

@@ -14,6 +14,7 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import Test, begun_at
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
+from fourpole.core.blocking import blocking_checks, with_unstated_springs
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Check, Code
 from fourpole.core.condition import temperature_std
@@ -75,6 +76,8 @@ class RigGroup(ByValue):
         What K* is of: springs, driving point or blocked transfer.
     heavy : frozenset of int
         Places of the rows whose specimen has a stated mass that this route does not take out.
+    blocking : tuple of Check
+        The check of the blocking mass for each row; empty where a force was recorded.
     """
 
     rig_name: str
@@ -89,12 +92,15 @@ class RigGroup(ByValue):
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     k_of: np.ndarray = field(default_factory=lambda: np.array(["springs"]))
     heavy: frozenset[int] = frozenset()
+    blocking: tuple[Check, ...] = ()
 
 
 def no_rig(campaign: Campaign, route: str) -> str:
     """Message that a route lacks the rig, with what may be stated instead by the channels that are there."""
     stated = "state moving_mass and preload_stiffness"
-    if campaign.stated.channels.motion_out is None:
+    if route == "transmissibility":
+        stated = 'no force is recorded: state the mass behind the specimen, as moving_mass = "12.5 kg"'
+    elif campaign.stated.channels.motion_out is None:
         stated += ', or output = "blocked" if the far side of the specimen is fixed; without V2 there is no other route'
     elif campaign.stated.channels.force_in is not None:
         stated += ", or use --route relative"
@@ -110,7 +116,7 @@ def possible_route(campaign: Campaign, route: str) -> tuple[str, str]:
         return "mobility", "no V2 is stated, so the rig cannot be checked: K* by the mobility route"
     if not stated.all_rigs and stated.channels.force_in is not None:
         return "relative", "no rig is stated: K* by the relative route, from F1, V1 and V2, without a predicted TR"
-    if stated.channels.force_in is None and stated.all_rigs:
+    if stated.channels.force_in is None:
         return "transmissibility", "no F1 is stated: K* by the transmissibility route, from V1, V2 and the rig"
     return route, ""
 
@@ -185,7 +191,10 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     apart = temperature_std(temperature, points.condition[rows], stated.conditions.per_kelvin)
     added, added_std = added_masses(tests)
     phasors, of_rig = points.phasors.part(rows), stated.all_rigs.get(rig_name)
+    family = np.where(strange, len(points.tests) + np.arange(rows.size), points.condition[rows])
     rig = None if of_rig is None else of_rig.rig()
+    if rig is not None and of_rig is not None and of_rig.unstated_springs:
+        rig = with_unstated_springs(rig, phasors, added, family)
     channels = channel_uncertainty(
         campaign, [points.corrections[index] for index in rows], float(phasors.frequency.max())
     )
@@ -194,7 +203,7 @@ def setup_of(campaign: Campaign, rig_name: str, points: Points, rows: np.ndarray
     setup = {
         "rig": rig,
         "k1": np.array([points.stiffness[index].value for index in rows]),
-        "family": np.where(strange, len(points.tests) + np.arange(rows.size), points.condition[rows]),
+        "family": family,
         "nominal_frequency": np.array(nominal),
         "added_mass": added,
         "added_mass_std": added_std,
@@ -308,7 +317,10 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     variance = variance_by_source(phasors, rig, k1, **arguments)
     variance = k1_apart(variance, [of_test.parts for of_test in stiffness])
     heavy = frozenset() if blocked else frozenset(np.flatnonzero(known).tolist())
-    return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=heavy)
+    mass: tuple[Check, ...] = ()
+    if rig is not None and route == "transmissibility":
+        mass = blocking_checks(phasors, rig, result, variance, setup["added_mass"], setup["family"])
+    return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=heavy, blocking=mass)
 
 
 def _joint(of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequence[StaticStiffness], order: RunOrder) -> RigGroup:

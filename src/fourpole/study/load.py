@@ -22,6 +22,7 @@ from fourpole.core.reference import PulseTrain, Reference
 from fourpole.errors import FileError, FourpoleError, Message, RecordingError, TableError
 from fourpole.io.signals import Signal
 from fourpole.io.stream import Chunk, Stream, StreamSource, agreed, stream, times_of
+from fourpole.study.beside import MeanOfSensors
 from fourpole.study.response import read_response
 
 #: Number of samples per chunk where only the first part of a recording is loaded.
@@ -112,12 +113,16 @@ def _gathered(
     """
     stated = {role: channel for role in roles if (channel := channels.line(role)) is not None}
     timing = Timing(test.window, test.value("frequency") if test.band is None else test.band[1], test.file)
-    columns = [*stated.values(), *([turning] if turning is not None else [])]
+    further = {role: getattr(channel, "beside", ()) for role, channel in stated.items()}
+    besides = [stated[role].model_copy(update={"column": name}) for role, names in further.items() for name in names]
+    columns = [*stated.values(), *besides, *([turning] if turning is not None else [])]
     source = source_of(path, test, channels, columns, timed=timed)
     turn = ReferenceBuilder(turning, timing) if turning is not None else None
     run = read(source if part is None else replace(source, rows=_ROWS_OF_PART))
-    lines = _fed(run, channels, stated, turn, timing, part)
+    means = {role: MeanOfSensors(1 + len(names)) for role, names in further.items() if names}
+    lines = _fed(run, channels, stated, means, turn, timing, part)
     built = {role: line.channel() for role, line in lines.items()}
+    built |= {role: replace(built[role], tilt=mean.tilt) for role, mean in means.items()}
     remarks = [Message("time base", "", line.base.remark) for line in lines.values() if line.base.remark]
     reference = None
     if turn is not None:
@@ -132,6 +137,7 @@ def _fed(
     run: Stream,
     channels: ChannelsFile,
     stated: Mapping[str, ChannelFile | DriveFile],
+    means: Mapping[str, MeanOfSensors],
     turn: ReferenceBuilder | None,
     timing: Timing,
     part: float | None,
@@ -139,7 +145,10 @@ def _fed(
     """The channels by role with all their chunks; `timing` gets the times that are found."""
     lines: dict[str, ChannelBuilder] = {}
     for chunk in run.chunks:
-        signals = dict(zip(stated, chunk, strict=False))
+        signals, first = dict(zip(stated, chunk, strict=False)), len(stated)
+        for role, mean in means.items():
+            last = first + mean.sensors - 1
+            signals[role], first = mean.feed([signals[role], *chunk[first:last]]), last
         if not lines:
             if part is not None:
                 timing.window = _part_of(chunk, timing.window, part)

@@ -192,7 +192,8 @@ def points_of(job: Reduction, done: Demodulated) -> Points:
         checks = ((*done.checks, *bent, *_checks_of_sine(job, result, done.mean_force)),)
     elif result is not None:
         phasors, corrections, columns = result.phasors, result.corrections, _columns_of(result)
-        shown = (CHANNELS[: len(result.preview.signals)], result.preview) if result.preview is not None else None
+        roles = tuple(np.array(CHANNELS)[np.isfinite(result.phasors.amplitudes).any(axis=0)].tolist())
+        shown = (roles, result.preview) if result.preview is not None else None
         checks = tuple(_checks_of_lines(job, result, done))
     count = len(checks)
     return Points(
@@ -329,7 +330,8 @@ def loaded(
     lost = [(role, failed[1]) for role in spare[1:]] if len(failed) > 1 else []
     lost += [(spare[0], failed[0])] if failed else []
     timed = [reported(Code.TIME_BASE, Verdict.WARNING, error=remark) for remark in remarks]
-    return recording, [*(_left_out(role, because) for role, because in lost), *timed]
+    tilted = [checks.check_tilt(SYMBOLS[role], one.tilt) for role, one in recording.channels.items() if one.tilt]
+    return recording, [*(_left_out(role, because) for role, because in lost), *timed, *tilted]
 
 
 def _stated_roles(job: Reduction) -> list[str]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fourpole.core.joint.misfit import Candidate
 
 #: Values that say which case of a check it is: codes, and the quantity that it names.
-CASES = ("error", "because", "looks", "branch", "name")
+CASES = ("error", "because", "looks", "branch", "name", "difficulty")
 
 
 def package_toml(package: str, name: str = "words.toml") -> dict[str, Any]:
@@ -261,6 +261,11 @@ def _uncertainty(values: _Values) -> dict[str, str]:
     return {"interval": interval_words(values[low], values[high], units()[low])}
 
 
+def _blocking(values: _Values) -> dict[str, str]:
+    case, known = values["difficulty"].name.lower(), {**values, "spring": values["spring"] / 1e3}
+    return {part: _say("difficulty", f"{case}_{part}", **known) for part in ("why", "remedy")}
+
+
 def _exchanged_k1(values: _Values) -> dict[str, str]:
     named = [
         _say("k1", "at_pressure", tyre=tyre, bar=pressure / 1e5) if pressure else tyre
@@ -293,6 +298,7 @@ _FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
     Code.PASSIVE: _passive_arm,
     Code.PASSIVE_ARM: _passive_arm,
     Code.UNCERTAINTY: _uncertainty,
+    Code.BLOCKING: _blocking,
     Code.RIG: lambda values: {"causes": explained(values["causes"])},
     Code.K1_EXCHANGED: _exchanged_k1,
     Code.EXCITATIONS: lambda values: {side: _excitation_words(values[side]) for side in ("softer", "stiffer")},

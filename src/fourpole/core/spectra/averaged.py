@@ -10,7 +10,7 @@ from fourpole.core.arrays import FloatArray
 from fourpole.core.demodulation.tracks import Track
 from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.spectra.average import CrossSpectra, cross_spectra, independent, of_sine
-from fourpole.core.spectra.excited import Excited, deflection_in, excited, to_true
+from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, to_true
 from fourpole.core.spectra.motion import Fine, fine_spectrum
 from fourpole.core.spectra.ratios import (
     CLOSURE,
@@ -24,7 +24,7 @@ from fourpole.core.spectra.ratios import (
 )
 from fourpole.errors import RecordingError
 
-#: Places of F1, V1 and V2 in a matrix of all channels.
+#: Places of F1, V1 and V2 in a matrix of all channels; without F1, V2 takes its place.
 _F, _ONE, _TWO = 0, 1, 2
 #: Fewest segments of a periodic motion, and further lengths of a segment that are tried for whole samples.
 _FEWEST, _TRIED = 9.0, 8
@@ -85,14 +85,15 @@ def _amplitudes(
 ) -> Excited:
     """The amplitudes from the spectra of all bins and those of independent lines."""
     closure = np.full((spectra.frequency.size, 2), np.nan)
-    whole, driven = "motion_out" in track.names, DRIVE in track.names
+    whole, driven = is_whole(track.names), DRIVE in track.names
     if whole:
         around = ratios(spectra.matrix, spectra.averages, CLOSURE)
         std = np.sqrt(np.maximum(around.covariance[:, 1, 1], 0.0))
         closure = np.stack([np.angle(around.values[:, 0]), std], axis=1)
     power = every.matrix[:, _ONE, _ONE].real.copy()
-    if whole:
-        power += every.matrix[:, _TWO, _TWO].real - 2.0 * every.matrix[:, _ONE, _TWO].real
+    if "motion_out" in track.names:
+        far = track.names.index("motion_out")
+        power += every.matrix[:, far, far].real - 2.0 * every.matrix[:, _ONE, far].real
     power = np.maximum(power, 0.0)  # rounding, where V1 and V2 are equal
     terms, instruments = (OF_V2, [_TWO, _F]) if whole else (OF_V1, [_ONE])
     if driven:

@@ -96,10 +96,15 @@ class Excited(ByValue):
 
 
 def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tuple[float, float]]:
-    """F1, V1, V2 and the drive in this order, and the part of the band that their common sampling resolves [Hz]."""
+    """F1, V1, V2 and the drive in this order, and the part of the band that their common sampling resolves [Hz].
+
+    V2 takes the place of F1 where no force is recorded.
+    """
     names = [name for name in _ORDER if name in recording.channels]
-    if "force_in" not in names:
-        raise RecordingError(f"{recording.label}: many frequencies at once need F1 (force_in)")
+    if "force_in" not in names and "motion_out" in names:
+        names = ["motion_out", *(name for name in names if name != "motion_out")]
+    if not {"force_in", "motion_out"} & set(names):
+        raise RecordingError(f"{recording.label}: many frequencies at once need F1 (force_in) or V2 (motion_out)")
     tracks = tracks_of(recording, names)
     if len(tracks) > 1:
         raise RecordingError(
@@ -133,6 +138,11 @@ def to_true(recording: Recording, names: Sequence[str], frequency: FloatArray) -
     return turned
 
 
+def is_whole(names: Sequence[str]) -> bool:
+    """Whether F1, V1 and V2 are all there, so that one of them is the instrument for the ratio of the others."""
+    return set(CHANNELS) <= set(names)
+
+
 def pulls_of(closure: FloatArray) -> FloatArray:
     """Closure phases (L,) over their standard uncertainties, from both (L, 2)."""
     return np.asarray(closure[:, 0] / np.maximum(closure[:, 1], _ROUND_OFF))
@@ -153,19 +163,20 @@ def excited(
 
     Closure phase, deflection, length and correlations of the noises (if they are known) are those of `Excited`.
     """
-    shape, whole = spectra.frequency.shape, "motion_out" in names
+    shape = spectra.frequency.shape
     pulls, driven = pulls_of(closure), DRIVE in names
     misfit = float(np.median(pulls**2) / _MEDIAN)
     larger = np.ones(shape) if driven else np.fmax(1.0, np.fmax(misfit, (pulls / _ODD) ** 2))
     covariance = estimate.covariance * larger[:, None, None]
     measured = [name for name in names if name != DRIVE]
-    apart = np.abs(1.0 - estimate.values[:, 1]) if whole else 1.0
+    places = [CHANNELS.index(name) for name in measured if name != "motion_in"]
+    apart = np.abs(1.0 - estimate.values[:, -1]) if "motion_out" in names else 1.0
     amplitudes = np.full((*shape, 3), complex(np.nan, np.nan))
     amplitudes[:, 1] = 2 * np.pi * spectra.frequency * deflection / apart
-    for place, values in zip((0, 2), estimate.values.T, strict=False):
+    for place, values in zip(places, estimate.values.T, strict=True):
         amplitudes[:, place] = values * amplitudes[:, 1]
     relative, size = np.full((*shape, 2), np.nan), np.einsum("lii->li", covariance)
-    relative[:, : size.shape[1] // 2] = np.sqrt(np.maximum(0.5 * (size[:, 0::2] + size[:, 1::2]), 0.0))
+    relative[:, [place // 2 for place in places]] = np.sqrt(np.maximum(0.5 * (size[:, 0::2] + size[:, 1::2]), 0.0))
     coherence = np.full((*shape, len(_COHERENT)), np.nan)
     for i, (a, b) in enumerate(_COHERENT):
         if a in names and b in names:
@@ -175,13 +186,13 @@ def excited(
         Phasors(
             frequency=spectra.frequency,
             amplitudes=amplitudes,
-            covariance=_covariance(amplitudes, covariance),
+            covariance=_covariance(amplitudes, covariance, places),
             frequency_std=np.zeros(shape),
             dof=2.0 * spectra.averages,
         ),
         coherence,
         closure,
-        _estimates(spectra),
+        _estimates(spectra) if "force_in" in names else np.full((*shape, 3), complex(np.nan, np.nan)),
         relative,
         misfit,
         spectra.averages,
@@ -222,15 +233,15 @@ def _estimates(spectra: CrossSpectra) -> ComplexArray:
         return np.stack([h1, h2, cross / np.abs(cross) * np.sqrt(motion / force)], axis=1)
 
 
-def _covariance(amplitudes: ComplexArray, of_ratios: FloatArray) -> FloatArray:
-    """Covariance (L, 6, 6) of the amplitudes from that of the logarithms of their ratios.
+def _covariance(amplitudes: ComplexArray, of_ratios: FloatArray, places: Sequence[int]) -> FloatArray:
+    """Covariance (L, 6, 6) of the amplitudes from that of the logarithms of their ratios, at some places, to V1.
 
     The common factor of the amplitudes, the drive, has a variance as large as those of the ratios together. No ratio
     depends on it.
     """
     size = amplitudes.shape[0]
     turn = np.zeros((size, 6, of_ratios.shape[1] + 2))
-    ratios = {0: 0, 2: 2} if of_ratios.shape[1] > 2 else {0: 0}
+    ratios = {place: 2 * index for index, place in enumerate(places)}
     for place in range(3):
         re, im = amplitudes[:, place].real, amplitudes[:, place].imag
         factor = np.stack([np.stack([re, -im], -1), np.stack([im, re], -1)], axis=-2)  # acts on Re and Im

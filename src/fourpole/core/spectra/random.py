@@ -27,7 +27,7 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
 
     V2 is the instrument for F1/V1, and F1 that for V2/V1: noise that is independent between the channels leaves no
     bias. A recorded drive d is the instrument for both, :math:`G_{Fd}/G_{1d}` and :math:`G_{2d}/G_{1d}`: noise that F1,
-    V1 and V2 share leaves no bias then. With only F1 and V1 the ratio is the geometric mean of H1 and H2.
+    V1 and V2 share leaves no bias then. With two of the three channels the ratio is the geometric mean of H1 and H2.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from fourpole.core.phasor import circular_covariance
 from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.spectra.average import CrossSpectra
 from fourpole.core.spectra.averaged import periodic_amplitudes
-from fourpole.core.spectra.excited import Excited, deflection_in, excited, prepared, to_true
+from fourpole.core.spectra.excited import Excited, deflection_in, excited, is_whole, prepared, to_true
 from fourpole.core.spectra.motion import period_of
 from fourpole.core.spectra.ratios import Ratios, with_bias
 from fourpole.errors import RecordingError, TooShortError
@@ -106,7 +106,7 @@ def whole_amplitudes(recording: Recording, track: Track, band: tuple[float, floa
     for first in range(0, lines.shape[1], _AT_A_TIME):
         some = slice(first, first + _AT_A_TIME)
         lines[:, some] = np.einsum("lab,bl->al", to_true(recording, track.names, frequency[kept][some]), lines[:, some])
-    whole, driven = "motion_out" in track.names, DRIVE in track.names
+    whole, driven = is_whole(track.names), DRIVE in track.names
     wanted: tuple[tuple[int, int, int], ...] = _WHOLE if whole else _WITHOUT_V2
     if driven:
         place = track.names.index(DRIVE)
@@ -119,7 +119,8 @@ def whole_amplitudes(recording: Recording, track: Track, band: tuple[float, floa
         closure = _closure(estimate.values, noise, spectra.averages)
     if not whole and not driven:
         estimate = with_bias(estimate, spectra.coherence(0, 1), 2.0)
-    power = np.abs(lines[1] - lines[2] if whole else lines[1]) ** 2
+    far = lines[track.names.index("motion_out")] if "motion_out" in track.names else 0.0
+    power = np.abs(lines[1] - far) ** 2
     deflection = deflection_in(frequency[kept], density * power, 1.0 / length)
     return excited(recording, track.names, spectra, estimate, closure=closure, deflection=deflection, length=length)
 

@@ -35,8 +35,9 @@ class About:
 
     Attributes
     ----------
-    joint, massed, with_v2, blocked : bool
-        Whether the joint route was used, an added mass was used, V2 was measured, the far side is blocked.
+    joint, massed, with_v2, blocked, with_f1 : bool
+        Whether the joint route was used, an added mass was used, V2 was measured, the far side is blocked, F1 was
+        measured.
     fits, scatter : bool
         Whether rig and channels as stated fit their tests; whether K* of repeated tests scatters beyond the noise.
     candidate : str
@@ -50,6 +51,7 @@ class About:
     scatter: bool
     candidate: str
     blocked: bool = False
+    with_f1: bool = True
 
 
 _BY_MASS = (
@@ -104,6 +106,8 @@ def remedy(source: Source, about: About) -> str:
         return best if about.candidate else _WORDS[Kind.RIG_MISFIT][1]
     if source.kind is Kind.NOISE and about.scatter:
         return "steady temperature, conditioning and amplitude, then repeat: the scatter of repeats counts as noise"
+    if not about.with_f1:
+        return f"{text}, or test at higher frequencies or with a heavier mass" if source.role is Role.RIG else text
     if source.role is Role.RIG:
         return _rig_remedy(text, about)
     if source.role is Role.CHANNEL and about.massed and source.kind not in _NOBODY_STATES:
@@ -279,6 +283,7 @@ def _about(results: Study, tests: pl.DataFrame, rig: str) -> About:
         scatter=NoteCode.SCATTER in found.notes,
         candidate=cause_words(found.candidates[0]) if found.candidates else "",
         blocked=stated_blocked(results.record, rig),
+        with_f1=any(known(f1) for f1 in here[q.F1.head].to_list()),
     )
 
 
