@@ -104,3 +104,12 @@ def test_what_is_no_bench_is_said(run, tmp_path):
     assert "a second motion: put the recordings into a folder and run fourpole init" in " ".join(ran.stderr.split())
     ran = run("stiffness", tmp_path / "none.csv")
     assert ran.exit_code == 2
+
+
+def test_a_report_and_a_picture_are_left_where_they_are_wanted_and_nothing_else(run, tmp_path):
+    wanted = [tmp_path / "page.html", tmp_path / "k.svg"]
+    ran = run("stiffness", bench(tmp_path / "a.csv"), "--report", wanted[0], "--picture", wanted[1])
+    assert ran.exit_code == 0, ran.output
+    assert "loss angle" in wanted[0].read_text(encoding="utf-8")
+    assert wanted[1].read_text(encoding="utf-8").startswith("<?xml")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "k.svg", "page.html"]

@@ -125,7 +125,7 @@ def run_plot(results: Study, folder: Path, figure: str | None, file: Path | None
             raise CampaignError("--over: name the quantity, as in fourpole plot RESULTS K2 --over pressure")
         key = key_over(key, options.over)
     if key is not None:
-        return Answer(files=[("figure", _drawn(results, folder, OF_QUANTITY.get(key, key), file, style))])
+        return Answer(files=[("figure", draw_one(results, folder, OF_QUANTITY.get(key, key), file, style))])
     if not options.paper:
         rows = [(one, FIGURES[one].title) for one in (*figures_of(results), *ON_REQUEST)]
         hint = "\ndraw one with fourpole plot RESULTS FIGURE; --paper has the figures of the 1982 paper"
@@ -138,7 +138,7 @@ def run_plot(results: Study, folder: Path, figure: str | None, file: Path | None
     return Answer([f"figures: {len(made)} in {folder / 'figures'}"], lambda: {"figures": drawn})
 
 
-def _drawn(results: Study, folder: Path, key: str, file: Path | None, style: Style) -> Path:
+def draw_one(results: Study, folder: Path, key: str, file: Path | None, style: Style) -> Path:
     """Draw one figure into a file, or among the results of a folder; returns its path."""
     drawing = draw(results, key, style)
     if drawing is None:

@@ -30,7 +30,7 @@ from fourpole.io.folders import make_folder
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import write_bytes, write_text
 from fourpole.quantities import Quantity
-from fourpole.report.digits import PLUS_MINUS, counted, with_u
+from fourpole.report.digits import PLUS_MINUS, with_u
 from fourpole.study.results import read_results
 from fourpole.study.study import Study
 from fourpole.words import first_of
@@ -42,33 +42,54 @@ _WHERE = (q.PRELOAD, q.DEFLECTION_AMPLITUDE, q.FREQUENCY)
 
 
 def run_stiffness(
-    recordings: list[Path], mass: MassOptions, folder: Path | None = None, input_mass: float | None = None
+    recordings: list[Path],
+    mass: MassOptions,
+    folder: Path | None = None,
+    input_mass: float | None = None,
+    report: Path | None = None,
+    picture: Path | None = None,
 ) -> Answer:
     """K* of each steady sine in some recordings: init and analyse in one step.
 
-    The far side is fixed, or a mass behind the specimen takes the place of a force cell. Nothing is left without a
-    folder for the campaign.
+    The far side is fixed, or a mass behind the specimen takes the place of a force cell. Nothing is left but what is
+    asked for: the folder of the campaign, the report, a picture.
     """
-    if folder is not None:
-        from fourpole.app.analysis import run_analysis
-        from fourpole.study import DRAWS
+    files: list[tuple[str, Path]] = []
+    with TemporaryDirectory(prefix="fourpole-") as temporary:
+        if folder is not None:
+            keep_existing(folder)
+        place = Path(temporary) if folder is None else make_folder(folder)
+        _state(recordings, place, mass, input_mass)
+        if folder is None and report is None:
+            from fourpole.study import analyse
 
-        keep_existing(folder)
-        _state(recordings, make_folder(folder), mass, input_mass)
-        run_analysis(folder, None, "joint", DRAWS, RunOptions(), Wanted(), as_json=True)
-        results = results_of(folder, None)
-        study, kept = read_results(results), [("campaign", folder), ("report", results / "report.html")]
-    else:
-        from fourpole.study import analyse
-
-        with TemporaryDirectory(prefix="fourpole-") as place:
-            _state(recordings, Path(place), mass, input_mass)
             with progress("analysing") as advance:
-                study, kept = analyse(read_campaign(place), progress=advance), []
+                study = analyse(read_campaign(place), progress=advance)
+        else:
+            study, page = _with_report(place)
+            files += [] if folder is None else [("campaign", folder), ("report", page)]
+            if report is not None:
+                write_bytes(report, read_bytes(page, max_bytes=MAX_FILE_BYTES))
+                files.append(("report", report))
+        if picture is not None:
+            from fourpole.app.report import draw_one
+            from fourpole.plot import Style
+
+            files.append(("picture", draw_one(study, place, "stiffness", picture, Style())))
     for note in study.notes:
         say(f"note: {note}")
     code = SOME_REJECTED if Verdict.REJECTED in study.dynamic[q.VERDICT_K.head] else OK
-    return Answer(_parts(study, input_mass), lambda: _document(study), files=kept, code=code)
+    return Answer(_parts(study, input_mass), lambda: _document(study), files=files, code=code)
+
+
+def _with_report(place: Path) -> tuple[Study, Path]:
+    """The study of a campaign with its report, as `fourpole analyse` makes them."""
+    from fourpole.app.analysis import run_analysis
+    from fourpole.study import DRAWS
+
+    run_analysis(place, None, "joint", DRAWS, RunOptions(), Wanted(), as_json=True)
+    results = results_of(place, None)
+    return read_results(results), results / "report.html"
 
 
 def _state(recordings: Iterable[Path], folder: Path, mass: MassOptions, input_mass: float | None) -> None:
@@ -137,9 +158,26 @@ def _parts(study: Study, input_mass: float | None) -> Iterator[Part]:
     if input_mass and known:
         hertz = sqrt(_TELLING * min(known) / input_mass) / (2 * pi)
         yield f"the mass of {input_mass:g} kg before the specimen takes 1 % of |K*| at {hertz:.3g} Hz; it was taken out"
-    if study.static.height:
-        loops = counted(study.static.height, "static test")
-        yield f"{loops}: --campaign DIR keeps it for K1, and fourpole static evaluates a curve at a load"
+    yield from _static(study)
+
+
+def _static(study: Study) -> Iterator[Part]:
+    """K1 and the loss of each slow loop at the preloads of the sines."""
+    units = study.shown
+    shown = [units.of(one) for one in (q.PRELOAD, q.K1, q.CYCLE_LOSS)]
+    rows = [
+        [
+            row["tyre"] or "",
+            _plain(row[q.PRELOAD.head], shown[0]),
+            *(_found(row, one) for one in shown[1:]),
+            row["verdict"],
+        ]
+        for row in study.static.to_dicts()
+    ]
+    if rows:
+        heads = [f"{one.symbol} [{one.suffix or one.shown}]" for one in shown]
+        yield Table(["static test", *heads, "verdict"], rows, heads)
+        yield "fourpole static FILE --load gives K1 at another load"
 
 
 def _plain(value: float | None, quantity: Quantity) -> str:
