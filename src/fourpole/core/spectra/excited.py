@@ -12,7 +12,7 @@ from fourpole.core.demodulation.corrections import Correction, corrections_of, l
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.demodulation.tracks import Track, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
-from fourpole.core.recording import DERIVATIVES, DRIVE, Recording
+from fourpole.core.recording import DERIVATIVES, DRIVE, Channel, Recording
 from fourpole.core.spectra.average import CrossSpectra
 from fourpole.core.spectra.ratios import Ratios
 from fourpole.errors import ConstantError, RecordingError
@@ -75,6 +75,9 @@ class Excited(ByValue):
         Whether a recorded drive is the instrument of all ratios. The closure phase then enlarges no uncertainty.
     preview : Preview or None
         Samples of F1, V1 and, if it is recorded, V2, and their extremes over the record.
+    nonlinear : float [1]
+        Part of F1 that follows functions of the motion which are not linear, by `fourpole.core.spectra.nonlinear`; 0
+        where noise explains it, not-a-number where it was not looked for.
     """
 
     phasors: Phasors
@@ -93,6 +96,7 @@ class Excited(ByValue):
     shared: FloatArray = field(default_factory=lambda: np.zeros((3, 4)))
     driven: bool = False
     preview: Preview | None = None
+    nonlinear: float = np.nan
 
 
 def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tuple[float, float]]:
@@ -125,12 +129,16 @@ def to_true(recording: Recording, names: Sequence[str], frequency: FloatArray) -
         for line, omega in enumerate((2 * np.pi * frequency).tolist()):
             turned[line], _ = without_crosstalk(recording, names, omega)
     for place, name in enumerate(names):
-        channel = recording.channels[name]
-        factor = (2j * np.pi * frequency) ** DERIVATIVES[channel.quantity]
-        for link in links_of(channel):
-            factor = factor / link.at(frequency)
-        turned[:, :, place] *= factor[:, None]
+        turned[:, :, place] *= factor_of(recording.channels[name], frequency)[:, None]
     return turned
+
+
+def factor_of(channel: Channel, frequency: FloatArray) -> ComplexArray:
+    """Force or velocity over the recorded line (L,) of a channel, without delays and filters."""
+    factor = (2j * np.pi * frequency) ** DERIVATIVES[channel.quantity]
+    for link in links_of(channel):
+        factor = factor / link.at(frequency)
+    return np.asarray(factor)
 
 
 def pulls_of(closure: FloatArray) -> FloatArray:
