@@ -164,7 +164,7 @@ def test_a_longer_recording_is_no_remedy_for_distortion():
     assert "record longer" in said(check_line(lines, worst)).remedy
     assert "record longer" not in said(check_line(bent, worst)).remedy
     (check,) = check_linearity(bent)
-    assert said(check).cause.startswith("the specimen is not linear: distortion of -1")
+    assert said(check).cause.startswith("the specimen is not linear: distortion of at least -1")
 
 
 def test_a_recording_with_missing_samples_is_judged_by_its_longest_part():
