@@ -144,7 +144,7 @@ def test_a_specimen_on_a_rig_with_three_channels(newton, bent):
     assert [(check.code, str(check.verdict)) for check in checks] == [(Code.LINEARITY, "warning" if bent else "ok")]
 
 
-@pytest.mark.parametrize("cubic", [0.0, 0.1])
+@pytest.mark.parametrize("cubic", [0.0, 0.4])
 def test_a_sweep(cubic):
     time = np.arange(int(30 * RATE)) / RATE
     motion = STEP * np.sin(2 * np.pi * (4.0 * time + 1.6 * time**2)) / (1 + time / 10)
@@ -175,3 +175,23 @@ def test_a_recording_with_missing_samples_is_judged_by_its_longest_part():
     channels = {"force_in": Channel(force, "force"), "motion_in": Channel(motion, "displacement")}
     recording = Recording(RATE, channels)
     assert nonlinear_share(recording, BAND, random_amplitudes(recording, BAND)) > NONLINEAR
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_distortion_of_a_motion_that_repeats_is_in_the_uncertainty(bent):
+    """It repeats too, so that the averages of all periods do not show it."""
+    rng, period, times = np.random.default_rng(8), 4.0, 12
+    frequency = np.fft.rfftfreq(int(period * RATE), 1 / RATE)
+    sines = np.exp(2j * np.pi * rng.random(frequency.size)) * (frequency > 3) * (frequency < 120) / (1 + frequency / 20)
+    motion = np.tile(np.fft.irfft(sines), times)
+    motion *= STEP / motion.std()
+    law = BENT["MR damper"] if bent else lambda x, v: 2e4 * x + 400 * v
+    force = law(motion, np.gradient(motion) * RATE)
+    share, lines = measured(noisy(rng, force, 0.95), noisy(rng, motion, 0.95, 0.5))
+    assert lines.period == pytest.approx(period)
+    assert bool(share > NONLINEAR) is bent
+    wider = lines.with_distortion(share)
+    added = wider.relative[:, 0] ** 2 - lines.relative[:, 0] ** 2
+    np.testing.assert_allclose(added, share**2 / 2, atol=1e-12)
+    of_force = wider.phasors.covariance[:, 0, 0] - lines.phasors.covariance[:, 0, 0]
+    np.testing.assert_allclose(of_force, share**2 / 2 * np.abs(lines.phasors.amplitudes[:, 0]) ** 2, rtol=1e-9)

@@ -260,8 +260,8 @@ def _amplitudes(test: Test, recording: Recording, start: float | None) -> tuple[
     if test.band is not None:
         amplitudes = sweep_amplitudes if test.kind == "sweep" else random_amplitudes
         lines = amplitudes(recording, test.band)
-        share = nonlinear_share(recording, test.band, lines)
-        return replace(lines, preview=_preview(recording), nonlinear=share), []
+        lines = lines.with_distortion(nonlinear_share(recording, test.band, lines))
+        return replace(lines, preview=_preview(recording)), []
     steady = demodulate(recording, near=test.value("frequency"), start=start)
     if recording.reference is not None:
         return refine_reference(recording, steady), []

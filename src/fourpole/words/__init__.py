@@ -277,7 +277,7 @@ def _excitation_words(excitation: tuple[Excitation, float]) -> str:
 
 
 #: What sentences need that is more than a value in a blank.
-_FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
+_FURTHER: dict[Code, Callable[[_Values], dict[str, Any]]] = {
     Code.RESONANCE: lambda values: {name: values[name] / 1e3 for name in ("spring", "inertia")},
     Code.HALVES: _halves,
     Code.SHARED: lambda values: {"pair": _and(values["pair"])},
@@ -296,6 +296,7 @@ _FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
     Code.RIG: lambda values: {"causes": explained(values["causes"])},
     Code.K1_EXCHANGED: _exchanged_k1,
     Code.EXCITATIONS: lambda values: {side: _excitation_words(values[side]) for side in ("softer", "stiffer")},
+    Code.AMPLITUDES: lambda values: dict(zip(("light", "heavy"), values.get("masses", ()), strict=False)),
     Code.COPY: lambda values: {"others": _and(values["tests"])},
     Code.EXCHANGED: lambda values: {"names": _and(values["tests"])},
 }

@@ -55,19 +55,15 @@ def check_closure(lines: Excited) -> Iterator[Check]:
 
 
 def check_shared_noise(lines: Excited) -> list[Check]:
-    """Check the correlation of the noises of two channels over all lines; a chi-square of two degrees of freedom.
+    """Check the error of a cross spectrum by noise that two channels share; 0 where it is no more than chance.
 
-    An error of the cross spectra below 0.3 % is no warning. Leakage is of this size, and is in the uncertainty.
+    Chance is judged by the chi-square of two degrees of freedom of the correlation over all lines. An error below 0.3 %
+    is no warning: leakage is of this size, and is in the uncertainty.
     """
     if lines.driven or not np.isfinite(lines.closure).all():
         return []
     limit = float(stats.chi2.isf(SEARCH_CHANCE / len(_NAMES), 2))
     worst = int(np.argmax(lines.shared[:, 2]))
     size, std, statistic, error = lines.shared[worst].tolist()
-    if not (statistic > limit and error > _SMALL):
-        return [Check(Code.SHARED, Verdict.OK, statistic, limit)]
-    return [
-        reported(
-            Code.SHARED, Verdict.WARNING, statistic, limit, pair=_NAMES[worst], size=size, std=std, percent=100 * error
-        )
-    ]
+    found = error if statistic > limit else 0.0
+    return [judged(Code.SHARED, found, _SMALL, pair=_NAMES[worst], size=size, std=std, percent=100 * error)]

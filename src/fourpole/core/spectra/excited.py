@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.channelerrors import parts
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, without_crosstalk
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.demodulation.tracks import Track, named, tracks_of
@@ -78,6 +79,8 @@ class Excited(ByValue):
     nonlinear : float [1]
         Part of F1 that follows functions of the motion which are not linear, by `fourpole.core.spectra.nonlinear`; 0
         where noise explains it, not-a-number where it was not looked for.
+    period : float [s]
+        Period of the motion; not-a-number where it does not repeat.
     """
 
     phasors: Phasors
@@ -97,6 +100,25 @@ class Excited(ByValue):
     driven: bool = False
     preview: Preview | None = None
     nonlinear: float = np.nan
+    period: float = np.nan
+
+    def with_distortion(self, share: float) -> Excited:
+        """The amplitudes with the part of F1 that is not linear [1].
+
+        Where the motion repeats, distortion repeats too, so that averages do not show it. It is then part of the
+        uncertainty, as an error of F1 and of V2, which F1 makes.
+        """
+        if not (np.isfinite(self.period) and share > 0):
+            return replace(self, nonlinear=share)
+        along = np.nan_to_num(self.phasors.amplitudes * np.array([1.0, 0.0, 1.0]))
+        turn = parts(np.stack([along, 1j * along], axis=-1), axis=2).reshape(-1, 6, 2)
+        covariance = self.phasors.covariance + 0.5 * share**2 * turn @ turn.swapaxes(1, 2)
+        return replace(
+            self,
+            phasors=replace(self.phasors, covariance=covariance),
+            relative=np.hypot(self.relative, share / np.sqrt(2.0)),
+            nonlinear=share,
+        )
 
 
 def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tuple[float, float]]:

@@ -6,11 +6,13 @@ import numpy as np
 from scipy import fft
 
 from fourpole.core import stats
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
+from fourpole.core.arrays import ComplexArray, FloatArray
 from fourpole.core.confidence import SEARCH_CHANCE
+from fourpole.core.demodulation.tracks import Track
 from fourpole.core.recording import Recording
 from fourpole.core.spectra.average import bins_of, hann, lines_of, starts_of
 from fourpole.core.spectra.excited import Excited, factor_of, prepared
+from fourpole.core.spectra.motion import CYCLES
 
 #: Samples per second over the top of the band, and the most of these samples that are looked at.
 _RATE, _MOST = 2.6, 1 << 14
@@ -25,6 +27,8 @@ _STEEP = 3.0
 _ALIKE = 1e-3
 #: Share of the power at a line that single precision leaves.
 _ROUND_OFF = 1e-6
+#: Distance in samples up to which a period is a whole number of samples.
+_WHOLE = 0.1
 #: A function over time, and the means of its slopes by the deflection and by the velocity.
 _Function = tuple[FloatArray, float, float]
 
@@ -66,13 +70,13 @@ def nonlinear_share(recording: Recording, band: tuple[float, float], lines: Exci
     linear approximation).
     """
     track, band = prepared(recording, band)
-    part = _longest(track.present, int(_MOST * track.rate / (_RATE * band[1])))
-    count = part.stop - part.start
+    signals = _part(track, _MOST / (_RATE * band[1]), lines.period)
+    count = signals.shape[1]
     bins = slice(int(np.ceil(band[0] * count / track.rate)), int(band[1] * count / track.rate) + 1)
     size = fft.next_fast_len(int(_RATE * bins.stop), real=True)
     rate = size * track.rate / count
-    length = lines.length * rate if lines.length * rate < size else 2.0 * size / (_SEGMENTS + 1.0)
-    length = int(min(length, 2.0 * size / (_FEWEST + 1.0)))
+    usual = max(2.0 * size / (_SEGMENTS + 1.0), CYCLES * rate / band[0])
+    length = int(min(lines.length * rate if lines.length * rate < size else usual, 2.0 * size / (_FEWEST + 1.0)))
     if length * band[0] < rate:  # the segments have less than a cycle of the lowest frequency
         return np.nan
     _, v1, v2 = lines.phasors.amplitudes.T
@@ -86,7 +90,7 @@ def nonlinear_share(recording: Recording, band: tuple[float, float], lines: Exci
 
     frequency = np.arange(bins.start, bins.stop) * track.rate / count
     factors = [factor_of(recording.channels[name], frequency) for name in track.names[:2]]
-    force, motion = fft.rfft(track.signals[:2, part], axis=1)[:, bins] * factors
+    force, motion = fft.rfft(signals, axis=1)[:, bins] * factors
     velocity = motion * np.interp(frequency, lines.phasors.frequency, moved)
     u, w = over_time(velocity / (2j * np.pi * frequency)), over_time(velocity)
     deviations = float(u.std()), float(w.std())
@@ -149,11 +153,19 @@ def _fitted(normal: FloatArray, products: FloatArray, shared: FloatArray) -> tup
     return turn @ left, float(2.0 / _OVERLAP * left @ left)
 
 
-def _longest(present: BoolArray, most: int) -> slice:
-    """The middle of the longest run of samples without a missing one, at most some of them."""
-    ends = np.flatnonzero(np.diff(present.astype(int), prepend=0, append=0)).reshape(-1, 2)
+def _part(track: Track, most: float, period: float) -> FloatArray:
+    """F1 and V1 (2, N) of the longest part without a missing sample, at most some length [s].
+
+    What repeats is no further evidence: of a motion with a period [s] it is one, the mean of all of them if it has a
+    whole number of samples.
+    """
+    ends = np.flatnonzero(np.diff(track.present.astype(int), prepend=0, append=0)).reshape(-1, 2)
     first, last = ends[np.argmax(ends[:, 1] - ends[:, 0])].tolist()
-    count = min(last - first, most)
+    signals, size = track.signals[:2, first:last], period * track.rate
+    if np.isfinite(size) and abs(size - round(size)) < _WHOLE:
+        times = max(1, signals.shape[1] // round(size))
+        signals = signals[:, : times * round(size)].reshape(2, times, -1).mean(axis=1)
+    count = min(signals.shape[1], int(np.fmin(most, period) * track.rate + _WHOLE))
     count -= count % 128  # other lengths are slow to transform
-    first += (last - first - count) // 2
-    return slice(first, first + count)
+    first = (signals.shape[1] - count) // 2
+    return signals[:, first : first + count]
