@@ -167,14 +167,16 @@ def test_a_longer_recording_is_no_remedy_for_distortion():
     assert said(check).cause.startswith("the specimen is not linear: distortion of at least -1")
 
 
-def test_a_recording_with_missing_samples_is_judged_by_its_longest_part():
+@pytest.mark.parametrize(("missing", "judged"), [(slice(2000, 2010), True), (slice(0, None, 1000), False)])
+def test_a_recording_with_missing_samples_is_judged_by_its_longest_part(missing, judged):
     rng = np.random.default_rng(7)
     motion = random_motion(rng)
     force = BENT["cubic spring"](motion, np.gradient(motion) * RATE)
-    force[2000:2010] = np.nan
+    force[missing] = np.nan
     channels = {"force_in": Channel(force, "force"), "motion_in": Channel(motion, "displacement")}
     recording = Recording(RATE, channels)
-    assert nonlinear_share(recording, BAND, random_amplitudes(recording, BAND)) > NONLINEAR
+    share = nonlinear_share(recording, BAND, random_amplitudes(recording, BAND))
+    assert share > NONLINEAR if judged else np.isnan(share)
 
 
 @pytest.mark.parametrize("bent", [False, True])

@@ -72,15 +72,16 @@ def nonlinear_share(recording: Recording, band: tuple[float, float], lines: Exci
     track, band = prepared(recording, band)
     signals = _part(track, _MOST / (_RATE * band[1]), lines.period)
     count = signals.shape[1]
+    if 2.0 * band[0] * count < (_FEWEST + 1.0) * track.rate:  # a segment has less than a cycle of the lowest frequency
+        return np.nan
     bins = slice(int(np.ceil(band[0] * count / track.rate)), int(band[1] * count / track.rate) + 1)
     size = fft.next_fast_len(int(_RATE * bins.stop), real=True)
     rate = size * track.rate / count
     usual = max(2.0 * size / (_SEGMENTS + 1.0), CYCLES * rate / band[0])
     length = int(min(lines.length * rate if lines.length * rate < size else usual, 2.0 * size / (_FEWEST + 1.0)))
-    if length * band[0] < rate:  # the segments have less than a cycle of the lowest frequency
-        return np.nan
     _, v1, v2 = lines.phasors.amplitudes.T
-    moved = np.where(np.isfinite(v2), 1.0 - v2 / v1, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moved = np.where(np.isfinite(v2 / v1), 1.0 - v2 / v1, 1.0)
 
     def over_time(spectrum: ComplexArray) -> FloatArray:
         """Samples [of the unit of the spectrum] at the lower rate."""
