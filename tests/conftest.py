@@ -20,6 +20,7 @@ from tests.reference import claims
 from tests.selection import EVERY, left_out, turn
 
 from fourpole import Study, analyse
+from fourpole.core.checks import Check, Verdict
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,6 +77,21 @@ def no_wait_for_the_disk() -> Iterator[None]:
     """What is written need not outlast a power cut; the commands that strace traces wait, as those of users do."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("os.fsync", lambda descriptor: None)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_check_is_ok_beyond_its_limit() -> Iterator[None]:
+    """Whatever a test makes of sound and of damaged campaigns: a check beyond its limit does not say ok."""
+    make = Check.__init__
+
+    def made(check: Check, *values: object, **named: object) -> None:
+        make(check, *values, **named)  # type: ignore[arg-type]
+        beyond = check.statistic < check.limit if check.code.limit_is_least else check.statistic > check.limit
+        assert not (check.verdict is Verdict.OK and beyond), check
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Check, "__init__", made)
         yield
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.sources import modules, name_of, nodes_of
 
+from fourpole.campaign.row import condition_words
 from fourpole.core.checks import Check
 from fourpole.core.joint.misfit import Candidate
 from fourpole.errors import Message
@@ -139,7 +140,10 @@ def test_values_of_checks_are_numbers_names_codes_and_errors(route, faults, tmp_
     checks += [check for _, check in conditions]
     names = {name for test in campaign.tests for name in (test.name, test.file, test.tyre)}
     names |= {"F1", "V1", "V2", "load", "deflection", "pressure", "preload", "temperature", "K2", "C"}
-    names |= {part for name, _ in conditions for part in (name, *name.split(", "))}  # names of conditions
+    conditions_named = {condition_words(test) for test in campaign.of_kind("dynamic")} | {
+        name for name, _ in conditions
+    }
+    names |= {part for name in conditions_named for part in (name, *name.split(", "))}
     words = {(check.code, text) for check in checks for text in words_in(check.values, names)}
     assert study.checks.height
     assert not words

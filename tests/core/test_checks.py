@@ -1,8 +1,9 @@
 """The codes of the checks, and verdicts."""
 
 import numpy as np
+import pytest
 
-from fourpole.core.checks import Code, judged, worst_verdict
+from fourpole.core.checks import Check, Code, Verdict, judged, worst_verdict
 
 
 def test_names_on_disk_are_unique_and_another_name_is_no_code():
@@ -26,3 +27,11 @@ def test_worst_verdict():
     assert worst_verdict(["ok", "warning"]) == "warning"
     assert worst_verdict(iter(["warning", "rejected", "ok"])) == "rejected"
     assert worst_verdict(["ok", "good", None]) == "rejected"
+
+
+def test_a_check_that_is_ok_beyond_its_limit_fails_any_test():
+    """The fixture of tests/conftest.py looks at each check that a test makes."""
+    with pytest.raises(AssertionError, match="amplitudes"):
+        Check(Code.AMPLITUDES, Verdict.OK, 40.0, 2.0)
+    with pytest.raises(AssertionError, match="mains"):
+        Check(Code.MAINS, Verdict.OK, 0.1, 1.0)

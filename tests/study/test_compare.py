@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fourpole.campaign import folder
-from fourpole.core.checks import Code, Verdict, reported
+from fourpole.core.checks import Code
 from fourpole.core.phasor import Phasors
 from fourpole.study.analysis import analyse
-from fourpole.study.compare import _mixed, noises
+from fourpole.study.compare import noises
 from fourpole.study.points import Points
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
 
@@ -126,21 +126,6 @@ def test_noise_that_matters_stands_out_from_that_of_the_others(times, found, amp
     rows = list(noises(points, np.ones(6, dtype=bool)))
     assert len(rows) == 18
     assert [(at, row.channel) for at, row in rows if row.verdict == "warning"] == (found if matters else [])
-
-
-@pytest.mark.sampled(2)
-def test_a_condition_says_the_range_of_its_amplitudes(honest):
-    study = analyse(honest)
-    rows = study.checks.filter(study.checks["code"] == Code.AMPLITUDES.text)
-    assert rows["test"].to_list() == ["radial-ply, 1.7 bar, 1000 N", "radial-ply, 2.2 bar, 1000 N"]
-    assert rows["verdict"].unique().to_list() == ["ok"]
-    for pressure, found in zip((1.7e5, 2.2e5), rows["statistic"], strict=True):
-        sizes = study.dynamic.filter(study.dynamic["pressure [Pa]"] == pressure)["deflection amplitude [m]"]
-        assert found == pytest.approx(sizes.max() / sizes.min())
-    assert not any("mixes" in note for note in study.notes)  # the tyre is linear: the range does not matter
-    values = {"smallest": 1.0, "largest": 3.0}
-    (note,) = _mixed([(x, reported(Code.AMPLITUDES, Verdict.OK, 3.0, 2.0, name=x, **values)) for x in "ab"])
-    assert note.startswith("the curve of a mixes deflection amplitudes of 1 to 3 mm (1 more curves do so): compare")
 
 
 @pytest.mark.sampled(2)

@@ -23,7 +23,8 @@ from fourpole.core.sources import Kind, Source
 from fourpole.errors import RecordingError
 from fourpole.io.signals import Signal
 from fourpole.study import cache, check, compare, identify, load, reduce, rig_solution, watch, workers
-from fourpole.study.compare import _amplitudes, _joint_checks, copies, excitations, noises
+from fourpole.study.agreement import excitations, mixed_amplitudes
+from fourpole.study.compare import _joint_checks, copies, noises
 from fourpole.study.identify import temperature_note
 from fourpole.study.points import Points, StaticStiffness
 from fourpole.study.repeated import _apart
@@ -72,8 +73,7 @@ def compared(first, second, bands=(None, (5.0, 90.0))):
 def mixed(ratio):
     """Whether a condition mixes deflection amplitudes, by their ratio."""
     sizes = np.array([1e-3, ratio * 1e-3])
-    ((_, check),) = _amplitudes(points_of(sizes, 1e-6), Alone(*alone([10.0, 12.0], deflection=sizes)), ())
-    return bool(check.values)
+    return bool(mixed_amplitudes(points_of(sizes, 1e-6), Alone(*alone([10.0, 12.0], deflection=sizes)), ()))
 
 
 def of_joint(scatter=0.0, times=0.0):

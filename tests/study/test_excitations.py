@@ -12,7 +12,7 @@ from fourpole.campaign.row import Test as Row
 from fourpole.core.alone import Alone
 from fourpole.core.checks import Code
 from fourpole.core.confidence import SEARCH_CHANCE
-from fourpole.study.compare import excitations
+from fourpole.study.agreement import excitations
 from fourpole.study.points import Points
 from fourpole.words import remark_of
 

@@ -66,6 +66,30 @@ def test_a_friction_damper_is_said_to_be_not_linear_before_anything_else(bench):
     np.testing.assert_allclose(dynamic["deflection amplitude [m]"], AMPLITUDE, rtol=1e-3)
 
 
+@pytest.mark.parametrize("bent", [False, True])
+def test_random_excitation_tells_distortion_from_noise(tmp_path, bent):
+    """A magneto-rheological damper, and a linear one with a poor force cell."""
+    rng, rate, size = np.random.default_rng(3), 250.0, 10_000
+    frequency = np.fft.rfftfreq(2 * size, 1 / rate)
+    spectrum = rng.normal(size=(2, frequency.size)) * (frequency > 0.8) * (frequency < 40) / (1 + frequency / 4) ** 2
+    motion = np.fft.irfft(spectrum[0] + 1j * spectrum[1])[:size]
+    motion *= 3e-3 / motion.std()
+    velocity = np.gradient(motion) * rate
+    force = 2e4 * motion + 800 * velocity
+    if bent:
+        force += 300 * np.tanh((velocity + 3 * motion) / (0.15 * velocity.std()))
+    force += (0.1 if bent else 1.0) * force.std() * rng.normal(size=size)
+    columns = np.c_[np.arange(size) / rate, 1e3 * motion, force]
+    np.savetxt(tmp_path / "r.csv", columns, delimiter=",", header="t,x,F", comments="", fmt="%.9g")
+    heads = "test,file,kind,specimen,frequency [Hz],K1 [N/m],u(K1) [N/m]"
+    (tmp_path / "tests.csv").write_text(f"{heads}\nR1,r.csv,random,damper,2:30,1e3,1e2\n")
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN)
+    table = analyse(tmp_path, monte_carlo=0).dynamic
+    said = "the specimen is not linear: distortion of at least -1"
+    assert all(remark.startswith(said) is bent for remark in table["remarks"])
+    assert any("record longer" in remark for remark in table["remarks"]) is not bent
+
+
 def test_what_is_not_linear_stands_before_a_rejection(bench):
     """A mass in the fixture makes K' negative, so that a test is rejected; the report says first why."""
 

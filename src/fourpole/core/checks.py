@@ -2,7 +2,7 @@
 
 `fourpole.words` makes their sentences. `recordingchecks` has the functions for one recording, called in
 `fourpole.study.reduce`. `fourpole.study.compare` makes the checks between tests, with `scales` and `curves`, and
-those of an identified point.
+those of an identified point; `fourpole.study.agreement` those of a condition.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from fourpole.io.folders import is_for_keeping, make_folder
 from fourpole.io.remote import EVERY, allowing
 from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.write import remove_leftovers
+from fourpole.study.agreement import agreement, notes_of
 from fourpole.study.asked import asked_only
 from fourpole.study.cache import Cache
 from fourpole.study.compare import compare_points, judge_points
@@ -135,6 +136,8 @@ def analyse(
     points = replace(points, condition=condition_numbers(campaign, points.tests), stiffness=stiffness)
     points, conditions, mixed = compare_points(campaign, points)
     groups, remarks = identify_points(campaign, points, route, monte_carlo, seed)
+    conditions += agreement(campaign, points, groups)
+    doubts = notes_of(sorted((check for _, check in conditions), key=lambda check: -check.statistic))
     points = asked_only(campaign, judge_points(points, groups, route))
     likelihoods = {group.rig_name: likelihood_of(group.joint) for group in groups if group.joint is not None}
     tables = select_tables(campaign, statics, points, groups, likelihoods, conditions, route)
@@ -142,7 +145,7 @@ def analyse(
     found: dict[str, Any] = {
         "settings": {"route": route, "monte_carlo": monte_carlo, "seed": seed},
         "verdicts": verdict_counts(tables["static"], tables["dynamic"]),
-        "notes": [*([note] if note else []), *remarks, *mixed],
+        "notes": [*([note] if note else []), *remarks, *doubts, *mixed],
         **({"joint": estimates} if estimates else {}),
         "likelihood": {rig: likelihood_record(likelihood) for rig, likelihood in likelihoods.items()},
         "sha256": _hashes(campaign, statics, points),

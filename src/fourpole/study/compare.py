@@ -1,8 +1,7 @@
 """Checks of points beyond their own recording.
 
-Before the identification the tests are compared with each other: copies, noise, scales, smooth curves of K*, and K* of
-one condition by different excitations, which a linear specimen has in common. After it each point is judged: whether K2
-and C exist, agreement, the rig.
+Before the identification the tests are compared with each other: copies, noise, scales, smooth curves of K*. After it
+each point is judged: whether K2 and C exist, agreement, the rig.
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import begun_at, condition_of, condition_words
 from fourpole.core import stats
 from fourpole.core.alone import Alone
-from fourpole.core.arrays import BoolArray, ComplexArray, FloatArray
-from fourpole.core.checks import Check, Code, Excitation, Verdict, judged, reported
+from fourpole.core.arrays import BoolArray, FloatArray
+from fourpole.core.checks import Check, Code, Verdict, judged, reported
 from fourpole.core.condition import SAME_FREQUENCY, Condition
 from fourpole.core.confidence import SEARCH_CHANCE
 from fourpole.core.curvature import NOT_LINEAR
@@ -28,30 +27,19 @@ from fourpole.core.curves import Curves, Samples, curves_of
 from fourpole.core.phasor import CHANNELS, SYMBOLS
 from fourpole.core.routes import NoArm, no_arm
 from fourpole.core.scales import check_scale, k1_exchanged
+from fourpole.study.agreement import excitations, mixed_amplitudes
 from fourpole.study.identify import RigGroup
 from fourpole.study.points import Points, StaticStiffness
-from fourpole.words import said
 
 #: A channel is noisier than usual above both: noise over the median noise of all tests, and noise over the amplitude.
 _NOISIER, _MATTERS = 10.0, 0.003
 #: Fewest tests of a rig among which one can be noisier than usual.
 _FEWEST = 5
-#: Largest over smallest deflection amplitude above which a curve mixes amplitudes.
-_MIXED = 2.0
 _PRESSURE = q.PRESSURE.key
 #: Amplitudes of a copied recording are equal to this share of the standard uncertainty of their noise.
 _COPIED = 1e-3
 #: Share of a window that another one has in common with it, from which they are copies.
 _OVERLAP = 0.5
-#: Tests whose deflections differ by less than this factor have one level.
-_LEVEL = 1.25
-#: Lines within this share of a frequency are compared with it, and the fewest frequencies of a comparison.
-_NEAR, _FEWEST_COMMON = 0.06, 3
-#: Change of the stiffness between levels up to which ISO 10846-2, 7.7, takes a specimen as linear [dB].
-LINEAR = 1.5
-#: The excitation of each kind with a band.
-_OF_KIND = {"random": Excitation.RANDOM, "sweep": Excitation.SWEEP}
-_DECIBEL = 20.0 / np.log(10.0)
 #: Relative scatter of K* from test to test beyond which more than the specimen differs; tyres repeat to 0.03-1 %.
 _MOST_SCATTER = 0.02
 #: Standard uncertainties below zero from which K'' is negative.
@@ -95,20 +83,9 @@ def compare_points(campaign: Campaign, points: Points) -> tuple[Points, list[tup
         *on_curves,
     ]
     further = [axis.name for axis in campaign.stated.sameness.further]
-    conditions = [*_amplitudes(points, alone, further), *excitations(points, alone, further)]
-    notes = _mixed(conditions) if straight.size < np.count_nonzero(used) else []
+    conditions = list(excitations(points, alone, further))
+    notes = mixed_amplitudes(points, alone, further) if straight.size < np.count_nonzero(used) else []
     return replace(points, strange=strange).with_checks(checks), conditions, notes
-
-
-def _mixed(conditions: Sequence[tuple[str, Check]]) -> list[str]:
-    """One sentence on the curve that mixes the largest range of amplitudes."""
-    mixed = [check for _, check in conditions if check.code is Code.AMPLITUDES and check.values]
-    if not mixed:
-        return []
-    worst = max(mixed, key=lambda check: check.statistic)
-    more = f" ({len(mixed) - 1} more curves do so)" if len(mixed) > 1 else ""
-    cause, remedy = said(worst)
-    return [f"{cause.removesuffix(': ')}{more}: {remedy}"]
 
 
 def scales(points: Points, alone: Alone) -> Iterator[tuple[int, Check]]:
@@ -170,18 +147,6 @@ def _pairs(here: _Rows, there: _Rows, logs: FloatArray) -> list[tuple[int, int]]
         for b in there.get(condition, ())
         if abs(logs[a] - logs[b]) < SAME_FREQUENCY
     ]
-
-
-def _amplitudes(points: Points, alone: Alone, further: Sequence[str]) -> Iterator[tuple[str, Check]]:
-    """Checks of the range of deflection amplitudes of each condition; a range is no fault of a test."""
-    for rows in points.by_condition(alone.deflection > 0):
-        sizes = 1e3 * alone.deflection[rows]
-        name, ratio = condition_words(points.tests[rows[0]], further=further), float(sizes.max() / sizes.min())
-        if ratio > _MIXED:
-            ends = {"smallest": float(sizes.min()), "largest": float(sizes.max())}
-            yield name, reported(Code.AMPLITUDES, Verdict.OK, ratio, _MIXED, name=name, **ends)
-        else:
-            yield name, Check(Code.AMPLITUDES, Verdict.OK, ratio, _MIXED)
 
 
 def copies(points: Points, sound: BoolArray) -> Iterator[tuple[int, Check]]:
@@ -298,70 +263,6 @@ def _family_of(curves: Curves, test: int) -> int | None:
     others = [int(family) for family in np.unique(curves.samples.family) if family != own]
     best = min(others, key=lambda family: curves.distance(test, family), default=None)
     return best if best is not None and curves.distance(test, best) <= curves.limit else None
-
-
-# --- K* of one condition by different excitations --------------------------------------------------------------------
-
-_Level = tuple[Excitation, float]
-
-
-def excitations(points: Points, alone: Alone, further: Sequence[str]) -> Iterator[tuple[str, Check]]:
-    """Checks of each condition with several excitations: kinds of test, and levels of random tests and sweeps.
-
-    K* is that of each test by itself. The errors of the sensors and of the rig are the same in both and cancel, so the
-    uncertainty of a difference is that of the noise. Conditions are named with their values on `further` axes. The
-    level [mm] is the deflection; the amplitude of a sine may change with its frequency.
-    """
-    deflection = alone.deflection
-    for rows in points.by_condition(np.isfinite(alone.stiffness) & (alone.noise > 0)):
-        kinds: dict[_Level, list[int]] = {}
-        for row in rows[np.argsort(deflection[rows], kind="stable")].tolist():
-            test = points.tests[row]
-            kind = Excitation.SINES if test.band is None else _OF_KIND[test.kind]
-            levels = [level for level in kinds if level[0] is kind]
-            near = levels and (kind is Excitation.SINES or deflection[row] < _LEVEL * deflection[kinds[levels[-1]][0]])
-            kinds.setdefault(levels[-1] if near else (kind, 1e3 * float(deflection[row])), []).append(row)
-        for pair in combinations(kinds, 2):
-            name = condition_words(points.tests[rows[0]], further=further)
-            if (check := _compared(name, pair, [alone.part(kinds[key]) for key in pair])) is not None:
-                yield name, check
-
-
-def _compared(name: str, keys: tuple[_Level, ...], pair: Sequence[Alone]) -> Check | None:
-    """The check of two excitations; None if they have fewer than three frequencies in common."""
-    sparse, dense = sorted(pair, key=lambda alone: alone.noise.size)
-    off, variance = _differences(sparse, dense)
-    if off.size < _FEWEST_COMMON:
-        return None
-    statistic = float(np.mean(np.abs(off) ** 2 / (2.0 * variance)))
-    limit = float(stats.chi2.isf(SEARCH_CHANCE, 2 * off.size)) / (2 * off.size)
-    if statistic <= limit:
-        return Check(Code.EXCITATIONS, Verdict.OK, statistic, limit)
-    sign = 1.0 if sparse is pair[1] else -1.0
-    weights = 1.0 / variance
-    mean = sign * _DECIBEL * float(np.sum(weights * off.real) / np.sum(weights))
-    softer, stiffer = keys if mean > 0 else keys[::-1]
-    verdict = Verdict.WARNING if abs(mean) > LINEAR else Verdict.OK
-    return reported(
-        Code.EXCITATIONS, verdict, statistic, limit, name=name, softer=softer, stiffer=stiffer, decibel=abs(mean),
-        count=off.size, linear=LINEAR,
-    )  # fmt: skip
-
-
-def _differences(sparse: Alone, dense: Alone) -> tuple[ComplexArray, FloatArray]:
-    """Differences of ln K* at the frequencies of the first tests, and the variance of each of their parts."""
-    frequency, values, weights = np.log(dense.frequency), np.log(dense.stiffness), dense.noise**-2.0
-    off, variance = [], []
-    for place in range(sparse.noise.size):
-        apart = frequency - np.log(sparse.frequency[place])
-        near = np.abs(apart) < _NEAR
-        if not (near & (apart <= 1e-9)).any() or not (near & (apart >= -1e-9)).any():
-            continue
-        line = np.stack([np.ones(near.sum()), apart[near]], axis=1)[:, : min(2, int(near.sum()))]
-        normal = np.linalg.pinv((line.T * weights[near]) @ line)
-        off.append(np.log(sparse.stiffness[place]) - (normal @ ((line.T * weights[near]) @ values[near]))[0])
-        variance.append(sparse.noise[place] ** 2 + normal[0, 0])
-    return np.array(off), np.array(variance)
 
 
 # --- each point, once its tests are identified -----------------------------------------------------------------------

@@ -34,8 +34,9 @@ from fourpole.core.recording import DRIVE, Recording
 from fourpole.core.recordingchecks import excess, force_bend, judged_excess
 from fourpole.core.rig import Rig
 from fourpole.core.sources import Kind, Source
-from fourpole.core.spectra.checks import check_closure, check_line, check_shared_noise
+from fourpole.core.spectra.checks import check_closure, check_line, check_linearity, check_shared_noise
 from fourpole.core.spectra.excited import Excited
+from fourpole.core.spectra.nonlinear import nonlinear_share
 from fourpole.core.spectra.random import random_amplitudes
 from fourpole.core.spectra.sweep import sweep_amplitudes
 from fourpole.errors import ConstantError, FileError, FourpoleError, Message, RecordingError, TableError, TooShortError
@@ -234,7 +235,7 @@ def _checks_of_lines(job: Reduction, lines: Excited, done: Demodulated) -> Itera
     """
     rig, added = job.rig, job.test.added_mass
     whole = [*done.checks, *_checks_of_force(job.test, lines.force_peak, done.mean_force)]
-    whole += [*check_closure(lines), *check_shared_noise(lines)]
+    whole += [*check_linearity(lines), *check_closure(lines), *check_shared_noise(lines)]
     for line in range(lines.averages.size):
         check, phasors = check_line(lines, line), lines.phasors.part(line)
         of_line = [check]
@@ -288,7 +289,9 @@ def _amplitudes(test: Test, recording: Recording, start: float | None) -> tuple[
     """
     if test.band is not None:
         amplitudes = sweep_amplitudes if test.kind == "sweep" else random_amplitudes
-        return replace(amplitudes(recording, test.band), preview=_preview(recording)), []
+        lines = amplitudes(recording, test.band)
+        lines = lines.with_distortion(nonlinear_share(recording, test.band, lines))
+        return replace(lines, preview=_preview(recording)), []
     steady = demodulate(recording, near=test.value("frequency"), start=start)
     if recording.reference is not None:
         return refine_reference(recording, steady), []

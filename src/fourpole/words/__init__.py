@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fourpole.core.joint.misfit import Candidate
 
 #: Values that say which case of a check it is: codes, and the quantity that it names.
-CASES = ("error", "because", "looks", "branch", "name", "difficulty")
+CASES = ("error", "because", "looks", "branch", "name", "difficulty", "form")
 
 
 def package_toml(package: str, name: str = "words.toml") -> dict[str, Any]:
@@ -45,11 +45,13 @@ def _say(group: str, key: str | Enum, /, **values: object) -> str:
     return text.format(**values)
 
 
-def template(code: Code, part: str, verdict: str = "") -> str:
-    """What a check is `about`, or its `short` form, `cause` or `remedy` with this verdict; empty if it has none."""
+def template(code: Code, part: str, case: str = "") -> str:
+    """What a check is `about`, or its `short` form, `cause` or `remedy` in a case; empty if it has none.
+
+    The case is a verdict, or the `form` among the values of the check.
+    """
     texts = _texts()["checks"][code.text]
-    rejected = texts.get("rejected", {}) if verdict == Verdict.REJECTED else {}
-    return str(rejected.get(part, texts.get(part, "")))
+    return str(texts.get(case, {}).get(part, texts.get(part, "")))
 
 
 class Said(NamedTuple):
@@ -70,10 +72,10 @@ def said(check: Check) -> Said:
     if check.verdict is Verdict.OK and not check.values:
         return Said("", "")
     known = {"statistic": check.statistic, "limit": check.limit, "channel": check.channel, **check.values}
-    verdict = Verdict.REJECTED if check.values.get("at_first") else check.verdict
-    known["short"] = template(check.code, "short", verdict)
+    case = check.values.get("form") or (Verdict.REJECTED if check.values.get("at_first") else check.verdict)
+    known["short"] = template(check.code, "short", case)
     known |= _FURTHER[check.code](check.values) if check.code in _FURTHER else {}
-    cause, remedy = (template(check.code, part, verdict).format(**known) for part in ("cause", "remedy"))
+    cause, remedy = (template(check.code, part, case).format(**known) for part in ("cause", "remedy"))
     return Said(_say("parts", "at_first", cause=cause) if check.values.get("at_first") else cause, remedy)
 
 
@@ -281,7 +283,7 @@ def _excitation_words(excitation: tuple[Excitation, float]) -> str:
 
 
 #: What sentences need that is more than a value in a blank.
-_FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
+_FURTHER: dict[Code, Callable[[_Values], dict[str, Any]]] = {
     Code.RESONANCE: lambda values: {name: values[name] / 1e3 for name in ("spring", "inertia")},
     Code.HALVES: _halves,
     Code.SHARED: lambda values: {"pair": _and(values["pair"])},
@@ -302,6 +304,7 @@ _FURTHER: dict[Code, Callable[[_Values], dict[str, str]]] = {
     Code.RIG: lambda values: {"causes": explained(values["causes"])},
     Code.K1_EXCHANGED: _exchanged_k1,
     Code.EXCITATIONS: lambda values: {side: _excitation_words(values[side]) for side in ("softer", "stiffer")},
+    Code.AMPLITUDES: lambda values: dict(zip(("light", "heavy"), values.get("masses", ()), strict=False)),
     Code.COPY: lambda values: {"others": _and(values["tests"])},
     Code.EXCHANGED: lambda values: {"names": _and(values["tests"])},
 }

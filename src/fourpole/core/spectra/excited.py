@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fourpole.core.arrays import BoolArray, ByValue, ComplexArray, FloatArray
+from fourpole.core.channelerrors import parts
 from fourpole.core.demodulation.corrections import Correction, corrections_of, links_of, without_crosstalk
 from fourpole.core.demodulation.preview import Preview
 from fourpole.core.demodulation.tracks import Track, named, tracks_of
 from fourpole.core.phasor import CHANNELS, Phasors
-from fourpole.core.recording import DERIVATIVES, DRIVE, Recording
+from fourpole.core.recording import DERIVATIVES, DRIVE, Channel, Recording
 from fourpole.core.spectra.average import CrossSpectra
 from fourpole.core.spectra.ratios import Ratios
 from fourpole.errors import ConstantError, RecordingError
@@ -75,6 +76,11 @@ class Excited(ByValue):
         Whether a recorded drive is the instrument of all ratios. The closure phase then enlarges no uncertainty.
     preview : Preview or None
         Samples of F1, V1 and, if it is recorded, V2, and their extremes over the record.
+    nonlinear : float [1]
+        Part of F1 that follows functions of the motion which are not linear, by `fourpole.core.spectra.nonlinear`; 0
+        where noise explains it, not-a-number where it was not looked for.
+    period : float [s]
+        Period of the motion; not-a-number where it does not repeat.
     """
 
     phasors: Phasors
@@ -93,6 +99,26 @@ class Excited(ByValue):
     shared: FloatArray = field(default_factory=lambda: np.zeros((3, 4)))
     driven: bool = False
     preview: Preview | None = None
+    nonlinear: float = np.nan
+    period: float = np.nan
+
+    def with_distortion(self, share: float) -> Excited:
+        """The amplitudes with the part of F1 that is not linear [1].
+
+        Where the motion repeats, distortion repeats too, so that averages do not show it. It is then part of the
+        uncertainty, as an error of F1 and of V2, which F1 makes.
+        """
+        if not (np.isfinite(self.period) and share > 0):
+            return replace(self, nonlinear=share)
+        along = np.nan_to_num(self.phasors.amplitudes * np.array([1.0, 0.0, 1.0]))
+        turn = parts(np.stack([along, 1j * along], axis=-1), axis=2).reshape(-1, 6, 2)
+        covariance = self.phasors.covariance + 0.5 * share**2 * turn @ turn.swapaxes(1, 2)
+        return replace(
+            self,
+            phasors=replace(self.phasors, covariance=covariance),
+            relative=np.hypot(self.relative, share / np.sqrt(2.0)),
+            nonlinear=share,
+        )
 
 
 def prepared(recording: Recording, band: tuple[float, float]) -> tuple[Track, tuple[float, float]]:
@@ -130,17 +156,21 @@ def to_true(recording: Recording, names: Sequence[str], frequency: FloatArray) -
         for line, omega in enumerate((2 * np.pi * frequency).tolist()):
             turned[line], _ = without_crosstalk(recording, names, omega)
     for place, name in enumerate(names):
-        channel = recording.channels[name]
-        factor = (2j * np.pi * frequency) ** DERIVATIVES[channel.quantity]
-        for link in links_of(channel):
-            factor = factor / link.at(frequency)
-        turned[:, :, place] *= factor[:, None]
+        turned[:, :, place] *= factor_of(recording.channels[name], frequency)[:, None]
     return turned
 
 
 def is_whole(names: Sequence[str]) -> bool:
     """Whether F1, V1 and V2 are all there, so that one of them is the instrument for the ratio of the others."""
     return set(CHANNELS) <= set(names)
+
+
+def factor_of(channel: Channel, frequency: FloatArray) -> ComplexArray:
+    """Force or velocity over the recorded line (L,) of a channel, without delays and filters."""
+    factor = (2j * np.pi * frequency) ** DERIVATIVES[channel.quantity]
+    for link in links_of(channel):
+        factor = factor / link.at(frequency)
+    return np.asarray(factor)
 
 
 def pulls_of(closure: FloatArray) -> FloatArray:

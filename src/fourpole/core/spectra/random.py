@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fourpole.core.recording import Recording
@@ -65,10 +67,10 @@ def random_amplitudes(recording: Recording, band: tuple[float, float], segment: 
     if (period := period_of(track, inside)) is not None:
         repeated = repeated_amplitudes(recording, track, inside, period, segment)
         if repeated is not None:
-            return repeated
+            return replace(repeated, period=period)
     _check_random(recording, motion_of(track, segment, inside, fine), segment)
     if period is not None and fits_whole(track, inside):
-        return whole_amplitudes(recording, track, inside)
+        return replace(whole_amplitudes(recording, track, inside), period=period)
     best: Excited | None = None
     for count in (MANY, MANY // 2, _FEW):
         segment = segment_of(length, inside[0], count)

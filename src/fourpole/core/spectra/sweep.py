@@ -70,9 +70,8 @@ def sweep_amplitudes(recording: Recording, band: tuple[float, float]) -> Excited
             "cut with window [s], or fill them in"
         )
     period = period_of(track, inside)
-    repeated = None if period is None else repeated_amplitudes(recording, track, inside, period)
-    if repeated is not None:
-        return repeated
+    if period is not None and (repeated := repeated_amplitudes(recording, track, inside, period)) is not None:
+        return replace(repeated, period=period)
     length = track.time.size / track.rate
     if not fits_whole(track, inside):
         raise TooShortError(
