@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from fourpole.errors import CampaignError
-from fourpole.guess import channels, conditions, gather, signals, specimens, together
-from fourpole.guess.channels import Column, Role, checked_force, static_roles
+from fourpole.guess import conditions, gather, roles, signals, specimens, together
+from fourpole.guess.channels import Column, Role
 from fourpole.guess.gather import _recorded
 from fourpole.guess.names import Token, read_name
 from fourpole.guess.pattern import read_pattern
+from fourpole.guess.roles import checked_force, static_roles
+from fourpole.guess.signals import SignalShape
 from fourpole.guess.together import _Together
 
 AT = np.arange(4000)
@@ -69,16 +71,16 @@ def preloads(mean):
 
 def turned(passive):
     """Whether a sensor is inverted, by the share of the tests that are passive then."""
-    roles = {name: Role(name, name, "N", "force") for name in channels._SYMBOLS}
-    shares = {"_stiffness": lambda roles, shapes: passive if roles["force_in"].invert else 0.1, "_passive": float}
-    with patch.multiple(channels, **shares):
-        return any(role.invert for role in channels._signs(roles, [None]).values())
+    given = {name: Role(name, name, "N", "force") for name in roles._SYMBOLS}
+    shares = {"_stiffness": lambda given, shapes: passive if given["force_in"].invert else 0.1, "_passive": float}
+    with patch.multiple(roles, **shares):
+        return any(role.invert for role in roles._signs(given, [None]).values())
 
 
 def unit(kind, largest):
     """Unit of a static channel that states none, by its largest value."""
     columns = [Column("load", None, "force"), Column("deflection", None, "displacement")]
-    shape = MagicMock(ranges=dict.fromkeys(("load", "deflection"), (0.0, largest)))
+    shape = SignalShape("static", 0.1, None, ranges=dict.fromkeys(("load", "deflection"), (0.0, largest)))
     return static_roles(columns, [shape])[kind].unit
 
 
@@ -155,7 +157,7 @@ def moving(quantity):
 
     def decided(size):
         shape = SimpleNamespace(amplitudes={"x": size})
-        return channels._dynamic_role("force_in", Column("x", None, quantity), [shape]).unit
+        return roles._dynamic_role("force_in", Column("x", None, quantity), [shape]).unit
 
     return decided
 

@@ -13,9 +13,12 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.condition import Axis
 from fourpole.errors import CampaignError
-from fourpole.guess.channels import (
-    Column,
-    Role,
+from fourpole.guess.channels import Column, Role
+from fourpole.guess.conditions import read_conditions
+from fourpole.guess.gather import FolderContents, gather
+from fourpole.guess.names import CONDITIONS, DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions, Token, kind_word
+from fourpole.guess.pattern import named_by, read_pattern, test_names
+from fourpole.guess.roles import (
     channel_scale,
     checked_force,
     drive_role,
@@ -24,10 +27,6 @@ from fourpole.guess.channels import (
     motion_share,
     static_roles,
 )
-from fourpole.guess.conditions import read_conditions
-from fourpole.guess.gather import FolderContents, gather
-from fourpole.guess.names import CONDITIONS, DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions, Token, kind_word
-from fourpole.guess.pattern import named_by, read_pattern, test_names
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import CONSTRUCTIONS
 from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row

@@ -14,7 +14,7 @@ from fourpole.errors import TableError, UnitError
 from fourpole.io.layout import is_missing
 from fourpole.io.names import listed, named
 from fourpole.io.tables.cells import Cells, Column
-from fourpole.io.tables.vocabulary import ALIASES, ROLES, TURNING, UNCLEAR, plain, readings
+from fourpole.io.tables.vocabulary import ALIASES, ROLES, TURNING, UNCLEAR, channel_roles, plain, readings
 from fourpole.units import shown
 
 #: Columns of one quantity are the same if all rows agree to this relative difference.
@@ -123,7 +123,12 @@ def taken(cells: Cells, stated: Sequence[Statement], roles: Sequence[str]) -> li
             if role in roles and role not in fixed:
                 one = _fitting(column, role, letter)
                 found += [] if one is None else [one]
-    return found
+    used |= {id(one.column) for one in found}
+    lacking = set(roles) - {one.role for one in found}
+    named = [
+        (column, role) for column in cells.columns if id(column) not in used for role in channel_roles(column.name)
+    ]
+    return found + [one for column, role in named if role in lacking and (one := _fitting(column, role, ""))]
 
 
 def _stated(cells: Cells, one: Statement) -> Taken:

@@ -1,0 +1,478 @@
+"""The columns of the roles of recordings: the assignment with the largest sum of evidence.
+
+Unit, name, signal and physics of a column each give log-odds, by `channels.weights` of vocabulary.toml. The sums of all
+assignments are compared; another assignment less than `margin` below the best is a doubt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from fourpole import units
+from fourpole.core.arrays import FloatArray
+from fourpole.core.recording import DERIVATIVES
+from fourpole.guess.channels import Column, Role
+from fourpole.guess.signals import SignalShape
+from fourpole.units import MOTIONS, shown
+from fourpole.words import vocabulary
+from fourpole.words.heads import is_command, kind_of_unit
+
+_W: dict[str, float] = vocabulary()["channels"]["weights"]
+#: Quantities of motion, the most suitable first: beside another motion, and alone.
+_ORDER = ("velocity", "acceleration", "displacement")
+_ALONE = ("displacement", "velocity", "acceleration")
+#: Units of columns that state none: from a size of the recorded numbers on, below it, and this size.
+_STATIC_UNITS = {"force": ("N", "kN", 100.0), "displacement": ("mm", "m", 0.5)}
+_DYNAMIC_UNITS = {
+    "force": ("N", "kN", 1.0),
+    "velocity": ("mm/s", "m/s", 3.0),
+    "acceleration": ("m/s^2", "m/s^2", 0.0),
+    "displacement": ("mm", "m", 0.02),
+}
+_SYMBOLS = {"force_in": "F1", "motion_in": "V1", "motion_out": "V2"}
+#: Share of the tests that must be passive with a channel inverted, or it is not inverted [1].
+_MOST = 0.9
+#: Likely range of |K*| over the static stiffness.
+_LIKELY = (0.3, 12.0)
+#: Relative difference of two velocities up to which they are of one point [1].
+_TWIN = 0.05
+#: Logarithm of the range of frequencies from which |K*| has an exponent, and largest exponent of a specimen [1].
+_APART, _STEEP = 0.1, 0.5
+#: Forces and motions with the largest sums of their own, whose assignments are compared.
+_FORCES, _COMPARED = 4, 8
+#: Smallest share of sinusoid that counts [1], and largest logarithms and exponents.
+_LEAST, _CAPPED = 0.05, 3.0
+#: Correlation of load and deflection from which its sign is that of the slope [1].
+_TELLING = 0.5
+
+
+# --- static tests ------------------------------------------------------------------------------------------------
+
+
+def static_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> dict[str, Role]:
+    """Roles of load and deflection in the static tests."""
+    of = {kind: [column for column in columns if column.quantity == kind] for kind in ("force", "displacement")}
+    by_curve = not all(of.values())
+    if by_curve:
+        unknown = [column for column in columns if column.quantity in ("", "voltage")]
+        moving = [column for column in unknown if any(shape.span(column.name) > 0 for shape in shapes)]
+        of["force"], of["displacement"] = _by_curve(of["force"], of["displacement"], moving, shapes)
+    pairs = list(product(of["force"] or [None], of["displacement"] or [None]))
+    scored = [(_static_score(pair, of, shapes), pair) for pair in pairs]
+    best = max(scored, key=lambda one: one[0])[1]
+    turned = _turned(*best, shapes)
+    return {
+        role: _static_role(role, column, kind, shapes, turned[at], _rivals(scored, at), by_curve=by_curve)
+        for at, (role, kind, column) in enumerate(zip(("load", "deflection"), of, best, strict=True))
+        if column is not None
+    }
+
+
+def _static_score(
+    pair: tuple[Column | None, Column | None], of: dict[str, list[Column]], shapes: Sequence[SignalShape]
+) -> float:
+    """Evidence that two columns are load and deflection: units, names, travel, and that one follows the other."""
+    score = 0.0
+    for column, rivals in zip(pair, of.values(), strict=True):
+        if column is not None:
+            most = max(_span(rival, shapes) for rival in rivals)
+            share = _span(column, shapes) / most if most > 0 else 1.0
+            score += _by_head(column) + _W["travel"] * _log(share)
+    return score + (_W["curve"] * abs(_correlation(*pair, shapes)) if None not in pair else 0.0)
+
+
+def _span(column: Column, shapes: Sequence[SignalShape]) -> float:
+    """Largest span of a column in any of the tests [SI, or the recorded unit]."""
+    return max((float(shape.span(column.name)) for shape in shapes), default=0.0) * _scale(column)
+
+
+def _log(share: float) -> float:
+    """Logarithm of a share, of which the smallest that counts is `_LEAST`."""
+    return float(np.log(max(share, _LEAST)))
+
+
+def _correlation(load: Column | None, deflection: Column | None, shapes: Sequence[SignalShape]) -> float:
+    """Median correlation of two columns over the tests [1]; 0 where they cannot be compared."""
+    found = [0.0]
+    for shape in shapes if load and deflection else ():
+        y, x = (shape.samples.get(one.name, np.zeros(0)) for one in (load, deflection) if one)
+        if y.size == x.size > 2 and np.ptp(y) > 0 and np.ptp(x) > 0:
+            found.append(float(np.corrcoef(x, y)[0, 1]))
+    return float(np.median(found[1:] or found))
+
+
+def _turned(load: Column | None, deflection: Column | None, shapes: Sequence[SignalShape]) -> tuple[str, str]:
+    """Why load and deflection are inverted, empty if they are not: the load is positive, and grows with deflection."""
+    negative = "mostly negative, so its sign is turned: load and deflection are positive in compression"
+    falling = "its sign is turned: only so the load grows with it"
+    slope = _correlation(load, deflection, shapes)
+    first, second = (one is not None and _is_negative(one, shapes) for one in (load, deflection))
+    inverted = second if abs(slope) < _TELLING else first == (slope > 0)
+    return (negative if first else ""), ("" if not inverted else negative if second else falling)
+
+
+def _is_negative(column: Column, shapes: Sequence[SignalShape]) -> bool:
+    """Whether a column is mostly below zero."""
+    ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
+    return -min(low for low, _ in ranges) > 2 * abs(max(high for _, high in ranges))
+
+
+def _static_role(
+    role: str, column: Column, kind: str, shapes: Sequence[SignalShape], turned: str, others: str, *, by_curve: bool
+) -> Role:
+    """The role of a column, with its unit and doubts."""
+    ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
+    largest = max(abs(end) for ends in ranges for end in ends)
+    unit, doubt = _unit(
+        column, _STATIC_UNITS[kind], largest, f"for it reaches {_plain(largest)}", '"4 mV/N" or "0.2 V/mm"'
+    )
+    loop = "known by its loop alone (loading lies above unloading): check that it is the right column"
+    doubts = (loop if by_curve and column.quantity != kind else "", doubt, others, turned)
+    return Role(role, column.name, unit, kind, bool(turned), tuple(filter(None, doubts)))
+
+
+def _unit(column: Column, usual: tuple[str, str, float], size: float, why: str, example: str) -> tuple[str | None, str]:
+    """Unit of a column, and the doubt on it; None where a sensitivity as in the `example` is needed."""
+    stated = kind_of_unit(column.unit)
+    if stated == "voltage":
+        return None, f"recorded in volts: state its sensitivity, as sensitivity = {example}"
+    if stated:
+        return column.unit, ""
+    large, small, limit = usual
+    unit = large if size >= limit else small
+    return unit, f"its unit is stated nowhere: taken as {unit}, {why}"
+
+
+def _by_curve(
+    forces: list[Column], travels: list[Column], unknown: list[Column], shapes: Sequence[SignalShape]
+) -> tuple[list[Column], list[Column]]:
+    """Columns of load and deflection by the sense of the loop, because a passive tyre absorbs work."""
+    if len(unknown) == 1 and (forces or travels):
+        return forces or unknown, travels or unknown
+    if forces or travels or len(unknown) != 2:
+        return forces, travels
+    a, b = unknown
+    work = [_work(shape, a.name, b.name) for shape in shapes]
+    return ([a], [b]) if np.nansum(work) > 0 else ([b], [a])
+
+
+def _work(shape: SignalShape, load: str, travel: str) -> float:
+    """Area of the loop over that of the box around it [1]; it is positive if the first column is the load."""
+    if load not in shape.samples or travel not in shape.samples:
+        return 0.0
+    y, x = shape.samples[load], shape.samples[travel]
+    box = np.ptp(x) * np.ptp(y)
+    return float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)) / box) if box > 0 else 0.0
+
+
+# --- dynamic tests -----------------------------------------------------------------------------------------------
+
+#: The columns of F1, V1 and V2; None for one that is not there.
+_Choice = tuple[Column | None, Column | None, Column | None]
+
+
+def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> dict[str, Role]:
+    """Roles of F1, V1 and V2 in the dynamic tests."""
+    shapes = _sinusoids(shapes)
+    forces = [column for column in columns if column.quantity == "force"]
+    motions = [column for column in columns if column.quantity in MOTIONS]
+    evidence = _Evidence([*forces, *motions], shapes)
+    forces = sorted(forces, key=evidence.of_column, reverse=True)[:_FORCES]
+    motions = sorted(motions, key=evidence.of_column, reverse=True)[:_COMPARED]
+    choices: list[_Choice] = [
+        (force, near, far)
+        for force, near, far in product(forces or [None], motions or [None], [*motions, None])
+        if near is not far or near is None
+    ]
+    scored = [(evidence.of_choice(*choice), choice) for choice in choices]
+    force, near, far = max(scored, key=lambda one: one[0])[1]
+    found: dict[str, Role] = {}
+    if force is not None:
+        found["force_in"] = _dynamic_role("force_in", force, shapes, _rivals(scored, 0))
+    doubts = [*_motion_doubts(scored), *_place_doubts(force, near, far, evidence, motions)]
+    for role, column in (("motion_in", near), ("motion_out", far)):
+        if column is not None:
+            found[role] = _dynamic_role(role, column, shapes, *doubts)
+    return _signs(found, shapes)
+
+
+def _by_head(column: Column) -> float:
+    """Evidence of the head of a column that it is recorded, and the main one of its quantity."""
+    unit = _W["volts"] if column.in_volts else _W["unstated"] if column.unit is None else 0.0
+    return unit + _W["likely"] * column.likely
+
+
+class _Evidence:
+    """Log-odds of what dynamic recordings show of their columns, and of assignments of these."""
+
+    def __init__(self, columns: Sequence[Column], shapes: Sequence[SignalShape]) -> None:
+        self.omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
+        #: Amplitudes of forces, and of the velocities of motions, in each test [SI, or the recorded unit].
+        self.phasors = {
+            one.name: _phasors(Role("", one.name, one.unit if _scale(one) else None, one.quantity), shapes)
+            for one in columns
+        }
+        #: Share of the sinusoid in the range of each column [1].
+        shares = {
+            one.name: [2 * abs(shape.amplitudes.get(one.name, 0.0)) / (shape.span(one.name) or 1.0) for shape in shapes]
+            for one in columns
+        }
+        self.clean = {name: float(np.median(share or [1.0])) for name, share in shares.items()}
+        self.cleanest = max(self.clean.values(), default=0.0) or 1.0
+
+    def of_column(self, column: Column) -> float:
+        """Evidence of a column alone: its head, and how much of it is the sinusoid."""
+        clean = self.clean[column.name] / self.cleanest
+        return _by_head(column) + (_W["clean"] * _log(clean) if clean > 0 else _W["still"])
+
+    def of_choice(self, force: Column | None, near: Column | None, far: Column | None) -> float:
+        """Evidence that columns are F1, V1 and V2."""
+        score = sum(self.of_column(one) for one in (force, near, far) if one is not None)
+        if force is not None:
+            score += {"in": _W["force_in"], "out": _W["force_out"], "": 0.0}[force.side]
+        for one, side, other in ((near, "in", "out"), (far, "out", "in")):
+            if one is not None:
+                score += _W["side"] * ((one.side == side) - (one.side == other))
+                score -= 0.1 * (_ALONE if far is None else _ORDER).index(one.quantity)
+        if near is not None and far is not None:
+            score += _W["second"] + _W["alike"] * (near.quantity == far.quantity)
+            if {near.side, far.side} != {"in", "out"} and self.is_twin(near, far):
+                score += _W["twin"] / (3.0 if near.quantity == far.quantity else 1.0)
+        return score if force is None or near is None else score + self._physics(force, near, far)
+
+    def is_twin(self, a: Column, b: Column) -> bool:
+        """Whether two motions are of one point: their velocities are equal, but perhaps for the sign."""
+        if not (_scale(a) and _scale(b) and self.omega.size):
+            return False
+        with np.errstate(all="ignore"):
+            ratio = self.phasors[a.name] / self.phasors[b.name]
+        return bool(min(np.nanmax(np.abs(ratio - sign), initial=0.0) for sign in (1, -1)) < _TWIN) and bool(
+            np.isfinite(ratio).any()
+        )
+
+    def power(self, force: Column, motion: Column) -> float:
+        """Median of real over apparent power of a force and a motion, without sign [1]."""
+        f, v = self.phasors[force.name], self.phasors[motion.name]
+        with np.errstate(all="ignore"):
+            found = np.abs((f * v.conjugate()).real) / (np.abs(f) * np.abs(v))
+        return float(np.median(np.nan_to_num(found))) if found.size else 0.0
+
+    def _physics(self, force: Column, near: Column, far: Column | None) -> float:
+        """Evidence of power, which enters through V1; of passivity; and of |K*|, in which there is no mass."""
+        if not self.omega.size:
+            return 0.0
+        score = 0.0
+        if far is not None:
+            ratio = (self.power(force, near) + 1e-3) / (self.power(force, far) + 1e-3)
+            score += _W["power"] * float(np.clip(np.log(ratio), -_CAPPED, _CAPPED))
+        if not all(_scale(one) for one in (force, near, far) if one is not None):
+            return score
+        f, v1 = self.phasors[force.name], self.phasors[near.name]
+        v2 = np.zeros_like(v1) if far is None else self.phasors[far.name]
+        found = []
+        for v, cost in ((v1 - v2, 0.0), (v1 + v2, _W["inverted"])):
+            with np.errstate(all="ignore"):
+                k = 1j * self.omega * f / v
+            for sign in (1, -1):
+                share = _passive(sign * k) if far is not None else float(np.mean(sign * k.imag > 0))
+                turned = cost if sign > 0 else min(cost, _W["inverted"])
+                found.append(_W["passive"] * (2 * share - 1) + turned + _W["slope"] * self._slope(np.abs(k)))
+        return score + max(found)
+
+    def _slope(self, modulus: FloatArray) -> float:
+        """Exponent by which |K*| falls with frequency, or rises beyond that of a specimen [1]: it has a mass in it."""
+        usable = np.isfinite(modulus) & (modulus > 0)
+        x, y = np.log(self.omega[usable]), np.log(modulus[usable])
+        if x.size < 2 or np.ptp(x) < _APART:
+            return 0.0
+        exponent = float(np.polyfit(x, y, 1)[0])
+        return min(max(-exponent, exponent - _STEEP, 0.0), _CAPPED)
+
+
+def _rivals(scored: Sequence[tuple[float, tuple[Column | None, ...]]], at: int) -> str:
+    """A doubt that names the other columns of a role with nearly as much evidence; empty where there are none."""
+    rest = [shown(other.name, 30) for other in _near_best(scored, at)]
+    return f"taken of several: {', '.join(rest[:4])} could be it too" if rest else ""
+
+
+def _near_best(scored: Sequence[tuple[float, tuple[Column | None, ...]]], at: int) -> list[Column]:
+    """Columns other than the best one of a role with nearly as much evidence, in the best assignment of each."""
+    best, choice = max(scored, key=lambda one: one[0])
+    near = [one[at] for score, one in scored if score > best - _W["margin"]]
+    return [one for one in dict.fromkeys(near) if one is not None and one is not choice[at]]
+
+
+def _motion_doubts(scored: Sequence[tuple[float, _Choice]]) -> list[str]:
+    """A doubt that names the motions of which V1 and V2 were taken, if others have nearly as much evidence."""
+    pair = [one for one in max(scored, key=lambda one: one[0])[1][1:] if one is not None]
+    listed = list(dict.fromkeys([*pair, *_near_best(scored, 1), *_near_best(scored, 2)]))
+    names = ", ".join(shown(one.name, 30) for one in listed[:6])
+    return [f"taken of several motions: {names}"] if len(listed) > max(len(pair), 1) else []
+
+
+def _place_doubts(
+    force: Column | None, near: Column | None, far: Column | None, evidence: _Evidence, motions: Sequence[Column]
+) -> list[str]:
+    """Doubts on which end of the specimen a motion is at, because names do not say it."""
+    if near is None:
+        return []
+    if far is None:
+        twins = [shown(one.name, 30) for one in motions if one is not near and evidence.is_twin(one, near)]
+        alike = f"{', '.join(twins)} shows the motion of the same point, so it is not V2" if twins else ""
+        alone = "by its name it is at the far side, but no other motion is there" if near.side == "out" else ""
+        return list(filter(None, (alone, alike)))
+    names = f"{shown(near.name, 30)}{{}}{shown(far.name, 30)}"
+    if near.side or far.side:
+        said = bool(near.side) and bool(far.side)
+        return [] if said else [f"the other one of {names.format(', ')}, for its name does not say where it was"]
+    first, second = sorted((near, far), key=motions.index)
+    unsaid = f"{shown(first.name, 30)} and {shown(second.name, 30)} do not say which is at the contact"
+    if force is None or not evidence.omega.size:
+        return [f"{unsaid}: the first is taken as V1"]
+    how = f"{unsaid}: V1 is {shown(near.name, 30)}, through which power enters"
+    sure = evidence.power(force, near) > 2 * evidence.power(force, far)
+    return [how if sure else f"{how}, but hardly more than through the other"]
+
+
+def drive_role(tests: Sequence[Sequence[Column]], shapes: Sequence[SignalShape]) -> Role | None:
+    """The role of the command signal that all random tests and sweeps have recorded; None without such a column."""
+    shared = set.intersection(*({one.name for one in columns} for columns in tests)) if tests else set()
+    drives = [one for columns in tests[:1] for one in columns if one.quantity == "drive" and one.name in shared]
+    moving = [one for one in drives if any(shape.span(one.name) > 0 for shape in shapes)]
+    if not moving:
+        return None
+    best = max(moving, key=lambda one: (is_command(one.name), one.likely))
+    word = "" if is_command(best.name) else "known by the word drive alone: check that it is the command signal"
+    return Role("drive", best.name, best.unit, "drive", doubts=tuple(filter(None, (word, _also(best, moving)))))
+
+
+def _sinusoids(shapes: Sequence[SignalShape]) -> list[SignalShape]:
+    """The recordings whose strongest line shows the motion: those of a steady sinusoid, or else of many frequencies."""
+    moving = [shape for shape in shapes if np.isfinite(shape.frequency)]
+    steady = [shape for shape in moving if shape.kind == "dynamic"]
+    return steady or [shape for shape in moving if shape.band is not None]
+
+
+def _also(best: Column, several: Sequence[Column]) -> str:
+    """A doubt that names the columns that were not taken; empty where there are none."""
+    rest = [shown(other.name, 30) for other in several if other is not best]
+    return f"taken of several: {', '.join(rest[:4])} could be it too" if rest else ""
+
+
+def _size(shapes: Sequence[SignalShape], name: str) -> float:
+    """Median amplitude of a column, in recorded units."""
+    return float(np.median([abs(shape.amplitudes.get(name, 0.0)) for shape in shapes])) if shapes else 0.0
+
+
+def _dynamic_role(role: str, column: Column, shapes: Sequence[SignalShape], *doubts: str) -> Role:
+    """The role of a column, with its unit and doubts."""
+    size = _size(shapes, column.name)
+    why = f"a {column.quantity} by its name, of amplitude {_plain(size)}"
+    unit, doubt = _unit(column, _DYNAMIC_UNITS[column.quantity], size, why, '"98.3 mV/g" or "4 mV/N"')
+    return Role(role, column.name, unit, column.quantity, doubts=tuple(filter(None, (*doubts, doubt))))
+
+
+def _signs(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> dict[str, Role]:
+    """The roles with one sensor inverted, if only then most tests have a passive tyre."""
+    if len(roles) < 3 or not shapes or any(role.unit is None for role in roles.values()):
+        return roles
+    shares = {"": _passive(_stiffness(roles, shapes))}
+    if shares[""] > 0.5:
+        return roles
+    for name in ("motion_out", "force_in", "motion_in"):
+        turned = replace(roles[name], invert=True)
+        shares[name] = _passive(_stiffness({**roles, name: turned}, shapes))
+    best = max(shares, key=lambda name: shares[name])
+    if shares[best] < _MOST:
+        doubt = "with F1, V1 and V2 as they are, K* is below zero in most tests: check columns and signs"
+        return {**roles, "force_in": roles["force_in"].doubted(doubt)}
+    doubt = (
+        "its sign is turned: only so the specimen's stiffness and loss are positive "
+        f"(or {_SYMBOLS[best]} and another one are meant)"
+    )
+    return {**roles, best: replace(roles[best], invert=True).doubted(doubt)}
+
+
+def _stiffness(roles: dict[str, Role], shapes: Sequence[SignalShape]) -> np.ndarray:  # type: ignore[type-arg]
+    """K* of each test by the relative route [N/m]."""
+    force, near, far = (_phasors(roles[role], shapes) for role in _SYMBOLS)
+    omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
+    with np.errstate(all="ignore"):
+        return np.asarray(1j * omega * force / (near - far))
+
+
+def _passive(stiffness: np.ndarray) -> float:  # type: ignore[type-arg]
+    """Share of the tests with positive stiffness and loss [1]."""
+    return float(np.mean((stiffness.real > 0) & (stiffness.imag > 0)))
+
+
+def _phasors(role: Role, shapes: Sequence[SignalShape]) -> np.ndarray:  # type: ignore[type-arg]
+    """Amplitudes in each test of a force [N], or of the velocity of a motion [m/s], with the sign of the role."""
+    omega = 2j * np.pi * np.array([shape.frequency for shape in shapes])
+    amplitudes = np.array([shape.amplitudes.get(role.column, complex("nan")) for shape in shapes], complex)
+    return np.asarray(amplitudes * channel_scale(role) * omega ** DERIVATIVES[role.quantity])
+
+
+def _scale(column: Column) -> float:
+    """SI value of one recorded unit of a column; 0 where its unit is not known, or a voltage."""
+    if column.unit is None or column.in_volts or kind_of_unit(column.unit) != column.quantity:
+        return 0.0
+    return units.channel_scale(column.unit, (column.quantity,))[1]
+
+
+def channel_scale(role: Role) -> float:
+    """SI value of one recorded unit, with the sign of the role; 1 where the unit is not known."""
+    scale = 1.0 if role.unit is None else units.channel_scale(role.unit, (role.quantity,))[1]
+    return scale * (-1 if role.invert else 1)
+
+
+def motion_share(near: Role, far: Role, shapes: Sequence[SignalShape]) -> float:
+    """Median of V2 over V1 [1]; not-a-number where an amplitude is not known."""
+    if near.unit is None or far.unit is None:
+        return float("nan")
+    shapes = _sinusoids(shapes)
+    with np.errstate(all="ignore"):
+        shares = np.abs(_phasors(far, shapes) / _phasors(near, shapes))
+    return float(np.median(shares[np.isfinite(shares)])) if np.isfinite(shares).any() else float("nan")
+
+
+def force_scale(
+    roles: dict[str, Role], shapes: Sequence[SignalShape], static: dict[str, Role], curves: Sequence[SignalShape]
+) -> float:
+    """Median |K*| by the relative route over the slope of the static curves [1]: 1 to 3 if the units are right."""
+    shapes = _sinusoids(shapes)
+    if not _SYMBOLS.keys() <= roles.keys() or len(static) < 2 or not shapes or not curves:
+        return float("nan")
+    load, deflection = static["load"], static["deflection"]
+    scale = abs(channel_scale(load) / channel_scale(deflection))
+    with np.errstate(all="ignore"):
+        spans = np.array([[curve.span(load.column), curve.span(deflection.column)] for curve in curves])
+        slope = scale * np.median(spans[:, 0] / spans[:, 1])
+        return float(np.median(np.abs(_stiffness(roles, shapes))) / slope)
+
+
+def _plain(value: float) -> str:
+    """A number to three significant digits, without an exponent below ten millions."""
+    return f"{value:.3g}" if value < 1000 or value >= 1e7 else f"{float(f'{value:.3g}'):.0f}"
+
+
+def checked_force(force: Role, ratio: float) -> Role:
+    """F1 with the unit that fits, and with doubts; `ratio` is |K*| over the static stiffness with the present unit."""
+    unstated = any("stated nowhere" in doubt for doubt in force.doubts)
+    low, high = _LIKELY
+    if low < ratio < high:
+        fits = f", and it fits: K* is {ratio:.2g} times the static stiffness"
+        return replace(
+            force, doubts=tuple(doubt + fits if "stated nowhere" in doubt else doubt for doubt in force.doubts)
+        )
+    unit, factor = {"N": ("kN", 1e3), "kN": ("N", 1e-3)}.get(force.unit or "", ("", 1.0))
+    if unstated and low < ratio * factor < high:
+        with_it = f"with which K* is {ratio * factor:.2g} times the static stiffness"
+        return replace(force, unit=unit, doubts=(f"its unit is stated nowhere: taken as {unit}, {with_it}",))
+    return force.doubted(
+        f"with these units K* is {ratio:.2g} times the static stiffness: check the units of all channels"
+    )

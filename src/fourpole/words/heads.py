@@ -1,0 +1,133 @@
+"""What the head of a column says: its words, the quantity that they mean, and a unit at its end."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from fourpole import units
+from fourpole.errors import UnitError
+from fourpole.units import MOTIONS
+from fourpole.words import vocabulary
+
+_CHANNELS = vocabulary()["channels"]
+_QUANTITIES = {quantity: frozenset(text.split()) for quantity, text in _CHANNELS["quantities"].items()}
+_MODELS = tuple((quantity, re.compile(pattern)) for quantity, pattern in _CHANNELS["models"].items())
+_TAILS, _UNITS = frozenset(_CHANNELS["tails"].split()), _CHANNELS["units"]
+_DERIVED = frozenset(_CHANNELS["derived"].split())
+_COMMAND = re.compile(_CHANNELS["command"])
+_SPLIT = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])|\d+")
+#: A unit behind the name: "F / kN", "Kraft in N", "Axial Force kN", "disp_mm".
+_AT_END = re.compile(
+    r"(?P<name>.*?[^\W_][)\]]?)(?:\s*/\s*|[\s_,]+in\s+|[\s_,]+)\(?(?P<unit>[^\W\d_][^\s_,()]*|°[CF])\)?", re.DOTALL
+)
+#: Characters of the longest head that ends with a unit.
+_LONGEST = 100
+#: Characters of a word that may be a part of a longer one, and of one in Chinese or Japanese letters.
+_PART, _PART_HAN = 5, 2
+_KINDS = ("force", *MOTIONS, "voltage", "time", "pressure", "frequency", "angle")
+
+
+def words_of(name: str) -> list[str]:
+    """The words of a head, without its unit, in small letters.
+
+    Examples
+    --------
+    >>> words_of("AccTop_1 [g]")
+    ['acc', 'top', '1', 'acctop']
+    """
+    bare = units.column_unit(name)[0]
+    found = [word.casefold() for word in _SPLIT.findall(bare)]
+    return list(dict.fromkeys([*found, *filter(None, re.split(r"[\W_]+", bare.casefold()))]))
+
+
+def is_command(name: str) -> bool:
+    """Whether a column is a command signal by its name, rather than a measured one.
+
+    Examples
+    --------
+    >>> is_command("Sollweg [mm]"), is_command("変位指令"), is_command("Drive")
+    (True, True, False)
+    """
+    return _COMMAND.search(" ".join(words_of(name))) is not None
+
+
+def is_derived(name: str) -> bool:
+    """Whether a column is computed from a measured one, such as a rate or the error of a controller, by its name."""
+    return not _DERIVED.isdisjoint(words_of(name))
+
+
+def quantity_named(name: str) -> str:
+    """The quantity that a head means, a key of `channels.quantities`; empty if it has no known word.
+
+    A word of three letters or more counts before a shorter one, an earlier quantity before a later one.
+
+    Examples
+    --------
+    >>> [quantity_named(name) for name in ("Standardweg", "Schwinggeschwindigkeit", "208C03 SN 42", "Ch1")]
+    ['displacement', 'velocity', 'force', '']
+    """
+    if name.strip() == "T":
+        return "temperature"
+    hits = set(_hits(name))
+    if is_derived(name):
+        return "other"
+    if (True, "reference") in hits:
+        return "reference"
+    measured = {quantity for _, quantity in hits} & {"force", *MOTIONS}
+    if (True, "drive") in hits and not measured:
+        return "drive"
+    ranked = [(is_long, -at, of) for at, of in enumerate(_QUANTITIES) if of != "drive" for is_long in (True, False)]
+    return max((one for one in ranked if (one[0], one[2]) in hits), default=(False, 0, ""))[2]
+
+
+def _hits(name: str) -> Iterator[tuple[bool, str]]:
+    """Whether a word is long, and its quantity, for each word of a head that is known."""
+    for word in words_of(name):
+        whole = [(len(word) > 2 or word > "\u3000", of) for of, known in _QUANTITIES.items() if word in known]
+        yield from whole or [(True, of) for of, pattern in _MODELS if pattern.fullmatch(word)] or _parts(word)
+
+
+def _parts(word: str) -> list[tuple[bool, str]]:
+    """The quantity of the longest known word at the end of a word, else of the longest at its beginning."""
+    found = [
+        (word.endswith(one), len(one), of)
+        for of, known in _QUANTITIES.items()
+        for one in known
+        if (len(one) >= (_PART_HAN if one > "\u3000" else _PART) and (word.startswith(one) or word.endswith(one)))
+        or (one in _TAILS and word.endswith(one))
+    ]
+    return [(True, max(found)[2])] if found else []
+
+
+def kind_of_unit(unit: str | None) -> str:
+    """Kind of quantity of a unit; "other" of a unit that is none of a channel, empty where it is not known."""
+    if unit is None or unit in ("1", "-"):
+        return ""
+    if unit.strip() in ("°C", "degC", "deg C", "C", "K", "°F", "degF"):
+        return "temperature"
+    try:
+        return units.channel_scale(unit, _KINDS)[0]
+    except UnitError:
+        return "other" if units.is_unit(unit) or unit.endswith(("/s", "/sec", "/min", "/h")) else ""
+
+
+def without_unit(name: str) -> tuple[str, str | None]:
+    """A head without the unit that it ends with, and this unit; None where it ends with none that fits its words.
+
+    Examples
+    --------
+    >>> [without_unit(head)[1] for head in ("F / kN", "Axial Displacement mm", "acc_ms2", "Kraft in N", "Fz")]
+    ['kN', 'mm', 'm/s^2', 'N', None]
+    """
+    match = _AT_END.fullmatch(name.strip()) if len(name) <= _LONGEST else None
+    if match is None:
+        return name, None
+    written, named = match["unit"], quantity_named(match["name"])
+    unit = _UNITS.get(written.casefold(), written)
+    kind = kind_of_unit(unit)
+    if kind == "other":
+        fits = "/" in unit
+    else:
+        fits = named == kind or (named == "" and len(written) > 1) or (kind == "voltage" and written in ("V", "mV"))
+    return (match["name"], unit) if kind and fits else (name, None)
