@@ -45,6 +45,7 @@ def sines(hertz, *, mass=15.0, spring=12e3, blocked=False, plate=3.0, load=LOAD,
         "command": 0.02 + wave(1.001 * x1 * np.exp(0.1j), 0.0),
         "error": wave(0.03 * x1, 1e-6),
         "count": np.floor(hertz * t), "p": np.full(t.size, 2.1e5), "T": 23.0 + 0.01 * rng.standard_normal(t.size),
+        "clipped": np.clip(wave(s * s * x1, 0.0), -0.8 * abs(s * s * x1), 0.8 * abs(s * s * x1)),
         "cycle": t % (1 / hertz), "rate": wave(s * f1, 1.0), "zero": 0.0 * t,
     }  # fmt: skip
 
@@ -268,6 +269,12 @@ LABS = {
         {},
         {"force_in": "Kraft", "motion_in": "Kolbenweg"},
         blocked=True,
+    ),
+    "a clipped twin": Lab(
+        {"t [s]": ("t", 1), "Kraft [N]": ("F1", 1), "Beschl Tisch [m/s2]": ("clipped", 1),
+         "Beschl Tisch 100 g [m/s2]": ("a1", 1), "Beschl Masse [m/s2]": ("a2", 1)},
+        {},
+        {"force_in": "Kraft", "motion_in": "Beschl Tisch 100 g", "motion_out": "Beschl Masse"},
     ),
     "load and stroke of unlike signs": Lab(
         {},

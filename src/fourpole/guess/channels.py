@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from fourpole.words import vocabulary
 from fourpole.words.heads import is_command, is_derived, kind_of_unit, quantity_named, without_unit, words_of
@@ -26,6 +26,8 @@ class Column:
         "in" at the contact, "out" at the moving mass; empty where the name does not say it.
     likely : int
         Number of words that say the column is the main one of its quantity, less those that say it is not.
+    by_number : bool
+        Whether only a number says the side, as in "LVDT 2".
     """
 
     name: str
@@ -33,6 +35,7 @@ class Column:
     quantity: str
     side: str = ""
     likely: int = 0
+    by_number: bool = field(default=False, repr=False)
 
     @property
     def in_volts(self) -> bool:
@@ -79,5 +82,7 @@ def column_of(name: str, unit: str | None) -> Column:
     likely = sum(word in _MAIN for word in words) - len(minor)
     if _NUMBERED & set(words):
         words = [word for word in words if not word.isdigit() and word not in ("input", "output")]
-    sides = [side for side, known in (("in", _IN), ("out", _OUT)) if known & set(words)]
-    return Column(name, unit, quantity, sides[0] if len(sides) == 1 else "", likely)
+    known = {side: ends & set(words) for side, ends in (("in", _IN), ("out", _OUT)) if ends & set(words)}
+    side = next(iter(known)) if len(known) == 1 else ""
+    symbol = any(len(word) == 2 and word[1].isdigit() for word in words)  # V1 says it, as a word does
+    return Column(name, unit, quantity, side, likely, bool(side) and known[side] <= {"1", "2"} and not symbol)

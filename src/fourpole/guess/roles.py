@@ -48,6 +48,8 @@ _FORCES, _COMPARED = 4, 8
 _LEAST, _CAPPED = 0.05, 3.0
 #: Correlation of load and deflection from which its sign is that of the slope [1].
 _TELLING = 0.5
+#: Share of the samples at the ends of the range from which a channel is clipped [1]; a sinusoid has far less.
+_CLIPPED = 0.15
 
 
 # --- static tests ------------------------------------------------------------------------------------------------
@@ -81,7 +83,7 @@ def _static_score(
         if column is not None:
             most = max(_span(rival, shapes) for rival in rivals)
             share = _span(column, shapes) / most if most > 0 else 1.0
-            score += _by_head(column) + _W["travel"] * _log(share)
+            score += _by_head(column) + _W["travel"] * round(_log(share), 1) + _W["later"] * rivals.index(column)
     return score + (_W["curve"] * abs(_correlation(*pair, shapes)) if None not in pair else 0.0)
 
 
@@ -133,6 +135,15 @@ def _static_role(
     loop = "known by its loop alone (loading lies above unloading): check that it is the right column"
     doubts = (loop if by_curve and column.quantity != kind else "", doubt, others, turned)
     return Role(role, column.name, unit, kind, bool(turned), tuple(filter(None, doubts)))
+
+
+def _unit_of(column: Column, shapes: Sequence[SignalShape]) -> str | None:
+    """Unit of a column of a dynamic test, as stated or as its numbers suggest; None of one in volts."""
+    kind = kind_of_unit(column.unit)
+    if kind:
+        return column.unit if kind == column.quantity else None
+    large, small, limit = _DYNAMIC_UNITS[column.quantity]
+    return large if _size(shapes, column.name) >= limit else small
 
 
 def _unit(column: Column, usual: tuple[str, str, float], size: float, why: str, example: str) -> tuple[str | None, str]:
@@ -193,7 +204,7 @@ def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> d
     found: dict[str, Role] = {}
     if force is not None:
         found["force_in"] = _dynamic_role("force_in", force, shapes, _rivals(scored, 0))
-    doubts = [*_motion_doubts(scored), *_place_doubts(force, near, far, evidence, motions)]
+    doubts = [*_motion_doubts(scored, evidence), *_place_doubts(force, near, far, evidence, motions)]
     for role, column in (("motion_in", near), ("motion_out", far)):
         if column is not None:
             found[role] = _dynamic_role(role, column, shapes, *doubts)
@@ -211,11 +222,12 @@ class _Evidence:
 
     def __init__(self, columns: Sequence[Column], shapes: Sequence[SignalShape]) -> None:
         self.omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
+        self.places = {one.name: at for at, one in enumerate(columns)}
+        roles = [Role("", one.name, _unit_of(one, shapes), one.quantity) for one in columns]
+        #: Columns of a known unit, or of one that their numbers suggest.
+        self.known = {role.column for role in roles if role.unit is not None}
         #: Amplitudes of forces, and of the velocities of motions, in each test [SI, or the recorded unit].
-        self.phasors = {
-            one.name: _phasors(Role("", one.name, one.unit if _scale(one) else None, one.quantity), shapes)
-            for one in columns
-        }
+        self.phasors = {role.column: _phasors(role, shapes) for role in roles}
         #: Share of the sinusoid in the range of each column [1].
         shares = {
             one.name: [2 * abs(shape.amplitudes.get(one.name, 0.0)) / (shape.span(one.name) or 1.0) for shape in shapes]
@@ -223,36 +235,40 @@ class _Evidence:
         }
         self.clean = {name: float(np.median(share or [1.0])) for name, share in shares.items()}
         self.cleanest = max(self.clean.values(), default=0.0) or 1.0
+        self.clipped = {one.name for one in columns if any(_is_clipped(shape, one.name) for shape in shapes)}
 
     def of_column(self, column: Column) -> float:
-        """Evidence of a column alone: its head, and how much of it is the sinusoid."""
+        """Evidence of a column alone: its head and place, and how much of it is the sinusoid."""
         clean = self.clean[column.name] / self.cleanest
-        return _by_head(column) + (_W["clean"] * _log(clean) if clean > 0 else _W["still"])
+        score = (
+            _by_head(column) + _W["later"] * self.places[column.name] + _W["clipped"] * (column.name in self.clipped)
+        )
+        return score + (_W["clean"] * round(_log(clean), 1) if clean > 0 else _W["still"])
 
     def of_choice(self, force: Column | None, near: Column | None, far: Column | None) -> float:
         """Evidence that columns are F1, V1 and V2."""
         score = sum(self.of_column(one) for one in (force, near, far) if one is not None)
-        if force is not None:
-            score += {"in": _W["force_in"], "out": _W["force_out"], "": 0.0}[force.side]
         for one, side, other in ((near, "in", "out"), (far, "out", "in")):
             if one is not None:
-                score += _W["side"] * ((one.side == side) - (one.side == other))
+                said = (one.side == side) - (one.side == other)
+                score += _W["number" if one.by_number else "side"] * said
                 score -= 0.1 * (_ALONE if far is None else _ORDER).index(one.quantity)
         if near is not None and far is not None:
             score += _W["second"] + _W["alike"] * (near.quantity == far.quantity)
-            if {near.side, far.side} != {"in", "out"} and self.is_twin(near, far):
-                score += _W["twin"] / (3.0 if near.quantity == far.quantity else 1.0)
+            if self.is_twin(near, far):
+                score += _W["twin"] / (2.0 if near.quantity == far.quantity else 1.0)
+            if force is not None and force.side:
+                score += _W[f"force_{force.side}"]
         return score if force is None or near is None else score + self._physics(force, near, far)
 
     def is_twin(self, a: Column, b: Column) -> bool:
         """Whether two motions are of one point: their velocities are equal, but perhaps for the sign."""
-        if not (_scale(a) and _scale(b) and self.omega.size):
+        if not {a.name, b.name} <= self.known:
             return False
         with np.errstate(all="ignore"):
             ratio = self.phasors[a.name] / self.phasors[b.name]
-        return bool(min(np.nanmax(np.abs(ratio - sign), initial=0.0) for sign in (1, -1)) < _TWIN) and bool(
-            np.isfinite(ratio).any()
-        )
+        ratio = ratio[np.isfinite(ratio)]
+        return any(ratio.size and np.max(np.abs(ratio - sign)) < _TWIN for sign in (1, -1))
 
     def power(self, force: Column, motion: Column) -> float:
         """Median of real over apparent power of a force and a motion, without sign [1]."""
@@ -269,7 +285,7 @@ class _Evidence:
         if far is not None:
             ratio = (self.power(force, near) + 1e-3) / (self.power(force, far) + 1e-3)
             score += _W["power"] * float(np.clip(np.log(ratio), -_CAPPED, _CAPPED))
-        if not all(_scale(one) for one in (force, near, far) if one is not None):
+        if not {one.name for one in (force, near, far) if one is not None} <= self.known:
             return score
         f, v1 = self.phasors[force.name], self.phasors[near.name]
         v2 = np.zeros_like(v1) if far is None else self.phasors[far.name]
@@ -293,6 +309,12 @@ class _Evidence:
         return min(max(-exponent, exponent - _STEEP, 0.0), _CAPPED)
 
 
+def _is_clipped(shape: SignalShape, name: str) -> bool:
+    """Whether a good part of the samples of a channel lies at the ends of its range."""
+    samples = shape.samples.get(name, np.zeros(0))
+    return bool(samples.size) and float(np.mean((samples == samples.max()) | (samples == samples.min()))) > _CLIPPED
+
+
 def _rivals(scored: Sequence[tuple[float, tuple[Column | None, ...]]], at: int) -> str:
     """A doubt that names the other columns of a role with nearly as much evidence; empty where there are none."""
     rest = [shown(other.name, 30) for other in _near_best(scored, at)]
@@ -306,12 +328,16 @@ def _near_best(scored: Sequence[tuple[float, tuple[Column | None, ...]]], at: in
     return [one for one in dict.fromkeys(near) if one is not None and one is not choice[at]]
 
 
-def _motion_doubts(scored: Sequence[tuple[float, _Choice]]) -> list[str]:
-    """A doubt that names the motions of which V1 and V2 were taken, if others have nearly as much evidence."""
+def _motion_doubts(scored: Sequence[tuple[float, _Choice]], evidence: _Evidence) -> list[str]:
+    """A doubt that names the motions of which V1 and V2 were taken, if others of other points have nearly as much."""
     pair = [one for one in max(scored, key=lambda one: one[0])[1][1:] if one is not None]
-    listed = list(dict.fromkeys([*pair, *_near_best(scored, 1), *_near_best(scored, 2)]))
-    names = ", ".join(shown(one.name, 30) for one in listed[:6])
-    return [f"taken of several motions: {names}"] if len(listed) > max(len(pair), 1) else []
+    rivals = [
+        one
+        for one in dict.fromkeys([*_near_best(scored, 1), *_near_best(scored, 2)])
+        if one not in pair and not any(one.quantity != of.quantity and evidence.is_twin(one, of) for of in pair)
+    ]
+    names = ", ".join(shown(one.name, 30) for one in [*pair, *rivals[:4]])
+    return [f"taken of several motions: {names}"] if rivals else []
 
 
 def _place_doubts(

@@ -54,7 +54,8 @@ def is_command(name: str) -> bool:
 
 def is_derived(name: str) -> bool:
     """Whether a column is computed from a measured one, such as a rate or the error of a controller, by its name."""
-    return not _DERIVED.isdisjoint(words_of(name))
+    words = words_of(name)
+    return not _DERIVED.isdisjoint(words) and _QUANTITIES["time"].isdisjoint(words)
 
 
 def quantity_named(name: str) -> str:
