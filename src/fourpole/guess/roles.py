@@ -58,95 +58,85 @@ _CLIPPED = 0.15
 def static_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> dict[str, Role]:
     """Roles of load and deflection in the static tests."""
     of = {kind: [column for column in columns if column.quantity == kind] for kind in ("force", "displacement")}
-    by_curve = not all(of.values())
-    if by_curve:
+    by_loop = not all(of.values())
+    if by_loop:
         unknown = [column for column in columns if column.quantity in ("", "voltage")]
-        moving = [column for column in unknown if any(shape.span(column.name) > 0 for shape in shapes)]
-        of["force"], of["displacement"] = _by_curve(of["force"], of["displacement"], moving, shapes)
-    pairs = list(product(of["force"] or [None], of["displacement"] or [None]))
-    scored = [(_static_score(pair, of, shapes), pair) for pair in pairs]
-    best = max(scored, key=lambda one: one[0])[1]
-    turned = _turned(*best, shapes)
-    return {
-        role: _static_role(role, column, kind, shapes, turned[at], _rivals(scored, at), by_curve=by_curve)
-        for at, (role, kind, column) in enumerate(zip(("load", "deflection"), of, best, strict=True))
-        if column is not None
-    }
-
-
-def _static_score(
-    pair: tuple[Column | None, Column | None], of: dict[str, list[Column]], shapes: Sequence[SignalShape]
-) -> float:
-    """Evidence that two columns are load and deflection: units, names, travel, and that one follows the other."""
-    score = 0.0
-    for column, rivals in zip(pair, of.values(), strict=True):
+        unknown = [column for column in unknown if any(shape.span(column.name) > 0 for shape in shapes)]
+        few = len(unknown) == (1 if any(of.values()) else 2)
+        of = {kind: found or (unknown if few else []) for kind, found in of.items()}
+    spans = {kind: [_span(one, kind, shapes) for one in several] for kind, several in of.items()}
+    scored: list[tuple[float, tuple[Column | None, ...]]] = []
+    for pair in product(*(several or [None] for several in of.values())):
+        score = _loop(*pair, shapes)[0 if by_loop else 1] * _W["curve"]
+        for kind, column in zip(of, pair, strict=True):
+            if column is not None:
+                at, most = of[kind].index(column), max(spans[kind]) or 1.0
+                score += _by_head(column, at) + _W["travel"] * _log(spans[kind][at] / most)
+        scored.append((score if pair[0] is not pair[1] else -np.inf, pair))
+    load, deflection = max(scored, key=lambda one: one[0])[1]
+    turned = _turned(load, deflection, shapes)
+    loop = "known by its loop alone (loading lies above unloading): check that it is the right column"
+    found: dict[str, Role] = {}
+    for at, (role, kind, column) in enumerate(zip(("load", "deflection"), of, (load, deflection), strict=True)):
         if column is not None:
-            most = max(_span(rival, shapes) for rival in rivals)
-            share = _span(column, shapes) / most if most > 0 else 1.0
-            score += _by_head(column) + _W["travel"] * round(_log(share), 1) + _W["later"] * rivals.index(column)
-    return score + (_W["curve"] * abs(_correlation(*pair, shapes)) if None not in pair else 0.0)
+            largest = _largest(column, shapes)
+            why, example = f"for it reaches {_plain(largest)}", '"4 mV/N" or "0.2 V/mm"'
+            unit, doubt = _unit(column, _STATIC_UNITS[kind], largest, why, example)
+            by = loop if by_loop and column.quantity != kind else ""
+            doubts = tuple(filter(None, (by, doubt, _several(_near_best(scored, at)), turned[at])))
+            found[role] = Role(role, column.name, unit, kind, bool(turned[at]), doubts)
+    return found
 
 
-def _span(column: Column, shapes: Sequence[SignalShape]) -> float:
-    """Largest span of a column in any of the tests [SI, or the recorded unit]."""
-    return max((float(shape.span(column.name)) for shape in shapes), default=0.0) * _scale(column)
+def _ends(column: Column, shapes: Sequence[SignalShape]) -> tuple[float, float]:
+    """Least and largest value of a column in all tests, in recorded units."""
+    ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
+    return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+
+def _largest(column: Column, shapes: Sequence[SignalShape]) -> float:
+    """Largest modulus of a column in any of the tests, in recorded units."""
+    return max(map(abs, _ends(column, shapes)))
+
+
+def _span(column: Column, kind: str, shapes: Sequence[SignalShape]) -> float:
+    """Largest span of a column in any of the tests [SI, or volts]."""
+    unit, _ = _unit(column, _STATIC_UNITS[kind], _largest(column, shapes))
+    span = max((float(shape.span(column.name)) for shape in shapes), default=0.0)
+    return span * channel_scale(Role("", column.name, unit, kind))
 
 
 def _log(share: float) -> float:
-    """Logarithm of a share, of which the smallest that counts is `_LEAST`."""
-    return float(np.log(max(share, _LEAST)))
+    """Logarithm of a share to a tenth; the smallest share that counts is `_LEAST`."""
+    return round(float(np.log(max(share, _LEAST))), 1)
 
 
-def _correlation(load: Column | None, deflection: Column | None, shapes: Sequence[SignalShape]) -> float:
-    """Median correlation of two columns over the tests [1]; 0 where they cannot be compared."""
-    found = [0.0]
-    for shape in shapes if load and deflection else ():
-        y, x = (shape.samples.get(one.name, np.zeros(0)) for one in (load, deflection) if one)
+def _loop(load: Column | None, deflection: Column | None, shapes: Sequence[SignalShape]) -> tuple[float, float, float]:
+    """Sign of the work that a load does in its loops; modulus and value of the median correlation with a deflection."""
+    work, slopes = 0.0, [0.0]
+    for shape in shapes:
+        y, x = (shape.samples.get(one.name if one else "", np.zeros(0)) for one in (load, deflection))
         if y.size == x.size > 2 and np.ptp(y) > 0 and np.ptp(x) > 0:
-            found.append(float(np.corrcoef(x, y)[0, 1]))
-    return float(np.median(found[1:] or found))
+            work += float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)) / (np.ptp(x) * np.ptp(y)))
+            slopes.append(float(np.corrcoef(x, y)[0, 1]))
+    slope = float(np.median(slopes[1:] or slopes))
+    return float(np.sign(work)), abs(slope), slope
 
 
 def _turned(load: Column | None, deflection: Column | None, shapes: Sequence[SignalShape]) -> tuple[str, str]:
     """Why load and deflection are inverted, empty if they are not: the load is positive, and grows with deflection."""
     negative = "mostly negative, so its sign is turned: load and deflection are positive in compression"
     falling = "its sign is turned: only so the load grows with it"
-    slope = _correlation(load, deflection, shapes)
-    first, second = (one is not None and _is_negative(one, shapes) for one in (load, deflection))
+    slope = _loop(load, deflection, shapes)[2]
+    ends = [(0.0, 0.0) if one is None else _ends(one, shapes) for one in (load, deflection)]
+    first, second = (-low > 2 * abs(high) for low, high in ends)
     inverted = second if abs(slope) < _TELLING else first == (slope > 0)
     return (negative if first else ""), ("" if not inverted else negative if second else falling)
 
 
-def _is_negative(column: Column, shapes: Sequence[SignalShape]) -> bool:
-    """Whether a column is mostly below zero."""
-    ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
-    return -min(low for low, _ in ranges) > 2 * abs(max(high for _, high in ranges))
-
-
-def _static_role(
-    role: str, column: Column, kind: str, shapes: Sequence[SignalShape], turned: str, others: str, *, by_curve: bool
-) -> Role:
-    """The role of a column, with its unit and doubts."""
-    ranges = [shape.ranges[column.name] for shape in shapes if column.name in shape.ranges] or [(0.0, 0.0)]
-    largest = max(abs(end) for ends in ranges for end in ends)
-    unit, doubt = _unit(
-        column, _STATIC_UNITS[kind], largest, f"for it reaches {_plain(largest)}", '"4 mV/N" or "0.2 V/mm"'
-    )
-    loop = "known by its loop alone (loading lies above unloading): check that it is the right column"
-    doubts = (loop if by_curve and column.quantity != kind else "", doubt, others, turned)
-    return Role(role, column.name, unit, kind, bool(turned), tuple(filter(None, doubts)))
-
-
-def _unit_of(column: Column, shapes: Sequence[SignalShape]) -> str | None:
-    """Unit of a column of a dynamic test, as stated or as its numbers suggest; None of one in volts."""
-    kind = kind_of_unit(column.unit)
-    if kind:
-        return column.unit if kind == column.quantity else None
-    large, small, limit = _DYNAMIC_UNITS[column.quantity]
-    return large if _size(shapes, column.name) >= limit else small
-
-
-def _unit(column: Column, usual: tuple[str, str, float], size: float, why: str, example: str) -> tuple[str | None, str]:
+def _unit(
+    column: Column, usual: tuple[str, str, float], size: float, why: str = "", example: str = ""
+) -> tuple[str | None, str]:
     """Unit of a column, and the doubt on it; None where a sensitivity as in the `example` is needed."""
     stated = kind_of_unit(column.unit)
     if stated == "voltage":
@@ -158,26 +148,23 @@ def _unit(column: Column, usual: tuple[str, str, float], size: float, why: str, 
     return unit, f"its unit is stated nowhere: taken as {unit}, {why}"
 
 
-def _by_curve(
-    forces: list[Column], travels: list[Column], unknown: list[Column], shapes: Sequence[SignalShape]
-) -> tuple[list[Column], list[Column]]:
-    """Columns of load and deflection by the sense of the loop, because a passive tyre absorbs work."""
-    if len(unknown) == 1 and (forces or travels):
-        return forces or unknown, travels or unknown
-    if forces or travels or len(unknown) != 2:
-        return forces, travels
-    a, b = unknown
-    work = [_work(shape, a.name, b.name) for shape in shapes]
-    return ([a], [b]) if np.nansum(work) > 0 else ([b], [a])
+def _by_head(column: Column, place: int) -> float:
+    """Evidence of the head of a column, and its place among others, that it is the main one of its quantity."""
+    unit = _W["volts"] if column.in_volts else _W["unstated"] if column.unit is None else 0.0
+    return unit + _W["likely"] * column.likely + _W["later"] * place
 
 
-def _work(shape: SignalShape, load: str, travel: str) -> float:
-    """Area of the loop over that of the box around it [1]; it is positive if the first column is the load."""
-    if load not in shape.samples or travel not in shape.samples:
-        return 0.0
-    y, x = shape.samples[load], shape.samples[travel]
-    box = np.ptp(x) * np.ptp(y)
-    return float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)) / box) if box > 0 else 0.0
+def _near_best(scored: Sequence[tuple[float, tuple[Column | None, ...]]], at: int) -> list[Column]:
+    """Columns other than the best one of a role with nearly as much evidence, in the best assignment of each."""
+    best, choice = max(scored, key=lambda one: one[0])
+    near = [one[at] for score, one in scored if score > best - _W["margin"]]
+    return [one for one in dict.fromkeys(near) if one is not None and one is not choice[at]]
+
+
+def _several(others: Sequence[Column]) -> str:
+    """A doubt that names the columns that were not taken; empty where there are none."""
+    rest = [shown(other.name, 30) for other in others[:4]]
+    return f"taken of several: {', '.join(rest)} could be it too" if rest else ""
 
 
 # --- dynamic tests -----------------------------------------------------------------------------------------------
@@ -203,18 +190,12 @@ def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> d
     force, near, far = max(scored, key=lambda one: one[0])[1]
     found: dict[str, Role] = {}
     if force is not None:
-        found["force_in"] = _dynamic_role("force_in", force, shapes, _rivals(scored, 0))
+        found["force_in"] = _dynamic_role("force_in", force, shapes, _several(_near_best(scored, 0)))
     doubts = [*_motion_doubts(scored, evidence), *_place_doubts(force, near, far, evidence, motions)]
     for role, column in (("motion_in", near), ("motion_out", far)):
         if column is not None:
             found[role] = _dynamic_role(role, column, shapes, *doubts)
     return _signs(found, shapes)
-
-
-def _by_head(column: Column) -> float:
-    """Evidence of the head of a column that it is recorded, and the main one of its quantity."""
-    unit = _W["volts"] if column.in_volts else _W["unstated"] if column.unit is None else 0.0
-    return unit + _W["likely"] * column.likely
 
 
 class _Evidence:
@@ -223,7 +204,7 @@ class _Evidence:
     def __init__(self, columns: Sequence[Column], shapes: Sequence[SignalShape]) -> None:
         self.omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
         self.places = {one.name: at for at, one in enumerate(columns)}
-        roles = [Role("", one.name, _unit_of(one, shapes), one.quantity) for one in columns]
+        roles = [_dynamic_role("", one, shapes) for one in columns]
         #: Columns of a known unit, or of one that their numbers suggest.
         self.known = {role.column for role in roles if role.unit is not None}
         #: Amplitudes of forces, and of the velocities of motions, in each test [SI, or the recorded unit].
@@ -240,10 +221,8 @@ class _Evidence:
     def of_column(self, column: Column) -> float:
         """Evidence of a column alone: its head and place, and how much of it is the sinusoid."""
         clean = self.clean[column.name] / self.cleanest
-        score = (
-            _by_head(column) + _W["later"] * self.places[column.name] + _W["clipped"] * (column.name in self.clipped)
-        )
-        return score + (_W["clean"] * round(_log(clean), 1) if clean > 0 else _W["still"])
+        score = _by_head(column, self.places[column.name]) + _W["clipped"] * (column.name in self.clipped)
+        return score + (_W["clean"] * _log(clean) if clean > 0 else _W["still"])
 
     def of_choice(self, force: Column | None, near: Column | None, far: Column | None) -> float:
         """Evidence that columns are F1, V1 and V2."""
@@ -315,19 +294,6 @@ def _is_clipped(shape: SignalShape, name: str) -> bool:
     return bool(samples.size) and float(np.mean((samples == samples.max()) | (samples == samples.min()))) > _CLIPPED
 
 
-def _rivals(scored: Sequence[tuple[float, tuple[Column | None, ...]]], at: int) -> str:
-    """A doubt that names the other columns of a role with nearly as much evidence; empty where there are none."""
-    rest = [shown(other.name, 30) for other in _near_best(scored, at)]
-    return f"taken of several: {', '.join(rest[:4])} could be it too" if rest else ""
-
-
-def _near_best(scored: Sequence[tuple[float, tuple[Column | None, ...]]], at: int) -> list[Column]:
-    """Columns other than the best one of a role with nearly as much evidence, in the best assignment of each."""
-    best, choice = max(scored, key=lambda one: one[0])
-    near = [one[at] for score, one in scored if score > best - _W["margin"]]
-    return [one for one in dict.fromkeys(near) if one is not None and one is not choice[at]]
-
-
 def _motion_doubts(scored: Sequence[tuple[float, _Choice]], evidence: _Evidence) -> list[str]:
     """A doubt that names the motions of which V1 and V2 were taken, if others of other points have nearly as much."""
     pair = [one for one in max(scored, key=lambda one: one[0])[1][1:] if one is not None]
@@ -373,7 +339,13 @@ def drive_role(tests: Sequence[Sequence[Column]], shapes: Sequence[SignalShape])
         return None
     best = max(moving, key=lambda one: (is_command(one.name), one.likely))
     word = "" if is_command(best.name) else "known by the word drive alone: check that it is the command signal"
-    return Role("drive", best.name, best.unit, "drive", doubts=tuple(filter(None, (word, _also(best, moving)))))
+    return Role(
+        "drive",
+        best.name,
+        best.unit,
+        "drive",
+        doubts=tuple(filter(None, (word, _several([one for one in moving if one is not best])))),
+    )
 
 
 def _sinusoids(shapes: Sequence[SignalShape]) -> list[SignalShape]:
@@ -381,12 +353,6 @@ def _sinusoids(shapes: Sequence[SignalShape]) -> list[SignalShape]:
     moving = [shape for shape in shapes if np.isfinite(shape.frequency)]
     steady = [shape for shape in moving if shape.kind == "dynamic"]
     return steady or [shape for shape in moving if shape.band is not None]
-
-
-def _also(best: Column, several: Sequence[Column]) -> str:
-    """A doubt that names the columns that were not taken; empty where there are none."""
-    rest = [shown(other.name, 30) for other in several if other is not best]
-    return f"taken of several: {', '.join(rest[:4])} could be it too" if rest else ""
 
 
 def _size(shapes: Sequence[SignalShape], name: str) -> float:
@@ -441,13 +407,6 @@ def _phasors(role: Role, shapes: Sequence[SignalShape]) -> np.ndarray:  # type: 
     omega = 2j * np.pi * np.array([shape.frequency for shape in shapes])
     amplitudes = np.array([shape.amplitudes.get(role.column, complex("nan")) for shape in shapes], complex)
     return np.asarray(amplitudes * channel_scale(role) * omega ** DERIVATIVES[role.quantity])
-
-
-def _scale(column: Column) -> float:
-    """SI value of one recorded unit of a column; 0 where its unit is not known, or a voltage."""
-    if column.unit is None or column.in_volts or kind_of_unit(column.unit) != column.quantity:
-        return 0.0
-    return units.channel_scale(column.unit, (column.quantity,))[1]
 
 
 def channel_scale(role: Role) -> float:
