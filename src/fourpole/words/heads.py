@@ -15,6 +15,7 @@ _QUANTITIES = {quantity: frozenset(text.split()) for quantity, text in _CHANNELS
 _MODELS = tuple((quantity, re.compile(pattern)) for quantity, pattern in _CHANNELS["models"].items())
 _TAILS, _UNITS = frozenset(_CHANNELS["tails"].split()), _CHANNELS["units"]
 _DERIVED = frozenset(_CHANNELS["derived"].split())
+_SIDES = frozenset(f"{_CHANNELS['in']} {_CHANNELS['out']}".split())
 _COMMAND = re.compile(_CHANNELS["command"])
 _SPLIT = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])|\d+")
 #: A unit behind the name: "F / kN", "Kraft in N", "Axial Force kN", "disp_mm".
@@ -61,15 +62,13 @@ def is_derived(name: str) -> bool:
 def quantity_named(name: str) -> str:
     """The quantity that a head means, a key of `channels.quantities`; empty if it has no known word.
 
-    A word of three letters or more counts before a shorter one, an earlier quantity before a later one.
+    A word of two letters or more counts before a symbol, an earlier quantity before a later one.
 
     Examples
     --------
     >>> [quantity_named(name) for name in ("Standardweg", "Schwinggeschwindigkeit", "208C03 SN 42", "Ch1")]
     ['displacement', 'velocity', 'force', '']
     """
-    if name.strip() == "T":
-        return "temperature"
     hits = set(_hits(name))
     if is_derived(name):
         return "other"
@@ -79,13 +78,14 @@ def quantity_named(name: str) -> str:
     if (True, "drive") in hits and not measured:
         return "drive"
     ranked = [(is_long, -at, of) for at, of in enumerate(_QUANTITIES) if of != "drive" for is_long in (True, False)]
-    return max((one for one in ranked if (one[0], one[2]) in hits), default=(False, 0, ""))[2]
+    is_long, _, found = max((one for one in ranked if (one[0], one[2]) in hits), default=(False, 0, ""))
+    return "temperature" if found == "time" and not is_long and name.strip().startswith("T") else found
 
 
 def _hits(name: str) -> Iterator[tuple[bool, str]]:
     """Whether a word is long, and its quantity, for each word of a head that is known."""
     for word in words_of(name):
-        whole = [(len(word) > 2 or word > "\u3000", of) for of, known in _QUANTITIES.items() if word in known]
+        whole = [(len(word) > 1 or word > "\u3000", of) for of, known in _QUANTITIES.items() if word in known]
         yield from whole or [(True, of) for of, pattern in _MODELS if pattern.fullmatch(word)] or _parts(word)
 
 
@@ -125,6 +125,8 @@ def without_unit(name: str) -> tuple[str, str | None]:
     if match is None:
         return name, None
     written, named = match["unit"], quantity_named(match["name"])
+    if written.casefold() in _SIDES:  # "x_in" is an input, not in inches
+        return name, None
     unit = _UNITS.get(written.casefold(), written)
     kind = kind_of_unit(unit)
     if kind == "other":
