@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fourpole.guess import guess_campaign
+from fourpole.study import analyse
 
 RATE = 1000.0
 FREQUENCIES = (8.0, 12.0, 20.0, 31.0)
@@ -297,3 +298,30 @@ def test_the_columns_of_a_laboratory(name, tmp_path):
     found = {role: ("-" if one.invert else "") + one.column for role, one in guess.roles.items()}
     assert found == lab.roles
     assert guess.blocked == (lab.blocked and bool(lab.dynamic))
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, lab in LABS.items() if lab.dynamic and "volts" not in name.split()[-1:]]
+)
+@pytest.mark.sampled(6)
+def test_the_stiffness_of_a_laboratory_is_right_without_an_edit(name, tmp_path):
+    LABS[name].write(tmp_path)
+    guess_campaign(tmp_path).write()
+    found = analyse(tmp_path, route="joint" if LABS[name].blocked else "relative").dynamic
+    seen = found["Re K* [N/m]"].to_numpy() + 1j * found["Im K* [N/m]"].to_numpy()
+    exact = stiffness(2 * np.pi * found["frequency [Hz]"].to_numpy())
+    np.testing.assert_allclose(seen, exact, rtol=2e-3)
+    assert set(found["K1 [N/m]"]) <= {None} or found["K1 [N/m]"].to_numpy() == pytest.approx(200e3, rel=1e-3)
+
+
+@pytest.mark.parametrize("digits", ["%.5g", "%.3f"])
+def test_a_random_recording_with_times_of_a_few_digits_has_its_band(digits, tmp_path):
+    rate, count = 2048.0, 60 * 2048
+    lines = np.fft.rfft(np.random.default_rng(1).standard_normal(count))
+    lines[~((np.fft.rfftfreq(count, 1 / rate) > 5) & (np.fft.rfftfreq(count, 1 / rate) < 100))] = 0.0
+    x = np.fft.irfft(lines, count)
+    times = (digits % time for time in np.arange(count) / rate)
+    rows = (f"{time},{200 * each:.6g},{each:.6g}" for time, each in zip(times, x, strict=True))
+    (tmp_path / "mount_random.csv").write_text("\n".join(["Time (s),Force (N),Displacement (mm)", *rows]) + "\n")
+    (row,) = guess_campaign(tmp_path).rows
+    assert (row.kind, row.band) == ("random", pytest.approx((5, 100), rel=0.2))
