@@ -66,8 +66,8 @@ def static_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> di
         of = {kind: found or (unknown if few else []) for kind, found in of.items()}
     spans = {kind: [_span(one, kind, shapes) for one in several] for kind, several in of.items()}
     scored: list[tuple[float, tuple[Column | None, ...]]] = []
-    for pair in product(*(several or [None] for several in of.values())):
-        score = _loop(*pair, shapes)[0 if by_loop else 1] * _W["curve"]
+    for pair in product(*map(_or_none, of.values())):
+        score = _loop(pair[0], pair[1], shapes)[0 if by_loop else 1] * _W["curve"]
         for kind, column in zip(of, pair, strict=True):
             if column is not None:
                 at, most = of[kind].index(column), max(spans[kind]) or 1.0
@@ -86,6 +86,11 @@ def static_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> di
             doubts = tuple(filter(None, (by, doubt, _several(_near_best(scored, at)), turned[at])))
             found[role] = Role(role, column.name, unit, kind, bool(turned[at]), doubts)
     return found
+
+
+def _or_none(columns: Sequence[Column]) -> list[Column | None]:
+    """The columns that may have a role; None alone if there are none."""
+    return [*columns] if columns else [None]
 
 
 def _ends(column: Column, shapes: Sequence[SignalShape]) -> tuple[float, float]:
@@ -179,14 +184,12 @@ def dynamic_roles(columns: Sequence[Column], shapes: Sequence[SignalShape]) -> d
     forces = [column for column in columns if column.quantity == "force"]
     motions = [column for column in columns if column.quantity in MOTIONS]
     evidence = _Evidence([*forces, *motions], shapes)
-    forces = sorted(forces, key=evidence.of_column, reverse=True)[:_FORCES]
-    motions = sorted(motions, key=evidence.of_column, reverse=True)[:_COMPARED]
-    choices: list[_Choice] = [
-        (force, near, far)
-        for force, near, far in product(forces or [None], motions or [None], [*motions, None])
-        if near is not far or near is None
-    ]
-    scored = [(evidence.of_choice(*choice), choice) for choice in choices]
+    forces, motions = (
+        sorted(several, key=lambda one: evidence.alone[one.name], reverse=True)[:most]
+        for several, most in ((forces, _FORCES), (motions, _COMPARED))
+    )
+    choices = product(_or_none(forces), _or_none(motions), [*motions, None])
+    scored = [(evidence.of_choice(*one), one) for one in choices if one[1] is not one[2] or one[1] is None]
     force, near, far = max(scored, key=lambda one: one[0])[1]
     found: dict[str, Role] = {}
     if force is not None:
@@ -203,30 +206,26 @@ class _Evidence:
 
     def __init__(self, columns: Sequence[Column], shapes: Sequence[SignalShape]) -> None:
         self.omega = 2 * np.pi * np.array([shape.frequency for shape in shapes])
-        self.places = {one.name: at for at, one in enumerate(columns)}
         roles = [_dynamic_role("", one, shapes) for one in columns]
         #: Columns of a known unit, or of one that their numbers suggest.
         self.known = {role.column for role in roles if role.unit is not None}
         #: Amplitudes of forces, and of the velocities of motions, in each test [SI, or the recorded unit].
         self.phasors = {role.column: _phasors(role, shapes) for role in roles}
-        #: Share of the sinusoid in the range of each column [1].
-        shares = {
-            one.name: [2 * abs(shape.amplitudes.get(one.name, 0.0)) / (shape.span(one.name) or 1.0) for shape in shapes]
-            for one in columns
+        names = [one.name for one in columns]
+        spans = [[shape.span(name) or 1.0 for shape in shapes] or [1.0] for name in names]
+        sizes = [[2 * abs(shape.amplitudes.get(name, 0.0)) for shape in shapes] or [1.0] for name in names]
+        clean = [float(np.median(np.divide(*pair))) for pair in zip(sizes, spans, strict=True)]
+        #: Evidence of each column alone: its head, how much of it is the sinusoid, and whether it is clipped.
+        self.alone = {
+            one.name: _by_head(one, at)
+            + (_W["clean"] * _log(clean[at] / max(clean)) if clean[at] > 0 else _W["still"])
+            + _W["clipped"] * any(_is_clipped(shape, one.name) for shape in shapes)
+            for at, one in enumerate(columns)
         }
-        self.clean = {name: float(np.median(share or [1.0])) for name, share in shares.items()}
-        self.cleanest = max(self.clean.values(), default=0.0) or 1.0
-        self.clipped = {one.name for one in columns if any(_is_clipped(shape, one.name) for shape in shapes)}
-
-    def of_column(self, column: Column) -> float:
-        """Evidence of a column alone: its head and place, and how much of it is the sinusoid."""
-        clean = self.clean[column.name] / self.cleanest
-        score = _by_head(column, self.places[column.name]) + _W["clipped"] * (column.name in self.clipped)
-        return score + (_W["clean"] * _log(clean) if clean > 0 else _W["still"])
 
     def of_choice(self, force: Column | None, near: Column | None, far: Column | None) -> float:
         """Evidence that columns are F1, V1 and V2."""
-        score = sum(self.of_column(one) for one in (force, near, far) if one is not None)
+        score = sum(self.alone[one.name] for one in (force, near, far) if one is not None)
         for one, side, other in ((near, "in", "out"), (far, "out", "in")):
             if one is not None:
                 said = (one.side == side) - (one.side == other)

@@ -29,7 +29,7 @@ from fourpole.guess.roles import (
 )
 from fourpole.guess.signals import SignalShape
 from fourpole.guess.words import CONSTRUCTIONS
-from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row
+from fourpole.guess.write import RIG_VALUES, WORDS, Doubt, GuessedCampaign, Row
 from fourpole.units import shown
 from fourpole.words import first_of
 
@@ -42,15 +42,6 @@ _STILL = 0.03
 #: Relative difference of means of F1 up to which they are of one preload [1].
 _ONE_LOAD = 0.02
 _TURNING = ("reference", "drive")
-#: Roles that each kind of test needs, with what follows where one is missing.
-_NEEDED = {
-    "dynamic": {
-        "force_in": "without it only the transmissibility route remains, which needs the rig",
-        "motion_in": "without it dynamic tests cannot be analysed",
-        "motion_out": "without it only the mobility route remains, which needs the rig or a fixed far side",
-    },
-    "static": dict.fromkeys(("load", "deflection"), "without it static tests cannot be analysed"),
-}
 #: Conditions that tests need: the kinds of test, and what follows where a condition is not known.
 _WANTED = (
     (q.PRESSURE, ("static", *DYNAMIC_KINDS), "all tests of a specimen count as at one pressure"),
@@ -58,15 +49,7 @@ _WANTED = (
     (q.ADDED_MASS, ("calibration",), "a calibration is of no use without its mass"),
 )
 #: Remedy of a doubt by its subject.
-_REMEDIES = {
-    "kind": "check the column 'kind' of tests.csv",
-    "tyre": "fill in the column 'tyre' of tests.csv, and name each specimen under [tyres] in campaign.toml",
-    "channels": "give these recordings the same columns as the others; one campaign has one [channels]",
-    "files": "see fourpole info FILE; export it again",
-    "time": "state sample_rate in [channels] of campaign.toml",
-    "reference": "correct reference in [channels] of campaign.toml, or remove it",
-    **{one.key: f"check the column '{one.stated_head}' of tests.csv" for one in CONDITIONS},
-}
+_REMEDIES = WORDS["remedies"] | {one.key: f"check the column '{one.stated_head}' of tests.csv" for one in CONDITIONS}
 
 
 def guess_campaign(
@@ -361,7 +344,7 @@ class _Together:
 
     def _lacking(self, roles: dict[str, Role], rig: dict[str, float], *, blocked: bool) -> None:
         """Add doubts on channels and values of the rig that the tests need and that are not there."""
-        for kinds, needed in ((DYNAMIC_KINDS, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
+        for kinds, needed in ((DYNAMIC_KINDS, WORDS["needed"]["dynamic"]), (("static",), WORDS["needed"]["static"])):
             first = next(iter(self._of_kind(*kinds)), None)
             for role, follows in needed.items():
                 if first is not None and role not in roles and not (blocked and role == "motion_out"):
