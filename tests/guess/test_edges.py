@@ -162,6 +162,42 @@ def moving(quantity):
     return decided
 
 
+def evidence(ratios=(1.0, 1.0), hertz=(10.0, 11.2)):
+    """What two tests show of a force, and of two motions whose velocities have these ratios."""
+    columns = [Column("F", "N", "force"), Column("a", "m/s", "velocity"), Column("b", "m/s", "velocity")]
+    shapes = [
+        SignalShape("dynamic", f, None, {"F": 1j, "a": ratio + 0j, "b": 1 + 0j}, dict.fromkeys("Fab", (-1.0, 1.0)))
+        for f, ratio in zip(hertz, ratios, strict=True)
+    ]
+    return roles._Evidence(columns, shapes), columns
+
+
+def twins(ratio):
+    """Whether two motions are of one point, by the ratio of their velocities."""
+    found, (_, a, b) = evidence((1.0, ratio))
+    return found.is_twin(a, b)
+
+
+def clipped(share):
+    """Whether a channel is clipped, by the share of its samples at the ends of its range."""
+    samples = np.linspace(-0.9, 0.9, 2000)
+    samples[: round(2000 * share)] = 1.0
+    return roles._is_clipped(SignalShape("dynamic", 10.0, None, samples={"x": samples}), "x")
+
+
+def followed(correlation):
+    """Whether a deflection is inverted for its slope, by the correlation with the load."""
+    columns = [Column("load", "N", "force"), Column("deflection", "mm", "displacement")]
+    with patch.object(roles, "_loop", lambda *given: (0.0, abs(correlation), correlation)):
+        return static_roles(columns, [])["deflection"].invert
+
+
+def massive(exponent, hertz=(10.0, 20.0)):
+    """Exponent that a mass explains, of |K*| over frequency."""
+    omega = np.array(hertz)
+    return round(evidence(hertz=hertz)[0]._slope(omega**exponent), 3)
+
+
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
 EDGES = {
     "static recording, below 0.5 Hz": (lambda x: kind(x / 100.0), {0.495: "static", 0.505: "dynamic"}),
@@ -188,6 +224,15 @@ EDGES = {
         lambda x: len(checked_force(FORCE, x).doubts), {0.297: 1, 0.303: 0, 11.9: 0, 12.1: 1},
     ),
     "tests that are passive with a sign turned, 90 %": (turned, {0.896: False, 0.904: True}),
+    "motions of one point, 5 %": (twins, {0.951: True, 0.949: False, -1.049: False, 1.049: True, 1.051: False}),
+    "clipped channel, 15 % at the ends": (clipped, {0.148: False, 0.152: True}),
+    "slope of load over deflection, correlation 0.5": (
+        followed, {-0.49: False, -0.51: True, 0.51: False},
+    ),
+    "exponent of |K*| without a mass, 0 to 0.5": (massive, {-0.01: 0.01, 0.0: 0.0, 0.49: 0.0, 0.51: 0.01, 9.0: 3.0}),
+    "range of frequencies with an exponent, 0.1 in logarithm": (
+        lambda high: massive(-1.0, (10.0, high)), {11.04: 0.0, 11.06: 1.0},
+    ),
     "load without a unit, N from 100 on": (lambda x: unit("load", x), {99.0: "kN", 101.0: "N"}),
     "deflection without a unit, mm from 0.5 on": (lambda x: unit("deflection", x), {0.495: "m", 0.505: "mm"}),
     "force without a unit, N from 1 on": (moving("force"), {0.99: "kN", 1.01: "N"}),
