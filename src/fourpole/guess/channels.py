@@ -5,11 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from fourpole.words import vocabulary
-from fourpole.words.heads import is_command, is_derived, kind_of_unit, quantity_named, without_unit, words_of
-
-_IN, _OUT, _NUMBERED, _MAIN, _MINOR = (
-    frozenset(vocabulary()["channels"][key].split()) for key in ("in", "out", "numbered", "main", "minor")
+from fourpole.words.heads import (
+    is_command,
+    is_derived,
+    kind_of_unit,
+    likelihood,
+    quantity_named,
+    without_unit,
+    words_of,
 )
+
+_IN, _OUT, _NUMBERED = (frozenset(vocabulary()["channels"][key].split()) for key in ("in", "out", "numbered"))
 
 
 @dataclass(frozen=True)
@@ -78,11 +84,9 @@ def column_of(name: str, unit: str | None) -> Column:
         quantity = "other"
     elif is_command(bare) and not {named, stated} & {"temperature", "pressure", "frequency", "time"}:
         quantity = "drive"
-    minor = [word for word in words if word in _MINOR and (len(words) > 1 or len(word) > 1)]
-    likely = sum(word in _MAIN for word in words) - len(minor)
     if _NUMBERED & set(words):
         words = [word for word in words if not word.isdigit() and word not in ("input", "output")]
     known = {side: ends & set(words) for side, ends in (("in", _IN), ("out", _OUT)) if ends & set(words)}
     side = next(iter(known)) if len(known) == 1 else ""
     symbol = any(len(word) == 2 and word[1].isdigit() for word in words)  # V1 says it, as a word does
-    return Column(name, unit, quantity, side, likely, bool(side) and known[side] <= {"1", "2"} and not symbol)
+    return Column(name, unit, quantity, side, likelihood(bare), bool(side) and known[side] <= {"1", "2"} and not symbol)

@@ -16,6 +16,7 @@ _MODELS = tuple((quantity, re.compile(pattern)) for quantity, pattern in _CHANNE
 _TAILS, _UNITS = frozenset(_CHANNELS["tails"].split()), _CHANNELS["units"]
 _DERIVED = frozenset(_CHANNELS["derived"].split())
 _SIDES = frozenset(f"{_CHANNELS['in']} {_CHANNELS['out']}".split())
+_MAIN, _MINOR = frozenset(_CHANNELS["main"].split()), frozenset(_CHANNELS["minor"].split())
 _COMMAND = re.compile(_CHANNELS["command"])
 _SPLIT = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])|\d+")
 #: A unit behind the name: "F / kN", "Kraft in N", "Axial Force kN", "disp_mm".
@@ -57,6 +58,19 @@ def is_derived(name: str) -> bool:
     """Whether a column is computed from a measured one, such as a rate or the error of a controller, by its name."""
     words = words_of(name)
     return not _DERIVED.isdisjoint(words) and _QUANTITIES["time"].isdisjoint(words)
+
+
+def likelihood(name: str) -> int:
+    """Number of words of a head that say it is the main one of its quantity, less those that say it is not.
+
+    Examples
+    --------
+    >>> likelihood("Fz_load"), likelihood("Traversenweg"), likelihood("x")
+    (2, -1, 0)
+    """
+    words = words_of(name)
+    minor = [word for word in words if word in _MINOR and (len(words) > 1 or len(word) > 1)]
+    return sum(word in _MAIN for word in words) - len(minor)
 
 
 def quantity_named(name: str) -> str:

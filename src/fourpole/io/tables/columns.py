@@ -16,6 +16,7 @@ from fourpole.io.names import listed, named
 from fourpole.io.tables.cells import Cells, Column
 from fourpole.io.tables.vocabulary import ALIASES, ROLES, TURNING, UNCLEAR, channel_roles, plain, readings
 from fourpole.units import shown
+from fourpole.words.heads import likelihood
 
 #: Columns of one quantity are the same if all rows agree to this relative difference.
 _SAME = 2e-3
@@ -124,11 +125,12 @@ def taken(cells: Cells, stated: Sequence[Statement], roles: Sequence[str]) -> li
                 one = _fitting(column, role, letter)
                 found += [] if one is None else [one]
     used |= {id(one.column) for one in found}
-    lacking = set(roles) - {one.role for one in found}
-    named = [
-        (column, role) for column in cells.columns if id(column) not in used for role in channel_roles(column.name)
-    ]
-    return found + [one for column, role in named if role in lacking and (one := _fitting(column, role, ""))]
+    free = [column for column in cells.columns if id(column) not in used]
+    for role in [role for role in roles if role not in {one.role for one in found}]:
+        named = [_fitting(column, role, "") for column in free if role in channel_roles(column.name)]
+        ranked = [(likelihood(one.column.name), one) for one in named if one is not None]
+        found += [one for likely, one in ranked if likely == max(ranked, key=lambda pair: pair[0])[0]]
+    return found
 
 
 def _stated(cells: Cells, one: Statement) -> Taken:
