@@ -86,7 +86,11 @@ def column_of(name: str, unit: str | None) -> Column:
         quantity = "drive"
     if _NUMBERED & set(words):
         words = [word for word in words if not word.isdigit() and word not in ("input", "output")]
-    known = {side: ends & set(words) for side, ends in (("in", _IN), ("out", _OUT)) if ends & set(words)}
-    side = next(iter(known)) if len(known) == 1 else ""
+    parts = {*words, *(one for one in _IN | _OUT if one > "\u3000" and one in bare)}
+    said = {side: ends & parts for side, ends in (("in", _IN), ("out", _OUT))}
+    by_word = {side: found - {"1", "2"} for side, found in said.items()}
+    sides = [side for side, found in (by_word if any(by_word.values()) else said).items() if found]
+    by_number = len(sides) == 1 and not by_word[sides[0]]
     symbol = any(len(word) == 2 and word[1].isdigit() for word in words)  # V1 says it, as a word does
-    return Column(name, unit, quantity, side, likelihood(bare), bool(side) and known[side] <= {"1", "2"} and not symbol)
+    side = sides[0] if len(sides) == 1 else ""
+    return Column(name, unit, quantity, side, likelihood(bare), by_number and not symbol)

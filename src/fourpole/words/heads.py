@@ -69,8 +69,8 @@ def likelihood(name: str) -> int:
     (2, -1, 0)
     """
     words = words_of(name)
-    minor = [word for word in words if word in _MINOR and (len(words) > 1 or len(word) > 1)]
-    return sum(word in _MAIN for word in words) - len(minor)
+    minor = sum(word in _MINOR and (len(words) > 1 or len(word) > 1) for word in words)
+    return sum(word in _MAIN for word in words) - minor - sum(one > "\u3000" and one in name for one in _MINOR)
 
 
 def quantity_named(name: str) -> str:
