@@ -254,8 +254,8 @@ LABS = {
         units={"RUNTIME": "s", "FZW": "N", "FYW": "N", "DSTGRWHC": "m", "INCLANGL": "deg"},
     ),
     "numbers of points beside words": Lab(
-        {"Time (s)": ("t", 1), "FORC:1:+Z (N)": ("F1", 1), "RIM:1:+Z (m/s^2)": ("a2", 1), "PLTE:1:+X (m/s^2)": ("Fy", 1),
-         "PLTE:1:+Z (m/s^2)": ("a1", 1), "RIM:3:+Z (m/s^2)": ("a2", 1.01)},
+        {"Time (s)": ("t", 1), "FORC:1:+Z (N)": ("F1", 1), "RIM:1:+Z (m/s^2)": ("a2", 1),
+         "PLTE:1:+X (m/s^2)": ("Fy", 1), "PLTE:1:+Z (m/s^2)": ("a1", 1), "RIM:3:+Z (m/s^2)": ("a2", 1.01)},
         {},
         {"force_in": "FORC:1:+Z", "motion_in": "PLTE:1:+Z", "motion_out": "RIM:1:+Z"},
     ),

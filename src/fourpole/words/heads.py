@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 
 from fourpole import units
 from fourpole.errors import UnitError
@@ -103,6 +104,7 @@ def _hits(name: str) -> Iterator[tuple[bool, str]]:
         yield from whole or [(True, of) for of, pattern in _MODELS if pattern.fullmatch(word)] or _parts(word)
 
 
+@lru_cache(4096)
 def _parts(word: str) -> list[tuple[bool, str]]:
     """The quantity of the longest known word at the end of a word, else of the longest at its beginning."""
     found = [
