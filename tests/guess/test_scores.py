@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fourpole.guess import guess_campaign
+from fourpole.guess.channels import column_of
 from fourpole.study import analyse
 
 RATE = 1000.0
@@ -358,3 +359,29 @@ def test_a_random_recording_with_times_of_a_few_digits_has_its_band(digits, tmp_
     (tmp_path / "mount_random.csv").write_text("\n".join(["Time (s),Force (N),Displacement (mm)", *rows]) + "\n")
     (row,) = guess_campaign(tmp_path).rows
     assert (row.kind, row.band) == ("random", pytest.approx((5, 100), rel=0.2))
+
+
+@pytest.mark.parametrize(
+    ("head", "unit", "found"),
+    [
+        ("load_cell_kn", None, ("force", "kN")),
+        ("force_rate_kn_s", None, ("other", "kN/s")),
+        ("acc_m_s2", None, ("acceleration", "m/s^2")),
+        ("temp_c", None, ("temperature", "degC")),
+        ("a / (m/s²)", None, ("acceleration", "m/s²")),
+        ("Kraft in N", None, ("force", "N")),
+        ("x_in", None, ("displacement", None)),
+        ("Zeit t", None, ("time", None)),
+        ("T_Reifen", None, ("temperature", None)),
+        ("Load", "KN", ("force", "kN")),
+        ("Load", "LBF", ("force", "lbf")),
+        ("Force rate", "kN/s", ("other", "kN/s")),
+        ("Mz", "Nm", ("other", "Nm")),
+        ("Cycle", None, ("other", None)),
+        ("Position Error", "mm", ("other", "mm")),
+        ("Time  1 - default sample rate", None, ("time", None)),
+    ],
+)
+def test_the_quantity_and_the_unit_of_a_head(head, unit, found):
+    column = column_of(head, unit)
+    assert (column.quantity, column.unit) == found

@@ -10,6 +10,7 @@ from fourpole.words.heads import (
     is_derived,
     kind_of_unit,
     likelihood,
+    meant,
     quantity_named,
     without_unit,
     words_of,
@@ -76,7 +77,7 @@ def column_of(name: str, unit: str | None) -> Column:
     Column(name='Axial Force kN', unit='kN', quantity='force', side='', likely=0)
     """
     bare, ending = without_unit(name) if unit is None else (name, None)
-    unit = unit or ending
+    unit = meant(unit) if unit else ending
     words, named, stated = words_of(bare), quantity_named(bare), kind_of_unit(unit)
     aside = named in ("reference", "drive", "temperature", "pressure") and stated == "displacement"
     quantity = named if aside or stated in ("", "voltage") else stated

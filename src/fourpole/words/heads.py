@@ -9,6 +9,7 @@ from functools import lru_cache
 from fourpole import units
 from fourpole.errors import UnitError
 from fourpole.units import MOTIONS
+from fourpole.units.kinds import kind_named
 from fourpole.words import vocabulary
 
 _CHANNELS = vocabulary()["channels"]
@@ -22,13 +23,15 @@ _COMMAND = re.compile(_CHANNELS["command"])
 _SPLIT = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßà-ÿ]+|[A-ZÄÖÜ]+(?![a-zäöüßà-ÿ])|\d+")
 #: A unit behind the name: "F / kN", "Kraft in N", "Axial Force kN", "disp_mm".
 _AT_END = re.compile(
-    r"(?P<name>.*?[^\W_][)\]]?)(?:\s*/\s*|[\s_,]+in\s+|[\s_,]+)\(?(?P<unit>[^\W\d_][^\s_,()]*|°[CF])\)?", re.DOTALL
+    r"(?P<name>.*?[^\W_][)\]]?)(?:\s*/\s*|[\s_,]+in\s+|[\s_,]+)\(?(?P<unit>(?i:k?[mn]m?_(?:s2?|h))|[^\W\d_][^\s_,()]*|°[CF])\)?",
+    re.DOTALL,
 )
 #: Characters of the longest head that ends with a unit.
 _LONGEST = 100
 #: Characters of a word that may be a part of a longer one, and of one in Chinese or Japanese letters.
 _PART, _PART_HAN = 5, 2
 _KINDS = ("force", *MOTIONS, "voltage", "time", "pressure", "frequency", "angle")
+_MEANT = {one.casefold(): one for kind in reversed(_KINDS) for one in reversed(kind_named(kind).units)} | _UNITS
 
 
 def words_of(name: str) -> list[str]:
@@ -129,6 +132,17 @@ def kind_of_unit(unit: str | None) -> str:
         return "other" if units.is_unit(unit) or unit.endswith(("/s", "/sec", "/min", "/h")) else ""
 
 
+def meant(unit: str) -> str:
+    """The known unit of a channel that a text means if only its case differs, or an ending of a head; else the text.
+
+    Examples
+    --------
+    >>> meant("KN"), meant("LBF"), meant("ms2"), meant("mm"), meant("counts")
+    ('kN', 'lbf', 'm/s^2', 'mm', 'counts')
+    """
+    return unit if kind_of_unit(unit) else _MEANT.get(unit.strip().casefold(), unit)
+
+
 def without_unit(name: str) -> tuple[str, str | None]:
     """A head without the unit that it ends with, and this unit; None where it ends with none that fits its words.
 
@@ -143,7 +157,7 @@ def without_unit(name: str) -> tuple[str, str | None]:
     written, named = match["unit"], quantity_named(match["name"])
     if written.casefold() in _SIDES:  # "x_in" is an input, not in inches
         return name, None
-    unit = _UNITS.get(written.casefold(), written)
+    unit = _UNITS.get(written.casefold()) or meant(written)
     kind = kind_of_unit(unit)
     if kind == "other":
         fits = "/" in unit
