@@ -11,7 +11,12 @@ pytestmark = pytest.mark.thorough
 #: Processor time per character [s] that a pattern may take; the slowest takes half of it on a quiet machine.
 LIMIT = 2e-6
 #: Patterns whose module shortens the text first, with its largest length.
-LONGEST = {"guess/names._HASHES": 400, "io/tables/cells._WORDED_UNIT": 100, "units.frequency_grid": 4000}
+LONGEST = {
+    "words/heads._AT_END": 100,
+    "guess/names._HASHES": 400,
+    "io/tables/cells._WORDED_UNIT": 100,
+    "units.frequency_grid": 4000,
+}
 #: Patterns that are applied to no text of others, or whose text is measured by another line.
 OWN = {
     "guess/pattern._unit_at": "spellings of units, after a number in the name of a file",
@@ -44,8 +49,6 @@ WORST = {
     "export/tydex._file_names": ("", "<\x00[e", "<]#"),
     "paper1982/claims._WORDS": ("", "  ", "\t"),
     "findings/facts.natural": ("", "$", "a"),
-    "guess/channels._SPLIT": ("", "9ü", "1"),
-    "guess/channels.name_words": ("", " ", "-"),
     "guess/conditions.constructions_of": ("", "_", "\t"),
     "guess/gather._NEVER": ("", ".docx", "é"),
     "guess/gather._NOTES": ("", ".txt", "1"),
@@ -79,7 +82,6 @@ WORST = {
     "guess/pattern._NUMBERS": ("", "-1", "é"),
     "guess/specimens._consecutive": ("", "\x00", "\n~"),
     "guess/specimens._doubt_on_words": ("", "A", "a"),
-    "guess/words.COMMAND": ("", "}", "a"),
     "guess/words.IN_HEADERS": ("", "\u6e29\u5ea6", "Z "),
     "guess/write._tyres": ("", "_", "\n~"),
     "io/clock._DATE_ALONE": ("", " ", "!"),
@@ -209,6 +211,11 @@ WORST = {
     "units/kinds._likely": ("", "a", ""),
     "units/kinds._likely#2": ("", "a", ""),
     "units/kinds._likely#3": ("", "Z", "\t"),
+    "words/heads._AT_END": ("a", " ", "x!"),
+    "words/heads._COMMAND": ("", "}", "a"),
+    "words/heads._MODELS": ("871", "1", "a"),
+    "words/heads._SPLIT": ("", "9ü", "1"),
+    "words/heads.words_of": ("", " ", "-"),
     "virtual/folder._campaign_toml": ("", "_", "é"),
     "virtual/folder.prepare": ("", "a", ""),
 }

@@ -74,13 +74,13 @@ def test_columns_are_understood_by_name_and_unit(run, curve, header, scales, ord
 
 
 def test_unusual_columns_are_named_by_options(run, curve):
-    path = curve("s_wheel [mm],channel 7 [N]")
+    path = curve("gauge 3 [mm],channel 7 [N]")
     lacking = run("static", path, "--load", "1000 N")
     assert (lacking.exit_code, lacking.stdout) == (2, "")
     assert '--column "deflection=NAME [mm]"' in lacking.stderr
     for more in (
-        ["--column", "load=channel 7", "--column", "deflection=s_wheel"],
-        ["--column", "load=2", "--column", "deflection=s_wheel [mm]"],
+        ["--column", "load=channel 7", "--column", "deflection=gauge 3"],
+        ["--column", "load=2", "--column", "deflection=gauge 3 [mm]"],
     ):
         ran = run("static", path, "--load", "1000 N", *more, "--json")
         assert json.loads(ran.stdout)["K1 [N/m]"] == pytest.approx(tangent(1000.0), rel=1e-6)

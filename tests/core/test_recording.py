@@ -116,6 +116,30 @@ def test_a_single_lost_sample_does_not_pass_in_silence(rate):
     assert "off a uniform grid" in remark
 
 
+@pytest.mark.parametrize("rounded", ["%.5g", "%.6g", "%.3f", "%.4f"])
+@pytest.mark.parametrize("rate", [512.0, 1651.6, 2000.0, 4096.0])
+def test_stamps_of_a_few_digits_are_those_of_a_uniform_clock(rate, rounded):
+    stamps = np.array([float(rounded % time) for time in np.arange(int(130 * rate)) / rate])
+    step, remark = uniform_time(stamps)
+    assert (1.0 / step, remark) == (pytest.approx(rate, rel=1e-6), "")
+    few = np.delete(stamps, slice(700, 800))
+    with pytest.raises(RecordingError, match="samples were lost"):
+        uniform_time(few)
+
+
+@pytest.mark.parametrize(
+    ("count", "rate", "passes"), [(100, 1300.0, False), (101, 1300.0, True), (3000, 1050.0, False)]
+)
+def test_stamps_may_repeat_only_where_their_rounding_shows(count, rate, passes):
+    """More than 100 stamps, of a resolution beyond 1.1 intervals; a repeated stamp is a repeated row otherwise."""
+    stamps = np.round(np.arange(count) / rate, 3)
+    if passes:
+        assert 1.0 / uniform_time(stamps)[0] == pytest.approx(rate, rel=1e-2)
+    else:
+        with pytest.raises(RecordingError, match="does not increase"):
+            uniform_time(stamps)
+
+
 def test_a_change_of_rate_is_an_error():
     stamps = np.cumsum(np.repeat([1e-3, 1.2e-3], 500))
     with pytest.raises(RecordingError, match="samples were lost or the rate changed"):

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from fourpole.errors import CampaignError
-from fourpole.guess import channels, conditions, gather, signals, specimens, together
-from fourpole.guess.channels import Column, Role, checked_force, static_roles
+from fourpole.guess import conditions, gather, roles, signals, specimens, together
+from fourpole.guess.channels import Column, Role
 from fourpole.guess.gather import _recorded
 from fourpole.guess.names import Token, read_name
 from fourpole.guess.pattern import read_pattern
+from fourpole.guess.roles import checked_force, static_roles
+from fourpole.guess.signals import SignalShape
 from fourpole.guess.together import _Together
 
 AT = np.arange(4000)
@@ -69,16 +71,16 @@ def preloads(mean):
 
 def turned(passive):
     """Whether a sensor is inverted, by the share of the tests that are passive then."""
-    roles = {name: Role(name, name, "N", "force") for name in channels._SYMBOLS}
-    shares = {"_stiffness": lambda roles, shapes: passive if roles["force_in"].invert else 0.1, "_passive": float}
-    with patch.multiple(channels, **shares):
-        return any(role.invert for role in channels._signs(roles, [None]).values())
+    given = {name: Role(name, name, "N", "force") for name in roles._SYMBOLS}
+    shares = {"_stiffness": lambda given, shapes: passive if given["force_in"].invert else 0.1, "_passive": float}
+    with patch.multiple(roles, **shares):
+        return any(role.invert for role in roles._signs(given, [None]).values())
 
 
 def unit(kind, largest):
     """Unit of a static channel that states none, by its largest value."""
     columns = [Column("load", None, "force"), Column("deflection", None, "displacement")]
-    shape = MagicMock(ranges=dict.fromkeys(("load", "deflection"), (0.0, largest)))
+    shape = SignalShape("static", 0.1, None, ranges=dict.fromkeys(("load", "deflection"), (0.0, largest)))
     return static_roles(columns, [shape])[kind].unit
 
 
@@ -155,9 +157,45 @@ def moving(quantity):
 
     def decided(size):
         shape = SimpleNamespace(amplitudes={"x": size})
-        return channels._dynamic_role("force_in", Column("x", None, quantity), [shape]).unit
+        return roles._dynamic_role("force_in", Column("x", None, quantity), [shape]).unit
 
     return decided
+
+
+def evidence(ratios=(1.0, 1.0), hertz=(10.0, 11.2)):
+    """What two tests show of a force, and of two motions whose velocities have these ratios."""
+    columns = [Column("F", "N", "force"), Column("a", "m/s", "velocity"), Column("b", "m/s", "velocity")]
+    shapes = [
+        SignalShape("dynamic", f, None, {"F": 1j, "a": ratio + 0j, "b": 1 + 0j}, dict.fromkeys("Fab", (-1.0, 1.0)))
+        for f, ratio in zip(hertz, ratios, strict=True)
+    ]
+    return roles._Evidence(columns, shapes), columns
+
+
+def twins(ratio):
+    """Whether two motions are of one point, by the ratio of their velocities."""
+    found, (_, a, b) = evidence((1.0, ratio))
+    return found.is_twin(a, b)
+
+
+def clipped(share):
+    """Whether a channel is clipped, by the share of its samples at the ends of its range."""
+    samples = np.linspace(-0.9, 0.9, 2000)
+    samples[: round(2000 * share)] = 1.0
+    return roles._is_clipped(SignalShape("dynamic", 10.0, None, samples={"x": samples}), "x")
+
+
+def followed(correlation):
+    """Whether a deflection is inverted for its slope, by the correlation with the load."""
+    columns = [Column("load", "N", "force"), Column("deflection", "mm", "displacement")]
+    with patch.object(roles, "_loop", lambda *given: (0.0, abs(correlation), correlation)):
+        return static_roles(columns, [])["deflection"].invert
+
+
+def massive(exponent, hertz=(10.0, 20.0)):
+    """Exponent that a mass explains, of |K*| over frequency."""
+    omega = np.array(hertz)
+    return round(evidence(hertz=hertz)[0]._slope(omega**exponent), 3)
 
 
 #: Name of the number -> what it decides as a function of a case, and the cases with their decisions.
@@ -186,6 +224,15 @@ EDGES = {
         lambda x: len(checked_force(FORCE, x).doubts), {0.297: 1, 0.303: 0, 11.9: 0, 12.1: 1},
     ),
     "tests that are passive with a sign turned, 90 %": (turned, {0.896: False, 0.904: True}),
+    "motions of one point, 5 %": (twins, {0.951: True, 0.949: False, -1.049: False, 1.049: True, 1.051: False}),
+    "clipped channel, 15 % at the ends": (clipped, {0.148: False, 0.152: True}),
+    "slope of load over deflection, correlation 0.5": (
+        followed, {-0.49: False, -0.51: True, 0.51: False},
+    ),
+    "exponent of |K*| without a mass, 0 to 0.5": (massive, {-0.01: 0.01, 0.0: 0.0, 0.49: 0.0, 0.51: 0.01, 9.0: 3.0}),
+    "range of frequencies with an exponent, 0.1 in logarithm": (
+        lambda high: massive(-1.0, (10.0, high)), {11.04: 0.0, 11.06: 1.0},
+    ),
     "load without a unit, N from 100 on": (lambda x: unit("load", x), {99.0: "kN", 101.0: "N"}),
     "deflection without a unit, mm from 0.5 on": (lambda x: unit("deflection", x), {0.495: "m", 0.505: "mm"}),
     "force without a unit, N from 1 on": (moving("force"), {0.99: "kN", 1.01: "N"}),

@@ -297,6 +297,8 @@ def test_a_column_by_name_and_unit(name, unit, quantity, side):
         ("20240312_143055_v2.1_SN0815_rev3", {}),
         ("205-55R16", {}),
         ("2kHz 10s", {}),
+        ("3,9kN/s 5mm_min 0.5 bar/min 200 N/mm", {}),
+        ("5kN_A 600U/min", {"preload": 5000.0, "frequency": 10.0}),
         ("9f0012c3a1b", {}),
         ("name", {}),
     ],
@@ -323,6 +325,9 @@ def test_values_in_a_name(name, values):
         ("Ambient pressure: 1013 mbar", None),
         ("Operator: 3 N", None),
         ("Sensor range; 5 kN", None),
+        ("Vorlastrate: 3,9 kN/s", None),
+        ("Preload [kN/s];3.9", None),
+        ("Belastungsgeschwindigkeit: 3,9", None),
     ],
 )
 def test_a_line_of_a_header(line, found):

@@ -54,6 +54,12 @@ def test_the_rate_of_even_times_is_that_of_their_mean_step() -> None:
     assert rate_of(timed(np.arange(1001) / 1000.0 + jitter)) == pytest.approx(1000.0, rel=1e-12)
 
 
+def test_the_rate_of_rounded_times_is_that_of_the_clock() -> None:
+    for rounded in ("%.5g", "%.4f"):
+        stamps = np.array([float(rounded % time) for time in np.arange(60_000) / 4096.0])
+        assert rate_of(timed(stamps)) == pytest.approx(4096.0, rel=1e-6)
+
+
 @pytest.mark.parametrize(("lost", "rate"), [(99, 1000.0), (101, None)])
 def test_lost_samples_leave_the_rate_up_to_a_tenth_of_the_steps(lost: int, rate: float | None) -> None:
     steps = np.full(999, 1e-3)

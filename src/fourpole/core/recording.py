@@ -258,6 +258,10 @@ class Recording:
         return replace(self, channels=cut)
 
 
+#: Resolution of rounded stamps over the interval from which they may repeat [1], and fewest stamps that show it.
+_COARSE, _FEWEST_ROUNDED = 1.1, 100
+
+
 def uniform_time(time: FloatArray) -> tuple[float, str]:
     """Sampling interval of a time column, with a remark on its uniformity.
 
@@ -293,22 +297,24 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
         raise RecordingError(f"time is missing at sample {row + 1}; fill it in, or state sample_rate for the channels")
     increments = np.diff(time)
     shortest, longest = float(increments.min()), float(increments.max())
-    if not shortest > 0:
+    index, since = np.arange(time.size) - 0.5 * (time.size - 1), time - time[0]
+    step = float(index @ since / (index @ index))  # of the uniform grid nearest to the stamps
+    stamps = _resolution(time, since, step) if shortest >= 0 < step else np.zeros(1)
+    # where stamps of a uniform clock repeat because they are rounded
+    coarse = (np.broadcast_to(stamps, time.shape)[1:] > _COARSE * step) & (time.size > _FEWEST_ROUNDED)
+    if shortest < 0 or not np.all(coarse[increments == 0]) or not step > 0:
         row = int(np.argmax(increments <= 0))
         how = "runs backwards" if np.all(increments < 0) else f"does not increase at sample {row + 2}"
         raise RecordingError(
             f"time {how} (from {time[row]:.9g} s to {time[row + 1]:.9g} s); "
             "export the recording again in order of time, without repeated stamps"
         )
-    index, since = np.arange(time.size) - 0.5 * (time.size - 1), time - time[0]
-    step = float(index @ since / (index @ index))  # of the uniform grid nearest to the stamps
     off_grid = np.abs(since - since.mean() - step * index)
     worst = int(np.argmax(off_grid))
-    stamps = _resolution(since, step)
     # stamps within half a unit of a grid lie within (1 + 5/3)/2 units of the fitted one: its ends weigh the rest by 5/3
-    rounding = 4 / 3 * stamps + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))
-    jumps = longest > 1.5 * shortest and longest > 1.5 * np.percentile(increments, 99.0)
-    if off_grid[worst] <= rounding and not jumps:
+    rounding = stamps / 2 + 5 / 6 * stamps.max() + 1e-6 * step + 4 * np.finfo(float).eps * float(np.max(np.abs(time)))
+    jumps = longest > 1.5 * shortest and longest > 1.5 * np.percentile(increments, 99.0) and stamps.max() <= step
+    if np.all(off_grid <= rounding) and not jumps:
         return step, ""
     if off_grid[worst] <= 0.5 * step and not jumps:
         return step, (
@@ -324,11 +330,22 @@ def uniform_time(time: FloatArray) -> tuple[float, str]:
     )
 
 
-def _resolution(time: FloatArray, step: float) -> float:
-    """Resolution of the stamps: the largest power of ten of which all stamps are multiples [s]; 0 if none."""
-    probe = time[:: max(1, time.size // 1000)]
-    for exponent in range(int(np.floor(np.log10(step))), -16, -1):
-        unit = 10.0**exponent
-        if np.all(np.abs(probe / unit - np.round(probe / unit)) < 1e-9 * np.maximum(1.0, np.abs(probe / unit))):
-            return unit
-    return 0.0
+def _resolution(time: FloatArray, since: FloatArray, step: float) -> FloatArray:
+    """Resolution of stamps that are rounded to a number of decimals, or of digits [s]; one for all, or that of each."""
+    firsts = {*range(0, time.size, max(1, time.size // 4)), max(time.size - 500, 0)}
+    some, own = (np.concatenate([stamps[first : first + 500] for first in firsts]) for stamps in (since, time))
+    coarsest = int(np.floor(np.log10(step))) + 3
+    fixed = next((unit for at in range(coarsest, -16, -1) if _are_multiples(some, unit := np.array(10.0**at))), 0.0)
+    digits = next((digits for digits in range(2, 9) if _are_multiples(own, _last_digit(own, digits, step))), None)
+    return np.atleast_1d(fixed if digits is None else np.maximum(fixed, _last_digit(time, digits, step)))
+
+
+def _last_digit(time: FloatArray, digits: int, step: float) -> FloatArray:
+    """One unit of the last of the digits behind the first one of stamps; those below a step have its decimals [s]."""
+    return np.asarray(10.0 ** (np.floor(np.log10(np.maximum(np.abs(time), step))) - digits))
+
+
+def _are_multiples(time: FloatArray, unit: FloatArray) -> bool:
+    """Whether stamps are multiples of a unit."""
+    quotient = time / unit
+    return bool(np.all(np.abs(quotient - np.round(quotient)) < 1e-9 * np.maximum(1.0, np.abs(quotient))))

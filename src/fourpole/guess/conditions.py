@@ -17,6 +17,7 @@ from fourpole.core.condition import FREQUENCY
 from fourpole.guess.names import CONDITIONS, KINDS_OF, Entry, RecordingConditions, Token, axis_named, plain
 from fourpole.guess.specimens import doubt_equal, name_specimens
 from fourpole.guess.words import CONSTRUCTIONS, PASSED_OVER
+from fourpole.words import vocabulary
 
 #: Unit in which a condition is written in a doubt, and the SI value of one such unit.
 _SHOWN = {one.key: (one.shown, one.scale) for one in CONDITIONS}
@@ -105,19 +106,7 @@ class _Meaning:
 #: Numbers without a unit below this one may also be those of tyres.
 _SMALL = 100.0
 #: Meanings of numbers without a unit; the first that fits counts.
-_MEANINGS = (
-    _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, keyed=True),
-    _Meaning("pressure", 1e5, "taken as bar", 0.3, 10.0, fractional=True),
-    _Meaning("pressure", 1e4, "taken as tenths of a bar (if it is psi, correct it)", 10.0, 99.9, keyed=True),
-    _Meaning("pressure", 1e3, "taken as kPa", 100.0, 999.0, keyed=True),
-    _Meaning("pressure", 1e3, "taken as kPa", 100.0, 450.0),
-    _Meaning("preload", 1.0, "taken as N", 50.0, keyed=True),
-    _Meaning("preload", 1.0, "taken as N", 300.0, 50_000.0),
-    _Meaning("preload", 1e3, "taken as kN", high=49.9, keyed=True, fractional=True),
-    _Meaning("temperature", 1.0, "taken as °C", 10.0, 90.0, keyed=True),
-    _Meaning("added_mass", 1.0, "taken as kg", high=100.0, keyed=True),
-    _Meaning("amplitude", 1e-3, "taken as mm", high=49.9, keyed=True, fractional=True),
-)
+_MEANINGS = tuple(_Meaning(**one) for one in vocabulary()["names"]["meanings"])
 
 
 def _interpreted(entries: Sequence[Entry]) -> list[Entry]:

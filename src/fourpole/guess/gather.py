@@ -282,7 +282,7 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
     """The recording that the channels of a group of a file make, or one for each motion if it makes several."""
     signals = signals[:_MOST_CHANNELS]
     columns = [column_of(signal.name, signal.unit) for signal in signals]
-    clock = next((column for column in columns if column.quantity == "time"), None)
+    clock = max((one for one in columns if one.quantity == "time"), key=lambda one: one.likely, default=None)
     own = tuple(column for column in columns if column.quantity != "time")
     rate = _common_rate(signals)
     title, unit = clock.name if clock else None, (clock and clock.unit) or "s"
@@ -375,7 +375,7 @@ def _motions(columns: Sequence[Column]) -> dict[str, int]:
     """Columns that may show the excitation, the likeliest first, and the differentiations to a velocity of each."""
     kinds = [*MOTIONS, "force"]
     moving = [column for column in columns if column.quantity in kinds]
-    moving.sort(key=lambda one: (one.quantity == "force", one.side != "in", one.side == "out"))
+    moving.sort(key=lambda one: (one.quantity == "force", one.side != "in", one.side == "out", -one.likely))
     return {one.name: DERIVATIVES[one.quantity] for one in moving}
 
 
@@ -389,7 +389,7 @@ def _tokens(name: str, group: str) -> tuple[Token, ...]:
 #: Kinds of tests of segments with one frequency.
 _KINDS = {"loop": "static", "sine": "dynamic"}
 #: Quantities whose channels do not decide on kind and frequency of a test.
-_ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference", "drive", "ratio"})
+_ASIDE = frozenset({"temperature", "pressure", "frequency", "angle", "reference", "drive", "other"})
 #: Recorded conditions, with the range of plausible means in SI.
 _RECORDED = {"pressure": (3e4, 2e6), "temperature": (-60.0, 150.0)}
 

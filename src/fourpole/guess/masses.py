@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.guess.channels import Column, Role, name_words, velocity
+from fourpole.guess.channels import LOWER, UPPER, Column, Role
+from fourpole.guess.roles import phasors_of
 from fourpole.guess.signals import SignalShape
-from fourpole.guess.words import LOWER, UPPER
 from fourpole.units import shown
+from fourpole.words.heads import words_of
 
 #: Share of the tests that must show a passive specimen so that nothing is changed [1].
 _MOST = 0.9
@@ -128,9 +129,13 @@ def _apart(one: str, other: str, shapes: Sequence[SignalShape]) -> float:
 
 def _ratios(near: Role, far: Role, shapes: Sequence[SignalShape]) -> tuple[FloatArray, ComplexArray]:
     """Frequencies [Hz] and V2 over V1 of the tests that have both."""
-    pairs = [(shape.frequency, velocity(shape, near), velocity(shape, far)) for shape in shapes]
-    known = [(f, v2 / v1) for f, v1, v2 in pairs if v1 and v2 and v1 != v2 and np.isfinite((f, v1, v2)).all()]
-    return np.array([f for f, _ in known], dtype=float), np.array([ratio for _, ratio in known], dtype=complex)
+    frequency, v1, v2 = (
+        np.array([shape.frequency for shape in shapes]),
+        phasors_of(near, shapes),
+        phasors_of(far, shapes),
+    )
+    known = np.isfinite(frequency) & np.isfinite(v1 * v2) & (v1 != 0) & (v2 != 0) & (v1 != v2)
+    return frequency[known], v2[known] / v1[known]
 
 
 def _stiffness(
@@ -148,4 +153,4 @@ def _departure(stiffness: ComplexArray) -> float:
 
 
 def _is(role: Role, words: frozenset[str]) -> bool:
-    return bool(words & set(name_words(role.column)))
+    return bool(words & set(words_of(role.column)))

@@ -13,6 +13,7 @@ from fourpole import units
 from fourpole.core.condition import AXES, FREQUENCY, Axis, axis_of
 from fourpole.errors import UnitError
 from fourpole.guess.words import ENDINGS, IN_HEADERS, KEYS, KIND_WORDS, MARKS, UNITS
+from fourpole.words.heads import kind_of_unit
 
 AMPLITUDE = q.Quantity("amplitude", "amplitude", "amplitude", "m", "amplitude of the deflection", "mm", 1e-3)
 #: Conditions of a test that names, headers and notes may state, in the order of their columns in tests.csv.
@@ -400,6 +401,8 @@ def _stated(what: str, line: str, value: str, unit: str | None, key: str) -> lis
             return [Token(what, line, units.quantity(value, KINDS_OF[what], default_unit=default))]
         except UnitError:
             continue
+    if kind_of_unit(unit):
+        return []
     if re.fullmatch(r"\d{1,9}(?:[.,]\d{1,6})?", value):
         return [Token("number", line, _number(value)[0], (what,), key)]
     return []

@@ -12,9 +12,13 @@ from fourpole import quantities as q
 from fourpole import units
 from fourpole.core.condition import Axis
 from fourpole.errors import CampaignError
-from fourpole.guess.channels import (
-    Column,
-    Role,
+from fourpole.guess.channels import Column, Role
+from fourpole.guess.conditions import constructions_of, read_conditions
+from fourpole.guess.gather import FolderContents, gather
+from fourpole.guess.masses import by_mass, rig_doubt, shows_force
+from fourpole.guess.names import CONDITIONS, DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions, Token, kind_word
+from fourpole.guess.pattern import named_by, read_pattern, test_names
+from fourpole.guess.roles import (
     channel_scale,
     checked_force,
     drive_role,
@@ -23,13 +27,8 @@ from fourpole.guess.channels import (
     motion_share,
     static_roles,
 )
-from fourpole.guess.conditions import constructions_of, read_conditions
-from fourpole.guess.gather import FolderContents, gather
-from fourpole.guess.masses import by_mass, rig_doubt, shows_force
-from fourpole.guess.names import CONDITIONS, DYNAMIC_KINDS, MOVING_KINDS, Entry, RecordingConditions, Token, kind_word
-from fourpole.guess.pattern import named_by, read_pattern, test_names
 from fourpole.guess.signals import SignalShape
-from fourpole.guess.write import RIG_VALUES, Doubt, GuessedCampaign, Row
+from fourpole.guess.write import RIG_VALUES, WORDS, Doubt, GuessedCampaign, Row
 from fourpole.units import shown
 from fourpole.words import first_of
 
@@ -42,15 +41,6 @@ _STILL = 0.03
 #: Relative difference of means of F1 up to which they are of one preload [1].
 _ONE_LOAD = 0.02
 _TURNING = ("reference", "drive")
-#: Roles that each kind of test needs, with what follows where one is missing.
-_NEEDED = {
-    "dynamic": {
-        "force_in": "without it only the transmissibility route remains, which needs the rig",
-        "motion_in": "without it dynamic tests cannot be analysed",
-        "motion_out": "without it only the mobility route remains, which needs the rig or a fixed far side",
-    },
-    "static": dict.fromkeys(("load", "deflection"), "without it static tests cannot be analysed"),
-}
 #: Conditions that tests need: the kinds of test, and what follows where a condition is not known.
 _WANTED = (
     (q.PRESSURE, ("static", *DYNAMIC_KINDS), "all tests of a specimen count as at one pressure"),
@@ -58,15 +48,7 @@ _WANTED = (
     (q.ADDED_MASS, ("calibration",), "a calibration is of no use without its mass"),
 )
 #: Remedy of a doubt by its subject.
-_REMEDIES = {
-    "kind": "check the column 'kind' of tests.csv",
-    "tyre": "fill in the column 'tyre' of tests.csv, and name each specimen under [tyres] in campaign.toml",
-    "channels": "give these recordings the same columns as the others; one campaign has one [channels]",
-    "files": "see fourpole info FILE; export it again",
-    "time": "state sample_rate in [channels] of campaign.toml",
-    "reference": "correct reference in [channels] of campaign.toml, or remove it",
-    **{one.key: f"check the column '{one.stated_head}' of tests.csv" for one in CONDITIONS},
-}
+_REMEDIES = WORDS["remedies"] | {one.key: f"check the column '{one.stated_head}' of tests.csv" for one in CONDITIONS}
 
 
 def guess_campaign(
@@ -377,7 +359,7 @@ class _Together:
 
     def _lacking(self, roles: dict[str, Role], rig: dict[str, float], *, blocked: bool) -> None:
         """Add doubts on channels and values of the rig that the tests need and that are not there."""
-        for kinds, needed in ((DYNAMIC_KINDS, _NEEDED["dynamic"]), (("static",), _NEEDED["static"])):
+        for kinds, needed in ((DYNAMIC_KINDS, WORDS["needed"]["dynamic"]), (("static",), WORDS["needed"]["static"])):
             first = next(iter(self._of_kind(*kinds)), None)
             for role, follows in needed.items():
                 spared = (blocked and role == "motion_out") or (shows_force(roles) and role == "force_in")

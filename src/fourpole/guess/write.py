@@ -21,7 +21,10 @@ from fourpole.io.lock import campaign_lock
 from fourpole.io.staging import staged
 from fourpole.io.write import write_text
 from fourpole.units import shown
+from fourpole.words import package_toml
 
+#: What `init` writes and asks, in words.
+WORDS = package_toml("fourpole.guess")
 #: Conditions whose columns tests.csv has even if all their cells are blank.
 _ALWAYS = (q.PRESSURE, q.PRELOAD, q.FREQUENCY)
 _ROLES = ("force_in", "motion_in", "motion_out", "load", "deflection", "reference")
@@ -122,12 +125,12 @@ class GuessedCampaign:
         """What only the laboratory knows, by the key that states it: each answer makes results more certain."""
         if not self.moving:
             return {}
-        asked = dict(_ASKED)
+        asked = dict(WORDS["asked"])
         weighed = any(row.values.get("added_mass") for row in self.rows)
         if weighed or any(doubt.about == "far side" for doubt in self.doubts):
             del asked["added_mass"]
         elif shows_force(self.roles):
-            asked["added_mass"] = _OTHER_MASS
+            asked |= WORDS["asked_of_mass"]
         return asked
 
     def write(self, *, force: bool = False) -> list[Path]:
@@ -141,62 +144,6 @@ class GuessedCampaign:
         return [self.folder / name for name in _WRITTEN]
 
 
-#: What only the laboratory knows, with the keys that state it; each makes the results of moving tests more certain.
-_QUESTIONS = """\
-# Does one card sample all channels at once?
-# [logger]
-# simultaneous = true
-# Keys of a channel, in its { }: coupling = "dc", "ac" or "iepe" of its
-# amplifier; std_delay = "10 us"; of motion_in: mounted = "specimen", or "drive"
-# or "rig" if nobody touches the sensor when the specimen changes
-"""
-#: The question that stands in the table of each tyre.
-_WEIGHT = (
-    "its weight, of a tyre without the rim; then its own mass, as of a belt, is always looked for, and is not in K*"
-)
-#: The questions of `init` by the key that states the answer.
-_ASKED = {
-    "added_mass": "can some tests be run once more with a weighed mass bolted to the moving mass? Its column in "
-    "tests.csv is 'added_mass [kg]'. K* rests on its weight then: u(K*) of some 0.1 %, not the sensors' 2 to 4 %",
-    "specimen_mass": "what does each specimen weigh? It may stay open. [tyres.NAME] specimen_mass states " + _WEIGHT,
-}
-_OTHER_MASS = (
-    "can some tests be run once more with a weighed mass bolted to the mass behind the specimen? Its column in "
-    "tests.csv is 'added_mass [kg]'. K* of both must agree: if not, springs, a sensor or a mass that bends is the cause"
-)
-#: The table [report], with every key that it may have.
-_REPORT = """\
-# What the report says of laboratory, customer and test. Each key may be left
-# out; remove the # signs of those that you fill in, and that of [report].
-# [report]
-# laboratory    = "Tyre Laboratory North"
-# address       = "Rig Street 5, 12345 Town"
-# operator      = "A. Tester"
-# customer      = "Vehicle Works, Ride and Handling"
-# number        = "TL-2026-0117"    # of the report
-# replaces      = "TL-2026-0116: preload corrected"
-# received      = 2026-10-28
-# tested        = "2026-11-02 to 2026-11-05"
-# issued        = 2026-11-20
-# method        = "Direct excitation, procedure 17, rev. 3"
-# deviations    = "none"
-# environment   = "23 degC"
-# conditioning  = "24 h at 23 degC"
-# break_in      = "200 cycles of 2 mm at 5 Hz"
-# sampling      = "two tyres of one batch, chosen by the customer"
-# location      = "Hall 3"    # if not at the address
-# external      = "none"    # results of other laboratories
-# from_customer = "rated load"    # stated by the customer, not verified
-# approved      = "B. Head of laboratory"
-# logo          = "logo.png"
-# frequency     = "15 Hz"    # of the results on page one
-# units         = ["kPa", "N/mm"]    # in which results are shown
-# [[report.equipment]]
-# name          = "Force cell"
-# serial        = "SN 4711"
-# certificate   = "K-2025-113"
-# due           = 2026-10-31
-"""
 _WRITTEN = ("campaign.toml", "tests.csv")
 #: Characters of a line of a comment, without its sign.
 _WIDTH = 78
@@ -233,8 +180,12 @@ def campaign_toml(guess: GuessedCampaign) -> str:
     files = "".join(_doubts(guess, about) for about in ("files", "names"))
     parts = [comment(head) + files + f"title = {quoted(guess.title)}\n", _rig(guess), _channels(guess)]
     asked = guess.questions.get("added_mass")
-    parts += [_QUESTIONS if guess.moving else "", comment(f"question: {asked}") if asked else "", *_tyres(guess)]
-    parts += [_REPORT]
+    parts += [
+        WORDS["questions"] if guess.moving else "",
+        comment(f"question: {asked}") if asked else "",
+        *_tyres(guess),
+    ]
+    parts += [WORDS["report"]]
     return "\n".join(part for part in parts if part)
 
 
@@ -307,7 +258,9 @@ def _tyres(guess: GuessedCampaign) -> list[str]:
     for name, construction in guess.constructions.items():
         key = name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
         stated = f"construction = {quoted(construction)}\n" if construction else ""
-        weight = f'# specimen_mass = "9 kg"    # an example, not yours\n{comment(_WEIGHT)}' if guess.moving else ""
+        weight = (
+            f'# specimen_mass = "9 kg"    # an example, not yours\n{comment(WORDS["weight"])}' if guess.moving else ""
+        )
         parts.append(f"[tyres.{key}]\n{stated}{weight}")
     return ["".join(parts[:2]), *parts[2:]] if parts and parts[0].startswith("#") else parts
 

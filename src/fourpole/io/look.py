@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 
 from fourpole.core.arrays import ByValue
 from fourpole.core.demodulation.spectrum import hann
-from fourpole.errors import FourpoleError
+from fourpole.core.recording import uniform_time
+from fourpole.errors import FourpoleError, RecordingError
 from fourpole.io.signals import FileInfo, Progress, Signal, SignalInfo
 from fourpole.io.stream import by_halves, surveyed_stream
 
@@ -119,6 +121,8 @@ def rate_of(signal: Signal) -> float | None:
         return signal.rate
     steps = _Steps()
     steps.feed(signal.time)
+    with suppress(RecordingError):  # steps of rounded times may differ by as much as lost samples
+        return steps.rate if not steps.jumps + steps.stops else float(f"{1.0 / uniform_time(signal.time)[0]:.10g}")
     return steps.rate
 
 

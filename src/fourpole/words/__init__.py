@@ -1,4 +1,4 @@
-"""The sentences of checks and causes: what was found and what to do, from `words.toml` and from values of the core."""
+"""The sentences of checks and causes, from `words.toml` and from values of the core; words that people use, as data."""
 
 from __future__ import annotations
 
@@ -31,6 +31,12 @@ def package_toml(package: str, name: str = "words.toml") -> dict[str, Any]:
 def _texts() -> dict[str, dict[str, Any]]:
     """The texts of words.toml, which is read when the first sentence is made."""
     return package_toml(__name__)
+
+
+@cache
+def vocabulary() -> dict[str, Any]:
+    """Words by which people name channels, recordings and columns of tables: vocabulary.toml."""
+    return package_toml(__name__, "vocabulary.toml")
 
 
 @cache

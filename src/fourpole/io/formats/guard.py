@@ -25,8 +25,8 @@ UNITS = ("unit", "units", "Unit", "Units")
 RATES = ("rate", "sample_rate", "sampling_rate", "samplerate", "fs", "Fs", "sampling_frequency")
 STEPS = ("dt", "increment", "step", "sample_interval")
 _TIME = re.compile(
-    r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run|test)[ _]?time|"
-    r"(?:lauf|mess|prüf|test)zeit|时间|時間|時刻|经过时间|経過時間",
+    r"t|time|times|timestamps?|zeit|temps|tiempo|time_s|et|(?:elapsed|running|run|test|total)[ _]?time|"
+    r"(?:lauf|mess|prüf|test)zeit|jikan|时间|時間|時刻|经过时间|経過時間",
     re.IGNORECASE,
 )
 

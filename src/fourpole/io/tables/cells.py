@@ -23,6 +23,7 @@ from fourpole.io.source import decode, name_of
 from fourpole.io.stream import by_halves
 from fourpole.io.text import TextTable, tables_of
 from fourpole.units import column_unit, is_unit, shown
+from fourpole.words.heads import without_unit
 
 #: Memory that the numbers of a table may need [byte], and the most columns of a table.
 _MOST_BYTES, _MOST_COLUMNS = 500_000_000, 2000
@@ -212,12 +213,12 @@ def _column(head: str, stated: str | None, cells: list[str], decimal: str) -> Co
 
 
 def name_and_unit(head: str, stated: str | None) -> tuple[str, str | None]:
-    """The name in a head and its unit: that in brackets, or else after a solidus, as in `E'/MPa`.
+    """The name in a head and its unit: that in brackets, or else after a solidus, as in `E'/MPa`, or as its last word.
 
     Examples
     --------
-    >>> [name_and_unit(head, None) for head in ("G' [kPa]", "E''/MPa", "f in Hz", "V1/F1")]
-    [("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('V1/F1', None)]
+    >>> [name_and_unit(head, None) for head in ("G' [kPa]", "E''/MPa", "f in Hz", "Axial Force kN", "V1/F1")]
+    [("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('Axial Force', 'kN'), ('V1/F1', None)]
     """
     name, unit = column_unit(head)
     if stated is not None or unit is not None:
@@ -225,4 +226,4 @@ def name_and_unit(head: str, stated: str | None) -> tuple[str, str | None]:
     parted = _WORDED_UNIT.fullmatch(head.strip()) if len(head) <= _LONGEST_HEAD else None
     if parted is not None and is_unit(parted["unit"]):
         return parted["stem"].strip(), parted["unit"].strip()
-    return name, None
+    return without_unit(name)

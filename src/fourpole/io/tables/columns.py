@@ -14,8 +14,9 @@ from fourpole.errors import TableError, UnitError
 from fourpole.io.layout import is_missing
 from fourpole.io.names import listed, named
 from fourpole.io.tables.cells import Cells, Column
-from fourpole.io.tables.vocabulary import ALIASES, ROLES, TURNING, UNCLEAR, plain, readings
+from fourpole.io.tables.vocabulary import ALIASES, ROLES, TURNING, UNCLEAR, channel_roles, plain, readings
 from fourpole.units import shown
+from fourpole.words.heads import likelihood
 
 #: Columns of one quantity are the same if all rows agree to this relative difference.
 _SAME = 2e-3
@@ -123,6 +124,12 @@ def taken(cells: Cells, stated: Sequence[Statement], roles: Sequence[str]) -> li
             if role in roles and role not in fixed:
                 one = _fitting(column, role, letter)
                 found += [] if one is None else [one]
+    used |= {id(one.column) for one in found}
+    free = [column for column in cells.columns if id(column) not in used]
+    for role in [role for role in roles if role not in {one.role for one in found}]:
+        named = [_fitting(column, role, "") for column in free if role in channel_roles(column.name)]
+        ranked = [(likelihood(one.column.name), one) for one in named if one is not None]
+        found += [one for likely, one in ranked if likely == max(ranked, key=lambda pair: pair[0])[0]]
     return found
 
 
