@@ -5,9 +5,9 @@ import pytest
 
 from fourpole.core import blocking
 from fourpole.core.alone import Alone
-from fourpole.core.blocking import blocking_checks, least_springs, shown_springs, with_unstated_springs
+from fourpole.core.blocking import blocking_checks, least_springs, shown_springs, steep_checks, with_unstated_springs
 from fourpole.core.channelerrors import ChannelUncertainty
-from fourpole.core.checks import Difficulty, Verdict
+from fourpole.core.checks import Difficulty, Steep, Verdict
 from fourpole.core.identify import identify, variance_by_source
 from fourpole.core.phasor import Phasors
 from fourpole.core.recording import Channel, Recording
@@ -63,6 +63,22 @@ def test_no_verdict_is_ok_where_springs_change_k_by_more_than_a_decibel_or_by_mo
     assert share > 1.0 or ok[frequency > 6 * RESONANCE].all()
 
 
+def steep(law, frequency, seen=lambda frequency: 1.0, scatter=0.0, noise=0.0, moved=1.0):
+    """Tests with a warning that K' contradicts K* at lower frequencies; V2 is `seen` times that of the rigid mass."""
+    omega, rng = 2 * np.pi * frequency, np.random.default_rng(4)
+    phasors, count = motions(frequency), frequency.size
+    stiffness = law(omega) * (1 + scatter * rng.standard_normal(count))
+    ratio = stiffness / (stiffness + 8e3 + 30j * omega - MASS * omega**2) * seen(frequency)
+    drive = moved * omega / np.abs(1 - ratio)
+    errors = noise * (rng.standard_normal(count) + 1j * rng.standard_normal(count))
+    phasors.amplitudes[:, 1], phasors.amplitudes[:, 2] = drive, drive * ratio * (1 + errors)
+    phasors.covariance[:, 4, 4] = phasors.covariance[:, 5, 5] = (noise * np.abs(drive * ratio)) ** 2
+    same = np.zeros(count, dtype=int)
+    rig = with_unstated_springs(Rig(moving_mass=MASS, std={"moving_mass": 0.25}), phasors, 0.0 * same, same)
+    sensors = ChannelUncertainty(gain=np.array([0.0, 0.01, 0.01]), phase=np.array([0.0, 0.009, 0.009]))
+    return steep_checks(phasors, identify(phasors, rig, route="transmissibility", channels=sensors), same)
+
+
 RELAXING = {
     "constant": lambda omega: STIFFNESS + 0 * omega,
     "fractional": lambda omega: 180e3 * (1 + 0.35 * (2e-3j * omega) ** 0.25),
@@ -85,6 +101,40 @@ def test_springs_stiffer_than_the_specimen_show_and_nothing_else_does(law, sprin
             assert found == 0.0
         elif not scatter:
             assert 0.5 * spring < found < 1.1 * spring
+
+
+@pytest.mark.parametrize("law", RELAXING.values(), ids=RELAXING)
+@pytest.mark.parametrize("frequency", [np.geomspace(20.0, 350.0, 14), np.geomspace(20.0, 320.0, 5)])
+def test_no_relaxing_specimen_is_steep(law, frequency):
+    assert steep(law, frequency) == {}
+    assert steep(law, frequency, scatter=0.005) == {}
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.05])
+def test_noise_of_many_lines_is_no_contradiction(noise):
+    assert steep(RELAXING["fractional"], np.linspace(60.0, 350.0, 400), noise=noise) == {}
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_mass_that_bends_is_told_from_some_1_db_on(turn):
+    """A sensor beyond the bending moves more than the foot of the mass, one between them less."""
+    frequency = np.geomspace(20.0, 350.0, 60)
+    found = steep(RELAXING["fractional"], frequency, seen=lambda f: (1 - (f / 600.0) ** 2) ** -turn)
+    assert set(found) == set(range(min(found), 60))
+    first = (1 - (frequency[min(found)] / 600.0) ** 2) ** -turn
+    assert 0.06 < abs(first - 1.0) < 0.25
+    check = found[59]
+    assert check.values["steep"] is (Steep.RISES if turn == 1 else Steep.FALLS)
+    assert check.verdict is Verdict.WARNING
+
+
+def test_tests_of_another_deflection_or_more_than_an_octave_apart_are_not_compared():
+    bends = lambda f: 1 / (1 - (f / 500.0) ** 2)  # noqa: E731
+    frequency = np.array([40.0, 79.0, 157.0, 312.0])
+    assert set(steep(RELAXING["fractional"], frequency, seen=bends)) == {3}
+    assert steep(RELAXING["fractional"], frequency, seen=bends, moved=np.array([1.0, 2.1, 4.5, 9.1])) == {}
+    assert set(steep(RELAXING["fractional"], frequency, seen=bends, moved=np.array([1.0, 1.9, 3.6, 6.8]))) == {3}
+    assert steep(RELAXING["fractional"], np.array([40.0, 79.0, 150.0, 312.0]), seen=bends) == {}
 
 
 def test_springs_are_told_where_they_show():

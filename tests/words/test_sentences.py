@@ -17,6 +17,7 @@ from fourpole.core.checks import (
     Looks,
     NoK1,
     Side,
+    Steep,
     Verdict,
     reported,
 )
@@ -46,7 +47,7 @@ def test_the_file_has_the_texts_of_the_codes_and_of_no_other():
 
 
 @pytest.mark.parametrize(
-    ("group", "case"), [("looks", Looks), ("k1", Branch), ("k1", Side), ("excitation", Excitation)]
+    ("group", "case"), [("looks", Looks), ("k1", Branch), ("k1", Side), ("excitation", Excitation), ("steep", Steep)]
 )
 def test_every_case_has_words(group, case):
     assert all(TEXTS[group][member.name.lower()] for member in case)
@@ -59,7 +60,7 @@ def test_every_lack_of_k1_and_every_difficulty_has_a_cause_and_a_remedy(group, c
 
 def test_every_text_is_named_in_the_program():
     source = resources.files("fourpole.words").joinpath("__init__.py").read_text(encoding="utf-8")
-    for group in set(TEXTS) - {"checks", "causes", "looks", "excitation", "no_k1", "difficulty", "units"}:
+    for group in set(TEXTS) - {"checks", "causes", "looks", "excitation", "no_k1", "difficulty", "steep", "units"}:
         members = {member.name.lower() for case in (Branch, Side) for member in case}
         assert all(f'"{key}"' in source for key in TEXTS[group] if key not in members), group
 

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.checks import Check, Code, Difficulty, judged
+from fourpole.core.checks import Check, Code, Difficulty, Steep, judged
 from fourpole.core.components import component
 from fourpole.core.curvature import NOT_LINEAR
 from fourpole.core.identify import Identification
@@ -30,6 +30,10 @@ from fourpole.core.sources import Kind, Role, Source
 _DECIBEL, _NOTHING = (10 ** (1 / 20) - 1) / 2, 0.5
 #: Fewest tests that show springs, the least noise of K' among tests [1], and the springs in their u that are told.
 _FEWEST, _LEAST, _CLEAR = 4, 5e-3, 4.0
+#: Largest step of the logarithm of frequency between tests that are compared, and of that of their deflections.
+_OCTAVE = float(np.log(2.0)) + 1e-3
+#: Standard uncertainties by noise of each value up to which two values are alike: lines may be thousands.
+_NOISE = 4.0
 #: Where V1 - V2 is smaller than this share of V1, the errors of the sensors are multiplied.
 _ALIKE = 0.5
 _SPRINGS = (Source(Kind.RIG_VALUE, "preload_stiffness"), Source(Kind.RIG_VALUE, "preload_damping"))
@@ -177,3 +181,53 @@ def blocking_checks(
         warn = NOT_LINEAR if difficulty is Difficulty.SOURCE else _DECIBEL
         checks.append(judged(Code.BLOCKING, share, warn, _NOTHING, percent=200 * share, enough=enough, **said))
     return tuple(checks)
+
+
+def steep_checks(phasors: Phasors, result: Identification, family: np.ndarray) -> dict[int, Check]:
+    r"""A warning for each test whose K' contradicts K* at lower frequencies, as where the mass bends.
+
+    K' of a relaxing specimen without inertia changes from one frequency to a higher one by
+
+    .. math:: 0 \le K'(\omega_2) - K'(\omega_1) \le \int_{\omega_1}^{\omega_2} K''\,d\ln\omega
+
+    The integral is that of the tests between them, at most an octave from each other, with K'' + U. The noise of both
+    values counts four times, and what their shared errors leave in the difference twice. Tests are compared if their
+    deflections differ by less than a factor of two.
+
+    Returns
+    -------
+    dict of int to Check
+        By the place of the test.
+    """
+    std = np.sqrt(np.maximum(np.diagonal(result.stiffness_covariance, 0, 1, 2), 0.0))
+    own = np.maximum(result.condition_covariance[:, 0, 0], 0.0) + (_LEAST * result.stiffness.real) ** 2
+    noise = _NOISE * np.sqrt(own)
+    storage, loss = result.stiffness.real, np.maximum(result.stiffness.imag, 0.0) + 2.0 * std[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shared = result.stiffness_shared[:, 0] / storage[:, None]
+        moved = np.log(np.abs(phasors.amplitudes[:, 1] - phasors.amplitudes[:, 2]) / phasors.omega)
+    certain = np.isfinite(storage) & np.isfinite(moved) & (std[:, 0] < _NOTHING * np.abs(result.stiffness))
+    checks = {}
+    for of in np.unique(family[certain]):
+        here = np.flatnonzero(certain & (family == of))
+        here = here[np.argsort(phasors.frequency[here], kind="stable")]
+        logs = np.log(phasors.omega[here])
+        steps = np.diff(logs, prepend=logs[:1])
+        rise = np.cumsum(steps * (loss[here] + loss[np.roll(here, 1)]) / 2.0)
+        start = np.maximum.accumulate(np.where(steps > _OCTAVE, np.arange(here.size), 0))
+        for place in range(1, here.size):
+            row, lower = here[place], np.arange(start[place], place)
+            alike = np.abs(moved[here[lower]] - moved[row]) < _OCTAVE
+            lower = lower[alike & (logs[lower] < logs[place] - 1e-6)]
+            below = here[lower]
+            within = noise[row] + noise[below]
+            within = within + 2.0 * storage[row] * np.linalg.norm(shared[row] - shared[below], axis=1)
+            least, most = storage[below] - within, storage[below] + within + rise[place] - rise[lower]
+            low = float(np.max(least, initial=-np.inf)) - storage[row]
+            high = storage[row] - float(np.min(most, initial=np.inf))
+            off = max(low, high) / abs(result.stiffness[row])
+            if off > 0:
+                falls, hertz = bool(low > high), float(phasors.frequency[below[-1]])
+                steep = Steep.FALLS if falls else Steep.RISES
+                checks[int(row)] = judged(Code.STEEP, off, 0.0, np.inf, percent=100 * off, steep=steep, hertz=hertz)
+    return checks

@@ -73,6 +73,7 @@ class Code(Enum):
     RESONANCE = "rig resonance"
     CONSISTENCY = "F1 against V2"
     BLOCKING = "blocking mass"
+    STEEP = "K' over frequency"
     CLIPPING = "clipping"
     TILT = "tilt"
     LEFT_OUT = "use"
@@ -210,6 +211,13 @@ class Difficulty(Enum):
     SPRINGS = auto()
     ALIKE = auto()
     SOURCE = auto()
+
+
+class Steep(Enum):
+    """How K' contradicts K* at lower frequencies: it falls, or rises by more than the loss allows."""
+
+    FALLS = auto()
+    RISES = auto()
 
 
 class Excitation(Enum):

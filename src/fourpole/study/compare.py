@@ -285,7 +285,7 @@ def judge_points(points: Points, groups: Sequence[RigGroup], route: str) -> Poin
                 last += ((row, check) for check in of_row if check is not None)
             if place in group.heavy:
                 last.append((row, reported(Code.INERTIA, Verdict.WARNING, route=group.route)))
-            of_mass = group.blocking[place : place + 1]
+            of_mass = group.blocking[place] if group.blocking else ()
             last += ((row, check) for check in (*of_mass, *stiffness.checks, *_joint_checks(group, place)))
     judged_points = points.with_checks(last, last=True)
     answered = {row for group in groups if group.joint is not None for row in group.rows.tolist()}

@@ -14,7 +14,7 @@ from fourpole.campaign.folder import Campaign
 from fourpole.campaign.row import Test, begun_at
 from fourpole.campaign.schema import ConditionsFile
 from fourpole.core.arrays import BoolArray, ByValue, FloatArray
-from fourpole.core.blocking import blocking_checks, with_unstated_springs
+from fourpole.core.blocking import blocking_checks, steep_checks, with_unstated_springs
 from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.checks import Check, Code
 from fourpole.core.condition import temperature_std
@@ -76,8 +76,8 @@ class RigGroup(ByValue):
         What K* is of: springs, driving point or blocked transfer.
     heavy : frozenset of int
         Places of the rows whose specimen has a stated mass that this route does not take out.
-    blocking : tuple of Check
-        The check of the blocking mass for each row; empty where a force was recorded.
+    blocking : tuple of tuple of Check
+        The checks of the blocking mass for each row; empty where a force was recorded.
     """
 
     rig_name: str
@@ -92,7 +92,7 @@ class RigGroup(ByValue):
     intervals: dict[int, tuple[Interval, Interval]] = field(default_factory=dict)
     k_of: np.ndarray = field(default_factory=lambda: np.array(["springs"]))
     heavy: frozenset[int] = frozenset()
-    blocking: tuple[Check, ...] = ()
+    blocking: tuple[tuple[Check, ...], ...] = ()
 
 
 def no_rig(campaign: Campaign, route: str) -> str:
@@ -317,9 +317,11 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     variance = variance_by_source(phasors, rig, k1, **arguments)
     variance = k1_apart(variance, [of_test.parts for of_test in stiffness])
     heavy = frozenset() if blocked else frozenset(np.flatnonzero(known).tolist())
-    mass: tuple[Check, ...] = ()
+    mass: tuple[tuple[Check, ...], ...] = ()
     if rig is not None and route == "transmissibility":
-        mass = blocking_checks(phasors, rig, result, variance, setup["added_mass"], setup["family"])
+        of_mass = blocking_checks(phasors, rig, result, variance, setup["added_mass"], setup["family"])
+        steep = steep_checks(phasors, result, setup["family"])
+        mass = tuple((check, *([steep[row]] if row in steep else [])) for row, check in enumerate(of_mass))
     return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=heavy, blocking=mass)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from fourpole.core.joint.misfit import Candidate
 
 #: Values that say which case of a check it is: codes, and the quantity that it names.
-CASES = ("error", "because", "looks", "branch", "name", "difficulty", "form")
+CASES = ("error", "because", "looks", "branch", "name", "difficulty", "form", "steep")
 
 
 def package_toml(package: str, name: str = "words.toml") -> dict[str, Any]:
@@ -307,6 +307,7 @@ _FURTHER: dict[Code, Callable[[_Values], dict[str, Any]]] = {
     Code.PASSIVE_ARM: _passive_arm,
     Code.UNCERTAINTY: _uncertainty,
     Code.BLOCKING: _blocking,
+    Code.STEEP: lambda values: {"how": _say("steep", values["steep"])},
     Code.RIG: lambda values: {"causes": explained(values["causes"])},
     Code.K1_EXCHANGED: _exchanged_k1,
     Code.EXCITATIONS: lambda values: {side: _excitation_words(values[side]) for side in ("softer", "stiffer")},

@@ -235,7 +235,9 @@ def scales(results: Study) -> list[SimpleNamespace]:
     """What the scale of K* rests on, for each rig: in a few words, with U, and the sentence with all of it."""
     found = [_scale(results, rig) for rig in results.rigs if rig.rests and not rig.wrong_channels]
     if not found and not results.rigs and (results.dynamic["verdict"] != Verdict.REJECTED).any():
-        found = [SimpleNamespace(text=SENTENCES["scale"]["unchecked"], rest="")]
+        routes = set(results.dynamic.get_column("route", default=pl.Series(dtype=pl.Utf8)))
+        rests = "by_mass" if routes == {"transmissibility"} else "unchecked"
+        found = [SimpleNamespace(text=SENTENCES["scale"][rests], rest="")]
     return found
 
 
