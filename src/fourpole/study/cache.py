@@ -41,7 +41,7 @@ from fourpole.io.write import write_bytes
 from fourpole.study.points import Demodulated
 
 #: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
-_VERSION = 18
+_VERSION = 19
 _INDEX = "index.jsonl"
 #: The index is appended without following a link, and without waiting for who reads a pipe.
 _APPEND = os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)

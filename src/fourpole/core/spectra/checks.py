@@ -31,8 +31,12 @@ def check_line(lines: Excited, index: int) -> Check:
     hertz = float(lines.phasors.frequency[index])
     if np.broadcast_to(lines.foreign, lines.averages.shape)[index]:
         return reported(Code.BESIDE, Verdict.REJECTED, hertz=hertz)
-    form: dict[str, Any] = {"form": "nonlinear"} if lines.nonlinear > NONLINEAR else {}
-    return judged(Code.LINE, worst, _DOUBTFUL, _LOST, hertz=hertz, percent=100 * worst, **form)
+    return judged(Code.LINE, worst, _DOUBTFUL, _LOST, hertz=hertz, percent=100 * worst, **_form(lines))
+
+
+def _form(lines: Excited) -> dict[str, Any]:
+    """The form of a check of noise where the specimen is not linear, so that distortion counts as noise."""
+    return {"form": "nonlinear"} if lines.nonlinear > NONLINEAR else {}
 
 
 def check_linearity(lines: Excited) -> Iterator[Check]:
@@ -51,7 +55,14 @@ def check_closure(lines: Excited) -> Iterator[Check]:
     if np.isfinite(lines.misfit) and not lines.driven:
         count = int(np.isfinite(lines.closure[:, 0]).sum())
         limit = float(stats.chi2.isf(SEARCH_CHANCE, count)) / count
-        yield judged(Code.CLOSURE, lines.misfit, max(limit, _MUCH), times=np.sqrt(lines.misfit), length=lines.length)
+        yield judged(
+            Code.CLOSURE,
+            lines.misfit,
+            max(limit, _MUCH),
+            times=np.sqrt(lines.misfit),
+            length=lines.length,
+            **_form(lines),
+        )
 
 
 def check_shared_noise(lines: Excited) -> list[Check]:
@@ -66,4 +77,6 @@ def check_shared_noise(lines: Excited) -> list[Check]:
     worst = int(np.argmax(lines.shared[:, 2]))
     size, std, statistic, error = lines.shared[worst].tolist()
     found = error if statistic > limit else 0.0
-    return [judged(Code.SHARED, found, _SMALL, pair=_NAMES[worst], size=size, std=std, percent=100 * error)]
+    return [
+        judged(Code.SHARED, found, _SMALL, pair=_NAMES[worst], size=size, std=std, percent=100 * error, **_form(lines))
+    ]
