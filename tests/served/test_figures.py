@@ -12,9 +12,8 @@ from urllib.parse import quote, urlencode
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
-from tests.report.browser import launched
 from tests.served.barriers import barriers
-from tests.served.server import Server, serving
+from tests.served.server import Server
 from tests.served.test_pages import LONG, opened, visiting
 from tests.unlisted import unlisted
 
@@ -34,22 +33,17 @@ POINT = {"tyre": "radial-ply", "pressure": "1.9 bar", "frequency": "13.7 Hz"}
 
 
 @pytest.fixture(scope="module")
-def mapped(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server with two campaigns, one of them with a map."""
-    root = tmp_path_factory.mktemp("mapped")
-    shutil.copytree(analysed, root / "one")
-    show(run_map(root / "one" / "results", "zener", data=DataOptions()), as_json=True)
-    shutil.copytree(analysed, root / "two")
-    shutil.copytree(analysed, root / "bare", ignore=shutil.ignore_patterns("results"))
-    (root / "two" / "results" / "model.json").unlink()
-    with serving(root) as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with launched() as one:
-        yield one
+def mapped(server: Server, analysed: Path) -> Iterator[Server]:
+    """The server with three further campaigns: one with a map, one without models, one without results."""
+    one, two, bare = folders = [server.root / name for name in ("one", "two", "bare")]
+    for folder in (one, two):
+        shutil.copytree(analysed, folder)
+    show(run_map(one / "results", "zener", data=DataOptions()), as_json=True)
+    shutil.copytree(analysed, bare, ignore=shutil.ignore_patterns("results"))
+    (two / "results" / "model.json").unlink()
+    yield server
+    for folder in folders:
+        shutil.rmtree(folder)
 
 
 @pytest.fixture(scope="module")

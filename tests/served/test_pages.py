@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
-from tests.report.browser import launched, renewed, watched
+from tests.report.browser import renewed, watched
 from tests.served.barriers import barriers
 from tests.served.server import Server, serving
 
@@ -21,12 +21,6 @@ pytestmark = pytest.mark.thorough
 
 #: Time that an analysis on a busy machine may take [ms].
 LONG = 120_000
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with launched() as one:
-        yield one
 
 
 @contextmanager
@@ -59,8 +53,8 @@ def campaign(page: Page) -> str:
 
 
 @pytest.mark.sampled(2)
-def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, tmp_path: Path) -> None:
-    with serving(tmp_path) as server, opened(browser, server) as window, visiting(window) as page:
+def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, empty_server: Server) -> None:
+    with opened(browser, empty_server) as window, visiting(window) as page:
         page.goto("/")
         expect(page.get_by_text("There is no campaign yet")).to_be_visible()
         page.goto("/compare")
@@ -205,21 +199,22 @@ def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server:
 
 
 @pytest.mark.sampled(3)
-def test_the_demo_is_made_once_and_opened(tmp_path: Path) -> None:
-    with serving(tmp_path) as server:
-        first, second = (server.document("/demo", "POST", {}) for _ in range(2))
-        assert first == second == {"next": "/c/fourpole-demo/run"}
-        assert b"The demo is recorded" in server.ask(first["next"])[1]
-        assert server.ask(first["next"], "DELETE")[0] == 204
-        for body in ({"command": "demo"}, {"command": "demo", "options": []}):
-            assert server.ask("/c/fourpole-demo/run", "POST", body)[0] in (400, 404)
-        (tmp_path / "fourpole-demo").mkdir(exist_ok=True)
-        (tmp_path / "fourpole-demo" / "campaign.toml").write_text("title = 'mine'\n")
-        until = time.monotonic() + 30
-        while server.document("/demo", "POST", {})["next"] != "/c/fourpole-demo":
-            assert time.monotonic() < until
-            time.sleep(0.1)
-        assert (tmp_path / "fourpole-demo" / "campaign.toml").read_text() == "title = 'mine'\n"
+def test_the_demo_is_made_once_and_opened(empty_server: Server) -> None:
+    server, demo = empty_server, empty_server.root / "fourpole-demo"
+    first, second = (server.document("/demo", "POST", {}) for _ in range(2))
+    assert first == second == {"next": "/c/fourpole-demo/run"}
+    assert b"The demo is recorded" in server.ask(first["next"])[1]
+    assert server.ask(first["next"], "DELETE")[0] == 204
+    for body in ({"command": "demo"}, {"command": "demo", "options": []}):
+        assert server.ask("/c/fourpole-demo/run", "POST", body)[0] in (400, 404)
+    demo.mkdir(exist_ok=True)
+    (demo / "campaign.toml").write_text("title = 'mine'\n")
+    until = time.monotonic() + 30
+    while server.document("/demo", "POST", {})["next"] != "/c/fourpole-demo":
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    assert (demo / "campaign.toml").read_text() == "title = 'mine'\n"
+    shutil.rmtree(demo)
 
 
 def test_rows_are_pasted_from_a_spreadsheet(window: Page) -> None:
