@@ -98,7 +98,7 @@ def test_k1_is_a_datum(run, tmp_path):
     assert known["values"][0] == pytest.approx(180e3, rel=0.02)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_causality_tells_possible_from_impossible(run, tmp_path):
     good = run("causality", reduced(tmp_path / "k.csv"))
     assert good.exit_code == 0
@@ -126,7 +126,7 @@ def test_causality_assumes_an_uncertainty_where_none_is_stated(run, tmp_path):
     assert json.loads(ran.stdout)["conditions"][0]["possible"]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_k1_that_contradicts_is_named(run, tmp_path):
     ran = run("causality", reduced(tmp_path / "k.csv"), "--k1", "260 kN/m", "--std-k1", "1 %")
     assert "it is K1 of the static test" in ran.stdout
@@ -136,7 +136,7 @@ def shown_as(results):
     return ("query", results / "map.json", "--pressure", "1.85 bar", "--preload", "1400 N", "--frequency", "13.7 Hz")
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output
@@ -203,7 +203,7 @@ def models_in(folder, name="model.json"):
     return {one["tyre"]: one for one in document["models"] + document["maps"]}, document["provenance"]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     assert run("fit", folder, "--model", "zener").exit_code == 0
@@ -253,7 +253,7 @@ def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_pa
     assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "spring", "cross-ply": "zener"}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     for model, tyre in (("zener", "radial-ply"), ("kelvin", "cross-ply")):
@@ -270,7 +270,7 @@ def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
         ("{", "", "not valid JSON"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_path, old, new, said):
     folder = shutil.copytree(two, tmp_path / "results")
     run("fit", folder, "--model", "zener")
@@ -292,7 +292,7 @@ def test_a_model_file_of_other_results_is_replaced(run, two, results, tmp_path):
     assert list(models_in(folder)[0]) == ["cross-ply"]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_fit_draws_nothing_that_no_report_shows(run, two, tmp_path, monkeypatch):
     """Figures of former models go; others, and those that the user draws of them, stay."""
     folder = shutil.copytree(two, tmp_path / "results")
@@ -305,7 +305,7 @@ def test_a_fit_draws_nothing_that_no_report_shows(run, two, tmp_path, monkeypatc
     assert ran.stdout.splitlines()[-1] == f"written: {folder / 'model.json'}"
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_figures_that_show_models_are_known(run, two, tmp_path):
     """Each figure whose data change with the models of the folder, or with its maps."""
     folder = shutil.copytree(two, tmp_path / "results")
@@ -401,7 +401,7 @@ def test_bad_input_is_told_in_one_message(run, tmp_path, monkeypatch, arguments,
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path):
     folder = tmp_path / "results"
     shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))

@@ -59,7 +59,7 @@ def test_without_a_place_nothing_is_written(run, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_programs_get_one_document(run):
     ran = run("plan", *RIG, *TYRE, "--wanted", "0.5 %", "--std-k1", "0.01 %", "--json")
     document = json.loads(ran.stdout)

@@ -72,7 +72,7 @@ def test_a_slip_is_one_message_with_the_nearest(run, results, options, message, 
     assert not path.exists()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_the_papers_figures_are_drawn_where_they_are_asked_for(run, results):
     figures = results / "figures"
     assert run("plot", results, "--paper").exit_code == 0

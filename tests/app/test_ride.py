@@ -122,7 +122,7 @@ def test_a_spring_that_loses_nothing_has_no_relative_power(run, files, tmp_path)
     assert [one["difference in power lost in the tyres [1]"] for one in rides] == [None, None]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_road_in_time_has_crest_factor_and_dose(run, files, tmp_path):
     at = ("--at", "pressure=2 bar")
     ran = run("ride", files / "model.json", *at, "--duration", "10 s", "--seed", 3, "--json")
@@ -137,7 +137,7 @@ def test_a_road_in_time_has_crest_factor_and_dose(run, files, tmp_path):
         assert run("ride", files / "model.json", *at, "--road", road).exit_code == 0
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_measured_road_and_a_load_deflection_curve(run, files, tmp_path):
     x = np.arange(0.0, 60.0, 0.05)
     rows = zip(x.tolist(), (5 * np.sin(x)).tolist(), strict=True)
@@ -224,7 +224,7 @@ def test_a_vehicle_of_negative_mass_is_refused(run, files, tmp_path):
     assert "v.toml: sprung_mass: -250 kg is not possible" in told(ran.stderr)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_model_of_a_master_curve_is_ridden_at_its_reference(run, tmp_path):
     isotherms(tmp_path / "isotherms.csv")
     assert run("shift", tmp_path / "isotherms.csv", "--reference", "20 degC", "--out", tmp_path / "m").exit_code == 0

@@ -68,7 +68,7 @@ def test_a_mistake_is_one_sentence(isotherms, options, error, message):
         show(run_shift([isotherms], options), as_json=False)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_figure_has_every_specimen(isotherms, tmp_path):
     rows = isotherms.read_text().splitlines()
     both = tmp_path / "both.csv"

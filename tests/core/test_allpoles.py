@@ -48,7 +48,7 @@ def test_a_car_tyre_to_100_hz_comes_back_within_1_percent_at_laboratory_noise():
     assert np.median(errors) < 1e-3
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_uncertainty_is_that_of_the_errors_and_the_misfit_has_its_degrees_of_freedom():
     """The mean square of 19 x 8 deviations over their u, in 20 laboratories, is 1."""
     rig, plain, equal, misfit, chances = BeltedRig(), [], [], [], []

@@ -41,7 +41,7 @@ def test_honest_tests_lie_on_their_curves(scatter, shared):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_few_honest_campaigns_have_a_strange_test():
     """The probability is 1 % for all tests of a campaign together; 6 of 120 have one once in 700 times."""
     assert sum(bool(strange(curves_of(campaign(seed)))) for seed in range(120)) <= 5

@@ -56,7 +56,7 @@ def test_branches_need_not_be_sampled_alike(load_cycles, up, down, warp, shape):
 
 @settings(max_examples=30)
 @given(st.floats(-0.5, 0.5))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_zero_of_the_deflection_is_arbitrary(load_cycles, zero):
     x, f = load_cycles(LAW)
     here, there = LoadCurve(x, f), LoadCurve(x + zero, f)
@@ -70,7 +70,7 @@ def test_the_zero_of_the_deflection_is_arbitrary(load_cycles, zero):
 
 @settings(max_examples=30)
 @given(st.floats(0.1, 10.0), st.floats(0.1, 10.0))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_scaling(load_cycles, by_load, by_deflection):
     x, f = load_cycles(LAW)
     here, there = LoadCurve(x, f), LoadCurve(by_deflection * x, by_load * f)
@@ -444,7 +444,7 @@ def test_clean_loops_have_their_tangent_within_three_u_and_a_small_u(shape, bran
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("shape", LOOPS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_noise_resolution_and_drift_are_in_the_uncertainty(shape):
     """12 N of noise, steps of 8 N and 0.03 mm, or a drift of 300 N in 60 s: of 12 errors none beyond 3.5 u."""
     load, true = known(shape, 0.016)

@@ -209,7 +209,7 @@ def test_advice_keeps_its_word(k1_std, families, wanted):
     assert found.nearest.worst >= found.of_k1 * 0.05
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_mass_at_one_frequency_of_one_condition_is_the_cheap_way():
     cheapest = advise(plan(families=2), 0.01, masses=[2.0, 5.0]).reaching[0]
     assert [remedy.kind for remedy in cheapest.remedies] == ["mass"]
@@ -235,7 +235,7 @@ def test_a_plan_that_does_needs_nothing():
     assert found.reaching == ()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_no_remedy_costs_nothing_or_harms():
     base = plan(0.02, 2)
     now = advise(base, 0.01, masses=[5.0]).now

@@ -88,7 +88,7 @@ def test_the_work_of_a_cycle_is_pi_times_the_loss_stiffness():
     assert sp.simplify(sp.integrate(force * moved, (t, 0, 2 * sp.pi / w)) - sp.pi * loss * size**2) == 0
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_equations_8_to_10_and_the_misprint_of_8(motion):
     force, v1, _ = motion
     whole = v1 / force
@@ -255,7 +255,7 @@ def test_one_mass_leaves_five_directions_unseen_and_two_masses_leave_the_drive_a
     assert rig.row_join(phase_of_f1).rank() == rig.rank() + 1  # no rig and no tyre balance it
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_mass_at_the_force_cell_is_seen_over_frequency_only():
     for count, more in ((1, 0), (2, 1)):
         with_it, _ = slopes(count, [0, 10], 1)
@@ -360,7 +360,7 @@ def test_a_common_error_stays_in_a_mean():
     assert sp.expand((mean * covariance * mean.T)[0] - common**2 - own**2 / n) == 0
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_the_probability_behind_the_guard_band():
     z = sp.Symbol("z")
     density = sp.exp(-(z**2) / 2) / sp.sqrt(2 * sp.pi)

@@ -156,7 +156,7 @@ pairs = pytest.mark.parametrize(
 
 @pytest.mark.thorough
 @pairs
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_source_compiles_without_a_warning(tmp_path, version, models, belt):
     files = compiled_files(version, belted=belt is not None)
     command = [compiler(), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-O2", "-c", *files]
@@ -187,7 +187,7 @@ def driven(tmp_path, version, models, *flags, belt=None):
 
 @pytest.mark.thorough
 @pairs
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models, belt):
     flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     program = driven(tmp_path, version, SETS[models], *flags, belt=belt)

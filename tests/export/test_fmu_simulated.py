@@ -195,7 +195,7 @@ def test_the_recorded_force_of_a_sine_has_the_dynamic_stiffness_of_the_model(fol
 @both
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("frequency", [1.7, 30.0])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_dynamic_stiffness_by_sines_is_that_of_the_model(folders, version, point, frequency):
     name = list(MODELS)[point - 1]
     model, cycle = model_named(name), 100

@@ -68,7 +68,7 @@ def dynamic(compared):
     return compared.rows.filter(pl.col("quantity") != "K1")
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_the_error_of_common_sensors_cancels_and_that_of_others_does_not(runs):
     """The true values are equal. Sensors contribute 30 times more to u than noise does."""
     same, alone = (compare(runs["one"], runs["two"], independent=way) for way in (False, True))
@@ -126,7 +126,7 @@ def test_in_one_campaign_the_covariance_of_the_campaign_is_used(runs):
         assert least * (1 - 1e-9) <= row["u(difference)"] < 1.5 * least
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_folders_studies_and_results_give_the_same(runs):
     by_folder = compare(runs["one"] / "results", str(runs["two"]))
     studies = [analyse(runs[name], monte_carlo=0) for name in ("one", "two")]
@@ -206,7 +206,7 @@ def test_specimens_on_different_rigs_share_no_error(runs):
     )
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_repeats_of_one_condition_are_one_row(tmp_path):
     folder = run(tmp_path / "twice", 3, repeats=2, added_masses=(0.0, 10.0), **ERRORS)
     found = compare(folder, run(tmp_path / "once", 4, **ERRORS))
@@ -271,7 +271,7 @@ WIDE = {"sensors": (1e-2, radians(0.5)), "rig_error": ERRORS["rig_error"]}
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_runs_with_other_sensors_of_equal_text_seldom_differ(tmp_path):
     """4 pairs of 4 frequencies: all true values are equal, and the sensors of each run are drawn anew."""
     rng, seen = np.random.default_rng(1), []
@@ -353,7 +353,7 @@ def test_a_mounting_and_a_rig_of_another_name_are_told():
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_the_ratios_of_runs_without_a_difference_have_the_spread_of_chance(tmp_path):
     """6 pairs of runs with drawn errors that both share; K' and K'' of 4 frequencies are nearly independent."""
     found = []

@@ -158,7 +158,7 @@ def test_of_many_tyres_only_the_extremes_are_compared():
     assert len(found) < 20 * len(tyres)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_scatter_beyond_the_stated_uncertainty_is_seen():
     """Noise far above u on lines of one tyre: the scatter says so."""
     none, wrong = (Holds.NO_DIFFERENCE, Holds.NO_CHANGE), 0
@@ -278,7 +278,7 @@ def test_tests_are_counted_by_their_worst_verdict():
     assert doubts == {Holds.REJECTED: ("D1",), Holds.WARNING: ("S2",)}
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_noise_is_not_taken_for_a_finding():
     """Of 26 findings on nothing but noise, each is right in 95 % of the cases at least, all in about 90 %."""
     none = {Holds.NO_DIFFERENCE, Holds.NO_CHANGE}

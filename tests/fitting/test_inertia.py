@@ -54,7 +54,7 @@ def errors(rows, truth):
     return np.array([[(row[k] - one) / row[u] for row, one in zip(rows, part, strict=True)] for k, u, part in pairs])
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_a_belt_that_is_known_is_looked_for_where_a_smaller_kind_would_do(tmp_path):
     measured = read_measured(table(tmp_path, lambda w: driven(w, 0.8), 8, 24, 24))
     assert fit_tyres(measured)[0].measured[0].inertia is None
@@ -81,7 +81,7 @@ def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
     assert found.measured[0].inertia is None  # the resonance is fitted, not taken off
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):
     path = table(tmp_path, track, 1, 40, 40)
     measured = read_measured(path)

@@ -70,7 +70,7 @@ def rms(off):
     return float(np.sqrt(np.mean(np.abs(off) ** 2)))
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_at_each_isotherm_the_answer_is_nearer_the_truth_than_the_noise(branched):
     frequency, z = np.geomspace(0.1, 50.0, 13), []
     for t in T:
@@ -193,7 +193,7 @@ def reproduces(table, folder):
     return True
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_simulated_specimen_is_reproduced_within_its_own_scatter(tmp_path):
     assert reproduces(written(tmp_path / "t.csv", T, two_branches, seed=9), tmp_path / "master")
 
@@ -211,7 +211,7 @@ def test_public_isotherms_are_reproduced_within_their_own_scatter(tmp_path):
         pytest.skip("no file there holds isotherms")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_master_curve_of_206_points_takes_seconds(tmp_path):
     table = written(tmp_path / "t.csv", np.linspace(-10, 65, 21), log_a, points=10)
     begun = time.process_time()

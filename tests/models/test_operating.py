@@ -58,7 +58,7 @@ def maps():
     return found
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_the_scatter_of_conditions_is_found(maps):
     """From 30 numbers less those of some 5 terms: known to some 15 % each, to 6 % in the mean of six; t widens it."""
     widened = t.ppf(0.975, 15 - 5 - 1) / 1.96
@@ -127,7 +127,7 @@ def test_tr_has_the_uncertainty_of_k_and_of_the_rig(maps):
     assert [float(one[0]) for one in blocked] == [0.0, 0.0]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_k1_is_that_of_the_static_tests_whatever_the_shape_of_k():
     """K* of Zener tyres 3 % stiffer than their static tests say: K1 stays with the static tests."""
     data = [replace(one, k1=np.asarray(one.k1 / 1.03)) for one in measured(0, 0.0)]
@@ -141,7 +141,7 @@ def test_k1_is_that_of_the_static_tests_whatever_the_shape_of_k():
     assert np.all(np.abs(own.ask(POINTS, np.full(len(POINTS), 14.0)).k1 / truth(POINTS)[:, 0] - 1) < 0.02)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_what_a_model_cannot_follow_widens_its_answers():
     """A Kelvin-Voigt model of Zener tyres: the misfit over frequency is in its intervals."""
     data = measured(0, 0.0)
@@ -196,7 +196,7 @@ AT = np.array([6.0, 12.0, 20.0, 35.0])
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_intervals_of_maps_with_common_errors_hold():
     """24 maps whose points share a gain of 3 %: with 95 % each, fewer than 19 inside happen once in 1000 times."""
     scores, parameters = [], []
@@ -255,7 +255,7 @@ def test_the_unstated_common_error_of_k1_is_not_averaged_away():
     assert np.all(std > 0.01)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_many_conditions_over_three_axes_keep_their_scatter():
     points = np.array(
         [

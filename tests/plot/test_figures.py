@@ -199,7 +199,7 @@ def test_crossings_are_found_between_the_points_in_common():
 
 
 @pytest.mark.parametrize("key", DATA)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_every_axis_says_its_unit(drawn, key):
     figure = drawn(key)
     labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
@@ -373,7 +373,7 @@ def test_limits_are_the_readers(study):
 
 @pytest.mark.parametrize("key", ["fig06", "fig08", "fig14", "stiffness", "tr-measured-predicted", "routes"])
 @pytest.mark.parametrize("case", ["two", "many"])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_key_and_notes_stay_off_the_panels(study, key, case):
     if case == "many":
         named = [CROSS_PLY.__class__(**{**vars(RADIAL_PLY), "name": f"a tyre of the long name {n}"}) for n in range(9)]

@@ -27,7 +27,7 @@ def words(svg):
 
 @pytest.mark.parametrize("name", NASTY)
 @pytest.mark.parametrize("key", ["fig05", "fig14"])
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_name_is_text_whatever_it_says(name, key):
     results = renamed(results_of(pressures=(100e3, 170e3), frequencies=(10.0, 20.0)), {"radial-ply": name})
     with warnings.catch_warnings():
@@ -86,7 +86,7 @@ def test_what_a_user_set_in_matplotlib_changes_nothing_and_is_kept(study):
         assert mpl.rcParams.copy() == before
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_drawing_needs_no_pyplot():
     code = (
         "import sys, matplotlib; before = matplotlib.rcParams.copy()\n"
@@ -108,7 +108,7 @@ def test_each_theme_draws_on_its_paper(study, theme):
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_all_figures_are_written_and_light(tmp_path):
     calls = []
     results = against(study_with_models(), "kelvin")

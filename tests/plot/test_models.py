@@ -202,7 +202,7 @@ def test_a_tyre_that_is_in_no_table_is_left_out(fitted):
 # ---- which model, and why
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_candidates_stand_where_their_criteria_are(tried):
     entry = tried.models.models[0]
     panels = figure_data(tried, "model-choice").panels[:3]
@@ -279,7 +279,7 @@ def test_a_curve_of_the_map_is_its_answer_with_its_95_percent(fitted):
     np.testing.assert_allclose(curve.spread, TWO_SIDED_95 * 1e-3 * np.sqrt(answer.arm_covariance[:, 0, 0]), rtol=2e-2)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_curve_ends_where_the_tests_do():
     whole = results_of(pressures=(100e3, 135e3, 170e3, 240e3), frequencies=(10.0, 17.0, 24.0))
     lacking = (pl.col("preload [N]") == 2000.0) & (pl.col("pressure [Pa]") > 150e3)
@@ -302,7 +302,7 @@ def test_a_selected_specimen_has_its_map_alone(fitted):
     assert {one.tyre for one in panels[0].series} == {1}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_map_over_one_axis_is_a_curve_and_one_of_one_condition_none():
     one = with_models(results_of(preloads=(1000.0,), pressures=(100e3, 170e3, 240e3)), "zener")
     figure = draw(one, "map")

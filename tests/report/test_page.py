@@ -545,7 +545,7 @@ def test_a_figure_is_an_image_of_its_own_and_loses_nothing_that_is_seen():
     assert text.text == "a  b"
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_two_hundred_tests_with_twenty_figures_stay_light():
     drawn = figures(20, 150_000)
     assert min(len(figure.svg) for figure in drawn.values()) > 145_000
@@ -611,7 +611,7 @@ def head(page, name):
     return page.locator("#table-dynamic thead").get_by_role("button", name=name, exact=True)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_table_sorts_by_its_heads(visit):
     page = visit(varied())
     head(page, "K2").click()
@@ -834,7 +834,7 @@ def test_text_stands_out_in_light_and_dark(visit):
     assert faint_in_either_scheme(page, named) == []
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_thousand_tests_open_and_are_searched(visit, tmp_path):
     results = campaign(1000, static=10)
     page = visit(results)

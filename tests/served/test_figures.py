@@ -97,7 +97,7 @@ VEHICLE = ("statespace", "modelica", "tir", "table", "fmu")
 
 
 @pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf", *VEHICLE])
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_exports_are_offered_and_nothing_is_left_in_the_results(mapped: Server, kind: str) -> None:
     stated = {"specimen": "radial-ply"} if kind in VEHICLE else {}
     stated |= {"frequency": "15 Hz"} if kind == "tir" else {}
@@ -134,7 +134,7 @@ def asked(server: Server, kind: str, place: str = "one", **stated: str) -> str:
         ("one", "statespace", {"at": "nonsense"}, "no operating point"),
     ],
 )
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_an_export_that_cannot_be_says_why(
     mapped: Server, place: str, kind: str, stated: dict[str, str], why: str
 ) -> None:
@@ -287,7 +287,7 @@ def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
     fitted.unlink()
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_an_export_is_made_and_offered_where_it_was_asked_for(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/c/one")
@@ -330,7 +330,7 @@ def test_a_choice_shows_its_figure_at_once(window: Page) -> None:
     ["/c/one/explore?quantity=k2&over=pressure", "/c/one/model", "/c/two/model", "/c/one/plan?wanted=0.01+%25",
      "/compare?a=one&first=cross-ply&second=radial-ply", "/c/bare/plan"],
 )  # fmt: skip
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_no_page_keeps_anyone_out(window: Page, address: str) -> None:
     with visiting(window) as page:
         page.set_viewport_size({"width": 820, "height": 1180})

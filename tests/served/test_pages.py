@@ -52,7 +52,7 @@ def campaign(page: Page) -> str:
     return str(page.locator("tbody th a").first.get_attribute("href"))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, empty_server: Server) -> None:
     with opened(browser, empty_server) as window, visiting(window) as page:
         page.goto("/")
@@ -61,7 +61,7 @@ def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, empty_serv
         expect(page.get_by_text("No campaign is analysed yet")).to_be_visible()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_file_that_leads_to_the_address_opens_the_app(browser: Browser, server: Server, tmp_path: Path) -> None:
     """As `fourpole app` opens a browser; a link in a message of somebody else opens a page, too."""
     page_of_file = tmp_path / "app.html"
@@ -135,7 +135,7 @@ def test_the_text_of_the_statement_is_mended(window: Page, server: Server) -> No
     assert toml.read_text() == before
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_wrong_entry_is_marked_in_the_words_of_the_command(window: Page, server: Server) -> None:
     with visiting(window) as page:
         page.goto(f"{campaign(page)}/statement")
@@ -163,7 +163,7 @@ def test_a_wrong_entry_is_marked_in_the_words_of_the_command(window: Page, serve
         toml.write_text(before)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server: Server) -> None:
     toml, table = next(server.root.rglob("campaign.toml")), next(server.root.rglob("tests.csv"))
     before = toml.read_text(), table.read_text()
@@ -198,7 +198,7 @@ def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server:
     toml.write_text(before[0])
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_the_demo_is_made_once_and_opened(empty_server: Server) -> None:
     server, demo = empty_server, empty_server.root / "fourpole-demo"
     first, second = (server.document("/demo", "POST", {}) for _ in range(2))
@@ -242,7 +242,7 @@ def test_two_who_edit_are_told(server: Server) -> None:
     assert b"someone else" in content
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_test_is_excluded_with_a_reason_and_taken_in_again(window: Page, server: Server) -> None:
     with visiting(window) as page:
         table = next(server.root.rglob("tests.csv"))
@@ -276,7 +276,7 @@ def test_a_recording_is_looked_at_closer(window: Page) -> None:
         expect(page.locator("#card svg")).not_to_have_count(0)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_recording_is_judged_while_the_page_is_open(window: Page, server: Server) -> None:
     table = next(server.root.rglob("tests.csv"))
     before, recordings = table.read_text(), table.parent / "recordings"
@@ -334,7 +334,7 @@ def test_a_point_of_a_figure_leads_to_its_recording(window: Page) -> None:
 
 
 @pytest.mark.parametrize("part", ["", "/tests", "/tests/D1", "/statement", "/run", None])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_no_page_keeps_anyone_out(window: Page, part: str | None) -> None:
     with visiting(window) as page:
         address = "/" if part is None else f"{campaign(page)}{part}"

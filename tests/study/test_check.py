@@ -135,7 +135,7 @@ def test_a_group_in_a_table_of_text(folder):
     assert "no groups" in message
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_group_that_is_not_there(folder):
     nptdms = pytest.importorskip("nptdms")
     table = pl.read_csv(folder / "recordings" / "D2.csv")

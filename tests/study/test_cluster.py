@@ -46,7 +46,7 @@ def dask(tmp_path_factory):
         one.communicate()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_tables_are_those_of_this_machine_though_a_worker_dies_half_way(noisy, dask, monkeypatch):
     address, workers = dask
     monkeypatch.setattr("fourpole.study.workers._TASK", 0.0)

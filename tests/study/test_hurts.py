@@ -325,7 +325,7 @@ def unhurt(sound):
 
 
 @pytest.mark.parametrize("name", HURTS)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_hurt_test_is_a_row_that_says_why_and_the_others_do_not_change(noisy, sound, unhurt, name):
     """The phasors of unchanged recordings come from the cache, as in a second run after a file was replaced."""
     if name == "pipe" and not hasattr(os, "mkfifo"):

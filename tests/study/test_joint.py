@@ -74,7 +74,7 @@ def test_a_misstated_rig_does_no_harm(tmp_path, signs, seed):
     assert np.median(errors(analyse(folder, route="mobility"), folder)["C [N s/m]"]) > 0.03
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_one_weighed_mass_in_place_of_good_sensors(rough):
     folder, study = rough
     found = errors(study, folder)
@@ -179,7 +179,7 @@ def test_an_undeclared_part_is_seen_and_no_value_is_calibrated(tmp_path, part, n
     assert max(found[std].max() for _, _, std in PAIRS) < 4.0
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_declared_parts_are_handled(tmp_path):
     parts = {"tyre_mass": 1.0, "frame_stiffness": 2e5, "preload_loss_factor": 0.1, "input_mass": 0.5}
     folder = simulated(tmp_path, seed=9, declared=parts, rig_std=LOOSE)
@@ -189,7 +189,7 @@ def test_declared_parts_are_handled(tmp_path):
     assert max(errors(study, folder)[std].max() for _, _, std in PAIRS) < 4.0
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_rigid_mass_in_place_of_the_tyre_does_as_well(tmp_path):
     weighed = {"calibration_masses": (5.0, 15.0), "preloads": [1000.0]}
     folder = simulated(tmp_path, seed=9, sensors=ROUGH, rig_std=LOOSE, **weighed)
@@ -292,7 +292,7 @@ def test_a_calibration_that_cannot_be_one_is_a_row_that_says_why(noisy):
 # -- the order, the files --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_order_of_the_tests_does_not_matter(rough, tmp_path):
     folder, study = rough
     other = shutil.copytree(folder, tmp_path / "other")

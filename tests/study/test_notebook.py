@@ -149,7 +149,7 @@ def test_pandas_takes_a_table_without_further_packages(study):
     assert frame["K2 [N/m]"].mean() == pytest.approx(study.dynamic["K2 [N/m]"].mean(), rel=1e-12)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch):
     """Each code cell in order, in one namespace; what its last line gives shows itself."""
     monkeypatch.chdir(tmp_path)

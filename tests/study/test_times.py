@@ -186,7 +186,7 @@ def test_a_steady_drive_is_not_said_to_wander(bench):
         (np.sin, '{ column = "taco", unit = "V" }', "taco"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_reference_that_is_no_use_is_told(bench, column, said, told):
     columns, angle = wandering(10.0)
     bench.row("D1", bench.record("D1", {**columns, "tacho": column(angle)}), "1000,110000")
@@ -215,7 +215,7 @@ def test_a_lost_pulse_is_no_slower_drive(bench, pulses, lost):
     within(row, bench)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_wheel_with_a_tooth_left_out_is_read(bench):
     columns, angle = wandering(10.0)
     place = (12 * angle / (2 * np.pi)) % 12

@@ -101,7 +101,7 @@ def test_laboratory_noise_leaves_what_the_sensors_allow(laboratory, route):
 @pytest.mark.parametrize(
     ("route", "blind_to"), [("mobility", "V2"), ("relative", "the rig"), ("transmissibility", "F1")]
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_a_route_does_not_look_at_what_it_is_said_to_be_blind_to(clean, route, blind_to):
     columns = ["Re K* [N/m]", "Im K* [N/m]", "K2 [N/m]", "C [N s/m]"]
     before = clean.analyse(route=route).dynamic.select(columns)

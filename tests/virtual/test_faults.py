@@ -86,7 +86,7 @@ def without_fault(tmp_path_factory):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_every_fault_changes_recordings_or_statement(fault, without_fault, tmp_path):
     plan = {"clean": False, "frequencies": (10.0, 14.0, 24.0), **fault.plan}
     honest = without_fault(**plan)

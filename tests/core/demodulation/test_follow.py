@@ -48,7 +48,7 @@ def test_channels_at_different_rates_are_met_exactly(rates, starts, frequency):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_their_noise_is_as_large_as_stated():
     """Ratios of amplitudes from 60 records, each against its own uncertainty; common noise would show in V1/F1."""
     rng = np.random.default_rng(0)

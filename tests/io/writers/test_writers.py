@@ -68,7 +68,7 @@ def bare(name: str) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("start", [0.0, 0.25])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_samples_come_back_to_the_last_bit(tmp_path, kind, start):
     source = recording(tmp_path / "a.h5", start=start)
     out = tmp_path / f"b{ENDINGS.get(kind, f'.{kind}')}"
