@@ -355,7 +355,7 @@ def test_a_hurt_test_is_a_row_that_says_why_and_the_others_do_not_change(noisy, 
 
 
 @pytest.mark.parametrize("name", ["missing", "inverted F1", "constant V1", "constant V2", "V1 clipped, range stated"])
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(5)
 def test_together_too_the_others_hardly_change(noisy, noisy_campaign, name):
     """Found together, the other tests lose what the hurt one told of the rig, and no more than their uncertainty."""
     before = analyse(noisy_campaign).dynamic
