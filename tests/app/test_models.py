@@ -177,6 +177,7 @@ def test_results_to_model_map_and_query(run, results):
     assert again.stderr == "" or "left out" not in again.stderr
 
 
+@pytest.mark.sampled(2)
 def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path):
     folder = shutil.copytree(results, tmp_path / "results")
     (folder / "report.html").write_text("older")

@@ -37,6 +37,7 @@ def told(text):
     return " ".join(text.split())
 
 
+@pytest.mark.sampled(2)
 def test_two_pressures_of_a_map_differ_by_a_number_with_its_uncertainty(run, files, tmp_path):
     points = ("--at", "pressure=1.7 bar", "--at", "pressure=2.3 bar")
     ran = run("ride", files / "map.json", *points, "--road", "c", "--out", tmp_path / "r")
@@ -236,6 +237,7 @@ def test_the_model_of_a_master_curve_is_ridden_at_its_reference(run, tmp_path):
     assert run("ride", tmp_path / "m.json", "--at", "temperature=30 degC").exit_code == 2
 
 
+@pytest.mark.sampled(2)
 def test_a_measured_road_is_that_of_an_independent_integrator(run, files, tmp_path):
     """A vehicle and a road of which Fourpole knows nothing: a_w within 0.1 %."""
     rng = np.random.default_rng(5)

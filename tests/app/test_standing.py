@@ -199,6 +199,7 @@ def test_a_cache_behind_a_link_is_neither_read_nor_written(analysed, tmp_path):
     assert {path: path.stat().st_mtime_ns for path in outside.iterdir()} == before
 
 
+@pytest.mark.sampled(2)
 def test_without_a_home_folder_all_works_and_nothing_is_said(analysed, monkeypatch, tmp_path):
     noisy, first = analysed
     (tmp_path / "home").write_text("")

@@ -35,6 +35,7 @@ def strange(curves):
 
 @pytest.mark.parametrize("scatter", [1e-6, 0.002, 0.01])
 @pytest.mark.parametrize("shared", [0.0, 0.02j])
+@pytest.mark.sampled(2)
 def test_honest_tests_lie_on_their_curves(scatter, shared):
     for seed in range(5):
         assert strange(curves_of(campaign(seed, scatter, shared=shared))) == []

@@ -31,6 +31,7 @@ def tangents(curve, law, places=(0.004, 0.012, 0.02, 0.026)):
 
 @pytest.mark.parametrize("shape", ["none", "friction", "parabola", "skewed", "ellipse"])
 @pytest.mark.parametrize("order", range(1, 7))
+@pytest.mark.sampled(3)
 def test_polynomials_with_hysteresis_are_met_exactly(load_cycles, order, shape):
     """The gap is symmetric about the mean, its shape polynomial or elliptic: nothing but round-off is left."""
     law = polynomial(order)
@@ -433,6 +434,7 @@ def cycles_of(shape, up=201, down=201, cycles=3):
 
 @pytest.mark.parametrize("branches", [(201, 201), (60, 400)])
 @pytest.mark.parametrize("shape", LOOPS)
+@pytest.mark.sampled(2)
 def test_clean_loops_have_their_tangent_within_three_u_and_a_small_u(shape, branches):
     x, f = cycles_of(shape, *branches)
     for x0 in (0.009, 0.015, 0.021):

@@ -54,6 +54,7 @@ PROCEDURE = [part for f in FREQUENCIES for part in (rest(1.0), sine(f, f**-0.5, 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 3e-3])
 @pytest.mark.parametrize("step", [0.0, 5e-3])
+@pytest.mark.sampled(2)
 def test_eight_sines_with_rests_are_eight_segments_without_their_beginning(noise, step):
     found = segments(motion(*PROCEDURE, noise=noise, step=step), RATE)
     assert [one.kind for one in found] == ["sine"] * 8
@@ -90,6 +91,7 @@ def test_steps_without_a_rest_between_are_cut_where_they_change():
 @pytest.mark.parametrize(
     "part", [sweep(1.0, 60.0, 60.0), sweep(5.0, 20.0, 120.0), random(5.0, 50.0, 20.0), rest(20.0), ramp(20.0, 5.0)]
 )
+@pytest.mark.sampled(2)
 def test_other_motions_have_none(part):
     assert segments(motion(part, noise=1e-3), RATE) == []
 

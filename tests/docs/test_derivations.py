@@ -63,6 +63,7 @@ def test_the_elements_follow_from_newton_and_from_the_laws_of_spring_and_damper(
         assert np.allclose(values, made, rtol=1e-14)
 
 
+@pytest.mark.sampled(4)
 def test_a_belt_between_two_springs_is_the_two_port_of_the_page():
     x1, x2, xb, k, r, mb, z = sp.symbols("x1 x2 xb K r mb Zr")
     contact, rim = (1 + r) * k, (1 + r) * k / r
@@ -81,6 +82,7 @@ def test_a_belt_between_two_springs_is_the_two_port_of_the_page():
     assert np.array(page.subs(values).evalf(), dtype=complex) == pytest.approx(ours, rel=1e-12)
 
 
+@pytest.mark.sampled(4)
 def test_the_work_of_a_cycle_is_pi_times_the_loss_stiffness():
     t, size, storage, loss = sp.symbols("t X S L", positive=True)
     force = size * (storage * sp.cos(w * t) - loss * sp.sin(w * t))  # Re of K* X e^{jwt}
@@ -171,6 +173,7 @@ def test_the_package_agrees_with_50_digits(motion, values):
     assert np.isclose(paper_d(stiffness, a), float((a / mpc(stiffness)).real), rtol=1e-14)
 
 
+@pytest.mark.sampled(4)
 def test_the_rig_is_the_chain_of_the_page():
     """All parts: equations of motion of the moving mass and of the massless point between spring and frame."""
     mt, extra, eta, frame = sp.symbols("m_t D eta K_f", positive=True)
@@ -262,6 +265,7 @@ def test_a_mass_at_the_force_cell_is_seen_over_frequency_only():
         assert with_it.rank() == with_it[:, :-1].rank() + more
 
 
+@pytest.mark.sampled(4)
 def test_the_formula_of_the_added_mass_has_no_sensor_and_no_rig():
     added, stiffness = sp.symbols("D", positive=True), STIFFNESS
     (a, b), (with_a, with_b) = recorded(stiffness, w, 0), recorded(stiffness, w, added)

@@ -94,6 +94,7 @@ def test_a_model_that_is_not_causal_is_refused_with_the_remedy(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["model.json"]
 
 
+@pytest.mark.sampled(2)
 def test_an_approximation_is_said_with_its_error(tmp_path):
     k = model_named("fractional").stiffness(MODELS["fractional"], 2 * np.pi * FREQUENCY)
     frame = table([2e5], [2e3]).with_columns(pl.Series("Re K* [N/m]", k.real), pl.Series("Im K* [N/m]", k.imag))
@@ -109,6 +110,7 @@ def test_more_points_than_an_fmu_has_are_refused(files, tmp_path):
         export_results(files / "map.json", "fmu", tmp_path / "a.fmu", points=points)
 
 
+@pytest.mark.sampled(2)
 def test_names_of_any_letters_stay_text(tmp_path):
     frame = pl.concat([table([2e5], [2e3], tyre=name) for name in ('<b>"A" & co\u0007', "タイヤ 1")])
     measured = measured_of(frame, std=1e-3)

@@ -59,6 +59,7 @@ def fitted(request, tmp_path_factory):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sampled(2)
 def test_k_star_is_that_of_the_model(kind, fitted, tmp_path):
     exported = export_results(fitted, kind, tmp_path / "a.x")
     (entry,) = read_model_file(fitted).models

@@ -89,6 +89,7 @@ def test_the_error_of_common_sensors_cancels_and_that_of_others_does_not(runs, t
 
 
 @pytest.mark.parametrize(("a", "b", "specimens"), [("both", None, ("radial-ply", "soft")), ("one", "changed", None)])
+@pytest.mark.sampled(2)
 def test_a_specimen_that_is_three_per_cent_softer_is_seen(runs, a, b, specimens):
     found = compare(runs[a], runs[b] if b else None, specimens=specimens)
     rows = found.rows.filter(pl.col("quantity").is_in(["K1", "|K*|", "Re K*", "Im K*"]))

@@ -191,6 +191,7 @@ def test_without_scatter_the_information_of_one_k_star_is_not_counted_three_time
     assert own == pytest.approx(np.full(18, 0.002 * np.sqrt(3)), rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 def test_another_model_takes_all_amplitudes_as_one_k_star_and_says_so():
     measured = measured_of(table())
     (note,) = (one for one in measured.notes if "amplitudes of 0.1 to 2 mm" in one)

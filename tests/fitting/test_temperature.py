@@ -82,6 +82,7 @@ def test_at_each_isotherm_the_answer_is_nearer_the_truth_than_the_noise(branched
     assert rms(np.concatenate(z)) < 1.2
 
 
+@pytest.mark.sampled(2)
 def test_between_isotherms_of_either_branch_the_intervals_hold(branched):
     frequency, z = np.geomspace(0.2, 20.0, 7), []
     for t in (-7.0, -1.0, 5.0, 11.0, 17.0, 25.0, 35.0, 45.0):

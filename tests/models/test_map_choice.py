@@ -124,6 +124,7 @@ FEW = {"four corners": POINTS[[0, 2, 6, 8]], "three pressures": POINTS[[0, 3, 6]
 @pytest.mark.statistical
 @pytest.mark.parametrize("where", FEW)
 @pytest.mark.parametrize("scatter", [0.0, 0.01])
+@pytest.mark.sampled(4)
 def test_few_conditions_say_what_they_can(where, scatter):
     """Their scatter is that of a prior and of one number in excess: intervals hold, and none is too wide to use."""
     points, inside, widest = FEW[where], [], []

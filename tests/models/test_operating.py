@@ -65,12 +65,14 @@ def test_the_scatter_of_conditions_is_found(maps):
     assert np.mean([one.scatter.condition for one in maps]) == pytest.approx(widened * SCATTER, rel=0.3)
 
 
+@pytest.mark.sampled(4)
 def test_conditions_left_out_are_inside_as_often_as_said(maps):
     inside = np.mean([one.leave_one_out.inside for one in maps])
     assert 0.90 <= inside <= 0.99
     assert np.mean([one.leave_one_out.error for one in maps]) < 3 * SCATTER
 
 
+@pytest.mark.sampled(4)
 def test_between_the_conditions_the_truth_is_inside_its_interval(maps):
     """Of K', K'' and K1 at 40 points of 6 maps; points of one map share its surfaces, so wide limits."""
     rng = np.random.default_rng(7)

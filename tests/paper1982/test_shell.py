@@ -320,6 +320,7 @@ def test_arrays_of_cylinders_are_each_by_itself():
 
 @pytest.mark.parametrize(("length", "share"), [(0.0, 0.0), (0.0, 1.0), (0.02, 0.3), (0.1, 0.8)])
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-3])
+@pytest.mark.sampled(4)
 def test_enough_terms_are_enough(length, share, accuracy):
     tyre = Cylinder(0.28, 0.11, 1e7, 10.0, 150e3, 8e6, 16.0)
     around, across, error = enough_terms(tyre, length, share, accuracy)

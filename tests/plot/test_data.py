@@ -355,6 +355,7 @@ def test_models_of_other_conditions_leave_with_their_tests(fitted):
 
 
 @pytest.mark.parametrize(("size", "expected"), [("journal", (3.5, None)), ("slide", (10.0, 5.625))])
+@pytest.mark.sampled(2)
 def test_a_figure_has_the_size_that_is_asked_for(fitted, size, expected):
     for key in ("stiffness", "tr", "first-stiffness"):
         width, height = draw(fitted, key, Style(size=SIZES[size])).get_size_inches()

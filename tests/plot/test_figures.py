@@ -359,6 +359,7 @@ def test_nyquist_is_imaginary_over_real(study):
 
 
 @pytest.mark.parametrize("key", DATA)
+@pytest.mark.sampled(2)
 def test_one_test_is_enough(key):
     results = results_of(tyres=(RADIAL_PLY,), pressures=(170e3,), preloads=(1000.0,), frequencies=(14.0,))
     figure = draw(results, key)

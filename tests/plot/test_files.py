@@ -51,6 +51,7 @@ def test_names_alike_in_what_is_shown_stay_apart():
 
 
 @pytest.mark.parametrize("key", ["fig02", "fig05"])
+@pytest.mark.sampled(2)
 def test_the_same_tables_give_the_same_bytes(study, key):
     for form in ("svg", "png", "pdf"):
         first, second = (render(draw(study, key), key, form) for _ in range(2))
@@ -176,6 +177,7 @@ def test_a_style_that_cannot_be_is_refused(settings):
         Style(**settings)
 
 
+@pytest.mark.sampled(2)
 def test_three_hundred_tests_stay_light():
     many = results_of(
         tyres=(RADIAL_PLY,), pressures=(100e3, 150e3, 200e3), frequencies=[10.0 + 0.28 * at for at in range(50)]

@@ -254,6 +254,7 @@ def test_a_model_that_was_asked_for_was_not_chosen(fitted):
 
 
 @pytest.mark.parametrize(("row", "column", "scale"), [(0, "K2 [N/m]", 1e-3), (1, "C [N s/m]", 1.0)])
+@pytest.mark.sampled(2)
 def test_the_map_stands_beside_the_tests_of_its_frequencies(fitted, row, column, scale):
     figure = draw(fitted, "map")
     assert [(ax.get_title(loc="left"), ax.get_title(loc="right")) for ax in figure.axes[:4]] == PLACES
@@ -342,6 +343,7 @@ def test_without_a_model_file_there_is_no_figure(fitted, key):
 
 
 @pytest.mark.parametrize("key", KEYS)
+@pytest.mark.sampled(3)
 def test_every_axis_says_its_unit(fitted, tried, key):
     figure = draw(tried if key == "model-choice" else fitted, key)
     labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
@@ -350,6 +352,7 @@ def test_every_axis_says_its_unit(fitted, tried, key):
 
 
 @pytest.mark.parametrize("key", KEYS)
+@pytest.mark.sampled(3)
 def test_key_and_notes_stay_off_the_panels(fitted, tried, key):
     """In print, the theme with the widest lines; themes differ in colours besides."""
     figure = draw(tried if key == "model-choice" else fitted, key, Style("print"))
@@ -366,6 +369,7 @@ def test_key_and_notes_stay_off_the_panels(fitted, tried, key):
 
 
 @pytest.mark.parametrize("key", KEYS)
+@pytest.mark.sampled(3)
 def test_names_are_text(fitted, tried, key):
     nasty = {"cross-ply": "<script>$x$", "radial-ply": "\x1b]0;a" + "b" * 200}
     results = tried if key == "model-choice" else fitted

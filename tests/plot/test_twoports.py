@@ -66,6 +66,7 @@ def test_the_points_are_the_poles_with_their_intervals(kinds):
     assert np.max(np.abs(np.diff(phase[0].get_ydata()))) < 180
 
 
+@pytest.mark.sampled(2)
 def test_of_many_conditions_the_first_are_drawn_and_it_is_said(kinds):
     with drawing(Style()):
         figure = two_port_figure([kinds["belt"]] * 8, Style())

@@ -669,6 +669,7 @@ def faint_in_either_scheme(page, named):
     return found
 
 
+@pytest.mark.sampled(2)
 def test_models_stand_out_in_light_and_dark(visit):
     page = visit(replace(study_with_models(), faults=("map.json is of other results",)))
     page.get_by_text("Parameters of zener in 6 conditions").first.click()
@@ -677,6 +678,7 @@ def test_models_stand_out_in_light_and_dark(visit):
     assert faint_in_either_scheme(page, named) == []
 
 
+@pytest.mark.sampled(2)
 def test_ranges_of_page_one_need_no_bar_at_1100_pixels(visit):
     page = visit(results_of(), viewport={"width": 1100, "height": 800})
     table = page.get_by_role("region", name="Results", exact=True)
@@ -684,6 +686,7 @@ def test_ranges_of_page_one_need_no_bar_at_1100_pixels(visit):
     assert table.evaluate("box => box.scrollWidth <= box.clientWidth")
 
 
+@pytest.mark.sampled(2)
 def test_the_table_of_the_rig_scrolls_by_itself_on_a_narrow_screen(visit):
     page = visit(with_rig_found(varied(), **MISFIT))
     for width in (1280, 360):
@@ -773,6 +776,7 @@ def test_a_page_is_read_without_its_script(visit):
     assert not page.locator("#filter").is_visible()
 
 
+@pytest.mark.sampled(2)
 def test_print_has_the_whole_tables(visit):
     remark = "the motion at the contact is no clean sine "
     rows = [dynamic_row(at, verdict="warning", remarks=remark * at) for at in range(1, 30)]
@@ -847,6 +851,7 @@ def test_a_thousand_tests_open_and_are_searched(visit, tmp_path):
 
 
 @pytest.mark.parametrize("count", [1, 60])
+@pytest.mark.sampled(2)
 def test_the_first_page_fits_on_one_sheet(visit, count):
     report = dict.fromkeys(("laboratory", "address", "customer", "number", "operator", "approved"), "Laboratory North")
     report |= dict.fromkeys(("method", "environment", "conditioning", "break_in"), "as the procedure says, " * 3)

@@ -61,6 +61,7 @@ def test_nothing_else_is_started(server: Server, body: object) -> None:
     assert "error" in json.loads(content)
 
 
+@pytest.mark.sampled(2)
 def test_the_files_of_an_answer_are_offered(server: Server) -> None:
     """A folder is packed. Nothing is left in the results, nor of the former answer when the next one is there."""
     shown = asked(server, "export", to="tydex")

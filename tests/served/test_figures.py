@@ -227,6 +227,7 @@ def test_options_of_a_command_are_those_that_it_has(mapped: Server) -> None:
         assert status == 400, options
 
 
+@pytest.mark.sampled(2)
 def test_the_sliders_answer_and_stand_in_the_address(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/c/one/model?tyre=radial-ply")
@@ -274,6 +275,7 @@ def test_without_a_map_a_condition_is_chosen(window: Page, mapped: Server) -> No
         shutil.move(folder / "map.away", folder / "map.json")
 
 
+@pytest.mark.sampled(2)
 def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
     fitted = unlisted(mapped.root / "two" / "results") / "model.json"
     with visiting(window) as page:
@@ -306,6 +308,7 @@ def test_an_export_is_made_and_offered_where_it_was_asked_for(window: Page) -> N
         expect(page.locator("#answer")).to_contain_text("no elastic moduli")
 
 
+@pytest.mark.sampled(2)
 def test_a_choice_shows_its_figure_at_once(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/c/one/explore")

@@ -118,6 +118,7 @@ def test_a_page_of_another_site_sees_and_changes_nothing(browser: Browser, serve
         )
 
 
+@pytest.mark.sampled(2)
 def test_the_text_of_the_statement_is_mended(window: Page, server: Server) -> None:
     toml = next(server.root.rglob("campaign.toml"))
     before = toml.read_text()
@@ -256,6 +257,7 @@ def test_a_test_is_excluded_with_a_reason_and_taken_in_again(window: Page, serve
         assert not any(test.excluded for test in read_campaign(table.parent).tests)
 
 
+@pytest.mark.sampled(2)
 def test_a_recording_is_looked_at_closer(window: Page) -> None:
     with visiting(window) as page:
         page.goto(f"{campaign(page)}/tests/D2")
@@ -303,6 +305,7 @@ def test_a_recording_is_judged_while_the_page_is_open(window: Page, server: Serv
     table.write_text(before)
 
 
+@pytest.mark.sampled(2)
 def test_results_by_keyboard_alone(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/")
@@ -322,6 +325,7 @@ def test_results_by_keyboard_alone(window: Page) -> None:
         page.wait_for_url("**/tests/D1")
 
 
+@pytest.mark.sampled(2)
 def test_a_point_of_a_figure_leads_to_its_recording(window: Page) -> None:
     with visiting(window) as page:
         page.goto(campaign(page))

@@ -66,6 +66,7 @@ def test_the_tables_are_those_of_this_machine_though_a_worker_dies_half_way(nois
     assert found.sha256 == here.sha256
 
 
+@pytest.mark.sampled(3)
 def test_the_command_takes_the_address_of_a_scheduler(noisy, dask):
     words = ["analyse", str(noisy.path), "--tables-only", "--route", "mobility"]
     ran = CliRunner().invoke(app, [*words, "--scheduler", dask[0]])

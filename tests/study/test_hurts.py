@@ -381,6 +381,7 @@ def test_a_test_without_a_passive_answer_keeps_what_was_measured(noisy, unhurt, 
 
 @pytest.mark.parametrize("route", ["relative", "transmissibility"])
 @pytest.mark.parametrize("channel", ["F1", "V1", "V2"])
+@pytest.mark.sampled(2)
 def test_what_a_route_can_spare_only_warns(noisy, route, channel):
     noisy.cells("D2", slice(0, 4096), ("t", "F1", "V1", "V2").index(channel), "0.1")
     row = noisy.analyse(route=route).dynamic.row(1, named=True)

@@ -380,6 +380,7 @@ def test_k2_and_c_scatter_as_stated_where_k1_and_k_star_are_drawn(rough):
         assert row["u(C) [N s/m]"] > 0.75 * np.std(c), row["test"]
 
 
+@pytest.mark.sampled(3)
 def test_an_inverted_v2_beside_a_weighed_mass_is_named_and_no_row_is_used(tmp_path):
     """The search for each test's own departure is lost there: its steps must stay numbers."""
     made = simulate_campaign(

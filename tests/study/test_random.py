@@ -144,6 +144,7 @@ def test_k1_is_doubted_where_most_lines_doubt_it(folder, tmp_path, k1, wrong):
 
 
 @pytest.mark.parametrize(("column", "left"), [("command", ""), ("flat", "constant"), ("gone", "gone")])
+@pytest.mark.sampled(3)
 def test_a_drive_is_used_where_it_can_be(folder, tmp_path, column, left):
     rng = np.random.default_rng(41)
     table = pl.read_parquet(folder / "R0.parquet")

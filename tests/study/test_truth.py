@@ -21,6 +21,7 @@ def off(table, name):
 
 
 @pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.sampled(3)
 def test_without_noise_the_truth_is_found(clean, route):
     study = clean.analyse(route=route)
     assert study.counts == {"ok": 14, "warning": 0, "rejected": 0}
@@ -83,6 +84,7 @@ def test_errors_agree_with_the_stated_uncertainties(laboratory, route):
 
 
 @pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.sampled(3)
 def test_laboratory_noise_leaves_what_the_sensors_allow(laboratory, route):
     """Gains to 0.02 %, phases to 0.01 degrees: K* to 1 %, K2 and C to 3 %, the amplitudes' ratio to 0.1 %."""
     table = laboratory[route]

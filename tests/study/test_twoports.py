@@ -92,6 +92,7 @@ def test_the_table_has_poles_uncertainties_and_form_in_si(measured):
     assert not any(kind == pl.Null for kind, head in zip(table.dtypes, table.columns, strict=True) if " k" in head)
 
 
+@pytest.mark.sampled(2)
 def test_ordinary_errors_that_are_stated_as_absent_make_the_poles_more_certain(belted):
     (usual,), _ = measure_two_ports(belted.path, cache=belted.cache)
     with (belted.path / "campaign.toml").open("a") as file:

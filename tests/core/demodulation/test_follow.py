@@ -100,6 +100,7 @@ def response_at(omega):
 
 
 @pytest.mark.parametrize(("depth", "period"), [(0.01, 7.3), (0.01, 3.1), (0.003, 5.0)])
+@pytest.mark.sampled(3)
 def test_along_a_reference_amplitudes_are_those_at_the_mean_speed(depth, period):
     recording, reference = wandering(depth, period)
     found = demodulate(replace(recording, reference=reference)).phasors
