@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 from tests.kept import user_folders
 from tests.reference import claims
-from tests.selection import EVERY, left_out, turn
+from tests.selection import EVERY, left_out, mark_pages, turn
 
 from fourpole import Study, analyse
 from fourpole.virtual import CROSS_PLY, RADIAL_PLY, simulate_campaign
@@ -39,6 +39,7 @@ def pytest_report_header() -> str:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    mark_pages(items)
     left = set(left_out(items, first=config.getoption("--first", default=False)))
     if left and not any("::" in argument for argument in config.args):  # what is named runs
         config.hook.pytest_deselected(items=list(left))
