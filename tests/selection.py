@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 #: Beginnings of names of tests whose cases differ in the library that they call.
 LIBRARIES = tuple(f"tests/{place}" for place in ("export/test_kinds", "io/formats", "io/writers", "study/test_formats"))
 #: Pages whose examples take long, each with the n of its mark.
-PAGES = {"docs/how-sure-are-you.md": 3, "docs/which-model.md": 2}
+PAGES = {"docs/how-sure-are-you.md": 3, "docs/which-model.md": 2, "docs/paper-1982.md": 2, "docs/fmu.md": 2}
 #: Whether all cases are asked for.
 EVERY = os.environ.get("FOURPOLE_EVERY") == "1"
 
