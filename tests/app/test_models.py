@@ -67,6 +67,7 @@ def test_fit_chooses_and_says_why(run, tmp_path):
     assert document["provenance"]["settings"] == {"model": "auto"}
 
 
+@pytest.mark.sampled(2)
 def test_without_uncertainties_they_are_found_and_that_is_said(run, tmp_path):
     ran = run("fit", reduced(tmp_path / "k.csv", noise=5e-3, std=False), "--json")
     assert ran.exit_code == 0, ran.output
@@ -229,6 +230,7 @@ def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     assert made["settings"] == {"model": "zener"}
 
 
+@pytest.mark.sampled(2)
 def test_a_file_of_its_own_keeps_other_tyres_of_the_same_table(run, tmp_path):
     table, made = tmp_path / "k.csv", tmp_path / "own.json"
     rows = "".join(f"{t},{f},{200000 + 900 * f},{9000 + 300 * f}\n" for t in "AB" for f in range(5, 25, 4))
@@ -244,6 +246,7 @@ def test_a_file_of_its_own_keeps_other_tyres_of_the_same_table(run, tmp_path):
     )
 
 
+@pytest.mark.sampled(2)
 def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_path):
     """--out RESULTS/model.json is what fit does without the option: the models of other tyres stay."""
     folder = shutil.copytree(two, tmp_path / "results")
@@ -285,6 +288,7 @@ def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_pa
     assert list(models_in(folder)[0]) == ["radial-ply"]
 
 
+@pytest.mark.sampled(2)
 def test_a_model_file_of_other_results_is_replaced(run, two, results, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     run("fit", results, "--model", "zener", "--out", folder / "model.json")
@@ -441,6 +445,7 @@ def test_a_fixed_parameter_has_the_unit_of_its_family(model, text, symbol, expec
             assert _fixed([text.format(symbol=one.symbol, unit=one.unit)], model) == {one.symbol: expected}
 
 
+@pytest.mark.sampled(2)
 def test_a_static_test_joins_as_a_ramp_on_request(run, results, tmp_path):
     out = tmp_path / "model.json"
     ran = run("fit", results, "--model", "zener", "--static", "ramp", "--std-static", "4 %", "--out", out)

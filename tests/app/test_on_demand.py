@@ -44,6 +44,7 @@ def test_models_of_the_same_tables_stay_and_others_go(run, campaign):
 
 
 @pytest.mark.usefixtures("without_figures")
+@pytest.mark.sampled(2)
 def test_models_that_are_asked_for_are_fitted_anew(run, campaign, monkeypatch):
     monkeypatch.setattr("fourpole.app.analysis._FEW_SECONDS", 0.1)
     results = campaign / "results"
@@ -52,6 +53,7 @@ def test_models_that_are_asked_for_are_fitted_anew(run, campaign, monkeypatch):
     assert chosen == {"model": "auto"}
 
 
+@pytest.mark.sampled(2)
 def test_png_is_written_on_demand_and_goes_with_its_tables(run, campaign, monkeypatch):
     some_figures(monkeypatch)
     figures = campaign / "results" / "figures"

@@ -44,6 +44,7 @@ def test_a_campaign_gets_table_figure_advice_and_run_sheet(run, folder):
     assert "seed 1982" in ran.stderr
 
 
+@pytest.mark.sampled(2)
 def test_a_rig_and_a_guessed_tyre_are_enough(run, tmp_path):
     ran = run("plan", *RIG, *TYRE, "--out", tmp_path / "plan")
     assert ran.exit_code == 0, ran.stderr

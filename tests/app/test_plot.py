@@ -24,6 +24,7 @@ def test_figures_are_listed_with_what_they_show(run, results):
     assert "fig08" not in shown
 
 
+@pytest.mark.sampled(2)
 def test_a_condition_a_size_and_a_format(run, results, tmp_path):
     path = tmp_path / "tr.png"
     ran = run("plot", results, "tr", "--pressure", "1.7 bar", "--size", "89x60 mm", "--dpi", "200", "--out", path)

@@ -79,6 +79,7 @@ def test_nominal_ends_of_a_band_are_inside(run, table, tmp_path):
         assert json.loads(ran.stdout)["models"][0]["conditions"][0]["dof"] == 2 * count - 1
 
 
+@pytest.mark.sampled(2)
 def test_the_shape_in_campaign_toml_reaches_the_material(run, small_campaign, tmp_path):
     small_campaign = shutil.copytree(small_campaign, tmp_path / "campaign")
     statement = (small_campaign / "campaign.toml").read_text(encoding="utf-8")

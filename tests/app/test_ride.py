@@ -115,6 +115,7 @@ def test_errors_of_two_files_are_independent(run, files):
     assert apart["u(difference in weighted acceleration) [1]"] > own
 
 
+@pytest.mark.sampled(2)
 def test_a_spring_that_loses_nothing_has_no_relative_power(run, files, tmp_path):
     ran = run("ride", files / "spring.json", files / "kelvin.json", "--at", "pressure=2 bar", "--out", tmp_path / "r")
     assert ran.exit_code == 0, ran.stderr

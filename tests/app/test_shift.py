@@ -18,6 +18,7 @@ def isotherms(tmp_path_factory):
     return table(tmp_path_factory.mktemp("isotherms") / "isotherms.csv")
 
 
+@pytest.mark.sampled(2)
 def test_the_folder_has_every_file_and_the_text_has_shifts_overlaps_and_laws(isotherms, tmp_path, capsys):
     folder = tmp_path / "new" / "master"
     show(run_shift([isotherms], ShiftOptions(reference=20.0, folder=folder, constants_at=0.0)), as_json=False)

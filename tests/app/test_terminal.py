@@ -27,6 +27,7 @@ def analysed(run, small_campaign, tmp_path_factory):
     return folder, ran.stdout
 
 
+@pytest.mark.sampled(2)
 def test_the_table_of_an_analysis_is_in_the_units_of_the_campaign(analysed):
     _, said = analysed
     assert "K1 [kgf/mm]" in said

@@ -69,6 +69,7 @@ def test_eight_sines_with_rests_are_eight_segments_without_their_beginning(noise
         assert end - 1.5 / f < one.end <= end + 0.1 / f
 
 
+@pytest.mark.sampled(2)
 def test_preloads_with_ramps_between_are_told_by_the_mean_and_a_loop_before_is_one():
     parts = [rest(1.0), loops(5.0, 20.0, 3), rest(2.0)]
     for mean in (1.0, 2.0, 3.0):

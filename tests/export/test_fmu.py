@@ -63,6 +63,7 @@ def test_an_fmu_has_description_sources_and_binary_and_is_the_same_again(files, 
     assert {f"sources/{name}" for name in COMPILED[3 if kind == "fmu3" else 2]} < sources
 
 
+@pytest.mark.sampled(2)
 def test_each_condition_of_a_file_of_fits_is_an_operating_point(files, tmp_path):
     path = export_results(files / "model.json", "fmu", tmp_path / "a.fmu").path
     for at, (pressure, load) in enumerate([(1.7e5, 2e3), (1.7e5, 3.5e3), (1.7e5, 5e3), (2e5, 2e3)], start=1):
@@ -73,6 +74,7 @@ def test_each_condition_of_a_file_of_fits_is_an_operating_point(files, tmp_path)
     assert "4 = tyre, 2 bar, 2000 N" in description(path)
 
 
+@pytest.mark.sampled(2)
 def test_a_map_gives_the_points_that_are_asked(files, tmp_path):
     points = [{PRESSURE: 1.85e5, LOAD: 3e3}, {PRESSURE: 2.2e5, LOAD: 4e3}]
     path = export_results(files / "map.json", "fmu3", tmp_path / "a.fmu", points=points).path

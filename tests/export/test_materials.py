@@ -64,6 +64,7 @@ def test_a_shape_goes_through_the_model_file(two):
 
 
 @pytest.mark.parametrize(("name", "shape"), [("shear", BLOCK), ("compression", DISC)])
+@pytest.mark.sampled(2)
 def test_abaqus_gives_the_same_stiffness(two, name, shape, tmp_path):
     exported = export_results(two / f"{name}.json", "abaqus", tmp_path / "a.inp")
     assert exported.notes == ()
@@ -190,6 +191,7 @@ def test_names_are_distinct_and_of_letters(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["zener", "maxwell:3"])
+@pytest.mark.sampled(2)
 def test_every_model_of_arms_is_a_prony_series(name, tmp_path):
     made(name).write(tmp_path / "model.json")
     blocks = read_dyna(export_results(tmp_path, "lsdyna-springs").path.read_text())

@@ -66,6 +66,7 @@ def test_what_it_cannot(study):
         study.map("zener", tyre="x")
 
 
+@pytest.mark.sampled(2)
 def test_fit_from_the_study(study):
     fits = study.fit("zener")
     assert [one.tyre for one in fits] == [CROSS_PLY.name, RADIAL_PLY.name]

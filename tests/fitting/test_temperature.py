@@ -107,6 +107,7 @@ def test_beyond_the_isotherms_the_law_continues_them_and_is_named(branched):
     assert np.all(far_std > end_std)
 
 
+@pytest.mark.sampled(2)
 def test_shift_warns_once_where_the_law_misses_its_own_factors(tmp_path, capsys):
     show(run_shift([written(tmp_path / "t.csv", T, two_branches)], ShiftOptions(reference=20.0)), as_json=False)
     said = " ".join(capsys.readouterr().err.split())

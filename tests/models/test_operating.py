@@ -217,6 +217,7 @@ def test_intervals_of_maps_with_common_errors_hold():
         assert np.all(np.abs(np.mean(z, axis=0)) < 3.3 / np.sqrt(24))
 
 
+@pytest.mark.sampled(2)
 def test_an_error_of_the_model_does_not_pass_for_a_phase_of_the_sensors():
     """A fractional tyre, whose loss a Zener tyre cannot have: u covers that, though a phase could explain a part."""
 
@@ -233,6 +234,7 @@ def test_an_error_of_the_model_does_not_pass_for_a_phase_of_the_sensors():
     assert 0.005 < found.scatter.frequency[1] < 0.1
 
 
+@pytest.mark.sampled(2)
 def test_a_law_that_is_no_polynomial_shows_in_the_uncertainty():
     """A kink between four pressures, which a cubic would meet: u is as large as what lies between them."""
 
@@ -246,6 +248,7 @@ def test_a_law_that_is_no_polynomial_shows_in_the_uncertainty():
     assert np.sqrt(np.mean(off**2)) < 2 * max(found.scatter.condition)
 
 
+@pytest.mark.sampled(2)
 def test_the_unstated_common_error_of_k1_is_not_averaged_away():
     """Static tests known to 2 %, all by the same load cell: 12 of them know K1 no better."""
     data, shared = with_common_errors(0, 0.03)

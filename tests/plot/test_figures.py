@@ -96,6 +96,7 @@ def test_the_figures_by_question_come_first_and_the_papers_stand_apart(study):
 
 
 @pytest.mark.parametrize(("key", "preload"), LOW_HIGH.items())
+@pytest.mark.sampled(2)
 def test_figures_6_to_13_carry_the_numbers_of_the_table(study, drawn, key, preload):
     quantity, scale = ("C [N s/m]", 1.0) if int(key[3:]) < 10 else ("K2 [N/m]", 1e-3)
     against = ("pressure [Pa]", 1e-5) if key in {"fig06", "fig07", "fig10", "fig11"} else ("frequency [Hz]", 1.0)
@@ -208,6 +209,7 @@ def test_every_axis_says_its_unit(drawn, key):
     assert all(label.endswith("]") and "[" in label for label in labels), labels
 
 
+@pytest.mark.sampled(2)
 def test_a_tyre_has_one_colour_and_a_pressure_one_marker_in_all_figures(study, drawn):
     colour = {tyre: to_hex(Style().colour(at)) for at, tyre in enumerate(TYRES)}
     markers = {}

@@ -184,6 +184,7 @@ def test_of_a_test_with_several_points_those_in_the_band_are_drawn(fitted):
     assert chosen.tolist() == sorted(order[name] for name in (*names[:2], *state.tests[4:]))
 
 
+@pytest.mark.sampled(2)
 def test_a_tyre_keeps_its_colour(fitted):
     style = Style()
     for key in ("storage-loss", "map"):

@@ -226,6 +226,7 @@ def test_they_are_drawn_on_each_paper_and_stay_light(study, key, theme):
     assert len(svg) < 250_000
 
 
+@pytest.mark.sampled(2)
 def test_a_fine_sweep_stays_light():
     many = results_of(tyres=(RADIAL_PLY,), pressures=(100e3, 170e3), frequencies=[8.0 * 1.03**at for at in range(60)])
     for key in ("budget", "rig-residual"):

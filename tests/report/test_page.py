@@ -645,6 +645,7 @@ def test_the_contents_lead_to_the_rig_and_to_what_limits(visit):
     assert page.locator("#rig-as-found tbody th[scope=row]").count() == len(VALUES)
 
 
+@pytest.mark.sampled(2)
 def test_models_are_reached_and_their_parameters_open(visit):
     page = visit(study_with_models())
     page.get_by_role("navigation").get_by_role("link", name="Models").click()
@@ -695,6 +696,7 @@ def test_the_table_of_the_rig_scrolls_by_itself_on_a_narrow_screen(visit):
         assert page.get_by_role("region", name="Shared values").bounding_box()["width"] <= width
 
 
+@pytest.mark.sampled(2)
 def test_an_outlier_opens_its_card(visit):
     results = with_rig_found(varied())
     rows = residual_table(results.dynamic.filter(pl.col("test") == "D2"), **{"outlier [1]": 60.0})
@@ -703,6 +705,7 @@ def test_an_outlier_opens_its_card(visit):
     page.locator("details#dynamic-2[open]").wait_for(state="attached")
 
 
+@pytest.mark.sampled(2)
 def test_filters_meet_tables_and_cards(visit):
     page = visit(varied())
     shown = page.locator("#shown")
@@ -767,6 +770,7 @@ def test_hostile_names_harm_nothing_and_keep_the_layout(visit):
         assert page.locator(".results tbody tr").evaluate_all(heights) < (60 if width == 1280 else 90)
 
 
+@pytest.mark.sampled(2)
 def test_a_page_is_read_without_its_script(visit):
     page = visit(varied(), java_script_enabled=False, unfold=False)
     for name in ("Every test", "Test by test"):

@@ -90,6 +90,7 @@ def test_one_weighed_mass_in_place_of_good_sensors(rough):
     assert 1e-3 < after < 2e-3
 
 
+@pytest.mark.sampled(2)
 def test_without_the_mass_the_uncertainty_is_large_and_honest(tmp_path):
     folder = simulated(tmp_path, seed=3, sensors=ROUGH, rig_std=LOOSE)
     study = analyse(folder)
@@ -256,6 +257,7 @@ def test_one_test_is_as_stated_and_says_so(noisy):
     assert study.notes[0] == "[rig]: one test only: rig and channels are taken as you stated them"
 
 
+@pytest.mark.sampled(2)
 def test_each_rig_is_found_by_itself(tmp_path):
     """Two rigs of one campaign, and the same as two campaigns."""
     folder = simulated(tmp_path / "one", seed=4, preloads=[1000.0])

@@ -58,6 +58,7 @@ def checked(html):
     return html
 
 
+@pytest.mark.sampled(2)
 def test_a_study_shows_its_tests_and_the_range_of_each_condition(study):
     html = checked(study._repr_html_())
     assert "16 tests: 15 ok, 0 warning, 1 rejected; joint route" in html

@@ -52,6 +52,7 @@ def test_recordings_give_the_poles_of_a_car_tyre_to_100_hz_within_1_percent(meas
     assert all("no input_mass is stated" in note or "no tyre_mass is stated" in note for note in found.notes)
 
 
+@pytest.mark.sampled(2)
 def test_stated_masses_of_the_rig_are_taken_off_and_said(tmp_path):
     masses = """input_mass = { value = 1.5, unit = "kg", std = 0.001 }
 tyre_mass = { value = 9, unit = "kg", std = 0.001 }"""
@@ -131,6 +132,7 @@ def test_a_rejected_test_is_named_with_its_reason(belted):
     assert len(found.poles.frequency) == 4
 
 
+@pytest.mark.sampled(2)
 def test_a_condition_that_lacks_something_does_not_stop_the_others(belted):
     text = (belted.path / "tests.csv").read_text()
     lines = [

@@ -255,6 +255,7 @@ def test_a_clock_turns_the_phase_from_half_to_half(tmp_path):
 
 
 @pytest.mark.parametrize("column", ["preload", "added_mass"])
+@pytest.mark.sampled(2)
 def test_swapped_labels_exchange_two_recordings(column, tmp_path):
     plan = {"preloads": (1000.0, 2000.0), **MASSES}
     before = made(tmp_path / "before", **plan)

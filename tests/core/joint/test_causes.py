@@ -156,6 +156,7 @@ def test_a_gain_that_the_tests_hardly_know_is_never_named(make, seed, spread):
     assert all(one.std <= 0.05 for one in named if one.released and one.source.kind is Kind.GAIN)
 
 
+@pytest.mark.sampled(2)
 def test_a_common_error_comes_before_a_rare_one_that_explains_as_much(make):
     """With a weighed mass a gain of V1 off by -6 % looks much as cross-talk of V2 in V1 does."""
     made = make(replace(USUAL, std_added=5e-4, undeclared={"gain V1": -0.06}), masses=(0.0, 10.0), **TESTS)

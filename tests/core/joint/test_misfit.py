@@ -148,6 +148,7 @@ def test_a_delay_is_told_from_a_phase(make):
     assert best.form == "late"
 
 
+@pytest.mark.sampled(2)
 def test_a_phase_that_nothing_could_tell_is_no_cause(make):
     """With one mass V1 turned is K* turned: its share after all is fitted out is round-off."""
     made = make(replace(GOOD, undeclared={"frame_stiffness": 1e5}), frequencies=6, families=2)

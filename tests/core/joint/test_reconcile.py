@@ -88,6 +88,7 @@ def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make
     assert abs(joint.solution.z[at] - true) < 4 * np.sqrt(joint.solution.covariance[at, at])
 
 
+@pytest.mark.sampled(2)
 def test_an_outlier_is_found_and_the_others_stay(make):
     made = make(GOOD, masses=(0.0, 5.0, 10.0), frequencies=4, families=3, within=2.0)
     bad = 13  # of three in its condition: of two it could not be told which
@@ -161,6 +162,7 @@ def understated(make, factor):
     return made, made.identify()
 
 
+@pytest.mark.sampled(2)
 def test_noise_larger_than_stated_is_taken_as_it_is(make):
     """Within what may be, but counted."""
     made, joint = understated(make, 1 / 1.8)
