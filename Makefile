@@ -132,7 +132,7 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 	@$(BIN)/ruff format
 
 # What it holds: each function of a library that the package calls is there in the lowest version and does the same. So
-# every third test, by turns, runs with its first case alone (--first), except where the cases differ in the library that
+# every fifth test, by turns, runs with its first case alone (--first), except where the cases differ in the library that
 # they call (tests/selection.py). Left out are examples, for they show numbers as today's numpy prints them; warnings, for
 # those of an old library are nobody's to mend; the commands', the report's and the pages' own tests, which hold exact
 # output of the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many

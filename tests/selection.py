@@ -51,7 +51,7 @@ def mark_pages(items: Iterable[pytest.Item]) -> None:
 def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.Item]:
     """Cases that a run leaves out: those of other turns.
 
-    With `first` these are also all tests that are by turns, and all but the first case of every third other test; the
+    With `first` these are also all tests that are by turns, and all but the first case of every fifth other test; the
     tests of LIBRARIES are chosen as without.
     """
     seen: Counter[str] = Counter()
@@ -62,7 +62,7 @@ def left_out(items: Iterable[pytest.Item], *, first: bool) -> Iterator[pytest.It
         mark = item.get_closest_marker("sampled")
         place = number + zlib.crc32(name.encode())  # so that tests without cases do not all have one turn
         if first and not name.startswith(LIBRARIES):
-            out = mark or number or not share(place, 3)
+            out = mark or number or not share(place, 5)
         else:
             out = mark and not share(place, *mark.args)
         if out:
