@@ -49,13 +49,19 @@ def fitted(data):
     return np.stack([one.values for one in fit_conditions(ZENER, data)])
 
 
+def map_of(seed):
+    data = measured(seed, SCATTER)
+    return make_map(ZENER, data, Axes.of(["p [Pa]", "l [N]"], POINTS), fitted(data))
+
+
 @pytest.fixture(scope="module")
-def maps():
-    found = []
-    for seed in range(6):
-        data = measured(seed, SCATTER)
-        found.append(make_map(ZENER, data, Axes.of(["p [Pa]", "l [N]"], POINTS), fitted(data)))
-    return found
+def one_map():
+    return map_of(0)
+
+
+@pytest.fixture(scope="module")
+def maps(one_map):
+    return [one_map, *map(map_of, range(1, 6))]
 
 
 @pytest.mark.sampled(8)
@@ -92,8 +98,8 @@ def test_between_the_conditions_the_truth_is_inside_its_interval(maps):
     assert np.mean(np.abs(scores) < 1.96) > 0.93
 
 
-def test_k2_and_c_are_those_of_its_k_and_k1(maps):
-    answer = maps[0].ask(POINTS, np.full(len(POINTS), 14.0))
+def test_k2_and_c_are_those_of_its_k_and_k1(one_map):
+    answer = one_map.ask(POINTS, np.full(len(POINTS), 14.0))
     k2, c = maxwell_arm(answer.stiffness, answer.k1, np.full(len(POINTS), 28 * np.pi))
     np.testing.assert_allclose(answer.k2, k2, rtol=1e-12)
     np.testing.assert_allclose(answer.c, c, rtol=1e-12)
@@ -110,9 +116,9 @@ def test_k2_and_c_are_those_of_its_k_and_k1(maps):
     )
 
 
-def test_tr_has_the_uncertainty_of_k_and_of_the_rig(maps):
+def test_tr_has_the_uncertainty_of_k_and_of_the_rig(one_map):
     rig = Rig(15.0, 12440.0, 15.0, std={"moving_mass": 0.1, "preload_stiffness": 50.0, "preload_damping": 2.0})
-    answer = maps[0].ask(POINTS[:1], [14.0])
+    answer = one_map.ask(POINTS[:1], [14.0])
     value, std = answer.transmissibility(rig, [14.0])
     omega, rng = 28 * np.pi, np.random.default_rng(1)
     k = rng.multivariate_normal(
@@ -280,13 +286,13 @@ def test_many_conditions_over_three_axes_keep_their_scatter():
     assert len(found.terms) < 20
 
 
-def test_errors_of_the_parameters_are_those_of_an_answer_without_scatter(maps):
+def test_errors_of_the_parameters_are_those_of_an_answer_without_scatter(one_map):
     """Near one level of an axis with two, too, where the curvature between them is an error of its own."""
     two = Axes.of(["p [Pa]"], [[1.0e5], [2.0e5]])
     data = measured(3, 0.0)[:2]
     few = make_map(ZENER, data, two, fitted(data))
     # the curvature is taken as a change of the parameters, of which K* is no linear function
-    for one, point, close in ((maps[0], maps[0].axes.middle, 1e-9), (few, np.array([1.3e5]), 0.06)):
+    for one, point, close in ((one_map, one_map.axes.middle, 1e-9), (few, np.array([1.3e5]), 0.06)):
         calm = replace(one, scatter=Scatter(), static=None)
         values, errors = calm.parameters(point[None])[0], calm.errors(point)
         slopes = ZENER.derivative(values, OMEGA) @ errors
