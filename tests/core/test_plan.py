@@ -87,7 +87,7 @@ def half_width(errors):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("laboratory", LABORATORIES)
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(12)
 def test_the_plan_predicts_the_scatter_of_repeats_and_the_gain_of_an_added_mass(laboratory):
     """One test for all routes and masses, as the draws of a laboratory are the dear part of it."""
     alone, with_mass = (scatter(laboratory, masses) for masses in MASSES)

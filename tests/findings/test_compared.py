@@ -350,7 +350,7 @@ def test_a_mounting_and_a_rig_of_another_name_are_told():
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(12)
 def test_the_ratios_of_runs_without_a_difference_have_the_spread_of_chance(tmp_path):
     """6 pairs of runs with drawn errors that both share; K' and K'' of 4 frequencies are nearly independent."""
     found = []

@@ -204,7 +204,7 @@ AT = np.array([6.0, 12.0, 20.0, 35.0])
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(12)
 def test_intervals_of_maps_with_common_errors_hold():
     """24 maps whose points share a gain of 3 %: with 95 % each, fewer than 19 inside happen once in 1000 times."""
     scores, parameters = [], []
