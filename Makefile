@@ -19,6 +19,8 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP_FLAGS := --quiet --disable-pip-version-check --no-compile
 # The tests in two processes; one that has done its own takes from the other. A third makes fixtures that they have made.
 TWO_AT_A_TIME := --numprocesses 2 --dist worksteal
+# Two processes use both cores; more threads of polars in each wait for each other.
+pytest lowest every: export POLARS_MAX_THREADS ?= 1
 
 .PHONY: help demo test ready check docs figures links lines format chromium compiler strace pytest lowest lowest-install bench bench-install validate faults hostile every lock clean
 
@@ -69,9 +71,9 @@ $(READY_BENCH): $(READY)
 demo: $(if $(wildcard $(READY)),$(READY),$(READY_DEMO))  ## make the demonstration campaign in ./fourpole-demo and analyse it
 	@$(BIN)/fourpole demo
 
-# Installing waits for the network and needs one core, so two things are installed at a time; the tests take both cores.
+# Installing waits for the network half of the time, so three things are done at a time; the tests take both cores.
 test:  ## everything: check, the peers, the tests on the lowest versions, the tests
-	@$(MAKE) --no-print-directory --jobs 2 ready
+	@$(MAKE) --no-print-directory --jobs 3 ready
 	@$(MAKE) --no-print-directory lowest
 	@$(MAKE) --no-print-directory pytest
 
@@ -101,8 +103,9 @@ compiler: chromium  ## the C compiler that the tests of FMUs need; after chromiu
 strace: compiler  ## the tracer that the tests of faults need; after the compiler, for one apt-get runs at a time
 	$(call program,strace,strace,the tests of faults)
 
+# Asserts are plain, for to rewrite those of all files takes 20 s; what fails runs once more, and says the values.
 pytest: $(READY) strace  ## the tests, the examples of the docstrings and of the README
-	@$(BIN)/python -m pytest $(TWO_AT_A_TIME)
+	@$(BIN)/python -m pytest $(TWO_AT_A_TIME) --assert=plain || { $(BIN)/python -m pytest --last-failed --last-failed-no-failures none; exit 1; }
 
 check: $(READY)  ## lint, format, types, direction of imports
 	@$(BIN)/ruff check
@@ -129,16 +132,15 @@ format: $(READY)  ## put the code in its format, and mend what the linter can
 	@$(BIN)/ruff format
 
 # What it holds: each function of a library that the package calls is there in the lowest version and does the same. So
-# every third test, by turns, runs with its first case alone (--first), except where the cases differ in the library that
+# every fifth test, by turns, runs with its first case alone (--first), except where the cases differ in the library that
 # they call (tests/selection.py). Left out are examples, for they show numbers as today's numpy prints them; warnings, for
 # those of an old library are nobody's to mend; the commands', the report's and the pages' own tests, which hold exact
 # output of the terminal, browser and drawing libraries of the lock alone; tests that take long or repeat an estimate many
 # times, which ask of our formulas, not of a library; core/joint and models, algebra on numpy and scipy, which the analyses
-# and fits of the other tests run. Asserts are plain: to rewrite them takes a fifth of the time, and `make pytest`, which
-# says what the values were, mostly fails with it.
+# and fits of the other tests run. Asserts are plain, as those of `make pytest`.
 lowest: lowest-install  ## the tests of the library on the lowest versions allowed (Python 3.11 or 3.12)
 	@[ ! -e $(READY_LOWEST) ] || .venv-lowest/bin/python -m pytest --override-ini=addopts=--import-mode=importlib \
-		-W default --assert=plain $(TWO_AT_A_TIME) --first -m "not statistical and not thorough" tests \
+		-W default $(TWO_AT_A_TIME) --assert=plain --first -m "not statistical and not thorough" tests \
 		--ignore=tests/app --ignore=tests/report --ignore=tests/docs --ignore=tests/tools \
 		--ignore=tests/core/joint --ignore=tests/models
 
@@ -169,7 +171,7 @@ hostile: $(READY)  ## every command and every page on every folder that is made 
 	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest -q tests/served/test_hostile.py
 
 every: $(READY)  ## all of the tests of which `make test` takes a part, which is another after each change of the sources
-	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest $(TWO_AT_A_TIME) -m sampled tests
+	@FOURPOLE_EVERY=1 $(BIN)/python -m pytest $(TWO_AT_A_TIME) -m sampled docs tests
 
 LOCK := .venv-lock/bin/uv --quiet --no-config pip compile --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" pyproject.toml

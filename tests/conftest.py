@@ -17,7 +17,7 @@ import pytest
 from numpy.typing import NDArray
 from tests.kept import user_folders
 from tests.reference import claims
-from tests.selection import EVERY, left_out, turn
+from tests.selection import EVERY, left_out, mark_pages, turn
 
 from fourpole import Study, analyse
 from fourpole.core.checks import Check, Verdict
@@ -40,6 +40,7 @@ def pytest_report_header() -> str:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    mark_pages(items)
     left = set(left_out(items, first=config.getoption("--first", default=False)))
     if left and not any("::" in argument for argument in config.args):  # what is named runs
         config.hook.pytest_deselected(items=list(left))
@@ -102,10 +103,13 @@ def evaluate_claims() -> Callable[..., object]:
 
 
 class Folder:
-    """A campaign folder of one's own, to look at and to change."""
+    """A campaign folder of one's own, to look at and to change.
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    Its recordings are demodulated once for all copies, by this thread: `cache` finds them by their content.
+    """
+
+    def __init__(self, path: Path, cache: Path | None = None) -> None:
+        self.path, self.cache = path, cache
 
     def recording(self, test: str) -> Path:
         return self.path / "recordings" / f"{test}.csv"
@@ -142,7 +146,8 @@ class Folder:
         (self.path / "tests.csv").write_text("\n".join([f"{lines[0]},{name}", *rows]) + "\n")
 
     def analyse(self, **settings: object) -> Study:
-        return analyse(self.path, **settings)
+        of_results_alone = settings.keys() <= {"route", "monte_carlo", "seed"}
+        return analyse(self.path, cache=settings.pop("cache", self.cache if of_results_alone else None), **settings)
 
     def truth(self) -> pl.DataFrame:
         return pl.read_csv(self.path / "truth.csv", infer_schema_length=None)
@@ -275,16 +280,22 @@ def clean_campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ).folder
 
 
+@pytest.fixture(scope="session")
+def demodulated_recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The cache of all copies of the two campaigns."""
+    return tmp_path_factory.mktemp("demodulated")
+
+
 @pytest.fixture
-def noisy(noisy_campaign: Path, tmp_path: Path) -> Folder:
+def noisy(noisy_campaign: Path, demodulated_recordings: Path, tmp_path: Path) -> Folder:
     """A copy of the noisy campaign to change."""
-    return Folder(shutil.copytree(noisy_campaign, tmp_path / "campaign"))
+    return Folder(shutil.copytree(noisy_campaign, tmp_path / "campaign"), demodulated_recordings)
 
 
 @pytest.fixture
-def clean(clean_campaign: Path, tmp_path: Path) -> Folder:
+def clean(clean_campaign: Path, demodulated_recordings: Path, tmp_path: Path) -> Folder:
     """A copy of the clean campaign to change."""
-    return Folder(shutil.copytree(clean_campaign, tmp_path / "campaign"))
+    return Folder(shutil.copytree(clean_campaign, tmp_path / "campaign"), demodulated_recordings)
 
 
 @pytest.fixture

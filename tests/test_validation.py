@@ -29,7 +29,7 @@ def validate(monkeypatch, tmp_path):
     return module
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_validation_runs_and_writes_its_document(validate, monkeypatch):
     """Campaign 0 is also held against the Cramér-Rao bound; all that the campaigns share has a true value."""
     asked = "--phasors 2 --recordings 1 --only phasors --only recordings --jobs 1"

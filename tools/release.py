@@ -42,6 +42,7 @@ def main(words: list[str] | None = None) -> int:
         say(f"The statements of version {version} agree.")
         if not dry:
             run("make", "test", cwd=ROOT)
+            run("make", "every", cwd=ROOT)
         wheel = build(ROOT)
         try_wheel(wheel, version)
         if dry:

@@ -125,7 +125,7 @@ def content_of(path):
     return {key: value for key, value in record.items() if key not in ("campaign", "seal")}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_figures_and_report_come_with_the_tables_also_of_a_hurt_campaign(run, campaign):
     for path in (campaign / "recordings").glob("[SD][12].csv"):
         path.unlink()
@@ -299,7 +299,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_campaign_that_cannot_be_read_is_one_message_and_nothing_is_written(run, campaign, fault):
     make, more, said = FAULTS[fault]
     if make is pipe and not hasattr(os, "mkfifo"):
@@ -336,7 +336,7 @@ def test_many_faults_are_a_few_lines(run, campaign):
     assert "more" in ran.stderr.splitlines()[-1]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_process_ends_as_said_too(fourpole, campaign):
     edit(campaign / "campaign.toml", "value = 15.0,", "value = -15.0,")
     ran = fourpole("analyse", campaign)
@@ -361,7 +361,7 @@ def test_a_folder_that_cannot_be_written_is_exit_2(run, campaign):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way there")
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, run, tmp_path):
     folder = simulate_campaign(
         tmp_path / "whole",

@@ -62,6 +62,7 @@ def test_a_stop_ends_the_whole_command(run, several, monkeypatch):
     assert "2 of 3" not in ran.stderr
 
 
+@pytest.mark.sampled(2)
 def test_lab_gathers_what_there_is_and_says_what_it_did(run, several):
     folder = several[0].parent
     run("analyse", *several, "--tables-only")

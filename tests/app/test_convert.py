@@ -75,7 +75,7 @@ def recorded(tmp_path_factory):
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mf4", "tdms", "uff", "mat", "h5", "wav", "tdx"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_converted_campaign_gives_the_same_numbers(run, recorded, tmp_path, ending):
     folder, before = recorded
     toml = (folder / "campaign.toml").read_text()

@@ -91,7 +91,7 @@ def test_the_springs_of_the_car_tyre_relax_its_model_fits_and_the_report_says_wh
     assert page.count("has a C that rises with frequency") == 2
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_an_earlier_demonstration_is_replaced(run, tmp_path, monkeypatch):
     """With the summary for programs, and of a small campaign without a report, so that it is quick."""
     from fourpole.app import analysis

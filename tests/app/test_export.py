@@ -30,7 +30,7 @@ def results(small_campaign, tmp_path_factory):
         ("netcdf", "results.nc"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_each_kind_is_written_and_its_path_printed(run, results, kind, name, tmp_path):
     folder = shutil.copytree(results, tmp_path / "results")
     ran = run("export", folder, "--to", kind)

@@ -75,7 +75,7 @@ def test_a_number_of_the_statement_beyond_use_is_named(run, folder, command, old
         ("note", "n" * 140_000, "131072"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_cell_of_tests_csv_beyond_use_is_named(run, folder, command, column, value, said):
     with_cell(folder / "tests.csv", column, value)
     ran = run(command, folder)
@@ -179,7 +179,7 @@ def test_sensors_that_are_hardly_known_give_tables_without_a_model(run, folder, 
 
 
 @pytest.mark.usefixtures("without_figures")
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_report_of_new_results_says_nothing_of_former_models(run, small_campaign, tmp_path):
     folder = shutil.copytree(small_campaign, tmp_path / "campaign")
     assert run("analyse", folder).exit_code == 0

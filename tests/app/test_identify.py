@@ -274,7 +274,7 @@ def test_a_missing_file_and_a_folder(run, tmp_path):
     assert "is a folder" in run("identify", tmp_path, "--k1", "1 N/m", "--no-rig").stderr
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_process_prints_the_table_alone_on_stdout(fourpole, bench):
     ran = fourpole("identify", bench(HURT_ROWS), "--k1", "180 kN/m", *RIG)
     assert ran.returncode == 3

@@ -127,7 +127,7 @@ def test_a_group_by_itself(run, logged):
     assert [one["count"] for one in found] == [500]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_terminal_without_braille_gets_plain_signs(table):
     done = subprocess.run(
         [sys.executable, "-c", "from fourpole.app.cli import main; main()", "info", str(table)],

@@ -67,6 +67,7 @@ def test_fit_chooses_and_says_why(run, tmp_path):
     assert document["provenance"]["settings"] == {"model": "auto"}
 
 
+@pytest.mark.sampled(2)
 def test_without_uncertainties_they_are_found_and_that_is_said(run, tmp_path):
     ran = run("fit", reduced(tmp_path / "k.csv", noise=5e-3, std=False), "--json")
     assert ran.exit_code == 0, ran.output
@@ -98,7 +99,7 @@ def test_k1_is_a_datum(run, tmp_path):
     assert known["values"][0] == pytest.approx(180e3, rel=0.02)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_causality_tells_possible_from_impossible(run, tmp_path):
     good = run("causality", reduced(tmp_path / "k.csv"))
     assert good.exit_code == 0
@@ -126,7 +127,7 @@ def test_causality_assumes_an_uncertainty_where_none_is_stated(run, tmp_path):
     assert json.loads(ran.stdout)["conditions"][0]["possible"]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_k1_that_contradicts_is_named(run, tmp_path):
     ran = run("causality", reduced(tmp_path / "k.csv"), "--k1", "260 kN/m", "--std-k1", "1 %")
     assert "it is K1 of the static test" in ran.stdout
@@ -136,7 +137,7 @@ def shown_as(results):
     return ("query", results / "map.json", "--pressure", "1.85 bar", "--preload", "1400 N", "--frequency", "13.7 Hz")
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_results_to_model_map_and_query(run, results):
     fitted = run("fit", results, "--model", "zener")
     assert fitted.exit_code == 0, fitted.output
@@ -177,6 +178,7 @@ def test_results_to_model_map_and_query(run, results):
     assert again.stderr == "" or "left out" not in again.stderr
 
 
+@pytest.mark.sampled(2)
 def test_a_fit_renews_the_report_of_its_folder_and_says_so_last(run, results, tmp_path):
     folder = shutil.copytree(results, tmp_path / "results")
     (folder / "report.html").write_text("older")
@@ -203,7 +205,7 @@ def models_in(folder, name="model.json"):
     return {one["tyre"]: one for one in document["models"] + document["maps"]}, document["provenance"]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     assert run("fit", folder, "--model", "zener").exit_code == 0
@@ -228,6 +230,7 @@ def test_a_fit_of_one_tyre_keeps_the_models_of_others(run, two, tmp_path):
     assert made["settings"] == {"model": "zener"}
 
 
+@pytest.mark.sampled(2)
 def test_a_file_of_its_own_keeps_other_tyres_of_the_same_table(run, tmp_path):
     table, made = tmp_path / "k.csv", tmp_path / "own.json"
     rows = "".join(f"{t},{f},{200000 + 900 * f},{9000 + 300 * f}\n" for t in "AB" for f in range(5, 25, 4))
@@ -243,6 +246,7 @@ def test_a_file_of_its_own_keeps_other_tyres_of_the_same_table(run, tmp_path):
     )
 
 
+@pytest.mark.sampled(2)
 def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_path):
     """--out RESULTS/model.json is what fit does without the option: the models of other tyres stay."""
     folder = shutil.copytree(two, tmp_path / "results")
@@ -253,7 +257,7 @@ def test_the_model_file_of_a_folder_is_the_same_one_by_its_name(run, two, tmp_pa
     assert {tyre: one["model"] for tyre, one in found.items()} == {"radial-ply": "spring", "cross-ply": "zener"}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     for model, tyre in (("zener", "radial-ply"), ("kelvin", "cross-ply")):
@@ -270,7 +274,7 @@ def test_a_map_of_one_tyre_keeps_the_maps_of_others(run, two, tmp_path):
         ("{", "", "not valid JSON"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_path, old, new, said):
     folder = shutil.copytree(two, tmp_path / "results")
     run("fit", folder, "--model", "zener")
@@ -284,6 +288,7 @@ def test_a_model_file_that_cannot_be_kept_is_named_and_replaced(run, two, tmp_pa
     assert list(models_in(folder)[0]) == ["radial-ply"]
 
 
+@pytest.mark.sampled(2)
 def test_a_model_file_of_other_results_is_replaced(run, two, results, tmp_path):
     folder = shutil.copytree(two, tmp_path / "results")
     run("fit", results, "--model", "zener", "--out", folder / "model.json")
@@ -292,7 +297,7 @@ def test_a_model_file_of_other_results_is_replaced(run, two, results, tmp_path):
     assert list(models_in(folder)[0]) == ["cross-ply"]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_fit_draws_nothing_that_no_report_shows(run, two, tmp_path, monkeypatch):
     """Figures of former models go; others, and those that the user draws of them, stay."""
     folder = shutil.copytree(two, tmp_path / "results")
@@ -305,7 +310,7 @@ def test_a_fit_draws_nothing_that_no_report_shows(run, two, tmp_path, monkeypatc
     assert ran.stdout.splitlines()[-1] == f"written: {folder / 'model.json'}"
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_figures_that_show_models_are_known(run, two, tmp_path):
     """Each figure whose data change with the models of the folder, or with its maps."""
     folder = shutil.copytree(two, tmp_path / "results")
@@ -401,7 +406,7 @@ def test_bad_input_is_told_in_one_message(run, tmp_path, monkeypatch, arguments,
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_model_file_of_other_results_is_not_shown_as_theirs(run, results, tmp_path):
     folder = tmp_path / "results"
     shutil.copytree(results, folder, ignore=shutil.ignore_patterns("cache", "figures", "*.html"))
@@ -440,6 +445,7 @@ def test_a_fixed_parameter_has_the_unit_of_its_family(model, text, symbol, expec
             assert _fixed([text.format(symbol=one.symbol, unit=one.unit)], model) == {one.symbol: expected}
 
 
+@pytest.mark.sampled(2)
 def test_a_static_test_joins_as_a_ramp_on_request(run, results, tmp_path):
     out = tmp_path / "model.json"
     ran = run("fit", results, "--model", "zener", "--static", "ramp", "--std-static", "4 %", "--out", out)

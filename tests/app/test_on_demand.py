@@ -12,7 +12,7 @@ def some_figures(monkeypatch):
 
 
 @pytest.mark.usefixtures("without_figures")
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_models_are_not_part_of_an_analysis_that_they_would_make_long(run, campaign, monkeypatch):
     """The report and a note say the command; the models that it makes stand in the next report."""
     monkeypatch.setattr("fourpole.app.analysis._FEW_SECONDS", 0.1)
@@ -28,7 +28,7 @@ def test_models_are_not_part_of_an_analysis_that_they_would_make_long(run, campa
 
 
 @pytest.mark.usefixtures("without_figures")
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_models_of_the_same_tables_stay_and_others_go(run, campaign):
     results = campaign / "results"
     run("analyse", campaign, "--no-models")
@@ -44,6 +44,7 @@ def test_models_of_the_same_tables_stay_and_others_go(run, campaign):
 
 
 @pytest.mark.usefixtures("without_figures")
+@pytest.mark.sampled(2)
 def test_models_that_are_asked_for_are_fitted_anew(run, campaign, monkeypatch):
     monkeypatch.setattr("fourpole.app.analysis._FEW_SECONDS", 0.1)
     results = campaign / "results"
@@ -52,6 +53,7 @@ def test_models_that_are_asked_for_are_fitted_anew(run, campaign, monkeypatch):
     assert chosen == {"model": "auto"}
 
 
+@pytest.mark.sampled(2)
 def test_png_is_written_on_demand_and_goes_with_its_tables(run, campaign, monkeypatch):
     some_figures(monkeypatch)
     figures = campaign / "results" / "figures"

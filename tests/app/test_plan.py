@@ -44,6 +44,7 @@ def test_a_campaign_gets_table_figure_advice_and_run_sheet(run, folder):
     assert "seed 1982" in ran.stderr
 
 
+@pytest.mark.sampled(2)
 def test_a_rig_and_a_guessed_tyre_are_enough(run, tmp_path):
     ran = run("plan", *RIG, *TYRE, "--out", tmp_path / "plan")
     assert ran.exit_code == 0, ran.stderr
@@ -59,7 +60,7 @@ def test_without_a_place_nothing_is_written(run, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_programs_get_one_document(run):
     ran = run("plan", *RIG, *TYRE, "--wanted", "0.5 %", "--std-k1", "0.01 %", "--json")
     document = json.loads(ran.stdout)
@@ -70,12 +71,14 @@ def test_programs_get_one_document(run):
     assert {row["plan"] for row in document["rows"]} == {"as stated", *(f"with {m} kg" for m in (2, 5, 10, 20))}
 
 
+@pytest.mark.sampled(2)
 def test_it_is_said_when_nothing_reaches_it(run):
     ran = run("plan", *RIG, *TYRE, "--wanted", "0.0001 %", "--added-mass", "10 kg")
     assert "no remedy tried reaches it; nearest" in ran.stdout
     assert "K1 alone leaves U of 8.8 %" in ran.stdout
 
 
+@pytest.mark.sampled(2)
 def test_it_is_said_when_nothing_is_needed(run):
     ran = run("plan", *RIG, *TYRE, "--wanted", "50 %", "--added-mass", "10 kg")
     assert "reached: nothing more is needed" in ran.stdout

@@ -24,6 +24,7 @@ def test_figures_are_listed_with_what_they_show(run, results):
     assert "fig08" not in shown
 
 
+@pytest.mark.sampled(2)
 def test_a_condition_a_size_and_a_format(run, results, tmp_path):
     path = tmp_path / "tr.png"
     ran = run("plot", results, "tr", "--pressure", "1.7 bar", "--size", "89x60 mm", "--dpi", "200", "--out", path)
@@ -72,7 +73,7 @@ def test_a_slip_is_one_message_with_the_nearest(run, results, options, message, 
     assert not path.exists()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_the_papers_figures_are_drawn_where_they_are_asked_for(run, results):
     figures = results / "figures"
     assert run("plot", results, "--paper").exit_code == 0

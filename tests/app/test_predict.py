@@ -109,6 +109,7 @@ def test_a_wrong_value_is_named_with_its_option(run, option, value, said):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes end in another way elsewhere")
+@pytest.mark.sampled(2)
 def test_a_reader_that_has_enough_is_no_fault(start):
     """As with `| head -1`: the reader closes the pipe before all is written."""
     process = start("predict", *TYRE, *RIG, "--frequency", "1:1000:0.2 Hz")

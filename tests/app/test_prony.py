@@ -68,6 +68,7 @@ def test_the_shape_of_a_table_of_moduli_is_not_stated_again(run, table, tmp_path
     assert (young, poisson) == (pytest.approx(2.98 * arms["G [Pa]"].sum()), 0.49)
 
 
+@pytest.mark.sampled(2)
 def test_nominal_ends_of_a_band_are_inside(run, table, tmp_path):
     run("fit", table, "--model", "fractional", "--std", "1 %", "--out", tmp_path / "a.json")
     for frequency in ("10 Hz", "24 Hz", "10:24 Hz"):
@@ -78,6 +79,7 @@ def test_nominal_ends_of_a_band_are_inside(run, table, tmp_path):
         assert json.loads(ran.stdout)["models"][0]["conditions"][0]["dof"] == 2 * count - 1
 
 
+@pytest.mark.sampled(2)
 def test_the_shape_in_campaign_toml_reaches_the_material(run, small_campaign, tmp_path):
     small_campaign = shutil.copytree(small_campaign, tmp_path / "campaign")
     statement = (small_campaign / "campaign.toml").read_text(encoding="utf-8")

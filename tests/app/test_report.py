@@ -42,6 +42,7 @@ def test_what_is_stated_stands_on_the_page(run, stated):
     assert "<b>PASS</b>" in (stated / "results" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.sampled(2)
 def test_a_program_gets_the_files_and_the_counts(run, stated, monkeypatch):
     assert run("analyse", stated, "--no-models", "--tables-only").exit_code == 0
     monkeypatch.setattr("fourpole.app.report.print_page", lambda page, path: path.write_bytes(b"%PDF"))
@@ -71,6 +72,7 @@ def test_a_slip_is_said_by_check_and_analyse(run, stated, name, text, said):
         assert said in ran.stderr
 
 
+@pytest.mark.sampled(2)
 def test_a_pdf_needs_a_browser_before_anything_is_made(run, stated, monkeypatch):
     assert run("analyse", stated, "--no-models").exit_code == 0
     page = stated / "results" / "report.html"

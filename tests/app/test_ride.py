@@ -37,6 +37,7 @@ def told(text):
     return " ".join(text.split())
 
 
+@pytest.mark.sampled(2)
 def test_two_pressures_of_a_map_differ_by_a_number_with_its_uncertainty(run, files, tmp_path):
     points = ("--at", "pressure=1.7 bar", "--at", "pressure=2.3 bar")
     ran = run("ride", files / "map.json", *points, "--road", "c", "--out", tmp_path / "r")
@@ -114,6 +115,7 @@ def test_errors_of_two_files_are_independent(run, files):
     assert apart["u(difference in weighted acceleration) [1]"] > own
 
 
+@pytest.mark.sampled(2)
 def test_a_spring_that_loses_nothing_has_no_relative_power(run, files, tmp_path):
     ran = run("ride", files / "spring.json", files / "kelvin.json", "--at", "pressure=2 bar", "--out", tmp_path / "r")
     assert ran.exit_code == 0, ran.stderr
@@ -122,7 +124,7 @@ def test_a_spring_that_loses_nothing_has_no_relative_power(run, files, tmp_path)
     assert [one["difference in power lost in the tyres [1]"] for one in rides] == [None, None]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_road_in_time_has_crest_factor_and_dose(run, files, tmp_path):
     at = ("--at", "pressure=2 bar")
     ran = run("ride", files / "model.json", *at, "--duration", "10 s", "--seed", 3, "--json")
@@ -137,7 +139,7 @@ def test_a_road_in_time_has_crest_factor_and_dose(run, files, tmp_path):
         assert run("ride", files / "model.json", *at, "--road", road).exit_code == 0
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_measured_road_and_a_load_deflection_curve(run, files, tmp_path):
     x = np.arange(0.0, 60.0, 0.05)
     rows = zip(x.tolist(), (5 * np.sin(x)).tolist(), strict=True)
@@ -224,7 +226,7 @@ def test_a_vehicle_of_negative_mass_is_refused(run, files, tmp_path):
     assert "v.toml: sprung_mass: -250 kg is not possible" in told(ran.stderr)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_model_of_a_master_curve_is_ridden_at_its_reference(run, tmp_path):
     isotherms(tmp_path / "isotherms.csv")
     assert run("shift", tmp_path / "isotherms.csv", "--reference", "20 degC", "--out", tmp_path / "m").exit_code == 0
@@ -236,6 +238,7 @@ def test_the_model_of_a_master_curve_is_ridden_at_its_reference(run, tmp_path):
     assert run("ride", tmp_path / "m.json", "--at", "temperature=30 degC").exit_code == 2
 
 
+@pytest.mark.sampled(2)
 def test_a_measured_road_is_that_of_an_independent_integrator(run, files, tmp_path):
     """A vehicle and a road of which Fourpole knows nothing: a_w within 0.1 %."""
     rng = np.random.default_rng(5)

@@ -32,7 +32,7 @@ def running(root: Path, *options: str, **settings: object) -> Iterator[subproces
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals of Unix")
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_address_is_one_line_of_a_narrow_terminal(tmp_path: Path) -> None:
     import pty
 
@@ -45,7 +45,7 @@ def test_the_address_is_one_line_of_a_narrow_terminal(tmp_path: Path) -> None:
         os.close(descriptor)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_token_is_not_written_down(tmp_path: Path) -> None:
     with running(tmp_path) as process:
         assert process.stdout is not None
@@ -79,7 +79,7 @@ def test_a_token_is_not_written_down(tmp_path: Path) -> None:
         (["--no-token", "--host", "0.0.0.0"], "everyone who reaches this machine by the network can read and change"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_it_says_who_can_use_it(tmp_path: Path, options: list[str], said: str) -> None:
     with running(tmp_path, *options) as process:
         assert process.stdout is not None
@@ -88,7 +88,7 @@ def test_it_says_who_can_use_it(tmp_path: Path, options: list[str], said: str) -
         assert said in process.stderr.readline()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_program_gets_the_address_on_a_line(tmp_path: Path) -> None:
     with running(tmp_path, "--json") as process:
         assert process.stdout is not None
@@ -97,7 +97,7 @@ def test_a_program_gets_the_address_on_a_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not socket.has_ipv6, reason="no IPv6")
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_an_address_of_ipv6_can_be_opened(tmp_path: Path) -> None:
     try:
         socket.create_server(("::1", 0), family=socket.AF_INET6).close()

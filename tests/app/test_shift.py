@@ -18,6 +18,7 @@ def isotherms(tmp_path_factory):
     return table(tmp_path_factory.mktemp("isotherms") / "isotherms.csv")
 
 
+@pytest.mark.sampled(2)
 def test_the_folder_has_every_file_and_the_text_has_shifts_overlaps_and_laws(isotherms, tmp_path, capsys):
     folder = tmp_path / "new" / "master"
     show(run_shift([isotherms], ShiftOptions(reference=20.0, folder=folder, constants_at=0.0)), as_json=False)
@@ -68,7 +69,7 @@ def test_a_mistake_is_one_sentence(isotherms, options, error, message):
         show(run_shift([isotherms], options), as_json=False)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_figure_has_every_specimen(isotherms, tmp_path):
     rows = isotherms.read_text().splitlines()
     both = tmp_path / "both.csv"

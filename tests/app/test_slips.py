@@ -151,7 +151,7 @@ SLIPS = {
 
 
 @pytest.mark.parametrize("slip", SLIPS)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_the_first_message_leads_to_the_remedy(run, folder, monkeypatch, slip):
     change, command, remedy = SLIPS[slip]
     if change is not None:

@@ -33,6 +33,7 @@ def test_json_has_each_requirement(run, analysed):
     assert said["values"][0]["specimen"] == "radial-ply"
 
 
+@pytest.mark.sampled(2)
 def test_the_page_of_former_tables_does_not_stay(run, analysed):
     assert run("report", analysed, "--standard", "iso-7626-2").exit_code == 0
     stated = analysed / "campaign.toml"

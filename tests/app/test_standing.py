@@ -61,7 +61,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("what", CHANGES)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_whatever_changes_is_analysed_again(analysed, what):
     noisy, _ = analysed
     CHANGES[what](noisy)
@@ -115,7 +115,7 @@ def test_a_second_run_loads_neither_numpy_nor_polars(analysed):
     assert not {"numpy", "polars", "scipy", "pint"} & loaded
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_damaged_note_is_no_note(analysed):
     noisy, _ = analysed
     for content in ("", "{", "[]", '{"settings": 1}', "[" * 100_000, '{"signature": "é'):
@@ -199,6 +199,7 @@ def test_a_cache_behind_a_link_is_neither_read_nor_written(analysed, tmp_path):
     assert {path: path.stat().st_mtime_ns for path in outside.iterdir()} == before
 
 
+@pytest.mark.sampled(2)
 def test_without_a_home_folder_all_works_and_nothing_is_said(analysed, monkeypatch, tmp_path):
     noisy, first = analysed
     (tmp_path / "home").write_text("")

@@ -61,7 +61,7 @@ def mixed(folder):
     tests.write_text(tests.read_text().replace("D2.csv", "D2.parquet"))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_no_process_is_started_but_by_the_door(noted, tmp_path):
     folder = tmp_path / "root" / "one"
     mixed(folder)

@@ -25,7 +25,7 @@ def lines_of(tmp_path_factory):
 
 
 @pytest.mark.parametrize("pressures", [[170e3], [130e3, 170e3, 210e3], [130e3 + 10e3 * n for n in range(9)]])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_the_table_fits_a_terminal(lines_of, pressures):
     lines = lines_of(pressures=pressures, preloads=[1000.0])
     assert len(lines) <= 22

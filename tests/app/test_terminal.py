@@ -27,6 +27,7 @@ def analysed(run, small_campaign, tmp_path_factory):
     return folder, ran.stdout
 
 
+@pytest.mark.sampled(2)
 def test_the_table_of_an_analysis_is_in_the_units_of_the_campaign(analysed):
     _, said = analysed
     assert "K1 [kgf/mm]" in said
@@ -89,13 +90,13 @@ COMMANDS = [
     [*((80, one) for one in COMMANDS), (120, COMMANDS[1])],
     ids=lambda value: value[0] if isinstance(value, tuple) else str(value),
 )
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(7)
 def test_a_terminal_shows_whole_numbers(terminal, analysed, columns, command):
     shown = terminal(columns, *(analysed[0] if one == "CAMPAIGN" else one for one in command))
     assert_fits(shown, columns, str(analysed[0]))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_question_in_a_terminal_is_answered_in_its_unit(terminal):
     shown = terminal(80, "predict", *ARM, "--frequency", "10:12:1 Hz")
     assert_fits(shown, 80)

@@ -16,7 +16,7 @@ def belted(tmp_path_factory):
     return BeltedRig().write(tmp_path_factory.mktemp("belted") / "car", FREQUENCIES)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_poles_are_printed_with_reciprocity_and_belt_and_written(run, belted):
     ran = run("twoport", belted)
     assert ran.exit_code == 0, ran.stderr
@@ -37,7 +37,7 @@ def test_the_poles_are_printed_with_reciprocity_and_belt_and_written(run, belted
     assert not (belted / "results").exists()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_one_json_document_has_the_rows_and_the_files(run, belted, tmp_path):
     ran = run("twoport", belted, "--out", tmp_path / "poles", "--json")
     document = json.loads(ran.stdout)
@@ -56,7 +56,7 @@ def specimens_csv(folder, form, mass=None, std=None):
     (folder / "results" / "study.json").write_text("{}")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_broken_reciprocity_is_said_with_its_causes(run, tmp_path):
     ran = run("twoport", BeltedRig(active=0.05).write(tmp_path / "car", FREQUENCIES))
     assert ran.exit_code == 0
@@ -67,7 +67,7 @@ def test_broken_reciprocity_is_said_with_its_causes(run, tmp_path):
     assert "belt" not in said
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_recordings_that_analyse_has_reduced_are_not_read_again_and_its_belt_is_held_against_the_poles(
     run, belted, tmp_path, monkeypatch
 ):
@@ -89,7 +89,7 @@ def test_recordings_that_analyse_has_reduced_are_not_read_again_and_its_belt_is_
         assert line in " ".join(ran.stdout.split())
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_without_the_library_of_uff_the_rest_is_written(run, belted, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyuff", None)
     ran = run("twoport", belted, "--out", tmp_path / "poles")

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from hypothesis import settings
+from tests.selection import EVERY
 
 from fourpole.core.recording import Channel, Recording
 
-settings.register_profile("busy", deadline=None)  # a busy machine is no failure
+settings.register_profile("busy", deadline=None, max_examples=100 if EVERY else 50)  # a busy machine is no failure
 settings.load_profile("busy")
 
 GAPS = {

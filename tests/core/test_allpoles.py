@@ -41,6 +41,7 @@ def test_the_rig_and_the_ratios_of_the_channels_come_with_them():
     np.testing.assert_allclose(poles.ratios[:, 1], v1 / v2 * np.exp(1e-4j * omega), rtol=1e-9)
 
 
+@pytest.mark.sampled(2)
 def test_a_car_tyre_to_100_hz_comes_back_within_1_percent_at_laboratory_noise():
     rig, masses = BeltedRig(), {"blocks": (6.0, 20.0), "loads": (0.0, 20.0), "noise": 1e-4}
     errors = [off(reciprocal(all_poles(*rig.recorded(FREQUENCIES, **masses, seed=n)))[0], rig) for n in range(10)]
@@ -48,7 +49,7 @@ def test_a_car_tyre_to_100_hz_comes_back_within_1_percent_at_laboratory_noise():
     assert np.median(errors) < 1e-3
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_uncertainty_is_that_of_the_errors_and_the_misfit_has_its_degrees_of_freedom():
     """The mean square of 19 x 8 deviations over their u, in 20 laboratories, is 1."""
     rig, plain, equal, misfit, chances = BeltedRig(), [], [], [], []

@@ -35,13 +35,14 @@ def strange(curves):
 
 @pytest.mark.parametrize("scatter", [1e-6, 0.002, 0.01])
 @pytest.mark.parametrize("shared", [0.0, 0.02j])
+@pytest.mark.sampled(2)
 def test_honest_tests_lie_on_their_curves(scatter, shared):
     for seed in range(5):
         assert strange(curves_of(campaign(seed, scatter, shared=shared))) == []
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_few_honest_campaigns_have_a_strange_test():
     """The probability is 1 % for all tests of a campaign together; 6 of 120 have one once in 700 times."""
     assert sum(bool(strange(curves_of(campaign(seed)))) for seed in range(120)) <= 5

@@ -81,7 +81,7 @@ def solved(phasors, of_blocks=slice(None)):
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(12)
 def test_rigid_blocks_ask_for_a_fixture_and_say_how_stiff_it_is():
     joint, found = solved(made(2e-5))
     assert Source(Kind.FIXTURE, "V1") in joint.misfit.added

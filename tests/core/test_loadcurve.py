@@ -31,6 +31,7 @@ def tangents(curve, law, places=(0.004, 0.012, 0.02, 0.026)):
 
 @pytest.mark.parametrize("shape", ["none", "friction", "parabola", "skewed", "ellipse"])
 @pytest.mark.parametrize("order", range(1, 7))
+@pytest.mark.sampled(3)
 def test_polynomials_with_hysteresis_are_met_exactly(load_cycles, order, shape):
     """The gap is symmetric about the mean, its shape polynomial or elliptic: nothing but round-off is left."""
     law = polynomial(order)
@@ -56,7 +57,7 @@ def test_branches_need_not_be_sampled_alike(load_cycles, up, down, warp, shape):
 
 @settings(max_examples=30)
 @given(st.floats(-0.5, 0.5))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_zero_of_the_deflection_is_arbitrary(load_cycles, zero):
     x, f = load_cycles(LAW)
     here, there = LoadCurve(x, f), LoadCurve(x + zero, f)
@@ -70,7 +71,7 @@ def test_the_zero_of_the_deflection_is_arbitrary(load_cycles, zero):
 
 @settings(max_examples=30)
 @given(st.floats(0.1, 10.0), st.floats(0.1, 10.0))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_scaling(load_cycles, by_load, by_deflection):
     x, f = load_cycles(LAW)
     here, there = LoadCurve(x, f), LoadCurve(by_deflection * x, by_load * f)
@@ -433,6 +434,7 @@ def cycles_of(shape, up=201, down=201, cycles=3):
 
 @pytest.mark.parametrize("branches", [(201, 201), (60, 400)])
 @pytest.mark.parametrize("shape", LOOPS)
+@pytest.mark.sampled(2)
 def test_clean_loops_have_their_tangent_within_three_u_and_a_small_u(shape, branches):
     x, f = cycles_of(shape, *branches)
     for x0 in (0.009, 0.015, 0.021):
@@ -444,7 +446,7 @@ def test_clean_loops_have_their_tangent_within_three_u_and_a_small_u(shape, bran
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("shape", LOOPS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_noise_resolution_and_drift_are_in_the_uncertainty(shape):
     """12 N of noise, steps of 8 N and 0.03 mm, or a drift of 300 N in 60 s: of 12 errors none beyond 3.5 u."""
     load, true = known(shape, 0.016)

@@ -47,7 +47,7 @@ def test_slope_gap_is_the_difference_of_the_branches_tangents():
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_order_in_noise_is_that_of_the_law(order):
     """BIC takes a term more with a chance of about 1/sqrt(N log N), 2 % here, and none less where all are plain."""
     law = Polynomial([0.0, 1.2e5, 3e6, -4e7, 4e9][: order + 1])

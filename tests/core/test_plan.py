@@ -87,7 +87,7 @@ def half_width(errors):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("laboratory", LABORATORIES)
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(12)
 def test_the_plan_predicts_the_scatter_of_repeats_and_the_gain_of_an_added_mass(laboratory):
     """One test for all routes and masses, as the draws of a laboratory are the dear part of it."""
     alone, with_mass = (scatter(laboratory, masses) for masses in MASSES)
@@ -209,7 +209,7 @@ def test_advice_keeps_its_word(k1_std, families, wanted):
     assert found.nearest.worst >= found.of_k1 * 0.05
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_mass_at_one_frequency_of_one_condition_is_the_cheap_way():
     cheapest = advise(plan(families=2), 0.01, masses=[2.0, 5.0]).reaching[0]
     assert [remedy.kind for remedy in cheapest.remedies] == ["mass"]
@@ -235,7 +235,7 @@ def test_a_plan_that_does_needs_nothing():
     assert found.reaching == ()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_no_remedy_costs_nothing_or_harms():
     base = plan(0.02, 2)
     now = advise(base, 0.01, masses=[5.0]).now

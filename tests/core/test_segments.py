@@ -59,6 +59,7 @@ PROCEDURE = [part for f in FREQUENCIES for part in (rest(1.0), sine(f, f**-0.5, 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4, 3e-3])
 @pytest.mark.parametrize("step", [0.0, 5e-3])
+@pytest.mark.sampled(2)
 def test_eight_sines_with_rests_are_eight_segments_without_their_beginning(noise, step):
     found = segments(motion(*PROCEDURE, noise=noise, step=step), RATE)
     assert [one.kind for one in found] == ["sine"] * 8
@@ -73,6 +74,7 @@ def test_eight_sines_with_rests_are_eight_segments_without_their_beginning(noise
         assert end - 1.5 / f < one.end <= end + 0.1 / f
 
 
+@pytest.mark.sampled(2)
 def test_preloads_with_ramps_between_are_told_by_the_mean_and_a_loop_before_is_one():
     parts = [rest(1.0), loops(5.0, 20.0, 3), rest(2.0)]
     for mean in (1.0, 2.0, 3.0):
@@ -95,6 +97,7 @@ def test_steps_without_a_rest_between_are_cut_where_they_change():
 @pytest.mark.parametrize(
     "part", [sweep(1.0, 60.0, 60.0), sweep(5.0, 20.0, 120.0), random(5.0, 50.0, 20.0), rest(20.0), ramp(20.0, 5.0)]
 )
+@pytest.mark.sampled(2)
 def test_other_motions_have_none(part):
     assert segments(motion(part, noise=1e-3), RATE) == []
 

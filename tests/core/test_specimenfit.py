@@ -12,6 +12,7 @@ FREQUENCIES = np.arange(10.0, 101.0, 5.0)
 
 
 @pytest.mark.parametrize("belt", [7.0, 1.2])
+@pytest.mark.sampled(2)
 def test_a_belt_is_found_with_its_mass_share_and_stiffness(belt):
     rig = BeltedRig(belt=belt)
     fit = fit_specimen(all_poles(*rig.recorded(FREQUENCIES, noise=1e-4)))
@@ -25,7 +26,7 @@ def test_a_belt_is_found_with_its_mass_share_and_stiffness(belt):
     assert np.max(np.abs(fit.poles - truth) / np.abs(truth[:, :1, 1:])) < 0.01
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_massless_specimen_gets_no_mass():
     fits = [fit_specimen(all_poles(*BeltedRig(belt=0.0).recorded(FREQUENCIES, noise=1e-4, seed=n))) for n in range(8)]
     assert [fit.specimen.form for fit in fits] == [Form.MASSLESS] * 8
@@ -44,7 +45,7 @@ def test_a_rod_is_told_from_a_belt():
     assert fit.specimen.mass == pytest.approx(3.0, abs=4 * fit.mass_std + 1e-6)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_two_masses_between_the_ends_fit_no_form():
     """A second mass in the sidewall: the poles stay as measured, and no belt may be said to describe them."""
     rig, omega = BeltedRig(), 2 * np.pi * FREQUENCIES
@@ -64,6 +65,7 @@ def test_two_masses_between_the_ends_fit_no_form():
     assert fit.chance < 1e-6
 
 
+@pytest.mark.sampled(2)
 def test_an_error_that_all_frequencies_share_is_not_blamed_on_the_form():
     """V1 is 0.5 % off with the specimen, and known to be unsure by as much: the belt still fits, with a larger u."""
     poles = all_poles(*BeltedRig().recorded(FREQUENCIES, noise=1e-4))

@@ -63,6 +63,7 @@ def test_the_elements_follow_from_newton_and_from_the_laws_of_spring_and_damper(
         assert np.allclose(values, made, rtol=1e-14)
 
 
+@pytest.mark.sampled(4)
 def test_a_belt_between_two_springs_is_the_two_port_of_the_page():
     x1, x2, xb, k, r, mb, z = sp.symbols("x1 x2 xb K r mb Zr")
     contact, rim = (1 + r) * k, (1 + r) * k / r
@@ -81,6 +82,7 @@ def test_a_belt_between_two_springs_is_the_two_port_of_the_page():
     assert np.array(page.subs(values).evalf(), dtype=complex) == pytest.approx(ours, rel=1e-12)
 
 
+@pytest.mark.sampled(4)
 def test_the_work_of_a_cycle_is_pi_times_the_loss_stiffness():
     t, size, storage, loss = sp.symbols("t X S L", positive=True)
     force = size * (storage * sp.cos(w * t) - loss * sp.sin(w * t))  # Re of K* X e^{jwt}
@@ -88,7 +90,7 @@ def test_the_work_of_a_cycle_is_pi_times_the_loss_stiffness():
     assert sp.simplify(sp.integrate(force * moved, (t, 0, 2 * sp.pi / w)) - sp.pi * loss * size**2) == 0
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_equations_8_to_10_and_the_misprint_of_8(motion):
     force, v1, _ = motion
     whole = v1 / force
@@ -171,6 +173,7 @@ def test_the_package_agrees_with_50_digits(motion, values):
     assert np.isclose(paper_d(stiffness, a), float((a / mpc(stiffness)).real), rtol=1e-14)
 
 
+@pytest.mark.sampled(4)
 def test_the_rig_is_the_chain_of_the_page():
     """All parts: equations of motion of the moving mass and of the massless point between spring and frame."""
     mt, extra, eta, frame = sp.symbols("m_t D eta K_f", positive=True)
@@ -255,13 +258,14 @@ def test_one_mass_leaves_five_directions_unseen_and_two_masses_leave_the_drive_a
     assert rig.row_join(phase_of_f1).rank() == rig.rank() + 1  # no rig and no tyre balance it
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_mass_at_the_force_cell_is_seen_over_frequency_only():
     for count, more in ((1, 0), (2, 1)):
         with_it, _ = slopes(count, [0, 10], 1)
         assert with_it.rank() == with_it[:, :-1].rank() + more
 
 
+@pytest.mark.sampled(4)
 def test_the_formula_of_the_added_mass_has_no_sensor_and_no_rig():
     added, stiffness = sp.symbols("D", positive=True), STIFFNESS
     (a, b), (with_a, with_b) = recorded(stiffness, w, 0), recorded(stiffness, w, added)
@@ -360,7 +364,7 @@ def test_a_common_error_stays_in_a_mean():
     assert sp.expand((mean * covariance * mean.T)[0] - common**2 - own**2 / n) == 0
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_the_probability_behind_the_guard_band():
     z = sp.Symbol("z")
     density = sp.exp(-(z**2) / 2) / sp.sqrt(2 * sp.pi)

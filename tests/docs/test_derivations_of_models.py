@@ -25,6 +25,7 @@ k, tau, t, w, u = sp.symbols("K tau t omega u", positive=True)
 # The theorem
 
 
+@pytest.mark.sampled(4)
 def test_c_cannot_rise_for_two_arms_of_any_stiffness_and_time():
     """Two arms and a damper beside K1 = K* at rest: d(1/C)/d(omega²) is a quotient of positive terms."""
     a, b, short, longer, damper = sp.symbols("A B p q c", positive=True)
@@ -55,6 +56,7 @@ def test_the_energy_of_one_arm_has_a_maximum_though_its_c_is_constant():
 
 
 @pytest.mark.parametrize("damped", [False, True])
+@pytest.mark.sampled(2)
 def test_the_steps_of_the_proof_hold_for_rational_tyres_and_any_k1(damped):
     """Zeros are real and simple, residues are positive and sum to 1/h, for exact numbers; C from them falls."""
     rng = np.random.default_rng(5)
@@ -158,6 +160,7 @@ def test_the_tangent_at_a_load_and_its_parts():
     assert np.isclose(extra, (0.01 * by_gain) ** 2 + (0.02 * tangent.stiffness) ** 2, rtol=1e-6)
 
 
+@pytest.mark.sampled(4)
 def test_an_arm_in_a_loop_that_repeats():
     """The arm's force f' = K v - f/tau on loading and f' = -K v - f/tau on unloading, periodic over 2 T."""
     v, whole, part = sp.symbols("v T s", positive=True)
@@ -205,6 +208,7 @@ def test_a_loop_that_begins_at_rest():
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.5, 0.9])
+@pytest.mark.sampled(3)
 def test_the_fractional_model_is_a_positive_sum_of_arms(alpha):
     mp.dps = 20
     order = mpf(alpha)

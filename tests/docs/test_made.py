@@ -44,7 +44,7 @@ def differs(kept, made, tolerance):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_figure_is_what_its_script_makes(figures, name):
     kept = (figures.MADE / f"{name}.svg").read_text(encoding="utf-8")
     assert not differs(kept, figures.svg(name).decode(), lambda _: UNSEEN), f"run: make figures ({name})"

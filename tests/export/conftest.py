@@ -45,19 +45,20 @@ def results(analysed: Path, tmp_path: Path) -> Path:
 @pytest.fixture
 def changed(results: Path) -> Callable[..., Path]:
     """The copy with another dynamic.csv or study.json."""
+    return lambda *changes, **record: change_tables(results, *changes, **record)
 
-    def changing(dynamic: Change | None = None, static: Change | None = None, **record: object) -> Path:
-        unlisted(results)
-        for name, change in (("dynamic", dynamic), ("static", static)):
-            if change is not None:
-                file = results / f"{name}.csv"
-                change(table(results, name)).write_csv(file)
-        if record:
-            study = results / "study.json"
-            study.write_text(json.dumps(json.loads(study.read_text("utf-8")) | record), "utf-8")
-        return results
 
-    return changing
+def change_tables(results: Path, dynamic: Change | None = None, static: Change | None = None, **record: object) -> Path:
+    """The folder, of which tables and values of study.json are changed."""
+    unlisted(results)
+    for name, change in (("dynamic", dynamic), ("static", static)):
+        if change is not None:
+            file = results / f"{name}.csv"
+            change(table(results, name)).write_csv(file)
+    if record:
+        study = results / "study.json"
+        study.write_text(json.dumps(json.loads(study.read_text("utf-8")) | record), "utf-8")
+    return results
 
 
 def table(folder: Path, name: str = "dynamic") -> pl.DataFrame:

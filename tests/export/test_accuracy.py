@@ -54,7 +54,7 @@ def text_of(path):
 
 
 @pytest.mark.parametrize("kind", OF_MODELS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_model_that_is_off_says_so_in_each_kind(files, tmp_path, kind):
     exported = export_results(with_discrepancy(files / "model.json", 0.3, tmp_path), kind, **ARGUMENTS.get(kind, {}))
     text = text_of(exported.path)
@@ -64,7 +64,7 @@ def test_a_model_that_is_off_says_so_in_each_kind(files, tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", OF_MODELS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_model_that_fits_says_so_in_each_kind(files, tmp_path, kind):
     exported = export_results(with_discrepancy(files / "model.json", 0.0, tmp_path), kind, **ARGUMENTS.get(kind, {}))
     text = text_of(exported.path)

@@ -109,7 +109,7 @@ def test_a_ride_has_the_belt_out_of_the_unsprung_mass(car):
     assert -slow.load.sum().real / omega[0] ** 2 == pytest.approx(carried, rel=1e-4)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_rides_in_time_and_on_a_spectrum_have_the_same_belt(model):
     road, (one,) = ClassRoad.of("C"), tyres_for_ride(model, belt=BELT)
     body, heights = CARS[0].body, road.realisation(60.0, 5e-4, 20.0, 1)

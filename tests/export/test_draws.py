@@ -27,7 +27,7 @@ def fitted(model):
 
 
 @pytest.mark.parametrize("model", ["zener", "maxwell:2", "fractional", "prony:1"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_draws_scatter_as_k_of_the_model_is_uncertain(model):
     file = fitted(model)
     (system,), _ = systems_of(file)
@@ -43,7 +43,7 @@ def test_draws_scatter_as_k_of_the_model_is_uncertain(model):
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("belt", [None, Specimen(Form.BELT, 7.0, 0.2)])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 def test_a_draw_is_chosen_by_its_number(tmp_path, version, belt):
     pytest.importorskip("fmpy", reason="FMPy needs a later numpy than the lowest version allowed")
     compiler()

@@ -63,6 +63,7 @@ def test_an_fmu_has_description_sources_and_binary_and_is_the_same_again(files, 
     assert {f"sources/{name}" for name in COMPILED[3 if kind == "fmu3" else 2]} < sources
 
 
+@pytest.mark.sampled(2)
 def test_each_condition_of_a_file_of_fits_is_an_operating_point(files, tmp_path):
     path = export_results(files / "model.json", "fmu", tmp_path / "a.fmu").path
     for at, (pressure, load) in enumerate([(1.7e5, 2e3), (1.7e5, 3.5e3), (1.7e5, 5e3), (2e5, 2e3)], start=1):
@@ -73,6 +74,7 @@ def test_each_condition_of_a_file_of_fits_is_an_operating_point(files, tmp_path)
     assert "4 = tyre, 2 bar, 2000 N" in description(path)
 
 
+@pytest.mark.sampled(2)
 def test_a_map_gives_the_points_that_are_asked(files, tmp_path):
     points = [{PRESSURE: 1.85e5, LOAD: 3e3}, {PRESSURE: 2.2e5, LOAD: 4e3}]
     path = export_results(files / "map.json", "fmu3", tmp_path / "a.fmu", points=points).path
@@ -94,6 +96,7 @@ def test_a_model_that_is_not_causal_is_refused_with_the_remedy(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["model.json"]
 
 
+@pytest.mark.sampled(2)
 def test_an_approximation_is_said_with_its_error(tmp_path):
     k = model_named("fractional").stiffness(MODELS["fractional"], 2 * np.pi * FREQUENCY)
     frame = table([2e5], [2e3]).with_columns(pl.Series("Re K* [N/m]", k.real), pl.Series("Im K* [N/m]", k.imag))
@@ -109,6 +112,7 @@ def test_more_points_than_an_fmu_has_are_refused(files, tmp_path):
         export_results(files / "map.json", "fmu", tmp_path / "a.fmu", points=points)
 
 
+@pytest.mark.sampled(2)
 def test_names_of_any_letters_stay_text(tmp_path):
     frame = pl.concat([table([2e5], [2e3], tyre=name) for name in ('<b>"A" & co\u0007', "タイヤ 1")])
     measured = measured_of(frame, std=1e-3)
@@ -156,7 +160,7 @@ pairs = pytest.mark.parametrize(
 
 @pytest.mark.thorough
 @pairs
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_source_compiles_without_a_warning(tmp_path, version, models, belt):
     files = compiled_files(version, belted=belt is not None)
     command = [compiler(), "-std=c99", "-Wall", "-Wextra", "-pedantic", "-O2", "-c", *files]
@@ -187,7 +191,7 @@ def driven(tmp_path, version, models, *flags, belt=None):
 
 @pytest.mark.thorough
 @pairs
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_no_call_right_or_wrong_breaks_the_memory(tmp_path, version, models, belt):
     flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     program = driven(tmp_path, version, SETS[models], *flags, belt=belt)

@@ -48,6 +48,7 @@ def test_the_description_has_both_forces_and_no_problems(folders, version):
 
 
 @each
+@pytest.mark.sampled(2)
 def test_both_forces_are_those_of_the_two_port(folders, point):
     """By the derivatives of forces and states, which are the matrices of the FMU; at rest it weighs as its belt."""
     with instance(folders[2], 2, stepped=False) as one:

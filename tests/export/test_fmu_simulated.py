@@ -76,6 +76,7 @@ def first(x, v, shared=0.3):
 
 
 @both
+@pytest.mark.sampled(2)
 def test_the_description_has_no_problems(archives, version):
     assert validate_fmu(str(archives[version])) == []
 
@@ -173,6 +174,7 @@ def test_with_derivatives_of_the_inputs_the_force_is_exact_before_the_inputs_of_
 
 @both
 @pytest.mark.parametrize("point", [1, 2])
+@pytest.mark.sampled(2)
 def test_the_recorded_force_of_a_sine_has_the_dynamic_stiffness_of_the_model(folders, version, point):
     """FMPy records the force of a step before it sets the inputs of that time."""
     model, frequency, cycle, cycles = model_named(list(MODELS)[point - 1]), 20.0, 4000, 4
@@ -195,7 +197,7 @@ def test_the_recorded_force_of_a_sine_has_the_dynamic_stiffness_of_the_model(fol
 @both
 @pytest.mark.parametrize("point", POINTS)
 @pytest.mark.parametrize("frequency", [1.7, 30.0])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_dynamic_stiffness_by_sines_is_that_of_the_model(folders, version, point, frequency):
     name = list(MODELS)[point - 1]
     model, cycle = model_named(name), 100
@@ -212,6 +214,7 @@ def test_the_dynamic_stiffness_by_sines_is_that_of_the_model(folders, version, p
 
 
 @both
+@pytest.mark.sampled(2)
 def test_model_exchange_by_an_independent_integrator(folders, version):
     point, space = 3, points()[2].system.space
     times = np.linspace(0.0, 0.2, 41)
@@ -412,6 +415,7 @@ def test_a_force_that_is_too_large_ends_the_step_with_an_error(folders, version)
 
 
 @both
+@pytest.mark.sampled(2)
 def test_a_model_with_inertia_steps_by_its_pairs(version, tmp_path):
     path = made(tmp_path, version, WITH_INERTIA)
     assert validate_fmu(str(path)) == []

@@ -38,7 +38,7 @@ def content_of(kind, path):
 
 
 @pytest.mark.parametrize("kind", KINDS_OF_RESULTS)
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(5)
 def test_each_is_written_beside_the_tables_by_default_leaves_nothing_else_and_is_the_same_again(results, kind):
     before = {path.name for path in results.iterdir()}
     exported = export_results(results, kind)
@@ -200,7 +200,7 @@ def test_names_of_columns_are_names_in_matlab_and_each_its_own():
     assert names == ["a_b", "a_b_2", "x1st", "x_end", "Lange", "column", "column_2", "units_2", "x"]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_room_loads_the_packages_it_writes_with_only_to_write():
     rooms = "kinds, matlab, netcdf, source, tydex, uff, workbook"
     code = f"import sys; from fourpole.export import {rooms}; print(*sys.modules)"

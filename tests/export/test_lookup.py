@@ -40,7 +40,7 @@ def gridded(rows, names):
     return sides, k
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_map_is_interpolated_over_pressure_preload_and_frequency(files, tmp_path):
     exported = export_results(files / "map.json", "table", tmp_path / "a.csv")
     rows = read(exported.path)
@@ -76,7 +76,7 @@ def test_fits_have_a_block_per_condition(files, tmp_path):
         assert np.abs(between / exact - 1).max() < 1.05 * column(own, ERROR)[0] + 1e-6
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_rows_outside_tests_that_fill_no_rectangle_are_blank_and_counted(files, tmp_path):
     frame = table().filter(~((pl.col(PRESSURE) > 2.2e5) & (pl.col(LOAD) > 4e3)))
     measured = measured_of(frame, std=1e-3)

@@ -56,7 +56,7 @@ def stiffness(path, at=0):
     return model.stiffness(entry.conditions[at].values, OMEGA)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_shape_goes_through_the_model_file(two):
     assert read_model_file(two / "plain.json").models[0].shape is None
     assert "shape" not in (two / "plain.json").read_text(encoding="utf-8")
@@ -64,6 +64,7 @@ def test_a_shape_goes_through_the_model_file(two):
 
 
 @pytest.mark.parametrize(("name", "shape"), [("shear", BLOCK), ("compression", DISC)])
+@pytest.mark.sampled(2)
 def test_abaqus_gives_the_same_stiffness(two, name, shape, tmp_path):
     exported = export_results(two / f"{name}.json", "abaqus", tmp_path / "a.inp")
     assert exported.notes == ()
@@ -165,7 +166,7 @@ def test_a_shape_may_be_stated_with_the_export(two, tmp_path):
     assert np.array_equal(g, k)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_too_many_terms_and_other_models_are_refused_with_a_remedy(tmp_path):
     made("prony:6", DISC).write(tmp_path / "many.json")
     with pytest.raises(ModelError, match=r"MOUNT_1: \d+ arms are more than the 17 .* fit --model prony:[12]"):
@@ -182,7 +183,7 @@ def test_a_results_folder_stands_for_its_model(two, tmp_path):
         export_results(tmp_path, "xlsx", shape=BLOCK)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_names_are_distinct_and_of_letters(tmp_path):
     made("prony:1", BLOCK, tyres=("4 Büchse", "4 Buchse")).write(tmp_path / "model.json")
     names = list(read_abaqus(export_results(tmp_path, "abaqus").path.read_text(encoding="ascii")))
@@ -190,6 +191,7 @@ def test_names_are_distinct_and_of_letters(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["zener", "maxwell:3"])
+@pytest.mark.sampled(2)
 def test_every_model_of_arms_is_a_prony_series(name, tmp_path):
     made(name).write(tmp_path / "model.json")
     blocks = read_dyna(export_results(tmp_path, "lsdyna-springs").path.read_text())

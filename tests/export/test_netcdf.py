@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import json
+import shutil
 
 import numpy as np
 import polars as pl
 import pytest
-from tests.export.conftest import rejected, repeated, table
+from tests.export.conftest import change_tables, rejected, repeated, table
 from tests.export.grid import read_grid
 
 from fourpole.errors import TableError
@@ -24,10 +25,17 @@ def grid(analysed, tmp_path_factory):
     return read_grid(export_results(analysed, "netcdf", tmp_path_factory.mktemp("grid") / "grid.nc").path)
 
 
-@pytest.fixture
-def opened(tmp_path):
-    """What a fresh export holds."""
-    return lambda folder: read_grid(export_results(folder, "netcdf", tmp_path / "grid.nc").path)
+@pytest.fixture(scope="module")
+def edited(analysed, tmp_path_factory):
+    """The folder and its export, after a warning of D3, a repeat of D1, further columns and a second static test."""
+    more = {"torque [N m]": pl.lit("2.5"), "operator": pl.lit("=Ada"), "tyre_2": pl.lit("x"), "repeat": pl.lit("3")}
+    warned = pl.when(pl.col("test") == "D3").then(pl.lit("warning")).otherwise("verdict").alias("verdict")
+    folder = change_tables(
+        shutil.copytree(analysed, tmp_path_factory.mktemp("edited") / "results"),
+        lambda frame: repeated(frame.with_columns(warned, **more)),
+        lambda frame: pl.concat([frame, frame[:1].with_columns(pl.lit("S9").alias("test"))]),
+    )
+    return folder, read_grid(export_results(folder, "netcdf", folder.parent / "grid.nc").path)
 
 
 def rows_of(grid, frame):
@@ -111,10 +119,8 @@ def test_every_number_says_unit_and_name_and_its_uncertainty(grid, analysed):
     assert len([column for column in frame.columns if column.startswith("u(")]) == 10
 
 
-def test_the_verdict_is_a_flag(opened, changed):
-    warned = pl.when(pl.col("test") == "D3").then(pl.lit("warning")).otherwise("verdict").alias("verdict")
-    folder = changed(lambda frame: frame.with_columns(warned))
-    grid = opened(folder)
+def test_the_verdict_is_a_flag(edited):
+    folder, grid = edited
     flag = grid["verdict"]
     assert (flag.attributes["flag_values"], flag.attributes["flag_meanings"]) == ([0, 1], "ok warning")
     cells = rows_of(grid, table(folder))
@@ -129,18 +135,18 @@ def test_the_file_says_what_it_is(grid, analysed):
     assert json.loads(grid["study_json"].values.item()) == json.loads((analysed / "study.json").read_text("utf-8"))
 
 
-def test_a_repeat_has_its_own_place(opened, changed):
-    folder = changed(repeated)
-    grid, frame = opened(folder), table(folder)
+def test_a_repeat_has_its_own_place(edited):
+    folder, grid = edited
+    frame = table(folder)
     assert grid.dimensions["repeat"] == 2
     cells = rows_of(grid, frame)
     assert cells["D1b"] == (*cells["D1"][:5], 1)
     assert [grid["K2"].values[cells[name]] for name in ("D1", "D1b")] == [frame["K2 [N/m]"][0], frame["K2 [N/m]"][-1]]
 
 
-def test_static_tests_are_on_their_part_of_the_grid(opened, changed):
-    folder = changed(static=lambda frame: pl.concat([frame, frame[:1].with_columns(pl.lit("S9").alias("test"))]))
-    grid, frame = opened(folder), table(folder, "static")
+def test_static_tests_are_on_their_part_of_the_grid(edited):
+    folder, grid = edited
+    frame = table(folder, "static")
     assert grid["static_K1"].dimensions == ("tyre", "pressure", "preload", "static_test")
     assert grid["static_K1"].attributes["ancillary_variables"] == "static_u_K1"
     assert grid["static_test_name"].values[0, 0, 0].tolist() == ["S1", "S9"]
@@ -155,9 +161,10 @@ def test_static_tests_that_have_no_place_are_counted(changed):
     )
 
 
-def test_specimens_without_pressure_have_no_axis_of_blanks(opened, changed):
+def test_specimens_without_pressure_have_no_axis_of_blanks(changed, tmp_path):
     blank = pl.lit(None, pl.Float64).alias("pressure [Pa]")
-    grid = opened(changed(lambda frame: frame.with_columns(blank), lambda frame: frame.with_columns(blank)))
+    folder = changed(lambda frame: frame.with_columns(blank), lambda frame: frame.with_columns(blank))
+    grid = read_grid(export_results(folder, "netcdf", tmp_path / "grid.nc").path)
     assert "pressure" not in grid.variables
     assert np.ma.getmaskarray(grid["pressure_stated"].values).all()
     assert grid.dimensions["repeat"] == 2  # without the pressure, they are the same condition
@@ -171,9 +178,8 @@ def test_a_list_of_tests_is_no_grid(changed, monkeypatch):
         export_results(changed(), "netcdf")
 
 
-def test_further_columns_are_variables_too(opened, changed):
-    more = {"torque [N m]": pl.lit("2.5"), "operator": pl.lit("=Ada"), "tyre_2": pl.lit("x"), "repeat": pl.lit("3")}
-    grid = opened(changed(lambda frame: frame.with_columns(**more)))
+def test_further_columns_are_variables_too(edited):
+    _, grid = edited
     assert grid["torque"].attributes["units"] == "N m"
     assert set(grid["operator"].values.ravel()) == {"", "=Ada"}
     assert grid["repeat_2"].values[0, 0, 0, 0, 0, 0] == 3.0

@@ -59,6 +59,7 @@ def fitted(request, tmp_path_factory):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sampled(2)
 def test_k_star_is_that_of_the_model(kind, fitted, tmp_path):
     exported = export_results(fitted, kind, tmp_path / "a.x")
     (entry,) = read_model_file(fitted).models
@@ -125,6 +126,7 @@ HOSTILE = 'mount "A\\" \n end; // <b>タイヤ\u202e\x1b[31m "; equation'
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("names", [(HOSTILE,), ("block", "block "), ("タイヤ", "轮胎", "1")])
+@pytest.mark.sampled(2)
 def test_names_of_specimens_harm_no_file(kind, names, tmp_path):
     measured = measured_of(pl.concat([table((2e5,), (2e3,), tyre=one) for one in names]), std=1e-2)
     model_file(measured, fit_tyres(measured, "zener")).write(tmp_path / "model.json")

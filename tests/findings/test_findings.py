@@ -158,7 +158,7 @@ def test_of_many_tyres_only_the_extremes_are_compared():
     assert len(found) < 20 * len(tyres)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_scatter_beyond_the_stated_uncertainty_is_seen():
     """Noise far above u on lines of one tyre: the scatter says so."""
     none, wrong = (Holds.NO_DIFFERENCE, Holds.NO_CHANGE), 0
@@ -168,6 +168,7 @@ def test_scatter_beyond_the_stated_uncertainty_is_seen():
     assert wrong <= 15  # nine trends, of which each is wrong in 4.6 % of the cases at most
 
 
+@pytest.mark.sampled(2)
 def test_a_trend_well_above_the_noise_is_found():
     tyre = Tyre(c=lambda p, load, f: 900.0 * (1 + 0.15 * (p - 100e3) / 150e3))
     for seed in range(20):
@@ -278,7 +279,7 @@ def test_tests_are_counted_by_their_worst_verdict():
     assert doubts == {Holds.REJECTED: ("D1",), Holds.WARNING: ("S2",)}
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_noise_is_not_taken_for_a_finding():
     """Of 26 findings on nothing but noise, each is right in 95 % of the cases at least, all in about 90 %."""
     none = {Holds.NO_DIFFERENCE, Holds.NO_CHANGE}
@@ -407,6 +408,7 @@ def at_temperatures(**temperatures):
         ({"X": (20.0,), "Y": (26.0,)}, None),
     ],
 )
+@pytest.mark.sampled(2)
 def test_the_papers_tyres_are_compared_at_the_temperature_nearest_to_each_other(temperatures, pair):
     found = at_temperatures(**temperatures)
     claims = [each for each in found if isinstance(each.detail, Claim)]

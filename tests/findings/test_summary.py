@@ -78,6 +78,7 @@ def test_static_tests_alone_have_rows_of_k1():
 
 
 @pytest.mark.parametrize("repeats", [2, 3, 6])
+@pytest.mark.sampled(2)
 def test_the_mean_of_few_scattering_repeats_is_within_two_u_of_the_truth(repeats):
     rng = np.random.default_rng(9)
     drawn = 2e5 + rng.normal(0.0, 500.0, (4000, 1)) + rng.normal(0.0, 4000.0, (4000, repeats))

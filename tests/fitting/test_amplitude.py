@@ -191,6 +191,7 @@ def test_without_scatter_the_information_of_one_k_star_is_not_counted_three_time
     assert own == pytest.approx(np.full(18, 0.002 * np.sqrt(3)), rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 def test_another_model_takes_all_amplitudes_as_one_k_star_and_says_so():
     measured = measured_of(table())
     (note,) = (one for one in measured.notes if "amplitudes of 0.1 to 2 mm" in one)
@@ -200,6 +201,7 @@ def test_another_model_takes_all_amplitudes_as_one_k_star_and_says_so():
     assert found.discrepancy > 0.05
 
 
+@pytest.mark.sampled(2)
 def test_a_map_over_the_amplitude_is_scaled_by_its_logarithm(tmp_path):
     levels = np.geomspace(0.1e-3, 2e-3, 6)
     measured = measured_of(table(levels), over=["amplitude"])
@@ -214,6 +216,7 @@ def test_a_map_over_the_amplitude_is_scaled_by_its_logarithm(tmp_path):
         ask(read_model_file(path), Query([10.0]))
 
 
+@pytest.mark.sampled(2)
 def test_the_option_finds_an_amplitude_that_the_campaign_states_in_a_column_of_its_own(tmp_path):
     column = "amplitude [mm]"
     frame = table(np.geomspace(0.1e-3, 2e-3, 6)).with_columns((pl.col(COLUMN) * 1e3).alias(column))
@@ -225,6 +228,7 @@ def test_the_option_finds_an_amplitude_that_the_campaign_states_in_a_column_of_i
     assert one == pytest.approx(other)
 
 
+@pytest.mark.sampled(2)
 def test_a_map_of_the_family_over_tension_zero_and_compression(tmp_path):
     measured = measured_of(table(preloads=(-100.0, 0.0, 150.0)), by_amplitude=True)
     path = tmp_path / "map.json"

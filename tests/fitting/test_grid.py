@@ -23,7 +23,7 @@ def study():
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_point_between_the_tests(study):
     found = study.map("zener", at={"pressure": [1.85e5, 3.0e5], "preload": 1400.0, "frequency": [13.7, 40.0]})
     assert dict(found.sizes) == {"tyre": 2, "pressure": 2, "preload": 1, "frequency": 2}
@@ -43,7 +43,7 @@ def test_a_point_between_the_tests(study):
     assert np.isnan(found.sel(frequency=40.0).K_storage).all()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_whole_grid_of_one_tyre_survives_a_file(study, tmp_path):
     import xarray
 
@@ -58,7 +58,7 @@ def test_a_whole_grid_of_one_tyre_survives_a_file(study, tmp_path):
         np.testing.assert_array_equal(back.K2, found.K2)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_what_it_cannot(study):
     with pytest.raises(ModelError, match="no axis 'camber'"):
         study.map("zener", at={"camber": [1.0]})
@@ -66,6 +66,7 @@ def test_what_it_cannot(study):
         study.map("zener", tyre="x")
 
 
+@pytest.mark.sampled(2)
 def test_fit_from_the_study(study):
     fits = study.fit("zener")
     assert [one.tyre for one in fits] == [CROSS_PLY.name, RADIAL_PLY.name]

@@ -30,7 +30,7 @@ def test_a_gain_of_v1_is_named_with_its_size(gain):
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_delay_of_v1_is_named():
     text = said(0, (zener, broad), delay=2e-3)
     assert "delay of V1" in text
@@ -38,7 +38,7 @@ def test_a_delay_of_v1_is_named():
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_nothing_is_said_where_all_is_possible_or_no_error_helps():
     assert said(0, (zener, broad)) == ""
     assert said(0, (impossible, impossible)) == ""

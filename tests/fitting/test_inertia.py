@@ -54,7 +54,7 @@ def errors(rows, truth):
     return np.array([[(row[k] - one) / row[u] for row, one in zip(rows, part, strict=True)] for k, u, part in pairs])
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_a_belt_that_is_known_is_looked_for_where_a_smaller_kind_would_do(tmp_path):
     measured = read_measured(table(tmp_path, lambda w: driven(w, 0.8), 8, 24, 24))
     assert fit_tyres(measured)[0].measured[0].inertia is None
@@ -81,7 +81,7 @@ def test_an_inertia_track_is_a_specimen_with_one_resonance(tmp_path):
     assert found.measured[0].inertia is None  # the resonance is fitted, not taken off
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_hydromount_is_fitted_where_k_is_negative_too(tmp_path, run):
     path = table(tmp_path, track, 1, 40, 40)
     measured = read_measured(path)
@@ -133,6 +133,7 @@ def test_a_specimen_is_not_said_to_be_impossible_for_kinds_that_were_not_tried(t
         (springs, 24, None),
     ],
 )
+@pytest.mark.sampled(3)
 def test_an_answer_says_what_was_taken_off_k_as_measured(tmp_path, truth, high, said):
     measured = read_measured(table(tmp_path, truth, 8, high, 20))
     (row,) = ask(model_file(measured, fit_tyres(measured, "zener")), Query(frequency=[16.0]))
@@ -146,6 +147,7 @@ def test_what_k_is_of_is_asked_for_by_its_name(tmp_path, run):
     assert "none of springs, driving point, blocked transfer" in done.stderr
 
 
+@pytest.mark.sampled(2)
 def test_beyond_the_band_the_interval_is_that_of_all_relaxing_specimens(tmp_path):
     """Three arms, of which the band shows two: 95 % intervals, at least 90 % asked for; K1, which is at rest, too."""
 

@@ -271,6 +271,7 @@ def test_files_that_are_none(tmp_path, content):
         read_model_file(tmp_path / "none.json")
 
 
+@pytest.mark.sampled(2)
 def test_the_map_of_a_file_is_the_map(mapped):
     measured = measured_of(table())
     own = map_tyres(measured, "zener")[0].best

@@ -50,7 +50,7 @@ def test_a_model_of_any_form_answers_in_frequency(tmp_path, column, options):
         assert abs(row["Re K* [N/m]"] + 1j * row["Im K* [N/m]"] - truth) < 5e-3 * abs(truth)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_several_conditions_share_an_entry_and_an_export_takes_it(tmp_path):
     both = [("time [min]", np.tile(TIME / 60, 2)), ("J(t) [mm/N]", np.concatenate([COMPLIANCE, 2 * COMPLIANCE]) * 1e3)]
     both.append(("temperature [degC]", np.repeat([0.0, 40.0], TIME.size)))

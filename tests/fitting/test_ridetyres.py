@@ -91,6 +91,7 @@ def test_a_model_that_is_not_causal_is_refused(tmp_path):
         tyres_for_ride(tmp_path / "model.json")
 
 
+@pytest.mark.sampled(2)
 def test_too_many_conditions_are_refused(files, tmp_path):
     many = table(tmp_path / "many.csv", tuple(np.geomspace(1e5, 4e5, 42)))
     measured = read_measured(many, std=1e-3)

@@ -69,6 +69,7 @@ def test_the_ramp_of_a_condition_is_that_of_its_static_tests(results):
     assert float(one.data.k1_std) == pytest.approx(np.hypot(400.0, 0.05 * TANGENT))
 
 
+@pytest.mark.sampled(2)
 def test_a_fit_with_the_ramp_answers_below_the_band_and_says_what_it_rests_on(results, tmp_path):
     measured = join_static(read_measured(results), results / "dynamic.csv", 0.05)
     made = model_file(measured, fit_tyres(measured, "fractional"))

@@ -70,7 +70,7 @@ def rms(off):
     return float(np.sqrt(np.mean(np.abs(off) ** 2)))
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_at_each_isotherm_the_answer_is_nearer_the_truth_than_the_noise(branched):
     frequency, z = np.geomspace(0.1, 50.0, 13), []
     for t in T:
@@ -82,6 +82,7 @@ def test_at_each_isotherm_the_answer_is_nearer_the_truth_than_the_noise(branched
     assert rms(np.concatenate(z)) < 1.2
 
 
+@pytest.mark.sampled(2)
 def test_between_isotherms_of_either_branch_the_intervals_hold(branched):
     frequency, z = np.geomspace(0.2, 20.0, 7), []
     for t in (-7.0, -1.0, 5.0, 11.0, 17.0, 25.0, 35.0, 45.0):
@@ -106,6 +107,7 @@ def test_beyond_the_isotherms_the_law_continues_them_and_is_named(branched):
     assert np.all(far_std > end_std)
 
 
+@pytest.mark.sampled(2)
 def test_shift_warns_once_where_the_law_misses_its_own_factors(tmp_path, capsys):
     show(run_shift([written(tmp_path / "t.csv", T, two_branches)], ShiftOptions(reference=20.0)), as_json=False)
     said = " ".join(capsys.readouterr().err.split())
@@ -193,7 +195,7 @@ def reproduces(table, folder):
     return True
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_simulated_specimen_is_reproduced_within_its_own_scatter(tmp_path):
     assert reproduces(written(tmp_path / "t.csv", T, two_branches, seed=9), tmp_path / "master")
 
@@ -211,7 +213,7 @@ def test_public_isotherms_are_reproduced_within_their_own_scatter(tmp_path):
         pytest.skip("no file there holds isotherms")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_master_curve_of_206_points_takes_seconds(tmp_path):
     table = written(tmp_path / "t.csv", np.linspace(-10, 65, 21), log_a, points=10)
     begun = time.process_time()

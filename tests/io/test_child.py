@@ -63,7 +63,7 @@ def answer(work, function, *args, **limits):
 
 @pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be pinned here")
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_a_sound_file_is_read_on_a_busy_machine(work):
     """The worker shares its core with five loops: the clock runs beyond the limit, the processor time does not."""
     assert answer(work, "compute", 0.0) == "done"
@@ -82,7 +82,7 @@ def test_a_sound_file_is_read_on_a_busy_machine(work):
             loop.wait()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_the_limit_begins_anew_with_each_piece_of_work(work):
     assert [answer(work, "compute", 0.7, seconds=1.0) for _ in range(4)] == ["done"] * 4
     with pytest.raises(Late, match=r"took more than 1 s of processor time"):
@@ -91,7 +91,7 @@ def test_the_limit_begins_anew_with_each_piece_of_work(work):
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_work_that_stands_still_is_ended_and_slow_work_is_not(work, monkeypatch):
     monkeypatch.setattr(children, "STALLED", 3.0)
     assert answer(work, "trickle", 6.0) == "done"
@@ -136,7 +136,7 @@ def asked(monkeypatch):
     return names
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_large_text_is_read_in_a_worker_and_small_text_here(noisy, asked, monkeypatch):
     here = noisy.analyse(route="mobility")
     assert asked == []

@@ -45,7 +45,7 @@ def test_seconds_from_the_first(cells: list[str | None], expected: list[float]) 
     st.datetimes(min_value=datetime(1900, 1, 1), max_value=datetime(2100, 1, 1)),  # noqa: DTZ001 - files have no zone
     st.timedeltas(min_value=timedelta(0), max_value=timedelta(400)),
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_it_agrees_with_the_calendar(first: datetime, step: timedelta) -> None:
     for pattern in ("%Y-%m-%dT%H:%M:%S.%f", "%d.%m.%Y %H:%M:%S,%f"):
         cells = [one.strftime(pattern) for one in (first, first + step)]

@@ -106,7 +106,7 @@ def test_a_program_that_cannot_be_started_leaves_no_folder(tmp_path, monkeypatch
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_program_that_is_late_ends_with_all_that_it_started(tmp_path):
     place = program(tmp_path / "bin", script=f"sleep 600 &\necho $! > {tmp_path}/pid\nwait")
     with pytest.raises(TimeoutError, match="within 3 s"):

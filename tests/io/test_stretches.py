@@ -68,6 +68,7 @@ def read(path: Path, group: str, *names: str) -> list[list[float]]:
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
 @pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("part", [1 << 18, 7])
+@pytest.mark.sampled(3)
 def test_blocks_of_a_machine(
     tmp_path: Path, encoding: str, ending: str, part: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

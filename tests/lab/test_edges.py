@@ -27,7 +27,7 @@ EDGES = {
 
 
 @pytest.mark.parametrize(("column", "first", "cases"), [(name, *edge) for name, edge in EDGES.items()], ids=EDGES)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_tolerance_decides_between_two_cases(data, monkeypatch, column, first, cases):
     scan, found = compared.scan, {}
     for case in cases:

@@ -164,6 +164,7 @@ def test_a_folder_without_results_says_what_to_do(tmp_path):
         scan(tmp_path, "test")
 
 
+@pytest.mark.sampled(2)
 def test_the_same_sensors_cancel_in_a_difference_and_other_sensors_do_not(place):
     """The true values are equal. Sensors contribute 30 times more to u than noise does."""
     campaign(place / "other", 14, serials=False, rig_error=ERRORS["rig_error"])  # sensors with errors of their own

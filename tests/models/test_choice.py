@@ -26,7 +26,7 @@ TRUTHS = {
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("name", TRUTHS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_true_family_is_chosen_or_said_to_be_alike(name):
     """Of 8 draws, fitted side by side, at most one may miss: BIC's odds are better than 20 to 1."""
     rng = np.random.default_rng(0)

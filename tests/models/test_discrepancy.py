@@ -25,7 +25,7 @@ def test_nothing_is_granted_where_the_data_are_met():
 
 
 @pytest.mark.parametrize("noise", [1e-4, 1e-3, 1e-2])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_an_unknown_noise_is_found(noise):
     """From 120 numbers less some five: known to 1/sqrt(2 · 115) = 7 %, so within three times that; 20 draws' mean."""
     found = [model_discrepancy([StiffnessData.of(OMEGA, noisy(noise, seed), 0.0)], always=True) for seed in range(20)]

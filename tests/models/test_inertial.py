@@ -47,7 +47,7 @@ def drawn(measured, seed, noise=0.003):
     return StiffnessData.of(OMEGA, truth + std * (rng.normal(size=30) + 1j * rng.normal(size=30)), std)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_belt_is_found_with_its_mass_and_taken_off_with_its_uncertainty():
     """The errors of 16 masses, over their uncertainties, have the sum of squares that they have in 99.8 % of trials."""
     off, left = [], []
@@ -66,7 +66,7 @@ def test_a_belt_is_found_with_its_mass_and_taken_off_with_its_uncertainty():
     assert 0.85 < np.sqrt(np.mean(np.square(left))) < 1.15
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_blocked_transfer_is_told_apart_and_springs_have_no_inertia():
     data = drawn(transfer, 1)
     found = verdict_of(data, Of.BLOCKED_TRANSFER)

@@ -74,6 +74,7 @@ def test_a_resonance_is_named_with_its_frequency(specimen, high, count, hertz):
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.005])
+@pytest.mark.sampled(2)
 def test_two_resonances_are_named_however_small_the_noise(noise):
     """With one of them, chi-square is a thousand degrees of freedom or more."""
 
@@ -86,6 +87,7 @@ def test_two_resonances_are_named_however_small_the_noise(noise):
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.sampled(3)
 def test_one_wrong_row_is_no_resonance_and_is_named(seed):
     """Ten standard uncertainties at one frequency, which a sharp resonance would explain."""
     data = drawn(fractional, 8, 24, 12, seed)

@@ -80,7 +80,7 @@ def test_a_parameter_has_only_the_terms_that_it_needs():
     assert np.all(found.coefficients[~used] == 0.0)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_an_automatic_map_is_of_the_right_causal_model():
     assert for_maps()
     assert all(model_named(name).causal for name in for_maps())
@@ -89,7 +89,7 @@ def test_an_automatic_map_is_of_the_right_causal_model():
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_an_interval_holds_what_it_is_for():
     """1 % from mounting to mounting: 24 maps, of which each has one set of 9 mountings; 95 % within 5 % or so."""
     inside = {"next": [], "specimen": []}
@@ -124,6 +124,7 @@ FEW = {"four corners": POINTS[[0, 2, 6, 8]], "three pressures": POINTS[[0, 3, 6]
 @pytest.mark.statistical
 @pytest.mark.parametrize("where", FEW)
 @pytest.mark.parametrize("scatter", [0.0, 0.01])
+@pytest.mark.sampled(4)
 def test_few_conditions_say_what_they_can(where, scatter):
     """Their scatter is that of a prior and of one number in excess: intervals hold, and none is too wide to use."""
     points, inside, widest = FEW[where], [], []

@@ -49,28 +49,36 @@ def fitted(data):
     return np.stack([one.values for one in fit_conditions(ZENER, data)])
 
 
+def map_of(seed):
+    data = measured(seed, SCATTER)
+    return make_map(ZENER, data, Axes.of(["p [Pa]", "l [N]"], POINTS), fitted(data))
+
+
 @pytest.fixture(scope="module")
-def maps():
-    found = []
-    for seed in range(6):
-        data = measured(seed, SCATTER)
-        found.append(make_map(ZENER, data, Axes.of(["p [Pa]", "l [N]"], POINTS), fitted(data)))
-    return found
+def one_map():
+    return map_of(0)
 
 
-@pytest.mark.sampled(6)
+@pytest.fixture(scope="module")
+def maps(one_map):
+    return [one_map, *map(map_of, range(1, 6))]
+
+
+@pytest.mark.sampled(8)
 def test_the_scatter_of_conditions_is_found(maps):
     """From 30 numbers less those of some 5 terms: known to some 15 % each, to 6 % in the mean of six; t widens it."""
     widened = t.ppf(0.975, 15 - 5 - 1) / 1.96
     assert np.mean([one.scatter.condition for one in maps]) == pytest.approx(widened * SCATTER, rel=0.3)
 
 
+@pytest.mark.sampled(4)
 def test_conditions_left_out_are_inside_as_often_as_said(maps):
     inside = np.mean([one.leave_one_out.inside for one in maps])
     assert 0.90 <= inside <= 0.99
     assert np.mean([one.leave_one_out.error for one in maps]) < 3 * SCATTER
 
 
+@pytest.mark.sampled(4)
 def test_between_the_conditions_the_truth_is_inside_its_interval(maps):
     """Of K', K'' and K1 at 40 points of 6 maps; points of one map share its surfaces, so wide limits."""
     rng = np.random.default_rng(7)
@@ -90,8 +98,8 @@ def test_between_the_conditions_the_truth_is_inside_its_interval(maps):
     assert np.mean(np.abs(scores) < 1.96) > 0.93
 
 
-def test_k2_and_c_are_those_of_its_k_and_k1(maps):
-    answer = maps[0].ask(POINTS, np.full(len(POINTS), 14.0))
+def test_k2_and_c_are_those_of_its_k_and_k1(one_map):
+    answer = one_map.ask(POINTS, np.full(len(POINTS), 14.0))
     k2, c = maxwell_arm(answer.stiffness, answer.k1, np.full(len(POINTS), 28 * np.pi))
     np.testing.assert_allclose(answer.k2, k2, rtol=1e-12)
     np.testing.assert_allclose(answer.c, c, rtol=1e-12)
@@ -108,9 +116,9 @@ def test_k2_and_c_are_those_of_its_k_and_k1(maps):
     )
 
 
-def test_tr_has_the_uncertainty_of_k_and_of_the_rig(maps):
+def test_tr_has_the_uncertainty_of_k_and_of_the_rig(one_map):
     rig = Rig(15.0, 12440.0, 15.0, std={"moving_mass": 0.1, "preload_stiffness": 50.0, "preload_damping": 2.0})
-    answer = maps[0].ask(POINTS[:1], [14.0])
+    answer = one_map.ask(POINTS[:1], [14.0])
     value, std = answer.transmissibility(rig, [14.0])
     omega, rng = 28 * np.pi, np.random.default_rng(1)
     k = rng.multivariate_normal(
@@ -127,7 +135,7 @@ def test_tr_has_the_uncertainty_of_k_and_of_the_rig(maps):
     assert [float(one[0]) for one in blocked] == [0.0, 0.0]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_k1_is_that_of_the_static_tests_whatever_the_shape_of_k():
     """K* of Zener tyres 3 % stiffer than their static tests say: K1 stays with the static tests."""
     data = [replace(one, k1=np.asarray(one.k1 / 1.03)) for one in measured(0, 0.0)]
@@ -141,7 +149,7 @@ def test_k1_is_that_of_the_static_tests_whatever_the_shape_of_k():
     assert np.all(np.abs(own.ask(POINTS, np.full(len(POINTS), 14.0)).k1 / truth(POINTS)[:, 0] - 1) < 0.02)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_what_a_model_cannot_follow_widens_its_answers():
     """A Kelvin-Voigt model of Zener tyres: the misfit over frequency is in its intervals."""
     data = measured(0, 0.0)
@@ -196,7 +204,7 @@ AT = np.array([6.0, 12.0, 20.0, 35.0])
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(12)
 def test_intervals_of_maps_with_common_errors_hold():
     """24 maps whose points share a gain of 3 %: with 95 % each, fewer than 19 inside happen once in 1000 times."""
     scores, parameters = [], []
@@ -215,6 +223,7 @@ def test_intervals_of_maps_with_common_errors_hold():
         assert np.all(np.abs(np.mean(z, axis=0)) < 3.3 / np.sqrt(24))
 
 
+@pytest.mark.sampled(2)
 def test_an_error_of_the_model_does_not_pass_for_a_phase_of_the_sensors():
     """A fractional tyre, whose loss a Zener tyre cannot have: u covers that, though a phase could explain a part."""
 
@@ -231,6 +240,7 @@ def test_an_error_of_the_model_does_not_pass_for_a_phase_of_the_sensors():
     assert 0.005 < found.scatter.frequency[1] < 0.1
 
 
+@pytest.mark.sampled(2)
 def test_a_law_that_is_no_polynomial_shows_in_the_uncertainty():
     """A kink between four pressures, which a cubic would meet: u is as large as what lies between them."""
 
@@ -244,6 +254,7 @@ def test_a_law_that_is_no_polynomial_shows_in_the_uncertainty():
     assert np.sqrt(np.mean(off**2)) < 2 * max(found.scatter.condition)
 
 
+@pytest.mark.sampled(2)
 def test_the_unstated_common_error_of_k1_is_not_averaged_away():
     """Static tests known to 2 %, all by the same load cell: 12 of them know K1 no better."""
     data, shared = with_common_errors(0, 0.03)
@@ -255,7 +266,7 @@ def test_the_unstated_common_error_of_k1_is_not_averaged_away():
     assert np.all(std > 0.01)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_many_conditions_over_three_axes_keep_their_scatter():
     points = np.array(
         [
@@ -275,13 +286,13 @@ def test_many_conditions_over_three_axes_keep_their_scatter():
     assert len(found.terms) < 20
 
 
-def test_errors_of_the_parameters_are_those_of_an_answer_without_scatter(maps):
+def test_errors_of_the_parameters_are_those_of_an_answer_without_scatter(one_map):
     """Near one level of an axis with two, too, where the curvature between them is an error of its own."""
     two = Axes.of(["p [Pa]"], [[1.0e5], [2.0e5]])
     data = measured(3, 0.0)[:2]
     few = make_map(ZENER, data, two, fitted(data))
     # the curvature is taken as a change of the parameters, of which K* is no linear function
-    for one, point, close in ((maps[0], maps[0].axes.middle, 1e-9), (few, np.array([1.3e5]), 0.06)):
+    for one, point, close in ((one_map, one_map.axes.middle, 1e-9), (few, np.array([1.3e5]), 0.06)):
         calm = replace(one, scatter=Scatter(), static=None)
         values, errors = calm.parameters(point[None])[0], calm.errors(point)
         slopes = ZENER.derivative(values, OMEGA) @ errors

@@ -32,7 +32,7 @@ def test_where_all_is_linear_they_are_the_normal_ones():
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_the_truth_is_inside_as_often_as_said():
     """60 cases of 5 % noise, where C is far from normal: 95 % give or take three times 2.8 %."""
     model, truth = Zener(), np.array([180e3, 120e3, 700.0])

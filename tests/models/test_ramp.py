@@ -132,6 +132,7 @@ def test_models_that_flow_take_a_ramp_and_models_that_do_not_relax_keep_rest():
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.03])
+@pytest.mark.sampled(2)
 def test_intervals_below_the_band_hold_with_a_ramp_and_not_with_k1_at_rest(factor):
     exact, covered = stiffness(FRACTIONAL, LOW), {}
     for name in ("ramp", "rest"):
@@ -151,6 +152,7 @@ def test_intervals_below_the_band_hold_with_a_ramp_and_not_with_k1_at_rest(facto
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("tyre", [ZENER, THREE, FRACTIONAL], ids=["zener", "three arms", "fractional"])
+@pytest.mark.sampled(2)
 def test_the_range_of_all_passive_tyres_holds_the_truth(tyre):
     exact = stiffness(tyre, LOW)
     ends = np.array([passive_range(one, LOW) for one in draws(tyre, Ramp(20.0, 3, 0.4), 8, 0.003, factor=1.03)])

@@ -67,7 +67,7 @@ def test_branches_are_in_falling_order_of_their_times_and_idle_ones_are_left_out
     assert found.instantaneous == 1.3e5
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_states_are_real_branches_first_then_pairs():
     found = realised(Shell(), CROSS_PLY, BAND)
     count, a = found.springs.size, found.space.a
@@ -79,7 +79,7 @@ def test_states_are_real_branches_first_then_pairs():
     assert not np.any(a[count:, count:][blocks == 0])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_modes_far_above_the_band_do_not_take_digits():
     nearly_massless = [0.28, 0.11, 1e7, 10.0, 1e5, 5.4e6, 0.001, 0.005, 0.06, 0.8]
     band = (10.0, 24.0)

@@ -23,7 +23,7 @@ def test_linear_tyres_are_possible_however_small_the_noise(std):
     assert sum(told) <= 3  # at a chance of 1 % each, more than 3 of 24 have a probability of 1e-4
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_same_data_linear_in_the_gains_are_called_impossible():
     told = 0
     for seed in SEEDS:
@@ -43,7 +43,7 @@ def test_a_tyre_that_is_not_possible_is_found_with_one_mass(std):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_intervals_of_a_fit_hold_the_truth():
     inside, model = [], model_named("zener")
     for seed in range(30):

@@ -91,7 +91,7 @@ def test_the_prior_of_mountings_is_one_percent_or_a_factor_of_three():
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_gains_and_phases_are_no_scatter():
     """A chance of 10 % for each of the two variances at each frequency: 9.5 of 50 maps, at most 19 with 99.9 %."""
     shown = [scatter_of(fitted(seed)) for seed in range(50)]
@@ -99,7 +99,7 @@ def test_gains_and_phases_are_no_scatter():
     assert max(max(one.condition) for one in shown) < NOISE
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_scatter_is_found_beside_gains_and_phases():
     """Of 15 conditions, 30 numbers less 4 of the level and slope: known to 20 % each way, in the mean of 10 to 6 %."""
     shown = [scatter_of(fitted(seed, condition=5e-3)).condition for seed in range(10)]

@@ -21,7 +21,7 @@ def drawn(rng, values, correlated=0.02):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_intervals_of_the_constants_hold_in_95_of_100():
     rng = np.random.default_rng(11)
     hits, runs = np.zeros(2), 60

@@ -47,7 +47,7 @@ def test_a_shared_parameter_is_one_and_surer():
     assert shared.dof == fit_together(Zener(), data, TRUTH).dof + 2
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_law_gives_the_truth_within_its_covariance():
     """log K2 linear over the conditions: chi-square of the coefficients over 200 draws has mean 2."""
     x = np.array([-1.0, 0.0, 1.0])

@@ -320,6 +320,7 @@ def test_arrays_of_cylinders_are_each_by_itself():
 
 @pytest.mark.parametrize(("length", "share"), [(0.0, 0.0), (0.0, 1.0), (0.02, 0.3), (0.1, 0.8)])
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-3])
+@pytest.mark.sampled(4)
 def test_enough_terms_are_enough(length, share, accuracy):
     tyre = Cylinder(0.28, 0.11, 1e7, 10.0, 150e3, 8e6, 16.0)
     around, across, error = enough_terms(tyre, length, share, accuracy)
@@ -560,7 +561,7 @@ def chain_table(pressures):
     return measured_of(pl.DataFrame(rows))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_fit_at_one_pressure_finds_springs_mass_and_loss_of_the_chain():
     (found,) = fit_tyres(chain_table([2.0e5]), "shell", given={"beta": 1.0})
     (fit,) = found.chosen.fits
@@ -575,7 +576,7 @@ def test_several_pressures_are_refused_with_what_replaces_them(make):
         make(chain_table([1.0e5, 2.5e5]), "shell")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_former_fit_over_pressures_still_loads_and_answers_at_its_conditions(tmp_path):
     """A file of an earlier version, with the record of what the pressures shared, which is not written any more."""
     measured = chain_table([1.0e5])

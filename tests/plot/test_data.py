@@ -65,7 +65,7 @@ def every(data, *roles):
 
 
 @pytest.mark.parametrize("key", AGAINST_FREQUENCY)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_values_are_those_of_the_tables(fitted, key):
     table = fitted.dynamic
     at = {name: row for row, name in enumerate(table["test"].to_list())}
@@ -92,7 +92,7 @@ def test_the_uncertainty_of_size_and_angle_is_that_of_draws():
 
 
 @pytest.mark.parametrize("key", [key for key in WITH_DATA if key not in UNLINKED])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_points_and_loops_lead_to_the_cards_of_their_tests(fitted, key):
     cards = {card.test: card.key for card in make_cards(fitted)[0]}
     found = [(test, card) for _, one in every(figure_data(fitted, key), *Role) for test, card in
@@ -165,7 +165,7 @@ def test_tr_of_the_model_is_a_smooth_resonance_through_the_tests():
 
 @pytest.mark.parametrize("key", WITH_DATA)
 @pytest.mark.parametrize("modelled", [False, True])
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(12)
 def test_no_panel_has_more_than_six_lines_of_one_colour_without_a_label(twelve, twelve_fitted, key, modelled):
     results = twelve_fitted if modelled else twelve
     data = figure_data(results, key)
@@ -355,6 +355,7 @@ def test_models_of_other_conditions_leave_with_their_tests(fitted):
 
 
 @pytest.mark.parametrize(("size", "expected"), [("journal", (3.5, None)), ("slide", (10.0, 5.625))])
+@pytest.mark.sampled(2)
 def test_a_figure_has_the_size_that_is_asked_for(fitted, size, expected):
     for key in ("stiffness", "tr", "first-stiffness"):
         width, height = draw(fitted, key, Style(size=SIZES[size])).get_size_inches()
@@ -390,7 +391,7 @@ def test_every_figure_with_axes_is_data():
     assert all((spec.data is None) != (spec.draw is None) for spec in FIGURES.values())
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_data_needs_no_matplotlib():
     code = (
         "import sys, polars\n"

@@ -96,6 +96,7 @@ def test_the_figures_by_question_come_first_and_the_papers_stand_apart(study):
 
 
 @pytest.mark.parametrize(("key", "preload"), LOW_HIGH.items())
+@pytest.mark.sampled(2)
 def test_figures_6_to_13_carry_the_numbers_of_the_table(study, drawn, key, preload):
     quantity, scale = ("C [N s/m]", 1.0) if int(key[3:]) < 10 else ("K2 [N/m]", 1e-3)
     against = ("pressure [Pa]", 1e-5) if key in {"fig06", "fig07", "fig10", "fig11"} else ("frequency [Hz]", 1.0)
@@ -199,7 +200,7 @@ def test_crossings_are_found_between_the_points_in_common():
 
 
 @pytest.mark.parametrize("key", DATA)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_every_axis_says_its_unit(drawn, key):
     figure = drawn(key)
     labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
@@ -208,6 +209,7 @@ def test_every_axis_says_its_unit(drawn, key):
     assert all(label.endswith("]") and "[" in label for label in labels), labels
 
 
+@pytest.mark.sampled(2)
 def test_a_tyre_has_one_colour_and_a_pressure_one_marker_in_all_figures(study, drawn):
     colour = {tyre: to_hex(Style().colour(at)) for at, tyre in enumerate(TYRES)}
     markers = {}
@@ -359,6 +361,7 @@ def test_nyquist_is_imaginary_over_real(study):
 
 
 @pytest.mark.parametrize("key", DATA)
+@pytest.mark.sampled(2)
 def test_one_test_is_enough(key):
     results = results_of(tyres=(RADIAL_PLY,), pressures=(170e3,), preloads=(1000.0,), frequencies=(14.0,))
     figure = draw(results, key)
@@ -373,7 +376,7 @@ def test_limits_are_the_readers(study):
 
 @pytest.mark.parametrize("key", ["fig06", "fig08", "fig14", "stiffness", "tr-measured-predicted", "routes"])
 @pytest.mark.parametrize("case", ["two", "many"])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_key_and_notes_stay_off_the_panels(study, key, case):
     if case == "many":
         named = [CROSS_PLY.__class__(**{**vars(RADIAL_PLY), "name": f"a tyre of the long name {n}"}) for n in range(9)]

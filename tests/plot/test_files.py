@@ -27,7 +27,7 @@ def words(svg):
 
 @pytest.mark.parametrize("name", NASTY)
 @pytest.mark.parametrize("key", ["fig05", "fig14"])
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_name_is_text_whatever_it_says(name, key):
     results = renamed(results_of(pressures=(100e3, 170e3), frequencies=(10.0, 20.0)), {"radial-ply": name})
     with warnings.catch_warnings():
@@ -51,6 +51,7 @@ def test_names_alike_in_what_is_shown_stay_apart():
 
 
 @pytest.mark.parametrize("key", ["fig02", "fig05"])
+@pytest.mark.sampled(2)
 def test_the_same_tables_give_the_same_bytes(study, key):
     for form in ("svg", "png", "pdf"):
         first, second = (render(draw(study, key), key, form) for _ in range(2))
@@ -86,7 +87,7 @@ def test_what_a_user_set_in_matplotlib_changes_nothing_and_is_kept(study):
         assert mpl.rcParams.copy() == before
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_drawing_needs_no_pyplot():
     code = (
         "import sys, matplotlib; before = matplotlib.rcParams.copy()\n"
@@ -108,7 +109,7 @@ def test_each_theme_draws_on_its_paper(study, theme):
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_all_figures_are_written_and_light(tmp_path):
     calls = []
     results = against(study_with_models(), "kelvin")
@@ -176,6 +177,7 @@ def test_a_style_that_cannot_be_is_refused(settings):
         Style(**settings)
 
 
+@pytest.mark.sampled(2)
 def test_three_hundred_tests_stay_light():
     many = results_of(
         tyres=(RADIAL_PLY,), pressures=(100e3, 150e3, 200e3), frequencies=[10.0 + 0.28 * at for at in range(50)]

@@ -60,7 +60,7 @@ CASES = [("one", "journal"), ("usual", "report"), *(("many", size) for size in S
 
 @pytest.mark.parametrize("key", KEYS)
 @pytest.mark.parametrize(("case", "size"), CASES)
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_no_text_lies_on_another_or_is_cut(request, case, key, size):
     figure = draw(request.getfixturevalue(case), key, Style(size=SIZES[size]))
     if figure is None:
@@ -72,7 +72,7 @@ def test_no_text_lies_on_another_or_is_cut(request, case, key, size):
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("key", ["spectrum", "amplitude"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_nor_in_the_figures_of_further_models(key, size):
     results = over_amplitudes() if key == "amplitude" else elastomer(model="prony:2")
     assert illegible(draw(results, key, Style(size=SIZES[size]))) == []

@@ -184,6 +184,7 @@ def test_of_a_test_with_several_points_those_in_the_band_are_drawn(fitted):
     assert chosen.tolist() == sorted(order[name] for name in (*names[:2], *state.tests[4:]))
 
 
+@pytest.mark.sampled(2)
 def test_a_tyre_keeps_its_colour(fitted):
     style = Style()
     for key in ("storage-loss", "map"):
@@ -202,7 +203,7 @@ def test_a_tyre_that_is_in_no_table_is_left_out(fitted):
 # ---- which model, and why
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_candidates_stand_where_their_criteria_are(tried):
     entry = tried.models.models[0]
     panels = figure_data(tried, "model-choice").panels[:3]
@@ -254,6 +255,7 @@ def test_a_model_that_was_asked_for_was_not_chosen(fitted):
 
 
 @pytest.mark.parametrize(("row", "column", "scale"), [(0, "K2 [N/m]", 1e-3), (1, "C [N s/m]", 1.0)])
+@pytest.mark.sampled(2)
 def test_the_map_stands_beside_the_tests_of_its_frequencies(fitted, row, column, scale):
     figure = draw(fitted, "map")
     assert [(ax.get_title(loc="left"), ax.get_title(loc="right")) for ax in figure.axes[:4]] == PLACES
@@ -279,7 +281,7 @@ def test_a_curve_of_the_map_is_its_answer_with_its_95_percent(fitted):
     np.testing.assert_allclose(curve.spread, TWO_SIDED_95 * 1e-3 * np.sqrt(answer.arm_covariance[:, 0, 0]), rtol=2e-2)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_curve_ends_where_the_tests_do():
     whole = results_of(pressures=(100e3, 135e3, 170e3, 240e3), frequencies=(10.0, 17.0, 24.0))
     lacking = (pl.col("preload [N]") == 2000.0) & (pl.col("pressure [Pa]") > 150e3)
@@ -302,7 +304,7 @@ def test_a_selected_specimen_has_its_map_alone(fitted):
     assert {one.tyre for one in panels[0].series} == {1}
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_map_over_one_axis_is_a_curve_and_one_of_one_condition_none():
     one = with_models(results_of(preloads=(1000.0,), pressures=(100e3, 170e3, 240e3)), "zener")
     figure = draw(one, "map")
@@ -342,6 +344,7 @@ def test_without_a_model_file_there_is_no_figure(fitted, key):
 
 
 @pytest.mark.parametrize("key", KEYS)
+@pytest.mark.sampled(3)
 def test_every_axis_says_its_unit(fitted, tried, key):
     figure = draw(tried if key == "model-choice" else fitted, key)
     labels = [label for ax in figure.axes for label in (ax.get_xlabel(), ax.get_ylabel()) if label]
@@ -350,6 +353,7 @@ def test_every_axis_says_its_unit(fitted, tried, key):
 
 
 @pytest.mark.parametrize("key", KEYS)
+@pytest.mark.sampled(3)
 def test_key_and_notes_stay_off_the_panels(fitted, tried, key):
     """In print, the theme with the widest lines; themes differ in colours besides."""
     figure = draw(tried if key == "model-choice" else fitted, key, Style("print"))
@@ -366,6 +370,7 @@ def test_key_and_notes_stay_off_the_panels(fitted, tried, key):
 
 
 @pytest.mark.parametrize("key", KEYS)
+@pytest.mark.sampled(3)
 def test_names_are_text(fitted, tried, key):
     nasty = {"cross-ply": "<script>$x$", "radial-ply": "\x1b]0;a" + "b" * 200}
     results = tried if key == "model-choice" else fitted

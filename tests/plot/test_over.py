@@ -72,6 +72,7 @@ def test_tests_are_counted_in_the_order_of_their_table(study: Study) -> None:
 
 
 @pytest.mark.parametrize("axis", OVER)
+@pytest.mark.sampled(3)
 def test_every_quantity_can_be_drawn_or_is_not_there(study: Study, axis: str) -> None:
     for name in SHOWN:
         data = figure_data(study, key_over(name, axis))

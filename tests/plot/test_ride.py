@@ -55,7 +55,7 @@ def test_of_many_tyres_the_first_ones_are_shown(spectra):
 
 
 @pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_the_file_has_each_format(spectra, form, begin):
     made = command_figure(draw_ride(ride_figure(spectra, ["<b>one</b>", "two"])), "ride", form)
     assert made.startswith(begin)

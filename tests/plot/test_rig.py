@@ -219,13 +219,14 @@ def test_nothing_but_numbers_that_are_none_is_drawn_all_the_same(small, key):
 
 @pytest.mark.parametrize("theme", THEMES)
 @pytest.mark.parametrize("key", KEYS)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_they_are_drawn_on_each_paper_and_stay_light(study, key, theme):
     svg = render(draw(study, key, Style(theme)), key, style=Style(theme))
     assert THEMES[theme].paper.encode() in svg
     assert len(svg) < 250_000
 
 
+@pytest.mark.sampled(2)
 def test_a_fine_sweep_stays_light():
     many = results_of(tyres=(RADIAL_PLY,), pressures=(100e3, 170e3), frequencies=[8.0 * 1.03**at for at in range(60)])
     for key in ("budget", "rig-residual"):

@@ -34,7 +34,7 @@ def test_arms_stand_at_their_times_and_in_their_height(results):
     np.testing.assert_allclose(wide.y + wide.spread, highs)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_same_results_give_the_same_bytes(results):
     first, second = (render(draw(results, "spectrum"), "spectrum", "svg") for _ in range(2))
     assert first == second

@@ -42,7 +42,7 @@ def texts(figure):
         ("active", ["measured, 95 %", "k21 measured, 95 %"]),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_measured_poles_stand_with_the_form_that_describes_them(kinds, name, shown):
     with drawing(Style()):
         figure = two_port_figure([kinds[name]], Style())
@@ -66,6 +66,7 @@ def test_the_points_are_the_poles_with_their_intervals(kinds):
     assert np.max(np.abs(np.diff(phase[0].get_ydata()))) < 180
 
 
+@pytest.mark.sampled(2)
 def test_of_many_conditions_the_first_are_drawn_and_it_is_said(kinds):
     with drawing(Style()):
         figure = two_port_figure([kinds["belt"]] * 8, Style())
@@ -75,7 +76,7 @@ def test_of_many_conditions_the_first_are_drawn_and_it_is_said(kinds):
 
 
 @pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_it_is_written_in_each_format(kinds, form, begin):
     style = Style("dark")
     content = command_figure(two_port_figure([kinds["belt"]], style), "twoport", form, style)

@@ -62,6 +62,7 @@ def bench(folder, settings):
     return fp.analyse(folder)
 
 
+@pytest.mark.sampled(2)
 def test_recordings_at_three_amplitudes_predict_a_fourth_within_two_per_cent(tmp_path, monkeypatch):
     monkeypatch.setattr(profile, "_MOST_WORK", 0)  # intervals by profile likelihood would take seconds
     study = bench(tmp_path / "bench", [(f, level) for level in LEVELS for f in FREQUENCY])

@@ -545,7 +545,7 @@ def test_a_figure_is_an_image_of_its_own_and_loses_nothing_that_is_seen():
     assert text.text == "a  b"
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_two_hundred_tests_with_twenty_figures_stay_light():
     drawn = figures(20, 150_000)
     assert min(len(figure.svg) for figure in drawn.values()) > 145_000
@@ -611,7 +611,7 @@ def head(page, name):
     return page.locator("#table-dynamic thead").get_by_role("button", name=name, exact=True)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_table_sorts_by_its_heads(visit):
     page = visit(varied())
     head(page, "K2").click()
@@ -645,6 +645,7 @@ def test_the_contents_lead_to_the_rig_and_to_what_limits(visit):
     assert page.locator("#rig-as-found tbody th[scope=row]").count() == len(VALUES)
 
 
+@pytest.mark.sampled(2)
 def test_models_are_reached_and_their_parameters_open(visit):
     page = visit(study_with_models())
     page.get_by_role("navigation").get_by_role("link", name="Models").click()
@@ -669,6 +670,7 @@ def faint_in_either_scheme(page, named):
     return found
 
 
+@pytest.mark.sampled(2)
 def test_models_stand_out_in_light_and_dark(visit):
     page = visit(replace(study_with_models(), faults=("map.json is of other results",)))
     page.get_by_text("Parameters of zener in 6 conditions").first.click()
@@ -677,6 +679,7 @@ def test_models_stand_out_in_light_and_dark(visit):
     assert faint_in_either_scheme(page, named) == []
 
 
+@pytest.mark.sampled(2)
 def test_ranges_of_page_one_need_no_bar_at_1100_pixels(visit):
     page = visit(results_of(), viewport={"width": 1100, "height": 800})
     table = page.get_by_role("region", name="Results", exact=True)
@@ -684,6 +687,7 @@ def test_ranges_of_page_one_need_no_bar_at_1100_pixels(visit):
     assert table.evaluate("box => box.scrollWidth <= box.clientWidth")
 
 
+@pytest.mark.sampled(2)
 def test_the_table_of_the_rig_scrolls_by_itself_on_a_narrow_screen(visit):
     page = visit(with_rig_found(varied(), **MISFIT))
     for width in (1280, 360):
@@ -692,6 +696,7 @@ def test_the_table_of_the_rig_scrolls_by_itself_on_a_narrow_screen(visit):
         assert page.get_by_role("region", name="Shared values").bounding_box()["width"] <= width
 
 
+@pytest.mark.sampled(2)
 def test_an_outlier_opens_its_card(visit):
     results = with_rig_found(varied())
     rows = residual_table(results.dynamic.filter(pl.col("test") == "D2"), **{"outlier [1]": 60.0})
@@ -700,6 +705,7 @@ def test_an_outlier_opens_its_card(visit):
     page.locator("details#dynamic-2[open]").wait_for(state="attached")
 
 
+@pytest.mark.sampled(2)
 def test_filters_meet_tables_and_cards(visit):
     page = visit(varied())
     shown = page.locator("#shown")
@@ -764,6 +770,7 @@ def test_hostile_names_harm_nothing_and_keep_the_layout(visit):
         assert page.locator(".results tbody tr").evaluate_all(heights) < (60 if width == 1280 else 90)
 
 
+@pytest.mark.sampled(2)
 def test_a_page_is_read_without_its_script(visit):
     page = visit(varied(), java_script_enabled=False, unfold=False)
     for name in ("Every test", "Test by test"):
@@ -773,6 +780,7 @@ def test_a_page_is_read_without_its_script(visit):
     assert not page.locator("#filter").is_visible()
 
 
+@pytest.mark.sampled(2)
 def test_print_has_the_whole_tables(visit):
     remark = "the motion at the contact is no clean sine "
     rows = [dynamic_row(at, verdict="warning", remarks=remark * at) for at in range(1, 30)]
@@ -834,7 +842,7 @@ def test_text_stands_out_in_light_and_dark(visit):
     assert faint_in_either_scheme(page, named) == []
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_thousand_tests_open_and_are_searched(visit, tmp_path):
     results = campaign(1000, static=10)
     page = visit(results)
@@ -847,6 +855,7 @@ def test_a_thousand_tests_open_and_are_searched(visit, tmp_path):
 
 
 @pytest.mark.parametrize("count", [1, 60])
+@pytest.mark.sampled(2)
 def test_the_first_page_fits_on_one_sheet(visit, count):
     report = dict.fromkeys(("laboratory", "address", "customer", "number", "operator", "approved"), "Laboratory North")
     report |= dict.fromkeys(("method", "environment", "conditioning", "break_in"), "as the procedure says, " * 3)

@@ -71,7 +71,7 @@ def test_what_is_no_pdf_is_not_taken(monkeypatch, page, tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="no groups of processes here")
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_browser_that_hangs_is_ended_with_what_it_started(monkeypatch, page, tmp_path):
     noted = tmp_path / "pid"
     script = (

@@ -158,7 +158,7 @@ def test_a_function_that_ends_with_an_error_fails_and_does_not_stop_the_test(kno
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_the_data_are_what_the_script_makes(tmp_path):
     """The script shares no code with the package: it imports nothing of it."""
     pytest.importorskip("mpmath")

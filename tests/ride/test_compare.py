@@ -54,7 +54,7 @@ def test_the_uncertainty_in_time_is_the_spread_of_drawn_models(lift, draws):
     assert found.std[0][[0, 1, 2, 3, 4, 6]] == pytest.approx(spread, rel=known)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_time_and_spectrum_agree():
     road, step = ClassRoad.of("C"), 5e-4
     once = road.realisation(40.0, step, SPEED, seed=2)
@@ -88,7 +88,7 @@ def test_a_level_road_is_refused():
         compare_in_time(BODY, tyres(), np.full((1, 100), 0.3), 1e-3, (10.0, 10.0))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_fractional_model_in_time_is_as_on_the_spectrum():
     """Values and uncertainties: the arms are the model, and so are the derivatives by its parameters."""
     values = np.array([150e3, 400e3, 1e-3, 0.4])

@@ -87,7 +87,7 @@ def test_a_wheel_beyond_its_curve_is_counted_and_a_load_beyond_it_refused():
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_pothole_at_the_step_of_the_command_is_that_of_an_independent_integrator():
     """Edges of 2 ms throw the wheel into the air; at a step of 0.25 ms a_w would be 0.16 % less."""
     made, step = pothole(0.05, 0.4), 1.25e-4

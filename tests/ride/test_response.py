@@ -133,7 +133,7 @@ def test_derivatives_are_those_of_differences(model, values, wheels):
 @pytest.mark.parametrize(
     ("model", "values", "relative"), [(Zener(), ZENER, (0.03, 0.1, 0.1)), (GeneralisedMaxwell(3), MAXWELL, (0.03,) * 7)]
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_uncertainty_is_the_spread_of_drawn_models(model, values, relative, wheels):
     """450 draws know a standard deviation to 3.3 %: within 10 % is three of these."""
     rng = np.random.default_rng(8)

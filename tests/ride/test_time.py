@@ -30,7 +30,7 @@ TYRES = {
 
 @pytest.mark.parametrize("name", TYRES)
 @pytest.mark.parametrize("kind", ["class", "cleat", "pothole"])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_ride_is_that_of_an_independent_integrator(name, kind):
     model, values, k1, arms, damper = TYRES[name]
     step, speed = 1e-3, 15.0
@@ -139,7 +139,7 @@ def test_a_step_too_long_and_a_road_with_a_gap_are_refused():
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_cleat_shorter_than_two_steps_has_its_comfort():
     """Against the integrator on samples that have every edge of the cleat."""
     speed = 22.2
@@ -154,7 +154,7 @@ def test_a_cleat_shorter_than_two_steps_has_its_comfort():
     assert found.comfort.vdv == pytest.approx((fine * np.sum(weighted**4)) ** 0.25, rel=1e-3)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_damper_feels_each_change_of_slope():
     """Load and energy of a damper on a road with a kink at each sample, by sums over 20 times as many samples."""
     step, fine, damper = 1e-3, 20, 300.0

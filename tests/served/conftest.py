@@ -1,4 +1,4 @@
-"""A small analysed campaign, made once, and servers of copies of it."""
+"""A small analysed campaign, made once, a server of a copy of it for all modules, and a browser."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser
 from tests.kept import kept
+from tests.report.browser import launched
 from tests.served.server import Server, serving
 
 from fourpole.app.analysis import run_analysis
@@ -26,10 +28,23 @@ def analysed() -> Path:
     return kept("served", _analysed)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def server(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server with one campaign."""
+    """A server with one campaign, which each test leaves as it was."""
     root = tmp_path_factory.mktemp("root")
     shutil.copytree(analysed, root / "radial and cross")
     with serving(root) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def empty_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """A server of a folder in which nothing is; each test empties it again."""
+    with serving(tmp_path_factory.mktemp("empty")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with launched() as running:
         yield running

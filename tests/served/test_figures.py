@@ -12,9 +12,8 @@ from urllib.parse import quote, urlencode
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
-from tests.report.browser import launched
 from tests.served.barriers import barriers
-from tests.served.server import Server, serving
+from tests.served.server import Server
 from tests.served.test_pages import LONG, opened, visiting
 from tests.unlisted import unlisted
 
@@ -34,22 +33,17 @@ POINT = {"tyre": "radial-ply", "pressure": "1.9 bar", "frequency": "13.7 Hz"}
 
 
 @pytest.fixture(scope="module")
-def mapped(analysed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server with two campaigns, one of them with a map."""
-    root = tmp_path_factory.mktemp("mapped")
-    shutil.copytree(analysed, root / "one")
-    show(run_map(root / "one" / "results", "zener", data=DataOptions()), as_json=True)
-    shutil.copytree(analysed, root / "two")
-    shutil.copytree(analysed, root / "bare", ignore=shutil.ignore_patterns("results"))
-    (root / "two" / "results" / "model.json").unlink()
-    with serving(root) as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with launched() as one:
-        yield one
+def mapped(server: Server, analysed: Path) -> Iterator[Server]:
+    """The server with three further campaigns: one with a map, one without models, one without results."""
+    one, two, bare = folders = [server.root / name for name in ("one", "two", "bare")]
+    for folder in (one, two):
+        shutil.copytree(analysed, folder)
+    show(run_map(one / "results", "zener", data=DataOptions()), as_json=True)
+    shutil.copytree(analysed, bare, ignore=shutil.ignore_patterns("results"))
+    (two / "results" / "model.json").unlink()
+    yield server
+    for folder in folders:
+        shutil.rmtree(folder)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +97,7 @@ VEHICLE = ("statespace", "modelica", "tir", "table", "fmu")
 
 
 @pytest.mark.parametrize("kind", ["mat", "tydex", "uff", "prony", "abaqus", "xlsx", "netcdf", *VEHICLE])
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_exports_are_offered_and_nothing_is_left_in_the_results(mapped: Server, kind: str) -> None:
     stated = {"specimen": "radial-ply"} if kind in VEHICLE else {}
     stated |= {"frequency": "15 Hz"} if kind == "tir" else {}
@@ -140,7 +134,7 @@ def asked(server: Server, kind: str, place: str = "one", **stated: str) -> str:
         ("one", "statespace", {"at": "nonsense"}, "no operating point"),
     ],
 )
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_an_export_that_cannot_be_says_why(
     mapped: Server, place: str, kind: str, stated: dict[str, str], why: str
 ) -> None:
@@ -233,6 +227,7 @@ def test_options_of_a_command_are_those_that_it_has(mapped: Server) -> None:
         assert status == 400, options
 
 
+@pytest.mark.sampled(2)
 def test_the_sliders_answer_and_stand_in_the_address(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/c/one/model?tyre=radial-ply")
@@ -280,6 +275,7 @@ def test_without_a_map_a_condition_is_chosen(window: Page, mapped: Server) -> No
         shutil.move(folder / "map.away", folder / "map.json")
 
 
+@pytest.mark.sampled(2)
 def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
     fitted = unlisted(mapped.root / "two" / "results") / "model.json"
     with visiting(window) as page:
@@ -293,7 +289,7 @@ def test_a_model_is_fitted_from_the_page(window: Page, mapped: Server) -> None:
     fitted.unlink()
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_an_export_is_made_and_offered_where_it_was_asked_for(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/c/one")
@@ -312,6 +308,7 @@ def test_an_export_is_made_and_offered_where_it_was_asked_for(window: Page) -> N
         expect(page.locator("#answer")).to_contain_text("no elastic moduli")
 
 
+@pytest.mark.sampled(2)
 def test_a_choice_shows_its_figure_at_once(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/c/one/explore")
@@ -336,7 +333,7 @@ def test_a_choice_shows_its_figure_at_once(window: Page) -> None:
     ["/c/one/explore?quantity=k2&over=pressure", "/c/one/model", "/c/two/model", "/c/one/plan?wanted=0.01+%25",
      "/compare?a=one&first=cross-ply&second=radial-ply", "/c/bare/plan"],
 )  # fmt: skip
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_no_page_keeps_anyone_out(window: Page, address: str) -> None:
     with visiting(window) as page:
         page.set_viewport_size({"width": 820, "height": 1180})

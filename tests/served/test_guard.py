@@ -230,7 +230,7 @@ class TestUploads:
         assert not hidden.exists()
 
     @pytest.mark.thorough
-    @pytest.mark.sampled(2)
+    @pytest.mark.sampled(4)
     def test_uploads_of_a_former_server_are_deleted(self, tmp_path: Path) -> None:
         (tmp_path / ".fourpole-upload-old").mkdir()
         with serving(tmp_path) as running:
@@ -300,20 +300,19 @@ class TestToken:
         assert server.ask("/static/app.js", headers={"Sec-Fetch-Site": "same-site"}, own=False)[0] == 403
 
     @pytest.mark.sampled(2)
-    def test_cookies_of_other_servers_do_not_matter(self, server: Server, tmp_path: Path) -> None:
-        with serving(tmp_path) as other:
-            names = {server.cookie[0], other.cookie[0]}
-            assert len(names) == 2
-            assert server.token != other.token
-            both = "; ".join("=".join(one) for one in (server.cookie, other.cookie))
-            for one in (server, other):
-                assert one.ask("/", headers={"Cookie": both})[0] == 200
+    def test_cookies_of_other_servers_do_not_matter(self, server: Server, empty_server: Server) -> None:
+        other = empty_server
+        assert server.cookie[0] != other.cookie[0]
+        assert server.token != other.token
+        both = "; ".join("=".join(one) for one in (server.cookie, other.cookie))
+        for one in (server, other):
+            assert one.ask("/", headers={"Cookie": both})[0] == 200
         tossed = f"{server.cookie[0]}=x; a=b; {'='.join(server.cookie)}; {server.cookie[0]}="
         assert server.ask("/", headers={"Cookie": tossed})[0] == 200
         assert server.ask("/", headers={"Cookie": f"{other.cookie[0]}={server.token}"})[0] == 401
 
     @pytest.mark.thorough
-    @pytest.mark.sampled(2)
+    @pytest.mark.sampled(4)
     def test_who_wants_none_says_so(self, tmp_path: Path) -> None:
         with serving(tmp_path, "--no-token") as running:
             assert "token" not in running.address
@@ -321,7 +320,7 @@ class TestToken:
             assert running.ask("/upload", "POST", {}, headers={"Origin": "null"}, own=False, known=False)[0] == 403
 
     @pytest.mark.thorough
-    @pytest.mark.sampled(2)
+    @pytest.mark.sampled(4)
     def test_it_is_needed_once(self, tmp_path: Path) -> None:
         with serving(tmp_path, "--host", "0.0.0.0") as running:
             port, token = urlsplit(running.address).port, urlsplit(running.address).query.removeprefix("token=")

@@ -32,7 +32,7 @@ def test_a_job_that_is_stopped_while_it_starts_does_not_run(tmp_path: Path) -> N
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_command_ends_with_the_server_that_was_killed(analysed: Path, tmp_path: Path) -> None:
     folder = tmp_path / "one"
     shutil.copytree(analysed, folder, ignore=shutil.ignore_patterns("results"))

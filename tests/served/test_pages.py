@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
-from tests.report.browser import launched, renewed, watched
+from tests.report.browser import renewed, watched
 from tests.served.barriers import barriers
 from tests.served.server import Server, serving
 
@@ -21,12 +21,6 @@ pytestmark = pytest.mark.thorough
 
 #: Time that an analysis on a busy machine may take [ms].
 LONG = 120_000
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with launched() as one:
-        yield one
 
 
 @contextmanager
@@ -58,16 +52,16 @@ def campaign(page: Page) -> str:
     return str(page.locator("tbody th a").first.get_attribute("href"))
 
 
-@pytest.mark.sampled(2)
-def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, tmp_path: Path) -> None:
-    with serving(tmp_path) as server, opened(browser, server) as window, visiting(window) as page:
+@pytest.mark.sampled(4)
+def test_a_folder_without_campaigns_says_what_to_do(browser: Browser, empty_server: Server) -> None:
+    with opened(browser, empty_server) as window, visiting(window) as page:
         page.goto("/")
         expect(page.get_by_text("There is no campaign yet")).to_be_visible()
         page.goto("/compare")
         expect(page.get_by_text("No campaign is analysed yet")).to_be_visible()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_file_that_leads_to_the_address_opens_the_app(browser: Browser, server: Server, tmp_path: Path) -> None:
     """As `fourpole app` opens a browser; a link in a message of somebody else opens a page, too."""
     page_of_file = tmp_path / "app.html"
@@ -124,6 +118,7 @@ def test_a_page_of_another_site_sees_and_changes_nothing(browser: Browser, serve
         )
 
 
+@pytest.mark.sampled(2)
 def test_the_text_of_the_statement_is_mended(window: Page, server: Server) -> None:
     toml = next(server.root.rglob("campaign.toml"))
     before = toml.read_text()
@@ -141,7 +136,7 @@ def test_the_text_of_the_statement_is_mended(window: Page, server: Server) -> No
     assert toml.read_text() == before
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_wrong_entry_is_marked_in_the_words_of_the_command(window: Page, server: Server) -> None:
     with visiting(window) as page:
         page.goto(f"{campaign(page)}/statement")
@@ -169,7 +164,7 @@ def test_a_wrong_entry_is_marked_in_the_words_of_the_command(window: Page, serve
         toml.write_text(before)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server: Server) -> None:
     toml, table = next(server.root.rglob("campaign.toml")), next(server.root.rglob("tests.csv"))
     before = toml.read_text(), table.read_text()
@@ -204,22 +199,23 @@ def test_all_faults_are_marked_while_the_form_is_filled_in(window: Page, server:
     toml.write_text(before[0])
 
 
-@pytest.mark.sampled(3)
-def test_the_demo_is_made_once_and_opened(tmp_path: Path) -> None:
-    with serving(tmp_path) as server:
-        first, second = (server.document("/demo", "POST", {}) for _ in range(2))
-        assert first == second == {"next": "/c/fourpole-demo/run"}
-        assert b"The demo is recorded" in server.ask(first["next"])[1]
-        assert server.ask(first["next"], "DELETE")[0] == 204
-        for body in ({"command": "demo"}, {"command": "demo", "options": []}):
-            assert server.ask("/c/fourpole-demo/run", "POST", body)[0] in (400, 404)
-        (tmp_path / "fourpole-demo").mkdir(exist_ok=True)
-        (tmp_path / "fourpole-demo" / "campaign.toml").write_text("title = 'mine'\n")
-        until = time.monotonic() + 30
-        while server.document("/demo", "POST", {})["next"] != "/c/fourpole-demo":
-            assert time.monotonic() < until
-            time.sleep(0.1)
-        assert (tmp_path / "fourpole-demo" / "campaign.toml").read_text() == "title = 'mine'\n"
+@pytest.mark.sampled(6)
+def test_the_demo_is_made_once_and_opened(empty_server: Server) -> None:
+    server, demo = empty_server, empty_server.root / "fourpole-demo"
+    first, second = (server.document("/demo", "POST", {}) for _ in range(2))
+    assert first == second == {"next": "/c/fourpole-demo/run"}
+    assert b"The demo is recorded" in server.ask(first["next"])[1]
+    assert server.ask(first["next"], "DELETE")[0] == 204
+    for body in ({"command": "demo"}, {"command": "demo", "options": []}):
+        assert server.ask("/c/fourpole-demo/run", "POST", body)[0] in (400, 404)
+    demo.mkdir(exist_ok=True)
+    (demo / "campaign.toml").write_text("title = 'mine'\n")
+    until = time.monotonic() + 30
+    while server.document("/demo", "POST", {})["next"] != "/c/fourpole-demo":
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    assert (demo / "campaign.toml").read_text() == "title = 'mine'\n"
+    shutil.rmtree(demo)
 
 
 def test_rows_are_pasted_from_a_spreadsheet(window: Page) -> None:
@@ -247,7 +243,7 @@ def test_two_who_edit_are_told(server: Server) -> None:
     assert b"someone else" in content
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_test_is_excluded_with_a_reason_and_taken_in_again(window: Page, server: Server) -> None:
     with visiting(window) as page:
         table = next(server.root.rglob("tests.csv"))
@@ -261,6 +257,7 @@ def test_a_test_is_excluded_with_a_reason_and_taken_in_again(window: Page, serve
         assert not any(test.excluded for test in read_campaign(table.parent).tests)
 
 
+@pytest.mark.sampled(2)
 def test_a_recording_is_looked_at_closer(window: Page) -> None:
     with visiting(window) as page:
         page.goto(f"{campaign(page)}/tests/D2")
@@ -281,7 +278,7 @@ def test_a_recording_is_looked_at_closer(window: Page) -> None:
         expect(page.locator("#card svg")).not_to_have_count(0)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_recording_is_judged_while_the_page_is_open(window: Page, server: Server) -> None:
     table = next(server.root.rglob("tests.csv"))
     before, recordings = table.read_text(), table.parent / "recordings"
@@ -308,6 +305,7 @@ def test_a_recording_is_judged_while_the_page_is_open(window: Page, server: Serv
     table.write_text(before)
 
 
+@pytest.mark.sampled(2)
 def test_results_by_keyboard_alone(window: Page) -> None:
     with visiting(window) as page:
         page.goto("/")
@@ -327,6 +325,7 @@ def test_results_by_keyboard_alone(window: Page) -> None:
         page.wait_for_url("**/tests/D1")
 
 
+@pytest.mark.sampled(2)
 def test_a_point_of_a_figure_leads_to_its_recording(window: Page) -> None:
     with visiting(window) as page:
         page.goto(campaign(page))
@@ -339,7 +338,7 @@ def test_a_point_of_a_figure_leads_to_its_recording(window: Page) -> None:
 
 
 @pytest.mark.parametrize("part", ["", "/tests", "/tests/D1", "/statement", "/run", None])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_no_page_keeps_anyone_out(window: Page, part: str | None) -> None:
     with visiting(window) as page:
         address = "/" if part is None else f"{campaign(page)}{part}"

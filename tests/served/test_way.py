@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import csv
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
-from tests.report.browser import launched
 from tests.served.server import serving
 from tests.served.test_pages import LONG, opened, visiting
 
@@ -25,12 +23,6 @@ RIG = {
 }
 #: Stops of the Tab key after which a part of a page counts as out of reach.
 FARTHEST = 400
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with launched() as one:
-        yield one
 
 
 @pytest.fixture
@@ -71,7 +63,7 @@ def visit(page: Page, name: str) -> None:
     expect(page.locator("nav [aria-current=page]")).to_have_text(name)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_from_files_to_an_export_by_keyboard(browser: Browser, dropped: list[Path], tmp_path: Path) -> None:
     root = tmp_path / "root"
     root.mkdir()

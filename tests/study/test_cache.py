@@ -83,7 +83,7 @@ REFINED = {
 
 
 @pytest.mark.parametrize("what", REFINED)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_a_refined_statement_opens_no_recording_and_gives_what_a_first_run_gives(kept, demodulated, monkeypatch, what):
     noisy, first = kept
     name, old, new, column = REFINED[what]
@@ -194,7 +194,7 @@ def test_what_a_rejected_recording_said_is_said_again(kept):
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"{}", b'{"checks": [], "phasors": {}}', b"\xff\xfe\x00"])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_damaged_cache_is_worked_out_again(kept, demodulated, content):
     noisy, first = kept
     for path in (noisy.path / "kept").iterdir():
@@ -279,7 +279,7 @@ def other_user(folder):
 
 
 @pytest.mark.parametrize("attack", [rotate, edit_amplitudes, exchange_hashes, other_user])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_what_others_put_into_a_cache_decides_no_number(kept, demodulated, attack):
     noisy, _ = kept
     noisy.cells("D3", slice(0, 1), 3, "0.0001")
@@ -342,7 +342,7 @@ def test_an_index_goes_on_after_a_run_that_was_killed(kept, demodulated, monkeyp
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes among the files here")
 @pytest.mark.parametrize("name", ["index.jsonl", "entry"])
 @pytest.mark.parametrize("place", ["fifo", "link", "hard link", "folder"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_nothing_is_read_from_or_written_to_what_is_no_file_of_the_cache(kept, tmp_path, name, place):
     noisy, first = kept
     outside = tmp_path / "precious"
@@ -367,7 +367,7 @@ def test_nothing_is_read_from_or_written_to_what_is_no_file_of_the_cache(kept, t
 
 @pytest.mark.parametrize("level", ["kept", "above"])
 @pytest.mark.parametrize("target", ["full", "empty", "missing"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_cache_that_a_link_leads_out_of_the_campaign_is_none(noisy, tmp_path, level, target):
     """Neither read, nor written, nor tidied: what lies there is named as files of a cache are."""
     outside = tmp_path / "outside"

@@ -135,7 +135,7 @@ def test_a_group_in_a_table_of_text(folder):
     assert "no groups" in message
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_group_that_is_not_there(folder):
     nptdms = pytest.importorskip("nptdms")
     table = pl.read_csv(folder / "recordings" / "D2.csv")
@@ -172,6 +172,7 @@ def test_a_recording_without_time(folder):
         ("1..1.1", "rejected", "at least 3 are needed"),
     ],
 )
+@pytest.mark.sampled(2)
 def test_a_window(folder, window, verdict, said):
     text = (folder / "tests.csv").read_text().splitlines()
     rows = [f"{line}," + (window if line.startswith("D2") else "") for line in text[1:]]
@@ -321,6 +322,7 @@ def test_of_a_slow_drive_twenty_cycles_are_read(folder, monkeypatch):
 
 @pytest.mark.parametrize("noise", [1e-5, 0.0])
 @pytest.mark.parametrize("stated", ["14", ""])
+@pytest.mark.sampled(2)
 def test_a_lead_in_warns(folder, noise, stated):
     """The analysis cuts it; the check sees nothing else, and says so without a rejection."""
     edit(folder, "tests.csv", "1.7,1000,14", f"1.7,1000,{stated}")

@@ -46,7 +46,7 @@ def dask(tmp_path_factory):
         one.communicate()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_tables_are_those_of_this_machine_though_a_worker_dies_half_way(noisy, dask, monkeypatch):
     address, workers = dask
     monkeypatch.setattr("fourpole.study.workers._TASK", 0.0)
@@ -66,6 +66,7 @@ def test_the_tables_are_those_of_this_machine_though_a_worker_dies_half_way(nois
     assert found.sha256 == here.sha256
 
 
+@pytest.mark.sampled(3)
 def test_the_command_takes_the_address_of_a_scheduler(noisy, dask):
     words = ["analyse", str(noisy.path), "--tables-only", "--route", "mobility"]
     ran = CliRunner().invoke(app, [*words, "--scheduler", dask[0]])

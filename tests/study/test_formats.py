@@ -67,7 +67,7 @@ def as_tydex(path: Path, table: pl.DataFrame) -> str:
 
 
 @pytest.mark.parametrize("write", [as_mdf, as_tdms, as_hdf5, as_matlab, as_tydex])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_same_numbers_come_out_of_every_format(clean, write):
     before = analyse(clean.path, route="relative").dynamic
     text = (clean.path / "tests.csv").read_text()

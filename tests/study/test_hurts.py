@@ -325,7 +325,7 @@ def unhurt(sound):
 
 
 @pytest.mark.parametrize("name", HURTS)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_hurt_test_is_a_row_that_says_why_and_the_others_do_not_change(noisy, sound, unhurt, name):
     """The phasors of unchanged recordings come from the cache, as in a second run after a file was replaced."""
     if name == "pipe" and not hasattr(os, "mkfifo"):
@@ -355,7 +355,7 @@ def test_a_hurt_test_is_a_row_that_says_why_and_the_others_do_not_change(noisy, 
 
 
 @pytest.mark.parametrize("name", ["missing", "inverted F1", "constant V1", "constant V2", "V1 clipped, range stated"])
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(5)
 def test_together_too_the_others_hardly_change(noisy, noisy_campaign, name):
     """Found together, the other tests lose what the hurt one told of the rig, and no more than their uncertainty."""
     before = analyse(noisy_campaign).dynamic
@@ -381,6 +381,7 @@ def test_a_test_without_a_passive_answer_keeps_what_was_measured(noisy, unhurt, 
 
 @pytest.mark.parametrize("route", ["relative", "transmissibility"])
 @pytest.mark.parametrize("channel", ["F1", "V1", "V2"])
+@pytest.mark.sampled(2)
 def test_what_a_route_can_spare_only_warns(noisy, route, channel):
     noisy.cells("D2", slice(0, 4096), ("t", "F1", "V1", "V2").index(channel), "0.1")
     row = noisy.analyse(route=route).dynamic.row(1, named=True)

@@ -74,7 +74,7 @@ def test_a_misstated_rig_does_no_harm(tmp_path, signs, seed):
     assert np.median(errors(analyse(folder, route="mobility"), folder)["C [N s/m]"]) > 0.03
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_one_weighed_mass_in_place_of_good_sensors(rough):
     folder, study = rough
     found = errors(study, folder)
@@ -90,6 +90,7 @@ def test_one_weighed_mass_in_place_of_good_sensors(rough):
     assert 1e-3 < after < 2e-3
 
 
+@pytest.mark.sampled(2)
 def test_without_the_mass_the_uncertainty_is_large_and_honest(tmp_path):
     folder = simulated(tmp_path, seed=3, sensors=ROUGH, rig_std=LOOSE)
     study = analyse(folder)
@@ -179,7 +180,7 @@ def test_an_undeclared_part_is_seen_and_no_value_is_calibrated(tmp_path, part, n
     assert max(found[std].max() for _, _, std in PAIRS) < 4.0
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_declared_parts_are_handled(tmp_path):
     parts = {"tyre_mass": 1.0, "frame_stiffness": 2e5, "preload_loss_factor": 0.1, "input_mass": 0.5}
     folder = simulated(tmp_path, seed=9, declared=parts, rig_std=LOOSE)
@@ -189,7 +190,7 @@ def test_declared_parts_are_handled(tmp_path):
     assert max(errors(study, folder)[std].max() for _, _, std in PAIRS) < 4.0
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_rigid_mass_in_place_of_the_tyre_does_as_well(tmp_path):
     weighed = {"calibration_masses": (5.0, 15.0), "preloads": [1000.0]}
     folder = simulated(tmp_path, seed=9, sensors=ROUGH, rig_std=LOOSE, **weighed)
@@ -256,6 +257,7 @@ def test_one_test_is_as_stated_and_says_so(noisy):
     assert study.notes[0] == "[rig]: one test only: rig and channels are taken as you stated them"
 
 
+@pytest.mark.sampled(2)
 def test_each_rig_is_found_by_itself(tmp_path):
     """Two rigs of one campaign, and the same as two campaigns."""
     folder = simulated(tmp_path / "one", seed=4, preloads=[1000.0])
@@ -292,7 +294,7 @@ def test_a_calibration_that_cannot_be_one_is_a_row_that_says_why(noisy):
 # -- the order, the files --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_order_of_the_tests_does_not_matter(rough, tmp_path):
     folder, study = rough
     other = shutil.copytree(folder, tmp_path / "other")
@@ -380,6 +382,7 @@ def test_k2_and_c_scatter_as_stated_where_k1_and_k_star_are_drawn(rough):
         assert row["u(C) [N s/m]"] > 0.75 * np.std(c), row["test"]
 
 
+@pytest.mark.sampled(3)
 def test_an_inverted_v2_beside_a_weighed_mass_is_named_and_no_row_is_used(tmp_path):
     """The search for each test's own departure is lost there: its steps must stay numbers."""
     made = simulate_campaign(

@@ -100,7 +100,7 @@ def is_the_tyre(bench, row, frequency=F, verdict="ok", **state):
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("route", ["mobility", "transmissibility"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_whatever_the_channels_say_the_same_tyre_is_found(bench, case, route):
     said, make = CASES[case]
     bench.row("D1", record(bench, said, make), "1000,110000")

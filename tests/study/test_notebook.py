@@ -58,6 +58,7 @@ def checked(html):
     return html
 
 
+@pytest.mark.sampled(2)
 def test_a_study_shows_its_tests_and_the_range_of_each_condition(study):
     html = checked(study._repr_html_())
     assert "16 tests: 15 ok, 0 warning, 1 rejected; joint route" in html
@@ -149,7 +150,7 @@ def test_pandas_takes_a_table_without_further_packages(study):
     assert frame["K2 [N/m]"].mean() == pytest.approx(study.dynamic["K2 [N/m]"].mean(), rel=1e-12)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch):
     """Each code cell in order, in one namespace; what its last line gives shows itself."""
     monkeypatch.chdir(tmp_path)

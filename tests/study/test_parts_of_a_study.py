@@ -50,7 +50,7 @@ def test_a_study_that_is_read_gives_what_the_analysis_gave(study, again):
     assert one.phasors == other.phasors
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_study_that_is_read_fits_and_maps_as_the_analysis_does(study, again):
     fits, others = again.fit("zener"), study.fit("zener")
     for fit, other in zip(fits, others, strict=True):

@@ -51,6 +51,7 @@ def study(folder):
     return analyse(folder, monte_carlo=0)
 
 
+@pytest.mark.sampled(2)
 def test_a_weighed_mass_gives_the_scale_of_all_lines(study):
     table = study.dynamic.filter(pl.col("verdict") != "rejected")
     assert table.height > 300
@@ -144,6 +145,7 @@ def test_k1_is_doubted_where_most_lines_doubt_it(folder, tmp_path, k1, wrong):
 
 
 @pytest.mark.parametrize(("column", "left"), [("command", ""), ("flat", "constant"), ("gone", "gone")])
+@pytest.mark.sampled(3)
 def test_a_drive_is_used_where_it_can_be(folder, tmp_path, column, left):
     rng = np.random.default_rng(41)
     table = pl.read_parquet(folder / "R0.parquet")
@@ -171,6 +173,7 @@ def signals_of(what, signals, rng):
 @pytest.mark.parametrize(
     ("what", "said"), [("V2 off", "V2 (motion_out) has nothing in common"), ("V2 is V1", "have the same samples")]
 )
+@pytest.mark.sampled(2)
 def test_a_channel_that_is_wired_wrong_is_named_and_the_other_test_goes_on(folder, tmp_path, what, said):
     table = pl.read_parquet(folder / "R0.parquet")
     table.write_parquet(tmp_path / "R0.parquet")

@@ -32,7 +32,7 @@ def test_a_job_is_small_whatever_the_campaign_holds(noisy):
     assert max(len(pickle.dumps(job)) for job in jobs(noisy.path)) < _MOST_PICKLED
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_threads_and_spawned_processes_give_the_same(noisy):
     made = jobs(noisy.path)
     with ThreadPoolExecutor(2) as pool:
@@ -78,7 +78,7 @@ def test_a_recording_with_two_points_has_two_rows(noisy, monkeypatch):
         assert found.gather_every(2, 1).equals(table)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_points_of_one_recording_are_what_tests_of_their_own_are_on_the_joint_route(tmp_path, monkeypatch):
     """The frequencies of a recording are conditions of their own, whatever frequency its row states.
 

@@ -46,7 +46,7 @@ def test_a_file_url_inside_the_folder_is_the_file(noisy):
         ("simplecache::s3://bucket/D2.csv", "there is no such file"),
     ],
 )
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_url_that_leads_elsewhere_is_one_rejected_row(noisy, url, says):
     (noisy.path.parent / "outside.csv").write_bytes(noisy.recording("D2").read_bytes())
     noisy.edit("tests.csv", ROW, url.format(folder=noisy.path))
@@ -92,7 +92,7 @@ def bucket(client, monkeypatch):
         client.delete_object(Bucket="rig", Key=one["Key"])
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
     before = noisy.analyse(route="mobility")
     for name in ("D2", "S1"):
@@ -109,7 +109,7 @@ def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
     assert {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")} == entries
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_changed_object_is_read_again(noisy, bucket):
     bucket.upload_file(str(noisy.recording("D2")), "rig", "D2.csv")
     noisy.edit("tests.csv", ROW, "s3://rig/D2.csv")
@@ -168,7 +168,7 @@ def uploaded(noisy, bucket, monkeypatch):
     return noisy, before
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_the_argument_allows_it_for_the_call_alone(uploaded):
     noisy, before = uploaded
     assert noisy.analyse(route="mobility", remote=True).dynamic.equals(before.dynamic)
@@ -176,7 +176,7 @@ def test_the_argument_allows_it_for_the_call_alone(uploaded):
     assert noisy.analyse(route="mobility").counts["rejected"] == 2
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_the_users_configuration_reaches_worker_processes(uploaded, tmp_path, monkeypatch):
     noisy, before = uploaded
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "user"))

@@ -369,6 +369,7 @@ STATIC_HURTS = {
 
 
 @pytest.mark.parametrize("hurt", STATIC_HURTS)
+@pytest.mark.sampled(2)
 def test_a_static_test_that_cannot_be_used_is_a_row_and_the_others_go_on(bench, hurt):
     make, remark = STATIC_HURTS[hurt]
     bench.static("S1", "1.7,")

@@ -136,6 +136,7 @@ REFERENCES = {
 @pytest.mark.parametrize(
     ("frequency", "reference"), [(10.0 if at % 2 else 16.0, reference) for at, reference in enumerate(REFERENCES)]
 )
+@pytest.mark.sampled(2)
 def test_with_a_reference_k2_and_c_are_within_their_intervals(bench, frequency, reference):
     said, shown = REFERENCES[reference]
     rng = np.random.default_rng(3)
@@ -186,7 +187,7 @@ def test_a_steady_drive_is_not_said_to_wander(bench):
         (np.sin, '{ column = "taco", unit = "V" }', "taco"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_reference_that_is_no_use_is_told(bench, column, said, told):
     columns, angle = wandering(10.0)
     bench.row("D1", bench.record("D1", {**columns, "tacho": column(angle)}), "1000,110000")
@@ -202,6 +203,7 @@ def test_a_reference_that_is_no_use_is_told(bench, column, said, told):
 
 
 @pytest.mark.parametrize(("pulses", "lost"), [(1, 1), (12, 3)])
+@pytest.mark.sampled(2)
 def test_a_lost_pulse_is_no_slower_drive(bench, pulses, lost):
     columns, angle = wandering(10.0)
     tacho = np.where((pulses * angle / (2 * np.pi)) % 1 < 0.5, 5.0, 0.0)
@@ -215,7 +217,7 @@ def test_a_lost_pulse_is_no_slower_drive(bench, pulses, lost):
     within(row, bench)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_wheel_with_a_tooth_left_out_is_read(bench):
     columns, angle = wandering(10.0)
     place = (12 * angle / (2 * np.pi)) % 12

@@ -21,6 +21,7 @@ def off(table, name):
 
 
 @pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.sampled(3)
 def test_without_noise_the_truth_is_found(clean, route):
     study = clean.analyse(route=route)
     assert study.counts == {"ok": 14, "warning": 0, "rejected": 0}
@@ -83,6 +84,7 @@ def test_errors_agree_with_the_stated_uncertainties(laboratory, route):
 
 
 @pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.sampled(3)
 def test_laboratory_noise_leaves_what_the_sensors_allow(laboratory, route):
     """Gains to 0.02 %, phases to 0.01 degrees: K* to 1 %, K2 and C to 3 %, the amplitudes' ratio to 0.1 %."""
     table = laboratory[route]
@@ -101,7 +103,7 @@ def test_laboratory_noise_leaves_what_the_sensors_allow(laboratory, route):
 @pytest.mark.parametrize(
     ("route", "blind_to"), [("mobility", "V2"), ("relative", "the rig"), ("transmissibility", "F1")]
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_a_route_does_not_look_at_what_it_is_said_to_be_blind_to(clean, route, blind_to):
     columns = ["Re K* [N/m]", "Im K* [N/m]", "K2 [N/m]", "C [N s/m]"]
     before = clean.analyse(route=route).dynamic.select(columns)

@@ -24,7 +24,12 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def belted(made, tmp_path):
-    return Folder(shutil.copytree(made, tmp_path / "campaign"))
+    return Folder(shutil.copytree(made, tmp_path / "campaign"), made.parent / "cache")
+
+
+@pytest.fixture(scope="module")
+def measured(made):
+    return measure_two_ports(made, cache=made.parent / "cache")
 
 
 def rows_of(folder, keep):
@@ -33,8 +38,8 @@ def rows_of(folder, keep):
     (folder.path / "tests.csv").write_text("\n".join([head, *filter(keep, rows)]) + "\n")
 
 
-def test_recordings_give_the_poles_of_a_car_tyre_to_100_hz_within_1_percent(made):
-    (found,), lacks = measure_two_ports(made)
+def test_recordings_give_the_poles_of_a_car_tyre_to_100_hz_within_1_percent(measured):
+    (found,), lacks = measured
     truth = BeltedRig().truth(FREQUENCIES)
     size = np.maximum(np.abs(truth), np.abs(truth[:, :1, 1:]))
     assert np.max(np.abs(found.poles.stiffness - truth) / size) < 0.01
@@ -47,6 +52,7 @@ def test_recordings_give_the_poles_of_a_car_tyre_to_100_hz_within_1_percent(made
     assert all("no input_mass is stated" in note or "no tyre_mass is stated" in note for note in found.notes)
 
 
+@pytest.mark.sampled(2)
 def test_stated_masses_of_the_rig_are_taken_off_and_said(tmp_path):
     masses = """input_mass = { value = 1.5, unit = "kg", std = 0.001 }
 tyre_mass = { value = 9, unit = "kg", std = 0.001 }"""
@@ -72,8 +78,8 @@ def test_a_specimen_that_is_not_reciprocal_is_told_and_gets_no_form(tmp_path):
     assert table["Re k11 of the form [N/m]"].null_count() == 5
 
 
-def test_the_table_has_poles_uncertainties_and_form_in_si(made):
-    (found,), _ = measure_two_ports(made)
+def test_the_table_has_poles_uncertainties_and_form_in_si(measured):
+    (found,), _ = measured
     table = two_port_table([found])
     poles = found.poles
     assert table.select("tyre", "pressure [Pa]", "preload [N]").row(0) == ("car", 2.2e5, 4000.0)
@@ -87,11 +93,12 @@ def test_the_table_has_poles_uncertainties_and_form_in_si(made):
     assert not any(kind == pl.Null for kind, head in zip(table.dtypes, table.columns, strict=True) if " k" in head)
 
 
+@pytest.mark.sampled(2)
 def test_ordinary_errors_that_are_stated_as_absent_make_the_poles_more_certain(belted):
-    (usual,), _ = measure_two_ports(belted.path)
+    (usual,), _ = measure_two_ports(belted.path, cache=belted.cache)
     with (belted.path / "campaign.toml").open("a") as file:
         file.write(ZERO + "\n")
-    (sure,), _ = measure_two_ports(belted.path)
+    (sure,), _ = measure_two_ports(belted.path, cache=belted.cache)
     assert np.all(sure.poles.std[:, 1] < usual.poles.std[:, 1])
 
 
@@ -107,31 +114,32 @@ def test_ordinary_errors_that_are_stated_as_absent_make_the_poles_more_certain(b
 def test_a_laboratory_without_blocks_or_second_load_is_told_what_to_add(belted, keep, lack):
     rows_of(belted, keep)
     with pytest.raises(CampaignError, match=f"four poles cannot be found.*{lack}"):
-        measure_two_ports(belted.path)
+        measure_two_ports(belted.path, cache=belted.cache)
 
 
 def test_a_frequency_without_all_its_tests_is_left_out_and_said(belted):
     rows_of(belted, lambda row: not row.startswith("D2-40"))
-    (found,), _ = measure_two_ports(belted.path)
+    (found,), _ = measure_two_ports(belted.path, cache=belted.cache)
     np.testing.assert_allclose(found.poles.frequency, [20, 60, 80, 100], rtol=1e-4)
     assert any(note.startswith("40 Hz is left out: it has 1 of 2 loads") for note in found.notes)
 
 
 def test_a_rejected_test_is_named_with_its_reason(belted):
     belted.recording("D2-40").unlink()
-    (found,), _ = measure_two_ports(belted.path)
+    (found,), _ = measure_two_ports(belted.path, cache=belted.cache)
     (note,) = [note for note in found.notes if note.startswith("test D2-40")]
     assert "left out: " in note
     assert len(found.poles.frequency) == 4
 
 
+@pytest.mark.sampled(2)
 def test_a_condition_that_lacks_something_does_not_stop_the_others(belted):
     text = (belted.path / "tests.csv").read_text()
     lines = [
         line.replace("D1-", "E1-", 1).replace(",car,2.2,", ",car,2.6,") for line in text.splitlines() if "D1-" in line
     ]
     (belted.path / "tests.csv").write_text(text + "\n".join(lines) + "\n")
-    (found,), (lack,) = measure_two_ports(belted.path)
+    (found,), (lack,) = measure_two_ports(belted.path, cache=belted.cache)
     assert found.name == "car, 2.2 bar, 4000 N"
     assert lack.startswith("car, 2.6 bar, 4000 N: 1 of 2 loads")
 
@@ -140,8 +148,8 @@ def test_a_campaign_without_v2_or_with_a_blocked_output_is_told_so(belted):
     original = (belted.path / "campaign.toml").read_text()
     belted.edit("campaign.toml", 'motion_out = { column = "V2", unit = "m/s" }\n', "")
     with pytest.raises(CampaignError, match="motion_out is missing: four poles need F1, V1 and V2"):
-        measure_two_ports(belted.path)
+        measure_two_ports(belted.path, cache=belted.cache)
     blocked = original.replace('moving_mass = "22 kg"\npreload_stiffness = "12 kN/m"', 'output = "blocked"')
     (belted.path / "campaign.toml").write_text(blocked)
     with pytest.raises(CampaignError, match="a blocked specimen does not show k22"):
-        measure_two_ports(belted.path)
+        measure_two_ports(belted.path, cache=belted.cache)

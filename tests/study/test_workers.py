@@ -76,7 +76,7 @@ SAYS = {
 
 
 @pytest.mark.parametrize("what", ["hang", "sleep", "abort", "bomb"])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_file_that_hurts_its_reader_is_one_rejected_row(hurting, what, monkeypatch):
     monkeypatch.setattr(children, "SPARE", 600_000_000)  # filling the usual 3 GB takes long
     monkeypatch.setattr(children, "STALLED", 3.0)
@@ -89,7 +89,7 @@ def test_a_file_that_hurts_its_reader_is_one_rejected_row(hurting, what, monkeyp
     assert time.monotonic() - began < 120  # `hang` and `sleep` would go on for ever
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_the_same_rows_come_from_processes_and_from_threads(hurting):
     folder = hurting("crash")
     found = [
@@ -105,7 +105,7 @@ def test_the_same_rows_come_from_processes_and_from_threads(hurting):
     assert found[0].sha256 == found[2].sha256
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_worker_that_is_killed_once_costs_nothing(noisy, monkeypatch):
     """The recording in its hands is run again."""
     with Workers(2) as pool:
@@ -136,7 +136,7 @@ def test_an_executor_that_stops_is_one_error(noisy):
         noisy.analyse(executor=pool)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_few_files_need_no_process_and_many_are_shared(noisy, monkeypatch):
     monkeypatch.setattr(workers, "_MOST", 8)
     monkeypatch.setattr(workers, "processors", lambda: 2)
@@ -150,7 +150,7 @@ def test_few_files_need_no_process_and_many_are_shared(noisy, monkeypatch):
     assert made == [2]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_a_plain_script_needs_no_main(noisy, tmp_path):
     """The workers do not import the script, so its last line is reached once."""
     script = tmp_path / "script.py"
@@ -221,7 +221,7 @@ def test_a_worker_that_dies_is_asked_again_unless_it_was_late(death, asked, monk
     assert len(calls) == asked
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_check_names_a_crash(hurting):
     ran = CliRunner().invoke(app, ["check", str(hurting("crash").path)])
     assert ran.exit_code == 3

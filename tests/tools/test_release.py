@@ -129,7 +129,7 @@ def tags(root):
 def test_a_release_tests_builds_tries_and_tags(release, checkout, steps):
     version = release.stated_version(checkout)
     assert release.main([]) == 0
-    assert steps == ["git tag", "make test", "build", f"try a.whl {version}", "git tag"]
+    assert steps == ["git tag", "make test", "make every", "build", f"try a.whl {version}", "git tag"]
     assert tags(checkout) == [f"v{version}"]
 
 

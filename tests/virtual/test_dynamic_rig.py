@@ -176,6 +176,7 @@ def test_input_mass_adds_its_inertia_on_a_worn_cam():
 @pytest.mark.parametrize("friction", [1.0, 10.0, 60.0])
 @pytest.mark.parametrize("frequency", [10.0, 24.0])
 @pytest.mark.parametrize("frame", [np.inf, 4e6])
+@pytest.mark.sampled(2)
 def test_friction_is_near_its_describing_function(friction, frequency, frame):
     bench = Bench(preload_damping=15.0, frame_stiffness=frame, leaf_friction=friction)
     motion = run(Cam(frequency), TYRE, bench, duration=1.0)

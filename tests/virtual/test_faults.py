@@ -86,7 +86,7 @@ def without_fault(tmp_path_factory):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_every_fault_changes_recordings_or_statement(fault, without_fault, tmp_path):
     plan = {"clean": False, "frequencies": (10.0, 14.0, 24.0), **fault.plan}
     honest = without_fault(**plan)
@@ -255,6 +255,7 @@ def test_a_clock_turns_the_phase_from_half_to_half(tmp_path):
 
 
 @pytest.mark.parametrize("column", ["preload", "added_mass"])
+@pytest.mark.sampled(2)
 def test_swapped_labels_exchange_two_recordings(column, tmp_path):
     plan = {"preloads": (1000.0, 2000.0), **MASSES}
     before = made(tmp_path / "before", **plan)

@@ -135,7 +135,7 @@ def car(tmp_path_factory):
     return truth, analyse(folder).dynamic.join(truth, on="test", suffix=" true")
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_campaign_of_a_cars_tyre_is_found(car):
     for head, std in (("Re K* [N/m]", "u(Re K*) [N/m]"), ("Im K* [N/m]", "u(Im K*) [N/m]")):
         found, true, u = (car[1][name].to_numpy() for name in (head, f"{head} true", std))
@@ -168,7 +168,7 @@ def test_its_truth_has_its_belt(car):
 
 @pytest.mark.parametrize("undeclared", [{}, {"leaf_friction": 0.5}], ids=["plain", "friction"])
 @pytest.mark.parametrize("inertia", INERTIA.values(), ids=INERTIA)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_transmissibility_and_recordings_are_of_its_ends(tmp_path, inertia, undeclared):
     plan = {**PLAN, "tyres": [replace(CAR_TYRE, inertia=inertia), RADIAL_PLY], "frequencies": [20.0], "clean": True}
     folder = simulate_campaign(tmp_path, **plan, undeclared=undeclared).folder

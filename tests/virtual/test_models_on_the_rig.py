@@ -65,6 +65,7 @@ def lines(motion, frequency):
 
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("frequency", [10.0, 24.0])
+@pytest.mark.sampled(2)
 def test_its_phasors_are_its_stiffness_and_the_transmissibility_of_the_chain(name, frequency):
     """All that is lost is what the cubic between 10 000 points a second loses: V2 that share, K* by F1 over V1 - V2
     as much more as the difference is smaller than its parts. 1e-12 is for round-off of the phasors."""

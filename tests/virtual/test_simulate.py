@@ -44,7 +44,7 @@ def amplitudes(time, signals, frequency):
     return found[0] + 1j * found[1]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_campaign_file_states_the_rig_the_channels_and_the_tyres(full):
     said = tomllib.loads((full / "campaign.toml").read_text())
     assert set(said) == {"title", "unstated", "rig", "channels", "tyres"}

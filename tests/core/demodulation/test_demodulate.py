@@ -209,7 +209,7 @@ def in_noise(record):
     return noisy(record, SEEDS, NOISE, samples=SAMPLES)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_frequency_reaches_its_cramer_rao_bound(in_noise):
     samples, noise, seeds, found = SAMPLES, NOISE, SEEDS, in_noise
     frequency = np.array([float(one.phasors.frequency) for one in found])
@@ -249,7 +249,7 @@ def test_amplitudes_scatter_as_stated_with_missing_samples(record, samples):
     assert low < np.sqrt(np.mean(errors**2)) < high
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_students_t_covers_what_it_says(record):
     """Intervals of 95 % on a short record with eight degrees of freedom, where 1.96 would cover 91.4 %."""
     seeds = 300
@@ -483,7 +483,7 @@ def test_a_noisy_displacement(record):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_noise_that_channels_share_makes_the_frequency_look_better_known_by_no_more_than_root_three(record):
     """A limit, said in docs/validation.md: channels inform the frequency as if their noise were independent.
 

@@ -48,7 +48,7 @@ def test_channels_at_different_rates_are_met_exactly(rates, starts, frequency):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_their_noise_is_as_large_as_stated():
     """Ratios of amplitudes from 60 records, each against its own uncertainty; common noise would show in V1/F1."""
     rng = np.random.default_rng(0)
@@ -100,6 +100,7 @@ def response_at(omega):
 
 
 @pytest.mark.parametrize(("depth", "period"), [(0.01, 7.3), (0.01, 3.1), (0.003, 5.0)])
+@pytest.mark.sampled(3)
 def test_along_a_reference_amplitudes_are_those_at_the_mean_speed(depth, period):
     recording, reference = wandering(depth, period)
     found = demodulate(replace(recording, reference=reference)).phasors

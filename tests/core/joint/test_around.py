@@ -62,7 +62,7 @@ def test_k_of_other_conditions_is_free(likelihood):
     assert objective(near.z, stiffness) <= objective(near.z, held)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_about_a_model_that_is_far_from_the_tests_it_is_linear_about_the_solution():
     """A belt makes the search of the shared values long: it never comes back from a K* a third off."""
     phasors, rig, keywords, *_ = Lab(conditions=2, noise=1e-5).draw(3)

@@ -32,7 +32,7 @@ def solved(lab, seed, **more):
 
 
 @pytest.mark.parametrize("name", QUICK)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
     joint, off = solved(LABS[name], 1)
     assert joint.misfit.fits
@@ -54,7 +54,7 @@ def test_k_star_is_that_of_the_springs_and_the_mass_is_found(name):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("name", LABS)
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(12)
 def test_uncertainties_are_those_of_many_laboratories(name):
     each = [solved(LABS[name], seed) for seed in range(100, 103)]
     fits = [joint.misfit.fits for joint, _ in each]
@@ -67,13 +67,13 @@ def test_uncertainties_are_those_of_many_laboratories(name):
         assert not any(joint.problem.shared.has_belts for joint, _ in each)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_second_mass_is_not_ok():
     joint, _ = solved(Lab(frequencies=LABS["car to 60 Hz"].frequencies, second=2.0), 3)
     assert not joint.misfit.fits
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_belts_that_differ_are_found_with_one_mass_and_little_noise():
     """A search that begins with one mass in all specimens ends nowhere. One seed: one rig with one set of sensors."""
     belts = {"light": 2.5, "heavy": 3.5, "none": 0.0}
@@ -115,7 +115,7 @@ def test_a_stated_belt_and_frequency_make_k_star_more_certain():
     assert stds[0] < stds[1]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_derivatives_by_the_mass_and_its_springs():
     """Against differences, at an arbitrary point, of a belt and of a rod."""
     phasors, rig, keywords, *_ = Lab(conditions=2, frequencies=(10.0, 24.0)).draw(4)

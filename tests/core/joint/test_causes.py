@@ -24,7 +24,7 @@ def tied(joint):
     ("undeclared", "kind"),
     [({"gain F1": 0.06}, Kind.GAIN), ({"gain V2": 0.06}, Kind.GAIN), ({"phase F1": 0.03}, Kind.PHASE)],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_with_one_mass_the_gains_and_phases_of_f1_and_v2_are_tied(make, undeclared, kind):
     """The tests see F1/V2 alone."""
     joint = make(replace(USUAL, undeclared=undeclared), **TESTS).identify()
@@ -32,7 +32,7 @@ def test_with_one_mass_the_gains_and_phases_of_f1_and_v2_are_tied(make, undeclar
     assert {Source(kind, "F1"), Source(kind, "V2")} <= tied(joint)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_with_one_mass_the_delays_of_f1_and_v2_are_tied(make):
     made = make(USUAL, **TESTS)
     late = made.phasors.amplitudes.copy()
@@ -123,7 +123,7 @@ def test_one_test_of_another_deflection_shows_no_dependence_on_the_amplitude(mak
 
 
 @pytest.mark.parametrize("std", [0.1, 1e-2, 1e-3, 1e-4])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_value_stated_as_all_but_exact_loses_its_hold_too(make, std):
     made = make(replace(USUAL, moving_mass=(15.0, std), undeclared={"moving_mass": 16.0}), **TESTS)
     joint = made.identify()
@@ -156,6 +156,7 @@ def test_a_gain_that_the_tests_hardly_know_is_never_named(make, seed, spread):
     assert all(one.std <= 0.05 for one in named if one.released and one.source.kind is Kind.GAIN)
 
 
+@pytest.mark.sampled(2)
 def test_a_common_error_comes_before_a_rare_one_that_explains_as_much(make):
     """With a weighed mass a gain of V1 off by -6 % looks much as cross-talk of V2 in V1 does."""
     made = make(replace(USUAL, std_added=5e-4, undeclared={"gain V1": -0.06}), masses=(0.0, 10.0), **TESTS)

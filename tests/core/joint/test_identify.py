@@ -66,7 +66,7 @@ def test_errors_are_as_large_as_stated(make, masses, gain):
 
 @settings(max_examples=10)
 @given(st.integers(0, 2**31))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_permuted_table_gives_permuted_results(make, full, seed):
     made = make(full, masses=(0.0, 10.0), frequencies=3, families=2, blocks=(8.0,), spread=0.002)
     order = np.random.default_rng(seed).permutation(made.family.size)
@@ -216,7 +216,7 @@ def test_a_blocked_rig_has_nothing_to_join(make):
         identify_joint(made.phasors, Rig(blocked=True))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_large_campaign_costs_as_its_tests(make):
     """No array grows with the square of the tests: 4,000 of them are a matter of a second."""
     made = make(WIDE, masses=(0.0, 10.0), frequencies=10, families=200)

@@ -126,7 +126,7 @@ def test_unlikely_is_less_than_once_in_a_thousand(chi2, dof, expected):
         ({"phase F1": 0.01}, "sensor F1", "rad", 0.01),
     ],
 )
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, size):
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=6, families=2, within=1.0)
     joint = made.identify()
@@ -136,7 +136,7 @@ def test_what_is_missing_is_named_with_its_size(make, undeclared, name, unit, si
     assert best.explains > 50
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_a_delay_is_told_from_a_phase(make):
     made = make(GOOD, masses=(0.0, 10.0), frequencies=6, families=2)
     late = made.phasors.amplitudes * np.stack([np.exp(-2e-4j * made.phasors.omega), np.ones(24), np.ones(24)], axis=1)
@@ -148,6 +148,7 @@ def test_a_delay_is_told_from_a_phase(make):
     assert best.form == "late"
 
 
+@pytest.mark.sampled(2)
 def test_a_phase_that_nothing_could_tell_is_no_cause(make):
     """With one mass V1 turned is K* turned: its share after all is fitted out is round-off."""
     made = make(replace(GOOD, undeclared={"frame_stiffness": 1e5}), frequencies=6, families=2)

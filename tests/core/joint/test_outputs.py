@@ -102,7 +102,7 @@ def test_rigid_blocks_have_no_outputs(solved):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_the_mobility_is_freed_of_the_gains_with_its_uncertainty(make, full):
     """Over seeds: errors of R and I in their covariance, chi-square of two degrees, one test of each campaign."""
     square, count = 0.0, 40

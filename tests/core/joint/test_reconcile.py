@@ -42,7 +42,7 @@ def errors(made, joint):
         ({"leaf_friction": 5.0}, "leaf friction"),
     ],
 )
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_what_is_not_declared_is_seen_and_named_first_or_with_its_twin(make, undeclared, name, masses):
     made = make(replace(GOOD, undeclared=undeclared), masses=masses, frequencies=6, families=2, within=1.0)
     joint = made.identify()
@@ -74,7 +74,7 @@ def test_what_is_declared_is_handled(make, name, masses):
         ({"gain V1": 0.01}, "gain V1"),
     ],
 )
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make, undeclared, blamed):
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=6, families=2, within=1.0, seed=3)
     joint = made.identify()
@@ -88,6 +88,7 @@ def test_a_statement_that_is_wrong_is_set_aside_and_k_is_right_all_the_same(make
     assert abs(joint.solution.z[at] - true) < 4 * np.sqrt(joint.solution.covariance[at, at])
 
 
+@pytest.mark.sampled(2)
 def test_an_outlier_is_found_and_the_others_stay(make):
     made = make(GOOD, masses=(0.0, 5.0, 10.0), frequencies=4, families=3, within=2.0)
     bad = 13  # of three in its condition: of two it could not be told which
@@ -136,7 +137,7 @@ def test_uncertainty_with_scatter_is_right(make, masses):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_clean_campaign_never_warns(make):
     """The truth within two uncertainties of all that is stated."""
     for seed in range(30):
@@ -161,6 +162,7 @@ def understated(make, factor):
     return made, made.identify()
 
 
+@pytest.mark.sampled(2)
 def test_noise_larger_than_stated_is_taken_as_it_is(make):
     """Within what may be, but counted."""
     made, joint = understated(make, 1 / 1.8)
@@ -170,14 +172,14 @@ def test_noise_larger_than_stated_is_taken_as_it_is(make):
     assert np.abs(errors(made, joint)).max() < 5
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 def test_noise_three_times_as_large_as_stated_is_a_misfit(make):
     joint = understated(make, 1 / 3)[1]
     assert not joint.misfit.fits
     assert joint.misfit.rig_error > 0
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(8)
 def test_all_the_statements_wrong_at_once_still_ends(make):
     undeclared = {"tyre_mass": 2.0, "frame_stiffness": 5e4, "leaf_friction": 5.0, "gain F1": 0.1, "phase V2": 0.1}
     made = make(replace(GOOD, undeclared=undeclared), masses=(0.0, 10.0), frequencies=5, families=2)
@@ -187,7 +189,7 @@ def test_all_the_statements_wrong_at_once_still_ends(make):
     assert np.all(np.isfinite(joint.found_std))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_an_unsteady_drive_is_found_as_what_it_is():
     """Frequencies off by 3e-5 at noise of 1e-5 and an exact rig: what inertia makes of it is no fault of the rig."""
     level, ratios = 3e-5, []

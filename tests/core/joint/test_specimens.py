@@ -41,7 +41,7 @@ def test_a_tyre_that_repeats_badly_is_no_error_of_the_rig(make, scatter):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 def test_k_of_each_test_is_its_own(make):
     """With exact channels nothing is left but its own noise; the scatter itself is in no uncertainty."""
     exact = replace(USUAL, std_gain=(1e-5,) * 3, std_phase=(1e-5,) * 3)
@@ -58,7 +58,7 @@ def test_k_of_each_test_is_its_own(make):
 
 
 @pytest.mark.parametrize("drift", [0.01, 0.05, -0.05, 0.02 + 0.02j])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
     made = make(USUAL, masses=THREE, spread=3e-3, families=1, frequencies=8, drift=drift, scatter=5e-4, within=2.0)
     joint = made.identify(specimen=["radial"] * made.family.size)
@@ -80,7 +80,7 @@ def test_a_drift_is_found_and_k_is_that_of_its_own_place(make, drift):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_honest_campaigns_have_neither_scatter_nor_drift(make):
     """Each asks once in a thousand times: of 20 campaigns one may."""
     scatter, drifts = 0, 0

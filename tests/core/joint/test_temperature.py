@@ -33,7 +33,7 @@ def found_at(temperature, seed=0, apart=None, **more):
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_each_test_keeps_the_stiffness_of_its_own_temperature():
     off = []
     for seed in range(60):

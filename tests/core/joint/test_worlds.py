@@ -30,7 +30,7 @@ def campaigns(design, count=CAMPAIGNS, **changes):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("design", CHOSEN)
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_an_ordinary_laboratory_knows_its_errors(design):
     """Rms of the errors over their uncertainties: 20 campaigns, whose conditions share most of their error."""
     z, told = campaigns(design)
@@ -41,7 +41,7 @@ def test_an_ordinary_laboratory_knows_its_errors(design):
 
 
 @pytest.mark.statistical
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(8)
 def test_without_ordinary_parts_nothing_changes():
     """The statement `ordinary = "zero"`, in laboratories that have no such parts."""
     z, told = campaigns("tyre-two", ordinary=False, stated=False)
@@ -52,7 +52,7 @@ def test_without_ordinary_parts_nothing_changes():
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("group", ["frame", "gain", "delay", "mounting", "block"])
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 def test_one_cause_of_its_own_leaves_no_result_beyond_its_uncertainty(group):
     """Ten times its size: u holds the cause, or the rig does not fit and no row of it is ok."""
     for seed in range(2):

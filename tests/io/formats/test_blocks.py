@@ -196,7 +196,7 @@ def folder() -> Path:
 @settings(max_examples=3, deadline=None)
 @example(rows=2 * N)
 @given(rows=st.one_of(st.integers(1, 40), st.integers(41, 2 * N)))
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(10)
 def test_pieces_are_the_whole(folder: Path, kind: str, rows: int) -> None:
     library(kind)
     path = folder / f"a.{kind}"
@@ -354,7 +354,7 @@ TEXTS = {
 
 @pytest.mark.parametrize("part", [256, 1000, 1 << 20])
 @pytest.mark.parametrize("what", sorted(TEXTS))
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_text_in_parts_is_the_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, part: int) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(TEXTS[what].encode())

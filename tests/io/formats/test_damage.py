@@ -158,6 +158,7 @@ def use_as_commands_do(kind: str, path: Path) -> bool:
     return not errors_of((info, lambda: convert(path, out, Choice(group, (name,), force=True))), path)
 
 
+@pytest.mark.sampled(2)
 def test_a_cut_or_flipped_file_gives_samples_or_our_error(
     kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

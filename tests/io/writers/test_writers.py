@@ -68,7 +68,7 @@ def bare(name: str) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("start", [0.0, 0.25])
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_the_samples_come_back_to_the_last_bit(tmp_path, kind, start):
     source = recording(tmp_path / "a.h5", start=start)
     out = tmp_path / f"b{ENDINGS.get(kind, f'.{kind}')}"
@@ -90,6 +90,7 @@ def test_the_samples_come_back_to_the_last_bit(tmp_path, kind, start):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sampled(2)
 def test_missing_samples_stay_missing(tmp_path, kind):
     samples = noise()
     samples[100:140] = np.nan
@@ -101,6 +102,7 @@ def test_missing_samples_stay_missing(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mf4", "tdms", "uff", "mat", "h5", "tydex"])
+@pytest.mark.sampled(2)
 def test_uneven_times_are_kept(tmp_path, kind):
     time = 3.0 + np.cumsum(np.random.default_rng(3).uniform(0.5e-3, 1.5e-3, COUNT))
     source = recording(tmp_path / "a.h5", time=time)
