@@ -278,14 +278,19 @@ def _enough(signals: list[SignalInfo]) -> bool:
     return sum(column.quantity != "time" for column in columns) >= 2
 
 
-def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo) -> list[FolderRecording]:
-    """The recording that the channels of a group of a file make, or one for each motion if it makes several."""
-    signals = signals[:_MOST_CHANNELS]
+def _columns(signals: Sequence[SignalInfo]) -> tuple[tuple[Column, ...], str | None, str]:
+    """The channels that are not the time; name, None if there is none, and unit of the likeliest one that is."""
     columns = [column_of(signal.name, signal.unit) for signal in signals]
     clock = max((one for one in columns if one.quantity == "time"), key=lambda one: one.likely, default=None)
     own = tuple(column for column in columns if column.quantity != "time")
+    return own, clock.name if clock else None, (clock and clock.unit) or "s"
+
+
+def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], info: FileInfo) -> list[FolderRecording]:
+    """The recording that the channels of a group of a file make, or one for each motion if it makes several."""
+    signals = signals[:_MOST_CHANNELS]
+    own, title, unit = _columns(signals)
     rate = _common_rate(signals)
-    title, unit = clock.name if clock else None, (clock and clock.unit) or "s"
     read = partial(samples_of, path, group=group, label=name, clock=title, unit=unit)
     shape, problem, samples = None, "", dict[str, Signal]()
     try:
@@ -317,23 +322,21 @@ def _recording(path: Path, name: str, group: str, signals: list[SignalInfo], inf
 
 
 def segments_in(path: Path) -> tuple[str, str, list[Segment]] | None:
-    """Name and unit of the channel that shows the motion of a recording, and its segments; None if it is one thing."""
+    """Name and unit of the channel that shows the motion of a recording, and its segments; None if it is one test."""
     found: tuple[str, str, list[Segment]] | None = None
     with suppress(FourpoleError):
         found = read_apart(motion_of, path, path.name, classes=(Segment,))
-    return found if found is not None and len(found[2]) > 1 else None
+    return found if found is not None and sum(one.kind in TESTS for one in found[2]) > 1 else None
 
 
 def motion_of(path: Path, name: str) -> tuple[str, str, list[Segment]] | None:
     """The same of any number of segments, as a worker process finds it; None without a motion."""
     info = survey(path, max_bytes=_MOST_BYTES, label=name)
     first = [signal for signal in info.signals if signal.group == info.signals[0].group][:_MOST_CHANNELS]
-    columns = [column_of(signal.name, signal.unit) for signal in first]
-    clock = next((column for column in columns if column.quantity == "time"), None)
+    columns, title, unit = _columns(first)
     moving = next(iter(_motions(columns)), None)
     if moving is None:
         return None
-    title, unit = clock.name if clock else None, (clock and clock.unit) or "s"
     samples = samples_of(path, [moving], group=first[0].group, label=name, clock=title, unit=unit, rows=ALL_ROWS)
     found = parts_of(samples[moving], _common_rate(first))
     return moving, next(column.unit for column in columns if column.name == moving) or "", found
