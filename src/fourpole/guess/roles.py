@@ -271,6 +271,7 @@ class _Evidence:
         for v, cost in ((v1 - v2, 0.0), (v1 + v2, _W["inverted"])):
             with np.errstate(all="ignore"):
                 k = 1j * self.omega * f / v
+            k = np.where(np.isfinite(k), k, np.nan)
             for sign in (1, -1):
                 share = _passive(sign * k) if far is not None else float(np.mean(sign * k.imag > 0))
                 turned = cost if sign > 0 else min(cost, _W["inverted"])

@@ -262,6 +262,12 @@ def _passive_arm(values: _Values) -> dict[str, str]:
     return {"interval": interval_words(values["low K2"], values["high K2"], "N/m")}
 
 
+def _amplitudes(values: _Values) -> dict[str, Any]:
+    """The added masses of both tests, and words on them where they differ."""
+    masses = dict(zip(("light", "heavy"), values.get("masses", ()), strict=False))
+    return {**masses, "added": _say("parts", "added", **masses) if len({*masses.values()}) > 1 else ""}
+
+
 def _uncertainty(values: _Values) -> dict[str, str]:
     low, high = f"low {values['name']}", f"high {values['name']}"
     if low not in values:
@@ -311,7 +317,7 @@ _FURTHER: dict[Code, Callable[[_Values], dict[str, Any]]] = {
     Code.RIG: lambda values: {"causes": explained(values["causes"])},
     Code.K1_EXCHANGED: _exchanged_k1,
     Code.EXCITATIONS: lambda values: {side: _excitation_words(values[side]) for side in ("softer", "stiffer")},
-    Code.AMPLITUDES: lambda values: dict(zip(("light", "heavy"), values.get("masses", ()), strict=False)),
+    Code.AMPLITUDES: _amplitudes,
     Code.COPY: lambda values: {"others": _and(values["tests"])},
     Code.EXCHANGED: lambda values: {"names": _and(values["tests"])},
 }
