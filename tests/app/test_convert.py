@@ -25,20 +25,18 @@ def table(tmp_path):
 
 
 def test_it_says_what_it_wrote(run, table, tmp_path):
-    ran = run("convert", table, tmp_path / "D1.tdms", "--window", "0.5..1.5")
+    ran = run("convert", table, tmp_path / "D1.mf4", "--window", "0.5..1.5")
     assert (ran.exit_code, ran.stderr) == (0, "")
-    assert ran.stdout.splitlines() == [f"{tmp_path / 'D1.tdms'}: NI TDMS", "  1001 samples at 1000 Hz (F1, V1)"]
+    assert ran.stdout.splitlines() == [f"{tmp_path / 'D1.mf4'}: ASAM MDF 4.10", "  1001 samples at 1000 Hz (F1, V1)"]
     told = run_convert(table, tmp_path / "cut.csv", window="0.5..1.5").told
     assert (told["file"], told["groups"]) == (str(tmp_path / "cut.csv"), ("1001 samples at 1000 Hz (F1, V1)",))
 
 
 def test_it_warns_of_what_is_lost(run, table, tmp_path):
-    ran = run("convert", table, tmp_path / "D1.wav", "--channels", "V1, F1")
+    table.write_text("Operator: A. Tester\n\n" + table.read_text())
+    ran = run("convert", table, tmp_path / "b.csv", "--channels", "V1, F1")
     assert ran.exit_code == 0
-    said = (
-        "warning: names and units are kept in a comment only, channels are called by number: 1 = V1 [m/s], 2 = F1 [N]"
-    )
-    assert said in " ".join(ran.stderr.split())
+    assert "warning: notes are not kept (1 of the file)" in " ".join(ran.stderr.split())
 
 
 @pytest.mark.parametrize(
@@ -46,6 +44,7 @@ def test_it_warns_of_what_is_lost(run, table, tmp_path):
     [
         (["D1.csv"], "is the file that is read"),
         (["D1.xlsx"], "its ending is none of those that are written"),
+        (["D1.tdms"], "it is written by npTDMS, or LabVIEW"),
         (["out.mf4", "--channels", "F3"], "there is no channel 'F3'; did you mean 'F1'?"),
         (["out.mf4", "--group", "warm"], "has no groups"),
         (["out.mf4", "--window", "3"], "--window: '3' is not two rising values, as in '2..12'"),
@@ -74,15 +73,11 @@ def recorded(tmp_path_factory):
     return folder, analyse(folder).dynamic
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet", "mf4", "tdms", "uff", "mat", "h5", "wav", "tdx"])
-@pytest.mark.sampled(4)
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mf4"])
+@pytest.mark.sampled(2)
 def test_a_converted_campaign_gives_the_same_numbers(run, recorded, tmp_path, ending):
     folder, before = recorded
-    toml = (folder / "campaign.toml").read_text()
-    if ending == "wav":  # its channels are called by numbers
-        numbers = {"F1": 1, "V1": 2, "V2": 3, "x": 1, "F": 2}
-        toml = re.sub(r'column = "(F1|V1|V2|x|F)"', lambda found: f'column = "{numbers[found[1]]}"', toml)
-    (tmp_path / "campaign.toml").write_text(toml)
+    (tmp_path / "campaign.toml").write_text((folder / "campaign.toml").read_text())
     (tmp_path / "recordings").mkdir()
     for path in (folder / "recordings").iterdir():
         assert run("convert", path, tmp_path / "recordings" / f"{path.stem}.{ending}").exit_code == 0

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from tests.io.formats.test_damage import WRITERS
+from tests.study.test_formats import as_tydex
 
 from fourpole.errors import FileError
 from fourpole.io import door
-from fourpole.io.convert import convert
 from fourpole.io.known import BEGINS
 from fourpole.io.recordings import BY_PATH
 from fourpole.io.signals import Request
@@ -45,12 +46,12 @@ def sample(module, folder):
         table.write_excel(path)
     elif module == "json_columns":
         path.write_text(json.dumps(table.to_dict(as_series=False)))
+    elif module == "tydex":
+        as_tydex(path, table.with_columns(V1="F1", V2="F1"))
+    elif module == "text":
+        table.rename({"t": "t [s]", "F1": "F1 [N]"}).write_csv(path)
     else:
-        plain = folder / "plain.csv"
-        table.rename({"t": "t [s]", "F1": "F1 [N]"}).write_csv(plain)
-        if module == "text":
-            return plain
-        convert(plain, path)
+        WRITERS[{"parquet": "pq"}.get(module, ENDINGS[module])](path)
     return path
 
 

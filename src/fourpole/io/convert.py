@@ -19,17 +19,20 @@ from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, Progress, Signal
 from fourpole.io.stream import Chunk, Stream, by_halves, surveyed_stream, times_of
 from fourpole.io.write import beside, why
-from fourpole.io.writers import hdf5, matlab, mdf, tables, tdms, tydex, uff, wav
+from fourpole.io.writers import mdf, tables
 from fourpole.io.writers.plan import Block, FloatArray, Group, Remarks, Writer, WrittenChannel
 from fourpole.units import shown
 
 #: The writers of all formats, by kind.
-WRITERS = {
-    one.kind: one
-    for one in (
-        *(tables.CSV, tables.PARQUET, mdf.WRITER, tdms.WRITER, uff.WRITER),
-        *(matlab.WRITER, hdf5.WRITER, wav.WRITER, tydex.WRITER),
-    )
+WRITERS = {one.kind: one for one in (tables.CSV, tables.PARQUET, mdf.WRITER)}
+#: Tools that write a format which is not written here, by the endings of its files.
+_TOOLS = {
+    "npTDMS, or LabVIEW": (".tdms",),
+    "scipy.io.savemat, or asammdf from .mf4": (".mat",),
+    "h5py, or asammdf from .mf4": (".h5", ".hdf5", ".hdf"),
+    "pyuff": (".uff", ".unv", ".uf58"),
+    "soundfile": (".wav",),
+    "a program of the tyre laboratory; fourpole export writes results as TYDEX": (".tdx",),
 }
 #: Tolerance at the ends of a window, and largest drift of a rate that is rounded to whole Hz; fractions of a time step.
 _INTO_STEP, _DRIFT = 1e-6, 0.1
@@ -121,10 +124,9 @@ def convert(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     recording = Path(folder, "D1.csv")
     ...     _ = recording.write_text("t [s],F1 [N]\n0,1.5\n0.001,2\n0.002,2.5\n")
-    ...     made = convert(recording, Path(folder, "D1.wav"))
+    ...     made = convert(recording, Path(folder, "D1.parquet"))
     >>> made.groups, made.lost
-    (('3 samples at 1000 Hz (F1)',),
-     ('names and units are kept in a comment only, channels are called by number: 1 = F1 [N]',))
+    (('3 samples at 1000 Hz (F1)',), ())
     """
     source, target, choice = Path(path), Path(out).absolute(), choice or Choice()
     _writer(target, choice.kind)
@@ -153,7 +155,7 @@ def _convert(source: Path, target: Path, new: Path, choice: Choice, *, progress:
     first = next(iter(run.chunks))
     plan = _Plan(found, places, run, first, choice, remarks, source.name)
     _check_groups(target, writer, plan.groups)
-    if (writer.one_table or writer.kind in ("mat", "uff")) and plan.groups[0].name and len(plan.groups) == 1:
+    if writer.one_table and plan.groups[0].name and len(plan.groups) == 1:
         remarks.lost.append(f"the name of the group, {plan.groups[0].name}, is not kept")
     _write(new, writer, plan, chain([first], run.chunks), remarks, progress)
     return Converted(writer.name, tuple(group.words for group in plan.counted()), tuple(dict.fromkeys(remarks.lost)))
@@ -166,7 +168,7 @@ def _check_groups(target: Path, writer: Writer, groups: Sequence[Group]) -> None
         bases += f"; and {len(groups) - _NAMED} more" if len(groups) > _NAMED else ""
         raise TableError(
             f"{target.name}: {writer.name} holds channels of one group and one rate, and there are {len(groups)}: "
-            f"{bases}. Choose with --group or --channels, or write .mf4, .tdms, .h5, .mat or .uff"
+            f"{bases}. Choose with --group or --channels, or write .mf4"
         )
 
 
@@ -199,7 +201,9 @@ def _writer(target: Path, kind: str) -> Writer:
         if target.suffix.lower() in one.endings:
             return one
     endings = ", ".join(ending for one in WRITERS.values() for ending in one.endings)
-    raise TableError(f"{target.name}: its ending is none of those that are written ({endings}); or state --to")
+    tool = next((name for name, of in _TOOLS.items() if target.suffix.lower() in of), None)
+    hint = "or state --to" if tool is None else f"it is written by {tool}"
+    raise TableError(f"{target.name}: its ending is none of those that are written ({endings}); {hint}")
 
 
 def _readable(path: Path, found: FileInfo, places: Sequence[int], remarks: Remarks) -> list[int]:
@@ -257,14 +261,14 @@ class _Plan:
             for name, one in zip(names, infos, strict=True)
         )
         stamped = signal.time is not None
-        rate, start, off = (signal.rate, signal.start, 0.0) if signal.time is None else _even(signal.time)
+        rate, start = (signal.rate, signal.start) if signal.time is None else _even(signal.time)
         count = infos[0].count
         if self._window is not None and rate is None and not stamped:
             raise TableError(f"{self._label}: does not say when its samples were taken: leave out --window")
         if self._window is not None and rate is not None:
             start += max(0, int(np.ceil((self._window[0] - start) * rate - _INTO_STEP))) / rate
             count = min(count, int((self._window[1] - self._window[0]) * rate) + 2)
-        return Group(infos[0].group, channels, rate, start, stamped, count, off)
+        return Group(infos[0].group, channels, rate, start, stamped, count)
 
     def blocks(self, chunk: Chunk) -> Iterable[tuple[int, Block]]:
         """The part of a chunk that is written to each group, with the number of the group."""
@@ -333,21 +337,18 @@ def _together(found: FileInfo, places: Sequence[int], first: Sequence[Signal], o
     return same_value(signals[0].time, signals[1].time)
 
 
-def _even(time: FloatArray) -> tuple[float | None, float, float]:
-    """Rate of even times [Hz] (None if they are uneven), first time [s], and largest deviation from the rate [s]."""
+def _even(time: FloatArray) -> tuple[float | None, float]:
+    """Rate of even times [Hz], None if they are uneven, and first time [s]."""
     first = float(time[0]) if time.size else 0.0
     try:
         step, remark = uniform_time(time)
     except RecordingError:
-        return None, first, 0.0
+        return None, first
     if remark:
-        return None, first, 0.0
+        return None, first
     rate = 1.0 / step
     whole = round(rate)
-    if whole and abs(rate / whole - 1.0) * time.size < _DRIFT:
-        rate = float(whole)
-    off = np.max(np.abs(time - first - np.arange(time.size) / rate))
-    return rate, first, float(off)
+    return (float(whole) if whole and abs(rate / whole - 1.0) * time.size < _DRIFT else rate), first
 
 
 def _noted(note: str) -> str:

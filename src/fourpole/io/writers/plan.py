@@ -16,9 +16,6 @@ from fourpole.units import column_unit
 
 FloatArray = NDArray[np.float64]
 
-#: Largest deviation of a time from its rate, as a fraction of the time step, that needs no remark.
-_EXACT = 1e-6
-
 
 @dataclass(frozen=True)
 class WrittenChannel:
@@ -45,8 +42,6 @@ class Group:
         Whether each block has the times that the file states.
     count : int
         Samples of a channel, as the header of the file states them.
-    off : float [s]
-        Largest difference between the times that the file states and those of the rate.
     """
 
     name: str
@@ -55,7 +50,6 @@ class Group:
     start: float
     stamped: bool
     count: int
-    off: float = 0.0
 
     @property
     def timed(self) -> bool:
@@ -118,12 +112,6 @@ class Remarks:
             if old != new:
                 self.lost.append(f"{old} is called {new} there")
 
-    def by_rate(self, group: Group) -> None:
-        """Add a remark that a rate replaces the times, if this changes the times."""
-        if group.stamped and group.rate is not None and group.off * group.rate > _EXACT:
-            rate = f"{group.rate:.10g} Hz from {group.start:.10g} s on, up to {group.off:.2g} s off"
-            self.lost.append(f"the times are kept as a rate: {rate}")
-
     def no_notes(self, channels: Iterable[WrittenChannel]) -> None:
         """Add a remark that notes are not kept, if there are any."""
         counts = len(self.notes), sum(bool(channel.note) for channel in channels)
@@ -182,21 +170,8 @@ def time_name(channels: Sequence[WrittenChannel]) -> str:
     return next(name for name in ("t", "time", *(f"time_{at}" for at in range(2, 1000))) if name not in taken)
 
 
-def names_in_group(
-    group: Group, groups: Sequence[Group], taken: Iterable[str], remarks: Remarks, allowed: Callable[[str], str] = str
-) -> tuple[str, list[str]]:
-    """Names of the times and of the channels of a group; none is taken, and `allowed` replaces forbidden characters."""
-    others = [channel for one in groups if one.name == group.name for channel in one.channels]
-    taken = list(taken)
-    time = distinct([time_name(others)], taken)[0]
-    before = [channel.name for channel in group.channels]
-    after = distinct([allowed(name) for name in before], taken)
-    remarks.renamed(before, after)
-    return time, after
-
-
 def check_timed(groups: Sequence[Group], path: Path, name: str) -> None:
     """TableError if a group has no times, for a format that needs them."""
     for group in groups:
         if not group.timed:
-            raise TableError(f"{path.name}: {name} needs times, and these have none: {group.words}; write .csv or .h5")
+            raise TableError(f"{path.name}: {name} needs times, and these have none: {group.words}; write .csv")
