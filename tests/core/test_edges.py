@@ -25,20 +25,22 @@ from fourpole.core.spectra.checks import check_closure, check_line, check_shared
 def line(relative):
     """Verdict on a line, by the relative uncertainty of V2/V1."""
     phasors = SimpleNamespace(frequency=np.array([10.0]))
-    lines = SimpleNamespace(relative=np.array([[0.0, relative]]), phasors=phasors, foreign=False, averages=np.ones(1))
+    lines = SimpleNamespace(
+        relative=np.array([[0.0, relative]]), phasors=phasors, foreign=False, averages=np.ones(1), nonlinear=0.0
+    )
     return check_line(lines, 0).verdict
 
 
 def closure(misfit, count=1000):
     """Verdict on the closure phase of some lines, by its mean square over its variance."""
-    lines = SimpleNamespace(misfit=misfit, driven=False, closure=np.zeros((count, 2)), length=1.0)
+    lines = SimpleNamespace(misfit=misfit, driven=False, closure=np.zeros((count, 2)), length=1.0, nonlinear=0.0)
     return next(check_closure(lines)).verdict
 
 
 def shared_noise(error=1.0, statistic=100.0):
     """Verdict on noise in common of V1 and V2, by the error of their cross spectrum and by its chi-square."""
     shared = np.array([np.zeros(4), [0.1, 0.01, statistic, error], np.zeros(4)])
-    (check,) = check_shared_noise(SimpleNamespace(driven=False, closure=np.zeros((9, 2)), shared=shared))
+    (check,) = check_shared_noise(SimpleNamespace(driven=False, closure=np.zeros((9, 2)), shared=shared, nonlinear=0.0))
     return check.verdict
 
 
