@@ -182,7 +182,7 @@ def test_columns_are_stated_by_name_number_and_unit(tmp_path: Path) -> None:
         (["frequency=1 [Hz]", "storage=b [N/m]", "tan=9"], "there is no column '9'"),
         (["stffness=b"], "'stffness=b' is not a role and a column"),
         (["storage=b", "storage=c"], "storage is stated twice"),
-        (["frequency=1 [Hz]", "storage=b [N/m]", "R=c"], "'N/mm' is a stiffness; a mobility is needed"),
+        (["frequency=1 [Hz]", "storage=b [N/m]", "R=c"], "'N/mm' is a stiffness; a mobility, an accelerance or a receptance is needed"),
     ):
         with pytest.raises(TableError) as caught:
             read_k_star(path, TableOptions(columns=columns))
@@ -395,3 +395,38 @@ def test_thousands_are_named_where_they_hide_the_columns(tmp_path, rows):
     file.write_text(f"Frequenz [Hz];K' [N/m];K'' [N/m]\n{rows}\n")
     with pytest.raises(TableError, match=r"no numbers, but cells as '.*separator of thousands"):
         read_k_star(file)
+
+
+SNAKES = [
+    ("freq_hz,K_storage_N_per_m,K_loss_N_per_m", 1.0),
+    ("Frequency [Hz],Real [N/m],Imag [N/m]", 1.0),
+    ("freq [Hz],dynamic_stiffness_real_kN_per_m,dynamic_stiffness_imag_kN_per_m", 1e-3),
+    ("f [Hz],elastic stiffness [kN/m],viscous stiffness [kN/m]", 1e-3),
+]
+
+
+@pytest.mark.parametrize(("heads", "scale"), SNAKES)
+def test_heads_are_understood_by_their_words(tmp_path, heads, scale):
+    stiffness = np.array([2e5 + 3e4j, 2.2e5 + 3.5e4j])
+    rows = [f"{f},{k.real * scale},{k.imag * scale},Meier" for f, k in zip((5, 10), stiffness, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([f"{heads},operator", *rows]) + "\n")
+    np.testing.assert_allclose(read_k_star(tmp_path / "a.csv").stiffness, stiffness, rtol=1e-12)
+
+
+@pytest.mark.parametrize("heads", ["Frequency [Hz],Real,Imag", "f [Hz],storage of run 2 [N/m],loss of run 2 [N/m]"])
+def test_what_is_not_understood_is_asked_for(tmp_path, heads):
+    (tmp_path / "a.csv").write_text(f"{heads}\n5,2e5,3e4\n10,2e5,3e4\n")
+    with pytest.raises(TableError, match="state"):
+        read_k_star(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("noun", "unit", "power"), [("Accelerance", "m/s2/N", 2), ("receptance", "m/N", 0), ("Mobility", "m/(N s)", 1)]
+)
+def test_ratios_of_motion_and_force_become_a_mobility(tmp_path, noun, unit, power):
+    stiffness, hertz = np.array([2e5 + 3e4j, 2.2e5 + 3.5e4j]), np.array([5.0, 10.0])
+    ratio = (2j * np.pi * hertz) ** power / stiffness
+    rows = [f"{f},{x.real:.17g},{x.imag:.17g}" for f, x in zip(hertz, ratio, strict=True)]
+    (tmp_path / "a.csv").write_text(f"f [Hz],{noun} real [{unit}],{noun} imag [{unit}]\n" + "\n".join(rows) + "\n")
+    found = read_k_star(tmp_path / "a.csv", TableOptions(ratio=True))
+    np.testing.assert_allclose(found.mobility, 2j * np.pi * hertz / stiffness, rtol=1e-12)

@@ -23,6 +23,7 @@ from fourpole.io.source import decode, name_of
 from fourpole.io.stream import by_halves
 from fourpole.io.text import TextTable, tables_of
 from fourpole.units import column_unit, is_unit, shown
+from fourpole.words import vocabulary
 from fourpole.words.heads import without_unit
 
 #: Memory that the numbers of a table may need [byte], and the most columns of a table.
@@ -35,6 +36,8 @@ BY_NUMBER = "the columns are known by their numbers"
 _ROW = re.compile(r"[\s;,0-9.eE+-]+")
 #: Largest number of characters of a head in which a unit is looked for.
 _LONGEST_HEAD = 100
+#: Units that end a head in snake case, the longest first.
+_ENDINGS = dict(sorted(vocabulary()["tables"]["units"].items(), key=lambda one: -len(one[0])))
 _WORDED_UNIT = re.compile(r"(?P<stem>[^/,]+?)(?:/|,|\sin\s)(?P<unit>[^,]+)")
 
 
@@ -226,4 +229,5 @@ def name_and_unit(head: str, stated: str | None) -> tuple[str, str | None]:
     parted = _WORDED_UNIT.fullmatch(head.strip()) if len(head) <= _LONGEST_HEAD else None
     if parted is not None and is_unit(parted["unit"]):
         return parted["stem"].strip(), parted["unit"].strip()
-    return without_unit(name)
+    ending = next((one for one in _ENDINGS if name.casefold().endswith(f"_{one}")), None)
+    return without_unit(name) if ending is None else (name[: -len(ending) - 1], _ENDINGS[ending])

@@ -17,6 +17,7 @@ from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells
 from fourpole.io.tables.columns import Taken, chosen, unclear, unread
+from fourpole.io.tables.responses import MOTION_PER_FORCE
 from fourpole.io.tables.vocabulary import ROLES, plain
 from fourpole.units import shown
 from fourpole.words import first_of
@@ -108,7 +109,8 @@ def value(form: Form, frequency: FloatArray) -> ComplexArray:
     si = {role: one.si for role, one in form.columns.items()}
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # such a row has no value
         if "R" in si:
-            return np.asarray(si["R"] + 1j * si["I"])
+            turns = MOTION_PER_FORCE[form.columns["R"].kind]
+            return np.asarray((si["R"] + 1j * si["I"]) * (2j * np.pi * frequency) ** turns)
         if "force" in si:
             turns = DERIVATIVES[form.columns["motion"].kind]
             velocity = si["motion"] * (2 * np.pi * frequency) ** turns

@@ -7,7 +7,7 @@ import unicodedata
 from dataclasses import dataclass
 
 from fourpole.words import vocabulary
-from fourpole.words.heads import is_command, quantity_named
+from fourpole.words.heads import is_command, quantity_named, words_of
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ class Role:
 
 _MOTIONS = ("velocity", "displacement", "acceleration")
 _LEVEL = ("stiffness", "pressure")
+_RATIOS = ("mobility", "accelerance", "receptance")
 ROLES: dict[str, Role] = {
     "frequency": Role("frequency", "f", "Hz", ("frequency",)),
     "storage": Role("K', or the storage modulus", "K'", "kN/m", _LEVEL),
@@ -43,8 +44,8 @@ ROLES: dict[str, Role] = {
     "angle": Role("phase of the force ahead of the motion, or loss angle", "phase", "deg", ("angle",)),
     "tan": Role("loss factor tan δ", "tan delta", "1", ("ratio",), "1"),
     "damping": Role("damping C = K''/ω", "C", "N s/m", ("damping",)),
-    "R": Role("R = Re(V1/F1)", "R", "m/(N s)", ("mobility",)),
-    "I": Role("I = Im(V1/F1)", "I", "m/(N s)", ("mobility",)),
+    "R": Role("R = Re(V1/F1)", "R", "m/(N s)", _RATIOS),
+    "I": Role("I = Im(V1/F1)", "I", "m/(N s)", _RATIOS),
     "frf": Role("frequency response of a UFF file", "1+Z/1+Z", "(m/s^2)/N", ()),
     "force": Role("force amplitude F1", "F1", "N", ("force",)),
     "motion": Role("motion amplitude", "x", "mm", _MOTIONS),
@@ -110,6 +111,10 @@ def _readings() -> dict[str, list[tuple[str, str]]]:
 
 
 _READINGS = _readings()
+#: Words of the parts of a complex quantity by role, of what it is by letter, and those that say nothing.
+_PARTS = {role: frozenset(_TABLES["words"][role].split()) for role in ("storage", "loss", "magnitude")}
+_OF = {letter: frozenset(text.split()) for letter, text in _TABLES["words"]["of"].items()}
+_FILLING = frozenset(_TABLES["words"]["filling"].split())
 
 
 def readings(name: str) -> list[tuple[str, str]]:
@@ -132,7 +137,7 @@ def readings(name: str) -> list[tuple[str, str]]:
     bare = re.sub(r"[()\[\]]", "", text)
     if bare in _READINGS:
         return _READINGS[bare]
-    return _word_and_symbol(text if text.endswith("(t)") else bare)
+    return _word_and_symbol(text if text.endswith("(t)") else bare) or _of_words(name)
 
 
 def _word_and_symbol(text: str) -> list[tuple[str, str]]:
@@ -145,6 +150,29 @@ def _word_and_symbol(text: str) -> list[tuple[str, str]]:
             if roles & {role for role, _ in found}:
                 return [one for one in found if one[0] in roles]
     return []
+
+
+def _of_words(name: str) -> list[tuple[str, str]]:
+    """The roles of a head by its words, if all of them are known; its unit says what a part of nothing else is of.
+
+    Examples
+    --------
+    >>> _of_words("G_storage"), _of_words("Real"), _of_words("storage of operator")
+    ([('storage', 'G')], [('storage', 'K'), ('storage', 'M'), ('R', '')], [])
+    """
+    words = {*words_of(name)} - _FILLING
+    part = [role for role, known in _PARTS.items() if known & words]
+    letters = [letter for letter, known in _OF.items() if known & words]
+    if len(part) != 1 or words - _PARTS[part[0]] - frozenset().union(*(_OF[letter] for letter in letters)):
+        return []
+    (role,) = part
+    ratio = {"storage": "R", "loss": "I"}.get(role)
+    if "ratio" in letters:
+        return [] if ratio is None or len(letters) > 1 else [(ratio, "")]
+    if letters:
+        sharp = [letter for letter in letters if letter in "GE"] or letters
+        return [(role, sharp[0])] if len(sharp) == 1 else []
+    return [(role, "K"), (role, "M"), *([(ratio, "")] if ratio and len(words) == 1 else [])]
 
 
 def channel_roles(name: str) -> list[str]:
