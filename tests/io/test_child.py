@@ -141,7 +141,7 @@ def test_large_text_is_read_in_a_worker_and_small_text_here(noisy, asked, monkey
     here = noisy.analyse(route="mobility")
     assert asked == []
     monkeypatch.setattr(children, "OWN_BYTES", 1000)
-    there = noisy.analyse(route="mobility")
+    there = noisy.analyse(route="mobility", cache=None)
     assert sorted(asked) == ["curve_of", *["demodulate_packed"] * 4]
     assert there.sha256 == here.sha256
     for name in ("verdict", "remarks"):
@@ -155,7 +155,7 @@ def test_commands_read_large_text_in_a_worker(noisy, asked, monkeypatch):
     assert asked == []
     monkeypatch.setattr(children, "OWN_BYTES", 1000)
     large = CliRunner().invoke(app, ["info", "D1.csv"])
-    assert asked == ["survey", "look_at"]
+    assert asked == ["survey", "look_at", "motion_of"]
     assert (small.exit_code, large.exit_code) == (0, 0)
     assert large.stdout == small.stdout
 
@@ -171,7 +171,7 @@ def test_what_is_slow_is_not_called_damaged(noisy, monkeypatch):
         FileError, match=r"D1\.csv took more than 60 s of processor time; it is slow to read, not damaged"
     ):
         read_apart(len, noisy.recording("D1"))
-    study = noisy.analyse(route="mobility")
+    study = noisy.analyse(route="mobility", cache=None)
     assert set(study.dynamic["verdict"]) == {"rejected"}
     remark = study.dynamic["remarks"][0]
     assert "D1.csv took more than 60 s of processor time; allow more with --time-limit" in remark

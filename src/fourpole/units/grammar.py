@@ -271,7 +271,6 @@ _ALONE: dict[str, tuple[int | Fraction, Dimensions]] = {
     "lbf": (_POUND * _GRAVITY, _FORCE),
     "psi": (_POUND * _GRAVITY / _INCH**2, _PRESSURE),
     "sec": (1, _TIME),
-    "Sec": (1, _TIME),
     "min": (60, _TIME),
     "h": (3600, _TIME),
     "rpm": (2 * _PI / 60, _powers(radian=1, second=-1)),

@@ -230,3 +230,12 @@ def test_a_tyre_test_rig_with_its_units_in_a_struct(tmp_path: Path, compressed: 
     np.testing.assert_array_equal(force.samples, columns["FZ"].ravel())
     np.testing.assert_array_equal(force.time, columns["ET"].ravel())
     assert (force.unit, pressure.unit) == ("N", "kPa")
+
+
+def test_a_complex_array_is_two_channels(tmp_path: Path) -> None:
+    values = np.array([2e5 + 3e4j, 2.1e5 + 4e4j])
+    savemat(tmp_path / "a.mat", {"f": np.array([1.0, 2.0]), "K": values, "s": {"Z": values}})
+    read = FORMAT.read(asked(tmp_path / "a.mat", "Re K", "Im K"))
+    np.testing.assert_array_equal(read[0].samples + 1j * read[1].samples, values)
+    found = {one.name for one in FORMAT.survey(tmp_path / "a.mat", "a.mat", LIMIT).signals}
+    assert {"Re K", "Im K"} < found

@@ -1,8 +1,9 @@
 """MATLAB files, versions 5 to 7 and 7.3: vectors, columns of matrices and fields of structs as channels.
 
 A vector is called as in MATLAB, with the structs that hold it: `F1`, `data.F1`. A matrix gives a channel per column,
-counted from 1: `M[:,3]` is MATLAB's M(:,3). A matrix that is wider than long gives a channel per row, `M[3,:]`. Names,
-units and times are as `variables` says. Objects, functions and tables of MATLAB are not read.
+counted from 1: `M[:,3]` is MATLAB's M(:,3). A matrix that is wider than long gives a channel per row, `M[3,:]`. A complex
+array of versions 5 to 7 gives two, `Re K` and `Im K`. Names, units and times are as `variables` says. Objects, functions
+and tables of MATLAB are not read.
 """
 
 from __future__ import annotations
@@ -30,7 +31,14 @@ _CLASSES = (None, "double", "single", "logical", *_INTEGERS)
 
 def _variables_5(content: Mapping[str, Any]) -> list[Node]:
     """The variables that `scipy.io.loadmat` has loaded, in the order of the file."""
-    return [_node_5(name, values) for name, values in content.items() if not name.startswith("__")]
+    return [node for name, values in content.items() if not name.startswith("__") for node in _nodes_5(name, values)]
+
+
+def _nodes_5(name: str, values: Any) -> list[Node]:
+    """A variable, or the real and the imaginary part of a complex one."""
+    if type(values) is np.ndarray and values.dtype.kind == "c":
+        return [_node_5(f"Re {name}", values.real), _node_5(f"Im {name}", values.imag)]
+    return [_node_5(name, values)]
 
 
 def _node_5(name: str, values: Any) -> Node:
@@ -41,7 +49,7 @@ def _node_5(name: str, values: Any) -> Node:
     if values.dtype.names is not None:
         if values.shape == (1, 1):
             node.kind = "struct"
-            node.below = [_node_5(one, values[one][0, 0]) for one in values.dtype.names]
+            node.below = [node for one in values.dtype.names for node in _nodes_5(one, values[one][0, 0])]
     elif values.dtype.kind == "O":
         node.kind = "cells"
         node.below = [_node_5("", one) for one in values.ravel(order="F")[:MOST_TEXTS]]
