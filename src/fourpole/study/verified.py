@@ -231,6 +231,10 @@ def _campaign_of(folder: Path, campaign: str | Path | None) -> Path | None:
     return above if (above / "campaign.toml").is_file() else None
 
 
+#: Size [byte] up to which a result of another size is read, because it may be one of the results before.
+_HASHED = 100_000_000
+
+
 def _hashes(record: Mapping[str, Any], key: str) -> dict[str, str]:
     """Hashes by name of a file, as study.json has them."""
     return {name: sha for name, sha in section(record, key).items() if isinstance(sha, str)}
@@ -274,15 +278,19 @@ def _results(folder: Path, record: Mapping[str, Any]) -> tuple[Proof, ...]:
         return tuple(Proof(name, Match.UNKNOWN) for name in TABLE_FILES if (folder / name).is_file())
     # a model file that is there has a line of its own, by its seal
     mine = {name: sha for name, sha in stated.items() if name not in _MODELS or not (folder / name).is_file()}
-    written = [_result(folder, name, sha) for name, sha in mine.items() if Path(name).name == name]
+    sizes = section(record, "sizes")
+    written = [_result(folder, name, sha, sizes.get(name)) for name, sha in mine.items() if Path(name).name == name]
     added = [name for name in TABLE_FILES if name not in stated and (folder / name).exists()]
     return (*written, *(Proof(name, Match.ADDED) for name in added))
 
 
-def _result(folder: Path, name: str, sha: str) -> Proof:
+def _result(folder: Path, name: str, sha: str, size: Any = None) -> Proof:
+    """Whether a table is as written; one of another size, which may be huge, is not read."""
     path = folder / name
     if not path.is_file():
         return Proof(name, Match.MISSING)
+    if isinstance(size, int) and path.stat().st_size > max(size, _HASHED):
+        return Proof(name, Match.CHANGED)
     try:
         there = sha256_of(path, max_bytes=MAX_FILE_BYTES)
     except (FileError, TableError) as error:

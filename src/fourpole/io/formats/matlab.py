@@ -1,9 +1,9 @@
 """MATLAB files, versions 5 to 7 and 7.3: vectors, columns of matrices and fields of structs as channels.
 
 A vector is called as in MATLAB, with the structs that hold it: `F1`, `data.F1`. A matrix gives a channel per column,
-counted from 1: `M[:,3]` is MATLAB's M(:,3). A matrix that is wider than long gives a channel per row, `M[3,:]`. A complex
-array of versions 5 to 7 gives two, `Re K` and `Im K`. Names, units and times are as `variables` says. Objects, functions
-and tables of MATLAB are not read.
+counted from 1: `M[:,3]` is MATLAB's M(:,3). A matrix that is wider than long gives a channel per row, `M[3,:]`. A
+complex array of versions 5 to 7 gives two, `Re K` and `Im K`. Names, units and times are as `variables` says.
+Objects, functions and tables of MATLAB are not read.
 """
 
 from __future__ import annotations
