@@ -54,8 +54,10 @@ def test_one_file_one_command(run, tmp_path):
 
 
 def test_without_the_mass_k_falls_with_the_square_of_the_frequency(run, tmp_path):
-    _, seen = found(run("stiffness", bench(tmp_path / "a.csv"), "--json"))
+    rows, seen = found(run("stiffness", bench(tmp_path / "a.csv"), "--json"))
     f = np.array(FREQUENCIES)
+    assert [row["verdict"] for row in rows] == ["ok", "ok", "ok", "warning"]
+    assert "a mass before the force cell" in rows[-1]["remarks"]
     assert seen == pytest.approx(stiffness(f) - MASS * (2 * np.pi * f) ** 2, rel=2e-3)
 
 

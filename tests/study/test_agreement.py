@@ -49,9 +49,9 @@ def test_a_change_with_the_amplitude_is_a_warning_from_six_per_cent_on(percent, 
 def test_seventeen_per_cent_at_seven_standard_uncertainties_are_said():
     (check,) = found([1e5, 1.17e5], [2.0, 0.5], std=0.0158, mass=[10.0, 0.0])
     assert remark_of(check) == (
-        "K* of mount at 12 Hz differs by 17 % (7 standard uncertainties) between deflections of 0.5 mm (0 kg added) "
-        "and 2 mm (10 kg): K* depends on the amplitude: compare it at equal amplitudes only, or make the amplitude "
-        "an axis of [conditions]"
+        "K* of mount at 12 Hz differs by 17 % (7 standard uncertainties) between deflections of 0.5 and 2 mm, "
+        "with 0 and 10 kg added: K* depends on the amplitude: compare it at equal amplitudes only, or make the "
+        "amplitude an axis of [conditions]"
     )
 
 

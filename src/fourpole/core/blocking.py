@@ -183,14 +183,20 @@ def blocking_checks(
     return tuple(checks)
 
 
-def steep_checks(phasors: Phasors, result: Identification, family: np.ndarray) -> dict[int, Check]:
+def steep_checks(
+    phasors: Phasors, result: Identification, family: np.ndarray, *, blocked: bool = False
+) -> dict[int, Check]:
     r"""A warning for each test whose K' contradicts K* at lower frequencies, as where the mass bends.
+
+    Where the far side is `blocked`, only K' that falls is one, as a mass before the force cell makes it; the check has
+    this mass [kg].
 
     K' of a relaxing specimen without inertia changes from one frequency to a higher one by
 
     .. math:: 0 \le K'(\omega_2) - K'(\omega_1) \le \int_{\omega_1}^{\omega_2} K''\,d\ln\omega
 
-    The integral is that of the tests between them, at most an octave from each other, with K'' + U. The noise of both
+    The integral is that of the tests between them, with K'' + U; it is known where they are at most an octave from each
+    other. The noise of both
     values counts four times, and what their shared errors leave in the difference twice. Tests are compared if their
     deflections differ by less than a factor of two.
 
@@ -205,7 +211,7 @@ def steep_checks(phasors: Phasors, result: Identification, family: np.ndarray) -
     storage, loss = result.stiffness.real, np.maximum(result.stiffness.imag, 0.0) + 2.0 * std[:, 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         shared = result.stiffness_shared[:, 0] / storage[:, None]
-        moved = np.log(np.abs(phasors.amplitudes[:, 1] - phasors.amplitudes[:, 2]) / phasors.omega)
+        moved = np.log(np.abs(phasors.amplitudes[:, 1] - np.nan_to_num(phasors.amplitudes[:, 2])) / phasors.omega)
     certain = np.isfinite(storage) & np.isfinite(moved) & (std[:, 0] < _NOTHING * np.abs(result.stiffness))
     checks = {}
     for of in np.unique(family[certain]):
@@ -216,18 +222,24 @@ def steep_checks(phasors: Phasors, result: Identification, family: np.ndarray) -
         rise = np.cumsum(steps * (loss[here] + loss[np.roll(here, 1)]) / 2.0)
         start = np.maximum.accumulate(np.where(steps > _OCTAVE, np.arange(here.size), 0))
         for place in range(1, here.size):
-            row, lower = here[place], np.arange(start[place], place)
+            row, lower = here[place], np.arange(place)
             alike = np.abs(moved[here[lower]] - moved[row]) < _OCTAVE
             lower = lower[alike & (logs[lower] < logs[place] - 1e-6)]
             below = here[lower]
             within = noise[row] + noise[below]
             within = within + 2.0 * storage[row] * np.linalg.norm(shared[row] - shared[below], axis=1)
-            least, most = storage[below] - within, storage[below] + within + rise[place] - rise[lower]
+            least = storage[below] - within
+            most = np.where(lower < start[place], np.inf, storage[below] + within + rise[place] - rise[lower])
             low = float(np.max(least, initial=-np.inf)) - storage[row]
             high = storage[row] - float(np.min(most, initial=np.inf))
             off = max(low, high) / abs(result.stiffness[row])
-            if off > 0:
-                falls, hertz = bool(low > high), float(phasors.frequency[below[-1]])
-                steep = Steep.FALLS if falls else Steep.RISES
-                checks[int(row)] = judged(Code.STEEP, off, 0.0, np.inf, percent=100 * off, steep=steep, hertz=hertz)
+            if off > 0 and not (blocked and high >= low):
+                hertz, steep = float(phasors.frequency[below[-1]]), Steep.FALLS if low > high else Steep.RISES
+                said: dict[str, object] = {"percent": 100 * off, "steep": steep, "hertz": hertz}
+                if blocked:
+                    first = below[int(np.argmax(least))]
+                    fallen = storage[first] - storage[row]
+                    mass = float(fallen / (phasors.omega[row] ** 2 - phasors.omega[first] ** 2))
+                    said |= {"form": "blocked", "mass": mass}
+                checks[int(row)] = judged(Code.STEEP, off, 0.0, np.inf, **said)
     return checks

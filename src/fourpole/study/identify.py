@@ -318,10 +318,11 @@ def _by_route(route: str, of_rig: _OfRig, setup: dict[str, Any], stiffness: Sequ
     variance = k1_apart(variance, [of_test.parts for of_test in stiffness])
     heavy = frozenset() if blocked else frozenset(np.flatnonzero(known).tolist())
     mass: tuple[tuple[Check, ...], ...] = ()
-    if rig is not None and route == "transmissibility":
-        of_mass = blocking_checks(phasors, rig, result, variance, setup["added_mass"], setup["family"])
-        steep = steep_checks(phasors, result, setup["family"])
-        mass = tuple((check, *([steep[row]] if row in steep else [])) for row, check in enumerate(of_mass))
+    if rig is not None and (route == "transmissibility" or rig.blocked):
+        found = (phasors, rig, result, variance, setup["added_mass"], setup["family"])
+        of_mass = [()] * len(k1) if rig.blocked else [(check,) for check in blocking_checks(*found)]
+        steep = steep_checks(phasors, result, setup["family"], blocked=rig.blocked)
+        mass = tuple((*checks, *([steep[row]] if row in steep else [])) for row, checks in enumerate(of_mass))
     return RigGroup(*of_rig, route, result, variance, k_of=k_of, heavy=heavy, blocking=mass)
 
 
