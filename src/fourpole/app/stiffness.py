@@ -37,6 +37,8 @@ from fourpole.words import first_of
 
 #: Share of |K*| that the mass between force cell and specimen takes at the frequency that is named [1].
 _TELLING = 0.01
+#: A mass before the specimen [kg] of which this is said where none is stated.
+_ADAPTER = 0.1
 _SHOWN = (q.STORAGE, q.LOSS, q.MODULUS, q.LOSS_ANGLE)
 _WHERE = (q.PRELOAD, q.DEFLECTION_AMPLITUDE, q.FREQUENCY)
 
@@ -155,9 +157,17 @@ def _parts(study: Study, input_mass: float | None) -> Iterator[Part]:
         yield Table(["specimen", *numbers, "verdict", "remarks"], cells, numbers)
         yield PLUS_MINUS
     known = [found[0] for row in rows if (found := value_of(q.MODULUS, row))]
-    if input_mass and known:
-        hertz = sqrt(_TELLING * min(known) / input_mass) / (2 * pi)
-        yield f"the mass of {input_mass:g} kg before the specimen takes 1 % of |K*| at {hertz:.3g} Hz; it was taken out"
+    if known and study.dynamic[q.ROUTE.head][0] == "mobility":
+        mass = input_mass or _ADAPTER
+        hertz = sqrt(_TELLING * min(known) / mass) / (2 * pi)
+        what = f"{mass:g} kg before the specimen takes 1 % of |K*| at {hertz:.3g} Hz"
+        yield (
+            f"the mass of {what}; it was taken out"
+            if input_mass
+            else (
+                f"between force cell and specimen, a mass that moves is part of K*: {what}; --input-mass takes it out"
+            )
+        )
     yield from _static(study)
 
 
