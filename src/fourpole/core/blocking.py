@@ -44,7 +44,7 @@ def with_unstated_springs(rig: Rig, phasors: Phasors, added: FloatArray, family:
 
     .. math:: u(K_3) = |K^*|/\sqrt 3, \qquad u(c_3) = 0.02 \cdot 2\sqrt{u(K_3)\,m}
 
-    |K*| is the median of the tests above the resonance of the mass on the specimen. u(K3) is larger where K' over
+    \|K*\| is the median of the tests above the resonance of the mass on the specimen. u(K3) is larger where K' over
     frequency shows stiffer springs. The damper is that of any rig. `added` is the added mass of each test [kg], and
     tests of one number of `family` have one K*.
 
@@ -159,7 +159,7 @@ def blocking_checks(
     Returns
     -------
     tuple of N Check
-        Rejected where U (k = 2) is more than |K*|, a warning where springs or motions that are alike make it more than
+        Rejected where U (k = 2) exceeds K*, a warning where springs or motions that are alike make it more than
         1 dB, or another source more than 60 %, else ok.
     """
     sources, parts = list(variance), np.stack([part[:, :2].sum(axis=1) for part in variance.values()])
