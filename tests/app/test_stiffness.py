@@ -121,3 +121,17 @@ def test_a_mass_that_makes_k_fall_is_named_and_any_mass_is_asked_for(run, tmp_pa
     assert "a mass before the force cell" in rows[-1]["remarks"]
     said = run("stiffness", tmp_path / "a.csv").stdout
     assert "a mass that moves is part of K*: 0.1 kg before the specimen takes 1 % of |K*| at" in " ".join(said.split())
+
+
+def test_a_file_without_a_force_and_a_statement_among_the_files_are_said(run, tmp_path):
+    table = pl.read_csv(bench(tmp_path / "a.csv"))
+    table.drop("Kraft [N]").with_columns(pl.col("Weg [mm]").alias("U [V]")).write_csv(tmp_path / "b.csv")
+    ran = run("stiffness", tmp_path / "b.csv")
+    assert (ran.exit_code, "no force is recorded" in " ".join(ran.stderr.split())) == (2, True)
+    (tmp_path / "tests.csv").write_text("test,file\n")
+    ran = run("stiffness", tmp_path / "a.csv", tmp_path / "tests.csv")
+    assert (ran.exit_code, "is a statement of a campaign" in " ".join(ran.stderr.split())) == (2, True)
+    (tmp_path / "x.py").write_text("print(1)\n")
+    ran = run("stiffness", tmp_path / "x.py", "--campaign", tmp_path / "new")
+    assert (ran.exit_code, "x.py" in ran.stderr, "/tmp/fourpole-" in ran.stderr) == (2, True, False)
+    assert not (tmp_path / "new").exists()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fourpole.core.segments import segments as all_segments
+from fourpole.core.segments import without_dropouts
 
 RATE = 2000.0
 
@@ -119,3 +120,28 @@ def test_what_lies_between_is_named():
 def test_slow_sines_are_sines_and_slow_triangles_are_loops():
     found = segments(motion(rest(1.0), sine(0.1, 1.0, 80.0), rest(1.0), loops(5.0, 10.0, 6)), RATE)
     assert [one.kind for one in found] == ["sine", "loop"]
+
+
+@pytest.mark.parametrize("lost", [1, 20])
+def test_drop_outs_to_zero_are_no_turns(lost):
+    whole = 2.0 + motion(*(part for f in (0.5, 5.0, 20.0) for part in (rest(1.0), sine(f, 0.1, 8 / f))), noise=1e-4)
+    hurt = whole.copy()
+    for place in (4000, 33000, 38100):
+        hurt[place : place + lost] = 0.0
+    for one, other in zip(segments(whole, RATE), segments(without_dropouts(hurt), RATE), strict=True):
+        assert (one.kind, one.frequency) == (other.kind, pytest.approx(other.frequency, rel=1e-3))
+
+
+@pytest.mark.parametrize("cycles", [6, 7, 12])
+def test_a_few_cycles_leave_three_that_are_used(cycles):
+    (one,) = segments(motion(rest(1.0), sine(5.0, 1.0, cycles / 5), rest(1.0), noise=1e-3), RATE)
+    assert (one.end - one.start) * one.frequency >= 2.9
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_noisy_random_motion_is_not_cut_into_sines(noise, seed):
+    made = motion(random(5.0, 100.0, 60.0))
+    made = made + noise * made.std() * np.random.default_rng(seed).normal(size=made.size)
+    steady = segments(made, RATE)
+    assert sum(one.end - one.start for one in steady) < 6.0

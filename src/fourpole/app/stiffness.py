@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from math import pi, sqrt
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -13,9 +15,9 @@ import polars as pl
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
-from fourpole.app.console import OK, SOME_REJECTED, progress, say
+from fourpole.app.console import OK, SOME_REJECTED, progress, say, warn
 from fourpole.app.options import MassOptions, RunOptions, Wanted
-from fourpole.app.standing import results_of
+from fourpole.app.standing import STATEMENT, results_of
 from fourpole.campaign import read_campaign
 from fourpole.core.checks import Asked, Verdict
 from fourpole.core.digits import number
@@ -57,9 +59,11 @@ def run_stiffness(
     asked for: the folder of the campaign, the report, a picture.
     """
     files: list[tuple[str, Path]] = []
-    with TemporaryDirectory(prefix="fourpole-") as temporary:
+    with TemporaryDirectory(prefix="fourpole-") as temporary, ExitStack() as stack:
         if folder is not None:
             keep_existing(folder)
+            if not folder.exists():
+                stack.callback(rmtree, folder, ignore_errors=True)
         place = Path(temporary) if folder is None else make_folder(folder)
         _state(recordings, place, mass, input_mass)
         if folder is None and report is None:
@@ -78,6 +82,7 @@ def run_stiffness(
             from fourpole.plot import Style
 
             files.append(("picture", draw_one(study, place, "stiffness", picture, Style())))
+        stack.pop_all()  # all is done: the folder stays
     for note in study.notes:
         say(f"note: {note}")
     code = SOME_REJECTED if Verdict.REJECTED in study.dynamic[q.VERDICT_K.head] else OK
@@ -94,7 +99,7 @@ def _with_report(place: Path) -> tuple[Study, Path]:
     return read_results(results), results / "report.html"
 
 
-def _state(recordings: Iterable[Path], folder: Path, mass: MassOptions, input_mass: float | None) -> None:
+def _state(recordings: Sequence[Path], folder: Path, mass: MassOptions, input_mass: float | None) -> None:
     """Copy the recordings into a folder, and state what they are guessed to be: a campaign of a bench, or of a mass."""
     if mass.rig and input_mass is not None:
         raise CampaignError(
@@ -103,20 +108,28 @@ def _state(recordings: Iterable[Path], folder: Path, mass: MassOptions, input_ma
     counts: Counter[str] = Counter()
     for path in recordings:
         counts[path.name] += 1
+        if path.name in STATEMENT:
+            raise CampaignError(f"{path}: is a statement of a campaign, and no recording: leave it out")
         name = path.name if counts[path.name] == 1 else f"{path.parent.name}_{counts[path.name]}_{path.name}"
         write_bytes(folder / name, read_bytes(path, max_bytes=MAX_FILE_BYTES, label=str(path)))
-    with progress("reading") as advance:
-        guess = guess_campaign(folder, rig=mass.rig, below=mass.below, progress=advance)
+    named = first_of([path.name for path in recordings], 3)
+    try:
+        with progress("reading") as advance:
+            guess = guess_campaign(folder, rig=mass.rig, below=mass.below, progress=advance)
+    except CampaignError as error:
+        raise CampaignError(str(error).replace(str(folder), named)) from None
+    if guess.moving and not mass.rig and "force_in" not in guess.roles:
+        raise CampaignError(f"{named}: no force is recorded: --mass-above or --mass-below states a mass in place of it")
     if mass.rig and not shows_force(guess.roles):
         why = "a force" if "force_in" in guess.roles else "no second motion"
         raise CampaignError(
-            f"{first_of([path.name for path in recordings], 3)}: a mass in place of a force needs a motion before the "
+            f"{named}: a mass in place of a force needs a motion before the "
             f"specimen and that of the mass, and here is {why}: put the recordings into a folder and run fourpole init"
         )
     if guess.moving and not guess.blocked and not mass.rig:
         why = "a second motion" if "motion_out" in guess.roles else "no displacement"
         raise CampaignError(
-            f"{first_of([path.name for path in recordings], 3)}: a bench records one displacement and one force, and "
+            f"{named}: a bench records one displacement and one force, and "
             f"here is {why}: put the recordings into a folder and run fourpole init, which asks for the rest; "
             "--mass-above or --mass-below states a mass that takes the place of a force"
         )
@@ -127,6 +140,8 @@ def _state(recordings: Iterable[Path], folder: Path, mass: MassOptions, input_ma
         write_text(folder / "campaign.toml", stated.replace("[rig]\n", line, 1))
     for role, one in guess.roles.items():
         say(f"understood {role}: column '{one.column}' [{one.unit}]{', inverted' if one.invert else ''}")
+        for doubt in one.doubts:
+            warn(f"{role}: {doubt}")
 
 
 def _causes(study: Study) -> list[str]:

@@ -34,6 +34,8 @@ _FEWEST, _LEAST, _CLEAR = 4, 5e-3, 4.0
 _OCTAVE = float(np.log(2.0)) + 1e-3
 #: Standard uncertainties by noise of each value up to which two values are alike: lines may be thousands.
 _NOISE = 4.0
+#: Change of K' over itself that a larger change of the deflection may make, as in filled rubber [1].
+_PAYNE = 0.5
 #: Where V1 - V2 is smaller than this share of V1, the errors of the sensors are multiplied.
 _ALIKE = 0.5
 _SPRINGS = (Source(Kind.RIG_VALUE, "preload_stiffness"), Source(Kind.RIG_VALUE, "preload_damping"))
@@ -196,9 +198,8 @@ def steep_checks(
     .. math:: 0 \le K'(\omega_2) - K'(\omega_1) \le \int_{\omega_1}^{\omega_2} K''\,d\ln\omega
 
     The integral is that of the tests between them, with K'' + U; it is known where they are at most an octave from each
-    other. The noise of both
-    values counts four times, and what their shared errors leave in the difference twice. Tests are compared if their
-    deflections differ by less than a factor of two.
+    other. The noise of both values counts four times, and what their shared errors leave in the difference twice. Where
+    deflections differ by more than a factor of two, half of K' is allowed for the amplitude.
 
     Returns
     -------
@@ -223,10 +224,10 @@ def steep_checks(
         start = np.maximum.accumulate(np.where(steps > _OCTAVE, np.arange(here.size), 0))
         for place in range(1, here.size):
             row, lower = here[place], np.arange(place)
-            alike = np.abs(moved[here[lower]] - moved[row]) < _OCTAVE
-            lower = lower[alike & (logs[lower] < logs[place] - 1e-6)]
+            lower = lower[logs[lower] < logs[place] - 1e-6]
             below = here[lower]
-            within = noise[row] + noise[below]
+            alike = np.abs(moved[below] - moved[row]) < _OCTAVE
+            within = noise[row] + noise[below] + np.where(alike, 0.0, _PAYNE * storage[row])
             within = within + 2.0 * storage[row] * np.linalg.norm(shared[row] - shared[below], axis=1)
             least = storage[below] - within
             most = np.where(lower < start[place], np.inf, storage[below] + within + rise[place] - rise[lower])

@@ -21,12 +21,19 @@ _LENGTH, _HEIGHT = 0.08, 0.2
 _SWEPT = 0.02
 #: Fewest half cycles of a sinusoid.
 _SINE = 9
-#: Least amplitude of a loop over the largest height [1]; what is smaller is rest or a ramp.
-_WHOLE = 0.25
+#: Least amplitude of a loop over the largest height [1], and of two loops or more; what is smaller is rest or a ramp.
+_WHOLE, _TWICE = 0.25, 0.1
 #: Departure in height of the half cycles at the ends, while the machine begins and stops, that are left out [1].
 _FULL = 0.02
 #: Half cycles at the beginning of a sinusoid that are left out, while the specimen and the machine settle.
 _SETTLING = 2
+#: Half cycles, and samples, of the part of a sinusoid that is used: fewer are too short for an analysis.
+_LASTING, _FEWEST = 7, 32
+#: Tolerance of the height by noise [1], above which half cycles cannot be compared.
+_UNSURE = 0.3
+#: A jump is so many times as large as this share of all steps; steps beside it, and what is left after the jump back,
+#: over it [1]; longest part between two jumps [samples].
+_JUMP, _USUAL, _SUDDEN, _SHORT = 5.0, 0.5, 0.3, 64
 #: Third harmonic of slow cycles over their fundamental [1], above which they are no sinusoid; a triangle has 1/9.
 _TRIANGLE = 0.05
 #: Frequency [Hz] below which few cycles are loops of a static test, as for a recording of its own.
@@ -117,6 +124,31 @@ def segments(motion: FloatArray, rate: float) -> list[Segment]:
     return found
 
 
+def without_dropouts(motion: FloatArray) -> FloatArray:
+    """The motion (N,) with straight lines in place of short parts that jump away and back, as drop-outs to zero do.
+
+    Examples
+    --------
+    >>> without_dropouts(np.array([1.0, 1.1, 1.2, 0.0, 1.4, 1.5, 1.6, 1.7])).round(1).tolist()
+    [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7]
+    """
+    steps = np.diff(motion)
+    sizes = np.abs(steps)
+    usual = np.quantile(sizes, _USUAL) if sizes.size else 0.0
+    jumps = np.flatnonzero(sizes > _JUMP * usual)
+    mended, place = motion.copy(), 0
+    while usual > 0.0 and place + 1 < jumps.size:
+        low, high = int(jumps[place]), int(jumps[place + 1]) + 1
+        least = _SUDDEN * min(sizes[low], sizes[high - 1])
+        sudden = sizes[max(low - 1, 0)] < least and sizes[min(high, sizes.size - 1)] < least
+        back = abs(motion[high] - motion[low]) < least and steps[low] * steps[high - 1] < 0
+        if high - low <= _SHORT and sudden and back:
+            mended[low : high + 1] = np.linspace(motion[low], motion[high], high - low + 1)
+            place += 1
+        place += 1
+    return mended
+
+
 def _cycles(motion: FloatArray, turns: IntArray, rate: float, noise: float) -> list[Segment]:
     """The steady sinusoids and the loops."""
     at = _middles(motion, turns) / rate
@@ -125,7 +157,8 @@ def _cycles(motion: FloatArray, turns: IntArray, rate: float, noise: float) -> l
     while first < height.size:
         last = _alike(at, height, first, noise)
         one = _segment(motion, turns[first : last + 1], at[first:last], rate, noise)
-        if one is not None and (one.kind == "sine" or one.amplitude > _WHOLE * height.max()):
+        least = (_WHOLE if last - first < 4 else _TWICE) * height.max()
+        if one is not None and (one.kind == "sine" or one.amplitude > least):
             goes_on = found and one.kind == found[-1].kind == "loop" and one.start <= found[-1].end
             found.append(replace(found.pop(), end=one.end) if goes_on else one)
         first = max(last, first + 1)
@@ -183,6 +216,8 @@ def _alike(at: FloatArray, height: FloatArray, first: int, noise: float) -> int:
     while last < height.size:
         usual, high = np.median(lengths[first:last]), np.median(height[first : last + 1])
         unsure = _NOISE * noise / high
+        if unsure > _UNSURE:
+            break
         if abs(lengths[last - 1] / usual - 1.0) > _LENGTH + unsure or abs(height[last] / high - 1.0) > _HEIGHT + unsure:
             break
         last += 1
@@ -203,9 +238,10 @@ def _segment(motion: FloatArray, turns: IntArray, at: FloatArray, rate: float, n
         return None
     full = np.flatnonzero(np.abs(0.5 * np.abs(np.diff(values)) / amplitude - 1.0) < _FULL + _NOISE * noise / amplitude)
     # The last half cycle may end in a rest: it then goes on to the first turn of the next motion.
-    at = at[max(_SETTLING, full[0]) : full[-1]]
+    begin, end = int(full[0]), int(full[-1])
+    at = at[max(_SETTLING, begin) if end - _SETTLING > _LASTING else begin : end]
     lengths = np.diff(at)
-    if lengths.size < _SETTLING:
+    if lengths.size < _LASTING - 1 or (at[-1] - at[0]) * rate < _FEWEST:
         return None
     usual, spread = float(np.mean(lengths)), float(np.std(lengths))
     change = abs(np.polyfit(np.arange(lengths.size), lengths, 1)[0]) * lengths.size

@@ -345,7 +345,7 @@ def motion_of(path: Path, name: str) -> tuple[str, str, list[Segment]] | None:
 def _segments(one: FolderRecording, signals: Mapping[str, Signal]) -> list[FolderRecording]:
     """A recording for each of the motions that one makes one after the other; none if it has a single one."""
     counts, found = Counter[str](), list[FolderRecording]()
-    for each in segments_of(next(iter(signals.values())), one.rate):
+    for each in segments_of(next(iter(signals.values())), one.rate, banded=bool(one.shape and one.shape.band)):
         counts[each.kind] += 1
         if each.kind not in TESTS:
             continue

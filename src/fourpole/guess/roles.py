@@ -40,6 +40,8 @@ _MOST = 0.9
 _LIKELY = (0.3, 12.0)
 #: Relative difference of two velocities up to which they are of one point [1].
 _TWIN = 0.05
+#: Logarithm of the range of frequencies from which a ratio is known to be constant, and least ratio of one part [1].
+_OCTAVES, _PART = 1.0, 0.5
 #: Logarithm of the range of frequencies from which |K*| has an exponent, and largest exponent of a specimen [1].
 _APART, _STEEP = 0.1, 0.5
 #: Forces and motions with the largest sums of their own, whose assignments are compared.
@@ -240,13 +242,25 @@ class _Evidence:
         return score if force is None or near is None else score + self._physics(force, near, far)
 
     def is_twin(self, a: Column, b: Column) -> bool:
-        """Whether two motions are of one point: their velocities are equal, but perhaps for the sign."""
+        """Whether two motions are of one part: their velocities are equal, but perhaps for the sign.
+
+        Those of a part that tilts, or of a fixed frame that gives way, have one real ratio at all frequencies, which no
+        mass behind a specimen has.
+        """
         if not {a.name, b.name} <= self.known:
             return False
         with np.errstate(all="ignore"):
             ratio = self.phasors[a.name] / self.phasors[b.name]
-        ratio = ratio[np.isfinite(ratio)]
-        return any(ratio.size and np.max(np.abs(ratio - sign)) < _TWIN for sign in (1, -1))
+        used = np.isfinite(ratio)
+        ratio = ratio[used]
+        if not ratio.size:
+            return False
+        usual = float(np.median(ratio.real))
+        wide = np.ptp(np.log(self.omega[used])) > _OCTAVES and ratio.size > 2
+        likely = _PART < abs(usual) < 1.0 / _PART
+        return any(
+            np.max(np.abs(ratio / one - 1.0)) < _TWIN for one in (1.0, -1.0, *((usual,) if wide and likely else ()))
+        )
 
     def power(self, force: Column, motion: Column) -> float:
         """Median of real over apparent power of a force and a motion, without sign [1]."""

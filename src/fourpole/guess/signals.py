@@ -11,7 +11,7 @@ import numpy as np
 from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.core.demodulation.spectrum import hann, peak_place
 from fourpole.core.demodulation.tracks import Track
-from fourpole.core.segments import TESTS, Segment, segments
+from fourpole.core.segments import TESTS, Segment, segments, without_dropouts
 from fourpole.core.spectra import average, random, sweep
 from fourpole.core.spectra.excited import RESOLVED
 from fourpole.core.spectra.motion import fine_spectrum, motion_of, segment_of
@@ -22,6 +22,8 @@ from fourpole.io.stream import StreamSource, stream
 
 #: Number of samples that are read of each channel, and of each that is looked through for segments.
 ENOUGH_ROWS, ALL_ROWS = 1 << 18, 1 << 21
+#: Share of the motion of a random recording or a sweep that must be steady, so that it is cut [1].
+_CUT = 0.5
 #: Number of samples from which a spectrum is computed.
 _SPECTRUM = 1 << 16
 #: Frequency [Hz] below which a recording is static: dynamic tests are faster, static loading cycles are slower.
@@ -108,17 +110,26 @@ def samples_of(
 def parts_of(signal: Signal, rate: float | None) -> list[Segment]:
     """The segments of a signal, in the times of its file [s]; none without a rate."""
     rate, first = rate_of(signal) or rate, _begin(signal)
-    found = segments(filled(signal.samples), rate) if rate and np.isfinite(signal.samples).sum() > 1 else []
+    known = rate and np.isfinite(signal.samples).sum() > 1
+    found = segments(without_dropouts(filled(signal.samples)), rate or 1.0) if known else []
     return [replace(one, start=first + one.start, end=first + one.end) for one in found]
 
 
-def segments_of(signal: Signal, rate: float | None) -> list[Segment]:
-    """The segments of a signal, if several are tests, and not all of them loops."""
+def segments_of(signal: Signal, rate: float | None, *, banded: bool = False) -> list[Segment]:
+    """The segments of a signal, if several are tests, and not all of them loops.
+
+    A motion that is random or a sweep as a whole, `banded`, is cut only if most of it is steady.
+    """
     found = parts_of(signal, rate)
-    steady = [one.kind for one in found if one.kind in ("sine", "loop")]
+    steady = [one for one in found if one.kind in ("sine", "loop")]
+    lasts, rests = (sum(one.end - one.start for one in some)
+                    for some in (steady, [one for one in found if one.kind in ("rest", "hold")]))  # fmt: skip
+    if banded and lasts < _CUT * (signal.samples.size / (rate_of(signal) or rate or 1.0) - rests):
+        return []
     # One sinusoid may be a part of a random motion; loops alone are a static test.
     tests = sum(one.kind in TESTS for one in found)
-    return found if (len(steady) > 1 if "sine" in steady else tests > len(steady) > 0) else []
+    several = len(steady) > 1 if any(one.kind == "sine" for one in steady) else tests > len(steady) > 0
+    return found if several else []
 
 
 def within(signal: Signal, window: tuple[float, float], rate: float | None) -> Signal:
@@ -270,7 +281,7 @@ def _lasts(column: FloatArray, turns_per_sample: float) -> bool:
     """Whether the amplitude of the line is similar in all quarters of the recording."""
     quarters = [part for part in np.array_split(column[:_SPECTRUM], 4) if part.size >= 8]
     sizes = [abs(turn(part, turns_per_sample)) for part in quarters]
-    return min(sizes) > _SUSTAINED * max(sizes)
+    return bool(sizes) and min(sizes) > _SUSTAINED * max(sizes)
 
 
 # ---- random excitation and sweeps

@@ -56,7 +56,8 @@ def _asked(campaign: Campaign, points: Points) -> Iterator[frozenset[Asked]]:
     for test, condition, stiffness in zip(points.tests, points.condition, points.stiffness, strict=True):
         arm = np.isfinite(stiffness.value) or (expected and stiffness.lack is not None)
         can = {Asked.STIFFNESS: True, Asked.ARM: arm, Asked.TR: test.rig in moving}
-        wanted = stated or frozenset(quantity for quantity, possible in can.items() if possible)
+        default = frozenset(quantity for quantity, possible in can.items() if possible)
+        wanted = stated - (frozenset() if can[Asked.TR] else {Asked.TR}) or default
         yield wanted if condition >= 0 else frozenset()
 
 
