@@ -385,3 +385,17 @@ def test_a_random_recording_with_times_of_a_few_digits_has_its_band(digits, tmp_
 def test_the_quantity_and_the_unit_of_a_head(head, unit, found):
     column = column_of(head, unit)
     assert (column.quantity, column.unit) == found
+
+
+@pytest.mark.parametrize("heads", [("Fz1", "Fz2", "Fz3", "Fz4", "Fz gesamt"), ("F1", "F2", "F3", "F4", "Fsum")])
+def test_the_sum_of_forces_is_the_force(tmp_path, heads):
+    """A plate on four cells, of which the first head is that of a part."""
+    for hertz in FREQUENCIES:
+        made = sines(hertz, blocked=True)
+        parts = [share * made["F1"] for share in (0.26, 0.24, 0.3, 0.2)]
+        columns = [made["t"], 1e3 * made["x1"], *parts, sum(parts)]
+        head = ",".join(["Zeit [s]", "Weg [mm]", *(f"{name} [N]" for name in heads)])
+        np.savetxt(
+            tmp_path / f"{hertz:g}Hz.csv", np.c_[tuple(columns)], delimiter=",", header=head, comments="", fmt="%.9g"
+        )
+    assert guess_campaign(tmp_path).roles["force_in"].column == heads[-1]

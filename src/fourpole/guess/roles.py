@@ -225,6 +225,20 @@ class _Evidence:
             for at, one in enumerate(columns)
         }
 
+        whole = self._whole([one.name for one in columns if one.quantity == "force"])
+        if whole:
+            self.alone[whole] += _W["whole"]
+
+    def _whole(self, forces: Sequence[str]) -> str:
+        """The force that is the sum of all others, as of a plate on four cells; empty if none is."""
+        every = sum((self.phasors[name] for name in forces), np.zeros(self.omega.size, dtype=complex))
+        for name in forces if len(forces) > 2 and set(forces) <= self.known else ():
+            with np.errstate(all="ignore"):
+                share = every / self.phasors[name] - 2.0
+            if share.size and np.isfinite(share).all() and np.max(np.abs(share)) < _TWIN:
+                return name
+        return ""
+
     def of_choice(self, force: Column | None, near: Column | None, far: Column | None) -> float:
         """Evidence that columns are F1, V1 and V2."""
         score = sum(self.alone[one.name] for one in (force, near, far) if one is not None)
