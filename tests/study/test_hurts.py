@@ -249,7 +249,7 @@ HURTS = {
     "inverted F1": Hurt("rejected", ("inverted",), with_column("F1", lambda one: -one)),
     "half of F1": Hurt("warning", ("F1 is 0.5 times", "wrongly scaled F1"), with_column("F1", lambda one: 0.5 * one)),
     "K' below K1": Hurt(
-        "rejected",
+        "warning",
         ("no passive K2 exists: K' = ", "is not above the static K1 = 200 kN/m", "a K1 taken at another load"),
         lambda f: f.add_column("K1 [N/m]", {"D2": "200000"}),
     ),
@@ -343,9 +343,9 @@ def test_a_hurt_test_is_a_row_that_says_why_and_the_others_do_not_change(noisy, 
     assert [part for part in hurt.remarks if part not in row["remarks"]] == [], row["remarks"]
     assert (row["remarks"] == "") == (hurt.verdict == "ok")
     assert str(noisy.path) not in row["remarks"]
-    if hurt.verdict == "rejected" and name not in ("inverted F1", "K' below K1"):
+    if hurt.verdict == "rejected" and name != "inverted F1":
         assert {row[column] for column in RESULTS} == {""}
-    elif hurt.verdict != "rejected":
+    elif hurt.verdict != "rejected" and name != "K' below K1":
         assert "" not in {row[column] for column in RESULTS}
     if hurt.verdict != "ok":
         assert f"{hurt.verdict}: D2: " in ran.stderr

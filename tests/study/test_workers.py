@@ -143,10 +143,10 @@ def test_few_files_need_no_process_and_many_are_shared(noisy, monkeypatch):
     made = []
     true = Workers.__init__
     monkeypatch.setattr(Workers, "__init__", lambda self, count: (made.append(count), true(self, count))[1])
-    noisy.analyse(route="mobility")
+    noisy.analyse(route="mobility", cache=None)
     assert made == []
     monkeypatch.setattr(workers, "_PAYS", 0.01)
-    noisy.analyse(route="mobility")
+    noisy.analyse(route="mobility", cache=None)
     assert made == [2]
 
 
