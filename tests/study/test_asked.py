@@ -88,6 +88,12 @@ def test_a_specimen_that_gives_energy_is_rejected_by_itself(bench):
     assert "would give energy" in row["remarks"]
 
 
+def test_one_reason_for_two_quantities_stands_once(bench):
+    row, _ = bench(2e5 - 3e4j, k1="150000")
+    assert verdicts(row) == ["rejected", "rejected", "rejected", ""]
+    assert row["remarks"].count("would give energy") == 1
+
+
 def test_a_spring_whose_loss_is_below_the_uncertainty_is_no_wrong_one(bench):
     row, _ = bench(2e5 - 1e2j)
     assert verdicts(row) == ["ok", "ok", "", ""]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -21,7 +20,7 @@ from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import progress, rising, table_width, warn
 from fourpole.app.options import InfoOptions
 from fourpole.core.digits import number
-from fourpole.core.segments import Segment
+from fourpole.core.segments import Segment, labelled
 from fourpole.guess.gather import segments_in
 from fourpole.io.child import read_apart
 from fourpole.io.convert import Choice, convert
@@ -124,11 +123,10 @@ def _motion(channel: str, unit: str, segments: Sequence[Segment]) -> Iterator[Pa
     signs = ", ".join(f"{_SIGNS[kind]} {kind}" for kind in dict.fromkeys(one.kind for one in segments))
     yield f"\nsegments of {channel!r} ({signs}):\n{''.join(drawn)}"
     heads = ["segment", "from [s]", "to [s]", q.FREQUENCY.label, f"amplitude [{unit}]", f"mean [{unit}]"]
-    counts, rows = Counter[str](), []
-    for one in segments[:_MOST]:
-        counts[one.kind] += 1
+    rows = []
+    for label, one in labelled(segments[:_MOST]):
         cycles = (number(one.frequency), number(one.amplitude)) if one.frequency else ("", "")
-        rows.append([f"{one.kind} {counts[one.kind]}", number(one.start), number(one.end), *cycles, number(one.mean)])
+        rows.append([label, number(one.start), number(one.end), *cycles, number(one.mean)])
     yield Table(heads, rows, heads[1:])
     if len(segments) > _MOST:
         yield f"... and {len(segments) - _MOST} more"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
@@ -122,6 +123,15 @@ def segments(motion: FloatArray, rate: float) -> list[Segment]:
         found += [one] if one is not None else []
         before = one
     return found
+
+
+def labelled(found: Iterable[Segment]) -> list[tuple[str, Segment]]:
+    """Each segment with its kind and its number among those of this kind, as "sine 3"."""
+    counts, labels = Counter[str](), list[tuple[str, Segment]]()
+    for one in found:
+        counts[one.kind] += 1
+        labels.append((f"{one.kind} {counts[one.kind]}", one))
+    return labels
 
 
 def without_dropouts(motion: FloatArray) -> FloatArray:

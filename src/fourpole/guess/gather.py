@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ import numpy as np
 
 from fourpole import units
 from fourpole.core.recording import DERIVATIVES
-from fourpole.core.segments import TESTS, Segment
+from fourpole.core.segments import TESTS, Segment, labelled
 from fourpole.errors import CampaignError, FourpoleError, TableError, UnitError
 from fourpole.guess.channels import Column, column_of
 from fourpole.guess.names import Token, read_header, read_name, without_ending
@@ -344,9 +343,9 @@ def motion_of(path: Path, name: str) -> tuple[str, str, list[Segment]] | None:
 
 def _segments(one: FolderRecording, signals: Mapping[str, Signal]) -> list[FolderRecording]:
     """A recording for each of the motions that one makes one after the other; none if it has a single one."""
-    counts, found = Counter[str](), list[FolderRecording]()
-    for each in segments_of(next(iter(signals.values())), one.rate, banded=bool(one.shape and one.shape.band)):
-        counts[each.kind] += 1
+    found = list[FolderRecording]()
+    cut = segments_of(next(iter(signals.values())), one.rate, banded=bool(one.shape and one.shape.band))
+    for label, each in labelled(cut):
         if each.kind not in TESTS:
             continue
         window = (each.start, each.end)
@@ -356,8 +355,8 @@ def _segments(one: FolderRecording, signals: Mapping[str, Signal]) -> list[Folde
             shape = replace(shape, kind=_KINDS[each.kind], band=None)
         elif shape.kind != each.kind:
             continue  # too short for its band
-        cut, segment = (round(window[0], 4), round(window[1], 4)), f"{each.kind} {counts[each.kind]}"
-        found.append(replace(one, shape=shape, window=cut, segment=segment))
+        stated = round(each.start, 4), round(each.end, 4)
+        found.append(replace(one, shape=shape, window=stated, segment=label))
     return found
 
 

@@ -133,19 +133,19 @@ def jobs_of(campaign: Campaign, tests: Sequence[Test], route: str) -> list[Reduc
 def demodulated(jobs: Sequence[Reduction]) -> list[Demodulated]:
     """The heavy part of jobs of one file, which is opened, hashed and read once: what it gives, whatever the rig."""
     with ExitStack() as stack:
-        file = _File(stack)
+        file = _File(stack, ReadOnce().stream if len(jobs) > 1 else stream)  # samples are held for further jobs only
         return [_demodulated(job, file) for job in jobs]
 
 
 @dataclass
 class _File:
-    """The file of some jobs, once one of them has needed it: its path, hash and time, and what was read of it."""
+    """The file of some jobs, once one of them has needed it: how it is read, its path, hash and time."""
 
     stack: ExitStack
+    read: Callable[[StreamSource], Stream]
     path: Path | None = None
     sha256: str = ""
     began: float | None = None
-    read: ReadOnce = field(default_factory=ReadOnce)
 
     def opened(self, job: Reduction) -> Path:
         """The path of the file, for as long as the stack is open."""
@@ -163,15 +163,14 @@ def _demodulated(job: Reduction, file: _File) -> Demodulated:
             code = Code.EXCLUDED if job.test.excluded else Code.STATEMENT
             why = problem_of(job.test)
             return Demodulated(checks=(reported(code, Verdict.REJECTED, error=why),))
-        done = demodulated_part(job, file.opened(job), read=file.read.stream)
+        done = demodulated_part(job, file.opened(job), read=file.read)
         return replace(done, sha256=file.sha256, began=file.began)
     except FourpoleError as error:
         codes: dict[type, Code] = {ConstantError: Code.CONSTANT, TooShortError: Code.TOO_SHORT}
         code = codes.get(type(error), Code.RECORDING)
         check, lasting = reported(code, Verdict.REJECTED, error=error.message), isinstance(error, RecordingError)
-        sha256 = (
-            "" if isinstance(error, FileError) else file.sha256
-        )  # no result of the content, which may be read again
+        # That a file cannot be read is no result of its content, which may be read again.
+        sha256 = "" if isinstance(error, FileError) else file.sha256
     except Exception as error:  # noqa: BLE001 - a fault of ours in one test must not stop the others
         check, lasting, sha256 = fault_of(error, job.test.file), False, file.sha256
     return Demodulated(checks=(check,), sha256=sha256, lasting=lasting)
