@@ -26,7 +26,8 @@ _AT_END = re.compile(
     r"(?P<name>.*?[^\W_][)\]]?)(?:\s*/\s*|[\s_,]+in\s+|[\s_,]+)\(?(?P<unit>(?i:k?[mn]m?_(?:s2?|h))|[^\W\d_][^\s_,()]*|°[CF])\)?",
     re.DOTALL,
 )
-#: Characters of the longest head that ends with a unit.
+#: A unit that is set off: "E'/MPa", "f in Hz", "x, mm"; characters of the longest head that ends with a unit.
+_SET_OFF = re.compile(r"(?P<name>[^/,]+?)(?:/|,|\sin\s)(?P<unit>[^,]+)")
 _LONGEST = 100
 #: Characters of a word that may be a part of a longer one, and of one in Chinese or Japanese letters.
 _PART, _PART_HAN = 5, 2
@@ -143,24 +144,69 @@ def meant(unit: str) -> str:
     return unit if kind_of_unit(unit) else _MEANT.get(unit.strip().casefold(), unit)
 
 
+def head_and_unit(head: str, stated: str | None = None) -> tuple[str, str | None]:
+    """The name in a head and its unit: that stated beside it, or in brackets, or at its end.
+
+    Examples
+    --------
+    >>> [head_and_unit(head) for head in ("G' [kPa]", "E''/MPa", "f in Hz", "Hz", "V1/F1")]
+    [("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('Hz', 'Hz'), ('V1/F1', None)]
+    """
+    name, unit = units.column_unit(head)
+    if stated is not None or unit is not None:
+        return name.rstrip(" /"), (stated if stated is not None else unit)
+    return (name, name) if name in ("Hz", "kHz", "rad/s") else without_unit(name)
+
+
 def without_unit(name: str) -> tuple[str, str | None]:
     """A head without the unit that it ends with, and this unit; None where it ends with none that fits its words.
 
     Examples
     --------
-    >>> [without_unit(head)[1] for head in ("F / kN", "Axial Displacement mm", "acc_ms2", "Kraft in N", "Fz")]
-    ['kN', 'mm', 'm/s^2', 'N', None]
+    >>> [without_unit(head)[1] for head in ("F / kN", "Axial Displacement mm", "acc_ms2", "K_n_per_mm", "Fz")]
+    ['kN', 'mm', 'm/s^2', 'N/mm', None]
     """
-    match = _AT_END.fullmatch(name.strip()) if len(name) <= _LONGEST else None
-    if match is None:
+    if len(name) > _LONGEST or name.strip().casefold() in _MEANT:
         return name, None
-    written, named = match["unit"], quantity_named(match["name"])
-    if written.casefold() in _SIDES:  # "x_in" is an input, not in inches
+    apart = _SET_OFF.fullmatch(name.strip())
+    if apart is not None and units.is_unit(apart["unit"]) and not apart["unit"].strip().isdigit():
+        unit = apart["unit"].strip()
+        return apart["name"].strip(), unit[1:-1] if unit.startswith("(") and unit.endswith(")") else unit
+    whole = name.strip().split("_")
+    for at in range(1, len(whole) - 1):
+        if (unit := _snake(tuple(one.casefold() for one in whole[at:]))) and _fits("_".join(whole[:at]), unit, "__"):
+            return "_".join(whole[:at]), unit
+    match = _AT_END.fullmatch(name.strip())
+    if match is None or match["unit"].casefold() in _SIDES:  # "x_in" is an input, not in inches
         return name, None
-    unit = _UNITS.get(written.casefold()) or meant(written)
-    kind = kind_of_unit(unit)
-    if kind == "other":
-        fits = "/" in unit
-    else:
-        fits = named == kind or (named == "" and len(written) > 1) or (kind == "voltage" and written in ("V", "mV"))
-    return (match["name"], unit) if kind and fits else (name, None)
+    unit = _UNITS.get(match["unit"].casefold()) or meant(match["unit"])
+    return (match["name"], unit) if _fits(match["name"], unit, match["unit"]) else (name, None)
+
+
+def _fits(name: str, unit: str, written: str) -> bool:
+    """Whether a head may end with a unit, by its other words."""
+    named, kind = quantity_named(name), kind_of_unit(unit)
+    if kind in ("", "other"):
+        return kind != "" and "/" in unit
+    unclear = not any(is_long for is_long, _ in _hits(name))
+    return named == kind or (unclear and len(written) > 1) or (kind == "voltage" and written in ("V", "mV"))
+
+
+@lru_cache(4096)
+def _snake(words: tuple[str, ...]) -> str:
+    """The unit of the last words of a head in snake case; empty if they are none.
+
+    Examples
+    --------
+    >>> _snake(("n", "per", "mm")), _snake(("kn", "m")), _snake(("ms2", "per", "n")), _snake(("phase", "deg"))
+    ('N/mm', 'kN/m', '(m/s^2)/N', '')
+    """
+    if (whole := "_".join(words)) in _UNITS:
+        return _UNITS[whole]
+    parts = " ".join(("1", *words) if words[0] == "per" else words).split(" per ")
+    parts = list(words) if len(parts) == 1 else parts
+    atoms = ["" if one in _SIDES - {"1"} else _MEANT.get(one, one if one == "1" else "") for one in parts]
+    if not 2 <= len(atoms) <= 3 or not all(atoms):
+        return ""
+    unit = "/".join(f"({one})" if "/" in one else one for one in atoms)
+    return unit if units.is_unit(unit) else ""

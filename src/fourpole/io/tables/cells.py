@@ -22,9 +22,8 @@ from fourpole.io.signals import MAX_FILE_BYTES, Request, Signal
 from fourpole.io.source import decode, name_of
 from fourpole.io.stream import by_halves
 from fourpole.io.text import TextTable, tables_of
-from fourpole.units import column_unit, is_unit, shown
-from fourpole.words import vocabulary
-from fourpole.words.heads import without_unit
+from fourpole.units import shown
+from fourpole.words.heads import head_and_unit
 
 #: Memory that the numbers of a table may need [byte], and the most columns of a table.
 _MOST_BYTES, _MOST_COLUMNS = 500_000_000, 2000
@@ -34,11 +33,6 @@ _LARGEST_TEXT, _LIMS = 64_000_000, ("Variables", "Units", "Data point")
 BY_NUMBER = "the columns are known by their numbers"
 #: A line of numbers alone.
 _ROW = re.compile(r"[\s;,0-9.eE+-]+")
-#: Largest number of characters of a head in which a unit is looked for.
-_LONGEST_HEAD = 100
-#: Units that end a head in snake case, the longest first.
-_ENDINGS = dict(sorted(vocabulary()["tables"]["units"].items(), key=lambda one: -len(one[0])))
-_WORDED_UNIT = re.compile(r"(?P<stem>[^/,]+?)(?:/|,|\sin\s)(?P<unit>[^,]+)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +183,7 @@ def recorded(path: Path, group: str, label: str) -> list[tuple[str, list[Signal]
 def _of_signals(signals: Sequence[Signal], lost: Sequence[str], label: str, group: str) -> Cells:
     columns = []
     for one in signals:
-        name, unit = name_and_unit(one.name, one.unit)
+        name, unit = head_and_unit(one.name, one.unit)
         columns.append(Column(one.name, name, unit, one.samples))
     remarks = [f"column '{one}' holds no numbers and was left out" for one in lost]
     return Cells(label, group, tuple(columns), list(range(1, signals[0].samples.size + 1)), tuple(remarks))
@@ -205,7 +199,7 @@ def _of_text(table: TextTable, group: str) -> Cells:
 
 def _column(head: str, stated: str | None, cells: list[str], decimal: str) -> Column:
     """A column of numbers, or of words if most of its cells are."""
-    name, unit = name_and_unit(head, stated)
+    name, unit = head_and_unit(head, stated)
     there = [not is_missing(cell) for cell in cells]
     found = [number(cell, decimal) if known else None for cell, known in zip(cells, there, strict=True)]
     bad = tuple((at, cell) for at, cell in enumerate(cells) if there[at] and found[at] is None)
@@ -214,20 +208,3 @@ def _column(head: str, stated: str | None, cells: list[str], decimal: str) -> Co
         return Column(head, name, unit, values, words=tuple(cells))
     return Column(head, name, unit, values, bad=bad)
 
-
-def name_and_unit(head: str, stated: str | None) -> tuple[str, str | None]:
-    """The name in a head and its unit: that in brackets, or else after a solidus, as in `E'/MPa`, or as its last word.
-
-    Examples
-    --------
-    >>> [name_and_unit(head, None) for head in ("G' [kPa]", "E''/MPa", "f in Hz", "Axial Force kN", "V1/F1")]
-    [("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('Axial Force', 'kN'), ('V1/F1', None)]
-    """
-    name, unit = column_unit(head)
-    if stated is not None or unit is not None:
-        return name, (stated if stated is not None else unit)
-    parted = _WORDED_UNIT.fullmatch(head.strip()) if len(head) <= _LONGEST_HEAD else None
-    if parted is not None and is_unit(parted["unit"]):
-        return parted["stem"].strip(), parted["unit"].strip()
-    ending = next((one for one in _ENDINGS if name.casefold().endswith(f"_{one}")), None)
-    return without_unit(name) if ending is None else (name[: -len(ending) - 1], _ENDINGS[ending])
