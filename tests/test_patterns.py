@@ -14,7 +14,7 @@ LIMIT = 2e-6
 LONGEST = {
     "words/heads._AT_END": 100,
     "guess/names._HASHES": 400,
-    "io/tables/cells._WORDED_UNIT": 100,
+    "words/heads._SET_OFF": 100,
     "units.frequency_grid": 4000,
 }
 #: Patterns that are applied to no text of others, or whose text is measured by another line.
@@ -151,7 +151,6 @@ WORST = {
     "io/source._JAPANESE": ("", "ß¦", "\t"),
     "io/stretches._RESULT": ("", "segment", "a"),
     "io/tables/cells._ROW": ("", "+", "1"),
-    "io/tables/cells._WORDED_UNIT": ("a", " in ", ","),
     "io/tables/cells._of_texts": ("", "Units\t", "a"),
     "io/tables/columns._PER_SECOND": ("s", "\t", ""),
     "io/tables/columns._UNIT": ("", "é", "a"),
@@ -208,9 +207,12 @@ WORST = {
     "units/kinds._likely": ("", "a", ""),
     "units/kinds._likely#2": ("", "a", ""),
     "units/kinds._likely#3": ("", "Z", "\t"),
+    "io/tables/vocabulary._IN_HAN": ("", "频", "1"),
+    "io/tables/vocabulary._of_words": ("", "a1", "!"),
     "words/heads._AT_END": ("a", " ", "x!"),
     "words/heads._COMMAND": ("", "}", "a"),
     "words/heads._MODELS": ("871", "1", "a"),
+    "words/heads._SET_OFF": ("a", " in ", ","),
     "words/heads._SPLIT": ("", "9ü", "1"),
     "words/heads.words_of": ("", " ", "-"),
     "virtual/folder._campaign_toml": ("", "_", "é"),

@@ -182,10 +182,7 @@ def test_columns_are_stated_by_name_number_and_unit(tmp_path: Path) -> None:
         (["frequency=1 [Hz]", "storage=b [N/m]", "tan=9"], "there is no column '9'"),
         (["stffness=b"], "'stffness=b' is not a role and a column"),
         (["storage=b", "storage=c"], "storage is stated twice"),
-        (
-            ["frequency=1 [Hz]", "storage=b [N/m]", "R=c"],
-            "'N/mm' is a stiffness; a mobility, an accelerance or a receptance is needed",
-        ),
+        (["frequency=1 [Hz]", "storage=b [N/m]", "tan=c"], "'N/mm' is a stiffness; a ratio is needed"),
     ):
         with pytest.raises(TableError) as caught:
             read_k_star(path, TableOptions(columns=columns))

@@ -260,7 +260,9 @@ class TableChoice:
         if self.shape_factor is not None:
             factor = option(self.shape_factor, "length", "--shape-factor", "positive")
         columns, shape = tuple(self.column or ()), shape_of(stated)
-        return TableOptions(columns, self.group, factor, shape, ratio=rig or self.no_rig, averages=self.averages)
+        return TableOptions(
+            columns, self.group, factor, shape, ratio=rig or self.no_rig, rig=rig, averages=self.averages
+        )
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -27,12 +27,13 @@ from fourpole.core.reduced import (
     ReducedResult,
     identify_mobility,
     identify_stiffness,
+    identify_transmissibility,
     predict,
     reduced_uncertainty,
     stiffness_std,
 )
 from fourpole.core.rig import Rig
-from fourpole.errors import LoadCurveError, RigError, UnitError
+from fourpole.errors import LoadCurveError, RigError, TableError, UnitError
 from fourpole.fitting.measured import MASTER, NO_STD
 from fourpole.fitting.shifting import (
     APART,
@@ -77,12 +78,15 @@ def run_identify(
         raise RigError("--no-rig and the rig's values contradict each other: keep one of them")
     measured = read_k_star(table, choice.table(rig=rig is not None))
     _read_as(measured.understood, measured.warnings)
-    if measured.mobility is not None:
-        found = identify_mobility(measured.frequency, measured.mobility, np.nan if k1 is None else k1, rig)
+    static = np.nan if k1 is None else k1
+    if measured.transmissibility is not None and rig is not None:
+        found = identify_transmissibility(measured.frequency, measured.transmissibility, static, rig)
+        _check_loss(table, found)
+    elif measured.mobility is not None:
+        found = identify_mobility(measured.frequency, measured.mobility, static, rig)
+        _check_loss(table, found)
     else:
-        found = identify_stiffness(
-            measured.frequency, np.asarray(measured.stiffness), np.nan if k1 is None else k1, rig
-        )
+        found = identify_stiffness(measured.frequency, np.asarray(measured.stiffness), static, rig)
     faults = [_fault(measured, found, row, rig, armed=k1 is not None) for row in range(found.frequency.size)]
     frame = _frame(found, faults).hstack(_beside(measured, found, rig))
     known, words = _with_shared(measured, found, k1, rig, shared)
@@ -101,6 +105,16 @@ def run_identify(
     return answer
 
 
+def _check_loss(table: Path, found: ReducedResult) -> None:
+    """TableError if the loss of a specimen that a rig was removed from is negative in all rows."""
+    loss = found.stiffness.imag[np.isfinite(found.stiffness)]
+    if loss.size and np.all(loss < 0):
+        raise TableError(
+            f"{table.name}: K'' of the specimen is negative in all rows, that of a passive one is positive: the sign "
+            "of the phase (it is that of V2 against V1, or of the force ahead of V1), or a value of the rig, is wrong"
+        )
+
+
 def _with_shared(
     table: KStarTable, found: ReducedResult, k1: float | None, rig: Rig | None, shared: SharedErrors
 ) -> tuple[pl.DataFrame, list[str]]:
@@ -116,8 +130,10 @@ def _with_shared(
         noise = np.sqrt(np.mean(np.square([*stated.values()]), axis=0)) / np.abs(found.stiffness)
         std |= {"gain_std": 0.0, "phase_std": 0.0}
     given = {f"{name[4:]}_std": value for name, value in asdict(shared).items() if value is not None}
-    removed = rig if table.mobility is not None else None
-    u = reduced_uncertainty(found, np.nan if k1 is None else k1, removed, noise=noise, **{**std, **given})
+    across = table.transmissibility
+    removed = rig if table.mobility is not None or across is not None else None
+    static = np.nan if k1 is None else k1
+    u = reduced_uncertainty(found, static, removed, noise=noise, transmissibility=across, **{**std, **given})
     heads = (q.STORAGE.whole_head, q.LOSS.whole_head, q.K2.u_head, q.C.u_head)
     used = {"rig_std": removed is not None, "gain_std": True, "phase_std": True, "k1_std": k1 is not None}
     sizes = [
@@ -153,7 +169,9 @@ def _beside(table: KStarTable, found: ReducedResult, rig: Rig | None) -> pl.Data
     columns: dict[str, Any] = {}
     if table.std is not None:
         std = table.std * np.abs(found.stiffness)
-        if table.mobility is not None:
+        if table.transmissibility is not None:
+            std = std / np.abs(1 - table.transmissibility)
+        elif table.mobility is not None:
             std = stiffness_std(found, table.std, rig)
         columns = dict.fromkeys((q.STORAGE.u_head, q.LOSS.u_head), std)
     heads = [one.head for one in (q.TYRE, q.TEMPERATURE, q.PRESSURE, q.PRELOAD, q.DEFLECTION_AMPLITUDE)]
@@ -169,7 +187,7 @@ def _fault(table: KStarTable, found: ReducedResult, row: int, rig: Rig | None, *
         return f"row {table.lines[row]}: the frequency is {frequency:g} Hz, it must be positive"
     if not np.isfinite(found.stiffness[row]):
         return f"row {table.lines[row]}: a value is missing or no number"
-    if rig is not None and table.mobility is not None:
+    if rig is not None and table.stiffness is None:
         near = check_resonance(frequency, rig, 0.0)
         if near.verdict == Verdict.REJECTED:
             return remark_of(near)

@@ -13,7 +13,7 @@ from fourpole.core.channelerrors import ChannelUncertainty
 from fourpole.core.identify import identify, variance_by_source
 from fourpole.core.phasor import Phasors
 from fourpole.core.rig import PARAMETERS, Rig
-from fourpole.core.routes import maxwell_arm, mobility_route, paper_d, why_no_arm
+from fourpole.core.routes import maxwell_arm, mobility_route, paper_d, transmissibility_route, why_no_arm
 from fourpole.core.sources import Source
 from fourpole.core.tyre import loss_factor, zener_stiffness
 
@@ -124,6 +124,41 @@ def identify_stiffness(
         return _result(frequency, 1.0 / (1.0 / contact + _input_impedance(omega, rig)), stiffness, k1, rig)
 
 
+def identify_transmissibility(
+    frequency: ArrayLike, transmissibility: ArrayLike, k1: ArrayLike, rig: Rig
+) -> ReducedResult:
+    r"""K*, K2, C and TR from measured complex transmissibilities of a specimen on a rig.
+
+    .. math:: K^* = j\omega Z_r \frac{T}{1 - T}
+
+    Parameters
+    ----------
+    frequency : (N,) float array [Hz]
+        Excitation frequencies.
+    transmissibility : (N,) complex array [1]
+        T = V2/V1.
+    k1 : (N,) float array [N/m]
+        Static stiffness.
+    rig : Rig
+        The rig beyond the specimen.
+
+    Returns
+    -------
+    ReducedResult
+        One row per frequency.
+
+    Examples
+    --------
+    >>> rig = Rig(moving_mass=15.0, preload_stiffness=0.0)
+    >>> identify_transmissibility([10.0], [1.5 - 0.05j], 180e3, rig).stiffness.round(1)
+    array([176480.3+11726.3j])
+    """
+    frequency, omega = _turning(frequency)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffness = transmissibility_route(transmissibility, rig.impedance(omega), omega)
+    return identify_stiffness(frequency, stiffness, k1, rig)
+
+
 def predict(frequency: ArrayLike, k1: float, k2: float, c: float, rig: Rig) -> ReducedResult:
     """R, I, K* and TR of a tyre of constant K1, K2 and C on a rig.
 
@@ -216,6 +251,7 @@ def reduced_uncertainty(
     gain_std: float = 0.0,
     phase_std: float = 0.0,
     k1_std: float = 0.0,
+    transmissibility: ArrayLike | None = None,
 ) -> ReducedUncertainty:
     """Standard uncertainties of K*, K2 and C from those of rig, force, motion and K1, by `core.identify.identify`.
 
@@ -233,6 +269,8 @@ def reduced_uncertainty(
         Relative standard uncertainties of each value of the rig, of both gains, and of K1.
     phase_std : float [rad]
         Standard uncertainty of both phases.
+    transmissibility : (N,) complex array, optional [1]
+        V2/V1 from which the rows came, in place of force and motion.
 
     Examples
     --------
@@ -257,9 +295,16 @@ def reduced_uncertainty(
     own = np.broadcast_to(np.asarray(noise, dtype=float), count)[rows] * np.abs(mobility)
     covariance[:, 2, 2] = covariance[:, 3, 3] = own**2
     amplitudes = np.stack([np.ones(rows.size), mobility, np.full(rows.size, np.nan)], axis=1)
+    used, route = np.array([1.0, 1.0, 0.0]), "mobility"
+    if transmissibility is not None:
+        ratio = np.asarray(transmissibility, dtype=complex)[rows]
+        amplitudes = np.stack([np.full(rows.size, np.nan), np.ones(rows.size), ratio], axis=1)
+        covariance[:, 4, 4] = covariance[:, 5, 5] = np.square(np.broadcast_to(noise, count)[rows] * np.abs(ratio))
+        covariance[:, 2, 2] = covariance[:, 3, 3] = 0.0
+        used, route = np.array([0.0, 1.0, 1.0]), "transmissibility"
     phasors = Phasors(frequency, amplitudes, covariance, np.zeros(rows.size), np.full(rows.size, np.inf))
-    channels = ChannelUncertainty(gain_std * np.array([1.0, 1.0, 0.0]), phase_std * np.array([1.0, 1.0, 0.0]))
-    stated: dict[str, Any] = {"k1": k1, "k1_std": k1_std * abs(k1), "channels": channels}
+    channels = ChannelUncertainty(gain_std * used, phase_std * used)
+    stated: dict[str, Any] = {"k1": k1, "k1_std": k1_std * abs(k1), "channels": channels, "route": route}
     found = identify(phasors, above, **stated)
     for place, matrix in ((0, found.stiffness_covariance), (2, found.arm_covariance)):
         whole[place : place + 2, rows] = np.sqrt(np.diagonal(matrix, 0, 1, 2)).T

@@ -23,6 +23,7 @@ from fourpole.core.joint.around import Likelihood
 from fourpole.errors import ModelError
 from fourpole.fitting.amplitude import COLUMN, columns_of, levels_of, mixed, with_amplitude, without_amplitude
 from fourpole.fitting.inertia import InertiaFile, inertias_in
+from fourpole.fitting.labels import by_labels
 from fourpole.fitting.likelihood import COVARIANCE, MOST_BYTES, covariance_of, joined, read_likelihoods
 from fourpole.fitting.rows import (
     FREQUENCY,
@@ -250,6 +251,8 @@ def read_measured(
     else:
         understood = read_k_star(table, options)
         frame, spoken = understood.frame(), [f"understood {'; '.join(understood.understood)}", *understood.warnings]
+        frame, told = by_labels(frame, understood.labels, Sameness(tuple(axes)).over(columns_of(over)))
+        spoken += told
     covariance = None
     if table.name in (*_RESULTS, MASTER) and results.has(COVARIANCE) and std is None:
         covariance = covariance_of(results.read(COVARIANCE, max_bytes=MOST_BYTES))

@@ -188,7 +188,7 @@ def _fits(name: str, unit: str, written: str) -> bool:
     named, kind = quantity_named(name), kind_of_unit(unit)
     if kind in ("", "other"):
         return kind != "" and "/" in unit
-    unclear = not any(is_long for is_long, _ in _hits(name))
+    unclear = kind == "angle" or named in ("reference", "drive") or not any(is_long for is_long, _ in _hits(name))
     return named == kind or (unclear and len(written) > 1) or (kind == "voltage" and written in ("V", "mV"))
 
 

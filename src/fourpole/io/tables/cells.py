@@ -31,6 +31,8 @@ _MOST_BYTES, _MOST_COLUMNS = 500_000_000, 2000
 _LARGEST_TEXT, _LIMS = 64_000_000, ("Variables", "Units", "Data point")
 #: End of the remark on a header that does not fit its rows.
 BY_NUMBER = "the columns are known by their numbers"
+#: Names of the parts of a complex variable.
+_COMPLEX = ("re", "im", "real", "imag", "abs", "mag", "phase")
 #: A line of numbers alone.
 _ROW = re.compile(r"[\s;,0-9.eE+-]+")
 
@@ -182,11 +184,19 @@ def recorded(path: Path, group: str, label: str) -> list[tuple[str, list[Signal]
 
 def _of_signals(signals: Sequence[Signal], lost: Sequence[str], label: str, group: str) -> Cells:
     columns = []
-    for one in signals:
-        name, unit = head_and_unit(one.name, one.unit)
+    heads = [_innermost(one.name) for one in signals]
+    heads = heads if len({*heads}) == len(heads) else [one.name for one in signals]
+    for head, one in zip(heads, signals, strict=True):
+        name, unit = head_and_unit(head, one.unit)
         columns.append(Column(one.name, name, unit, one.samples))
     remarks = [f"column '{one}' holds no numbers and was left out" for one in lost]
     return Cells(label, group, tuple(columns), list(range(1, signals[0].samples.size + 1)), tuple(remarks))
+
+
+def _innermost(name: str) -> str:
+    """The head in a name of nested variables: "freq" of "data.freq", "re K" of "data.K.re"."""
+    *outer, last = name.split(".")
+    return f"{last} {outer[-1]}" if outer and last.casefold() in _COMPLEX else last
 
 
 def _of_text(table: TextTable, group: str) -> Cells:
@@ -207,4 +217,3 @@ def _column(head: str, stated: str | None, cells: list[str], decimal: str) -> Co
     if 2 * len(bad) > sum(there):
         return Column(head, name, unit, values, words=tuple(cells))
     return Column(head, name, unit, values, bad=bad)
-

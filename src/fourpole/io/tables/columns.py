@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,16 @@ from fourpole.errors import TableError, UnitError
 from fourpole.io.layout import is_missing
 from fourpole.io.names import listed, named
 from fourpole.io.tables.cells import Cells, Column
-from fourpole.io.tables.vocabulary import ALIASES, ROLES, TURNING, UNCLEAR, channel_roles, plain, readings
+from fourpole.io.tables.vocabulary import (
+    ALIASES,
+    FORCE_PER_MOTION,
+    ROLES,
+    TURNING,
+    UNCLEAR,
+    channel_roles,
+    plain,
+    readings,
+)
 from fourpole.units import shown
 from fourpole.words.heads import likelihood
 
@@ -145,9 +155,9 @@ def _stated(cells: Cells, one: Statement) -> Taken:
     if unit is None:
         raise _units_lacking(cells, [Taken(one.role, column, kinds[0], None, "", stated=True)])
     try:
-        kind, scale = _scale(unit, kinds)
+        kind, scale = scale_of(unit, kinds)
         written = column.unit if one.unit is not None and column.unit and units.is_unit(column.unit) else unit
-        if _scale(written, kinds) != (kind, scale):
+        if scale_of(written, kinds) != (kind, scale):
             raise TableError(f"{where}: the column is in {shown(written)} by the file; leave out the unit")
     except UnitError as error:
         raise TableError(f"{where}: {error}") from None
@@ -191,7 +201,7 @@ def _fitting(column: Column, role: str, letter: str) -> Taken | None:
             stated=False,
         )
     try:
-        kind, _ = _scale(column.unit, ROLES[role].kinds)
+        kind, _ = scale_of(column.unit, ROLES[role].kinds)
     except UnitError:
         return None
     if letter and (kind == "stiffness") != (letter == "K"):
@@ -206,10 +216,17 @@ def _kind(column: Column, role: str, letter: str) -> str:
     return ROLES[role].kinds[0] if role != "motion" else _MOTIONS.get(column.name[:1].casefold(), "displacement")
 
 
-def _scale(unit: str, kinds: tuple[str, ...]) -> tuple[str, float]:
-    """The kind of a unit and the SI value of one of it; of a temperature, of its difference from 0 °C."""
+def scale_of(unit: str, kinds: tuple[str, ...]) -> tuple[str, float]:
+    """The kind of a unit and the SI value of one of it; of a temperature, of its difference from 0 °C.
+
+    g is 9.80665 m/s² over a force, and a gram below one.
+    """
     if kinds == ("temperature",):
         return kinds[0], float(units.to_si(1.0, unit, "temperature"))
+    if "mass" in kinds and "acceleration" not in kinds:
+        with suppress(UnitError):
+            return units.channel_scale(unit, tuple(kind for kind in kinds if kind not in FORCE_PER_MOTION))
+        return units.channel_scale(unit, tuple(kind for kind in kinds if kind in FORCE_PER_MOTION))
     return units.channel_scale(unit, kinds)
 
 

@@ -17,16 +17,18 @@ from fourpole.core.recording import DERIVATIVES
 from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells
 from fourpole.io.tables.columns import Taken, chosen, unclear, unread
-from fourpole.io.tables.responses import MOTION_PER_FORCE
+from fourpole.io.tables.responses import as_mobility
 from fourpole.io.tables.vocabulary import ROLES, plain
 from fourpole.units import shown
 from fourpole.words import first_of
 
 LEVELS = (("storage", "loss"), ("storage", "tan"), ("storage", "damping"), ("storage", "angle"), ("magnitude", "angle"),
-          ("magnitude", "tan"))  # fmt: skip
-RATIOS = (("R", "I"), ("force", "motion", "angle"))
+          ("magnitude", "tan"), ("magnitude", "damping"))  # fmt: skip
+RATIOS = (("R", "I"), ("ratio", "angle"), ("force", "motion", "angle"), ("Re(TR)", "Im(TR)"), ("TR", "angle"))
 #: Roles of which K* may be made.
-QUANTITIES = ("storage", "loss", "magnitude", "tan", "angle", "damping", "R", "I", "force", "motion")
+QUANTITIES = ("storage", "loss", "magnitude", "tan", "angle", "damping", "R", "I", "ratio", "force", "motion", "TR",
+              "Re(TR)", "Im(TR)")  # fmt: skip
+_LETTERS = ("K", "G", "E", "M")
 _SHARED = ("tan", "angle", "damping")
 #: Heads of a phase that name its motion, and the derivatives from this motion to a velocity.
 _PHASES = {"phasef1v1": 0, "phasefv": 0, "phasef1x1": 1, "phasefx": 1}
@@ -36,13 +38,14 @@ _ALIKE = 0.02
 _MOST_NAMED = 8
 _NEEDED = (
     "one of (K', K''), (K', tan δ), (K', C), (|K*|, loss angle), (|K*|, tan δ), the same of a modulus G or E, "
-    "(F1, V1, phase), (F1, x1, phase) or (R, I)"
+    "(F1, x1, phase), or real and imaginary part or modulus and phase of V1/F1, another ratio of motion and force, or "
+    "V2/V1"
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Form(ByValue):
-    """The columns that together give K*, a modulus or V1/F1, by their roles; `letter` is K, G, E or M, or empty."""
+    """The columns that together give K*, a modulus, V1/F1 or V2/V1, by their roles; `letter` is K, G, E, M or empty."""
 
     columns: Mapping[str, Taken]
     letter: str
@@ -50,7 +53,12 @@ class Form(ByValue):
     @property
     def is_mobility(self) -> bool:
         """Whether it gives V1/F1 of all that is beyond the force cell."""
-        return not self.letter
+        return not self.letter and not self.is_transmissibility
+
+    @property
+    def is_transmissibility(self) -> bool:
+        """Whether it gives V2/V1 of the two sides of the specimen."""
+        return not {"TR", "Re(TR)"}.isdisjoint(self.columns)
 
 
 def forms_in(cells: Cells, found: Sequence[Taken]) -> list[Form]:
@@ -64,15 +72,16 @@ def forms_in(cells: Cells, found: Sequence[Taken]) -> list[Form]:
     by_role = _by_role(found)
     stated = {one.role for one in found if one.stated and one.role in QUANTITIES}
     complete: dict[str, list[tuple[str, str]]] = {}  # other forms of a letter are compared with it by `contradictions`
-    for letter in ("K", "G", "E", "M", ""):
+    for letter in (*_LETTERS, ""):
         for roles in LEVELS if letter else RATIOS:
             places = [(role, "" if role in _SHARED else letter) for role in roles]
+            key = letter or ("V2/V1" if {"TR", "Re(TR)"} & set(roles) else "")
             if stated <= set(roles) and all(place in by_role for place in places):
-                complete.setdefault(letter, places)
+                complete.setdefault(key, places)
     if not complete:
         raise TableError(f"{cells.where}: {_lacking(cells, found, stated)}")
     return [
-        Form({place[0]: chosen(cells, by_role[place]) for place in places}, letter)
+        Form({place[0]: chosen(cells, by_role[place]) for place in places}, letter if letter in _LETTERS else "")
         for letter, places in complete.items()
     ]
 
@@ -108,14 +117,23 @@ def value(form: Form, frequency: FloatArray) -> ComplexArray:
     """K* [N/m], the modulus [Pa], or V1/F1 [m/(N s)] of each row."""
     si = {role: one.si for role, one in form.columns.items()}
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # such a row has no value
+        if form.is_transmissibility:
+            return np.asarray(
+                si["Re(TR)"] + 1j * si["Im(TR)"] if "Re(TR)" in si else si["TR"] * np.exp(1j * si["angle"])
+            )
         if "R" in si:
-            turns = MOTION_PER_FORCE[form.columns["R"].kind]
-            return np.asarray((si["R"] + 1j * si["I"]) * (2j * np.pi * frequency) ** turns)
+            return as_mobility(si["R"] + 1j * si["I"], form.columns["R"].kind, 2 * np.pi * frequency)
+        if "ratio" in si:
+            ratio = si["ratio"] * np.exp(1j * si["angle"])
+            return as_mobility(ratio, form.columns["ratio"].kind, 2 * np.pi * frequency)
         if "force" in si:
             turns = DERIVATIVES[form.columns["motion"].kind]
             velocity = si["motion"] * (2 * np.pi * frequency) ** turns
             turns = _PHASES.get(plain(form.columns["angle"].column.name), turns)
             return Phasors.from_polar(frequency, si["force"], velocity, si["angle"] - turns * np.pi / 2).mobility
+        if "magnitude" in si and "damping" in si:
+            viscous = 2 * np.pi * frequency * si["damping"]
+            return np.asarray(np.sqrt(si["magnitude"] ** 2 - viscous**2) + 1j * viscous)
         if "magnitude" in si:
             angle = si["angle"] if "angle" in si else np.arctan(si["tan"])
             return np.asarray(si["magnitude"] * np.exp(1j * angle))
@@ -149,21 +167,24 @@ def check(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
         if role == "angle" and np.nanmax(np.abs(si)) > 2 * np.pi * (1 + 1e-9):
             raise TableError(f"{named} [{one.unit}] goes beyond a full turn: the unit is another, or cells are wrong")
     if form.letter:
-        remarks += _signs(cells, form, values)
+        remarks += _signs(cells, form, values.imag)
+    elif form.is_mobility:
+        remarks += _signs(cells, form, values.real)
     return remarks
 
 
-def _signs(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
+def _signs(cells: Cells, form: Form, loss: FloatArray) -> list[str]:
     """Remarks on rows whose loss is negative; TableError if it is in all of them."""
-    rows = [cells.lines[at] for at in np.flatnonzero(values.imag < 0)]  # K' < 0 is inertia, and no fault
+    rows = [cells.lines[at] for at in np.flatnonzero(loss < 0)]  # K' < 0 is inertia, and no fault
     if not rows:
         return []
-    role = next(role for role in ("loss", "tan", "angle", "damping") if role in form.columns)
+    role = next(role for role in ("loss", "tan", "angle", "damping", "R") if role in form.columns)
     name = f"column {shown(form.columns[role].column.name)}"
-    if len(rows) == np.isfinite(values).sum():
+    if len(rows) == np.isfinite(loss).sum():
         raise TableError(
             f"{cells.where}: {name} makes the loss negative in all rows: K'' of a passive specimen is positive "
-            "with e^{+jωt}; the phase is that of the force ahead of the motion: reverse the sign in the file"
+            "with e^{+jωt}; a phase is of the force ahead of the motion, or of the ratio: reverse the sign in the "
+            "file"
         )
     return [f"{name}: the loss is negative in {rows_named(rows)}"]
 

@@ -31,6 +31,7 @@ from fourpole.io.tables.columns import (
     unread,
 )
 from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
+from fourpole.io.tables.labels import joined, labels_in, wide
 from fourpole.io.tables.responses import MeasuredResponse, read_response
 from fourpole.io.tables.vocabulary import readings
 from fourpole.models.shape import Shape
@@ -72,6 +73,8 @@ class TableOptions:
         Whether a modulus [Pa] takes the place of K* [N/m] where no factor is stated.
     ratio : bool
         Whether V1/F1 may be taken: the rig is stated, or the far side of the specimen does not move.
+    rig : bool
+        Whether V2/V1 may be taken: the rig is stated.
     averages : float, optional [1]
         Number of independent averages of the coherence.
     """
@@ -82,12 +85,13 @@ class TableOptions:
     shape: Shape | None = None
     moduli: bool = False
     ratio: bool = False
+    rig: bool = False
     averages: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class KStarTable(ByValue):
-    """A table of K* or of V1/F1 over frequency; one of both is None.
+    """A table of K*, of V1/F1 or of V2/V1 over frequency; the others are None.
 
     Attributes
     ----------
@@ -96,6 +100,8 @@ class KStarTable(ByValue):
         V1/F1 of everything between the force cell and the foundation.
     stiffness : (N,) complex [N/m], or None
         K* of the specimen alone.
+    transmissibility : (N,) complex [1], or None
+        V2/V1 of the specimen on the rig.
     lines : list of int
         Line, or number, of each row in the file.
     understood : list of str
@@ -106,6 +112,8 @@ class KStarTable(ByValue):
         Relative standard uncertainty of K* or V1/F1, the same in all directions, from the coherence.
     further : polars.DataFrame
         Conditions and uncertainties in SI by the heads of result tables, and the columns of no known role.
+    labels : tuple of str
+        Heads of columns of words in `further` that may tell rows apart, though no known word says so.
     """
 
     frequency: FloatArray
@@ -116,6 +124,8 @@ class KStarTable(ByValue):
     warnings: list[str]
     std: FloatArray | None = None
     further: pl.DataFrame = field(default_factory=pl.DataFrame)
+    transmissibility: ComplexArray | None = None
+    labels: tuple[str, ...] = ()
 
     def frame(self) -> pl.DataFrame:
         """The table as one of results: frequency [Hz], Re K*, Im K* and their uncertainty [N/m], conditions.
@@ -136,7 +146,8 @@ def read_k_star(path: AnyPath, options: TableOptions | None = None, *, label: st
     r"""Read a table of K* of any format, known by the heads and units of its columns.
 
     Beside the frequency (Hz, rad/s or rpm) it has one of (K', K''), (K', tan δ), (K', C), (\|K*\|, loss angle),
-    (\|K*\|, tan δ), the same of a modulus G or E, (F1, V1 or x1, phase) or (R, I).
+    (\|K*\|, tan δ), the same of a modulus G or E, (F1, V1 or x1, phase), or a ratio of motion and force, or V2/V1, as
+    real and imaginary part or modulus and phase.
 
     Parameters
     ----------
@@ -202,26 +213,32 @@ def _together(tables: Sequence[KStarTable], left: Sequence[str]) -> KStarTable:
     first = tables[0]
     if len(tables) == 1:
         return first
-    if any((one.mobility is None) != (first.mobility is None) for one in tables):
-        raise TableError("some sheets or groups hold K*, others V1/F1: name one with --group")
+    if any(
+        (one.mobility is None, one.stiffness is None) != (first.mobility is None, first.stiffness is None)
+        for one in tables
+    ):
+        raise TableError("some sheets or groups hold K*, others V1/F1 or V2/V1: name one with --group")
 
-    def joined(name: str) -> Any:
+    def together(name: str) -> Any:
         parts = [getattr(one, name) for one in tables]
         return None if any(one is None for one in parts) else np.concatenate(parts)
 
     return KStarTable(
-        frequency=joined("frequency"),
-        mobility=joined("mobility"),
-        stiffness=joined("stiffness"),
+        frequency=together("frequency"),
+        mobility=together("mobility"),
+        stiffness=together("stiffness"),
+        transmissibility=together("transmissibility"),
         lines=[line for one in tables for line in one.lines],
         understood=list(dict.fromkeys(text for one in tables for text in one.understood)),
         warnings=list(dict.fromkeys([*(text for one in tables for text in one.warnings), *left])),
-        std=joined("std"),
+        std=together("std"),
+        labels=tuple(dict.fromkeys(label for one in tables for label in one.labels)),
         further=pl.concat([one.further for one in tables], how="diagonal_relaxed"),
     )
 
 
 def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions) -> KStarTable:
+    cells = wide(cells)
     found = taken(cells, stated, _ROLES)
     turns = [one for one in found if one.role == "frequency"]
     if not turns:
@@ -249,12 +266,14 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
     return KStarTable(
         frequency=frequency,
         mobility=values if form.is_mobility else None,
-        stiffness=None if form.is_mobility else values,
+        stiffness=values if form.letter else None,
+        transmissibility=values if form.is_transmissibility else None,
         lines=cells.lines,
         understood=[*said, *map(str, kept)],
         warnings=remarks,
         std=std,
         further=further,
+        labels=tuple(one.head for one in labels_in(cells)[1]),
     )
 
 
@@ -295,19 +314,22 @@ def _preferred(cells: Cells, forms: Sequence[Form], options: TableOptions) -> Fo
     """The form that the options ask for: a modulus with a shape, V1/F1 with a rig, or else K*."""
     moduli = [one for one in forms if one.letter in ("G", "E", "M")]
     ratios = [one for one in forms if one.is_mobility]
+    across = [one for one in forms if one.is_transmissibility]
     shaped = options.factor is not None or options.shape is not None
     if shaped and moduli:
         return _one_modulus(cells, moduli, options)
     if options.ratio and ratios:
         return ratios[0]
+    if options.rig and across:
+        return across[0]
     if stiffness := next((one for one in forms if one.letter == "K"), None):
         return stiffness
     if moduli and options.moduli:
         return _one_modulus(cells, moduli, options)
-    raise TableError(f"{cells.where}: {_ways(moduli, ratios)}")
+    raise TableError(f"{cells.where}: {_ways(moduli, ratios, across)}")
 
 
-def _ways(moduli: Sequence[Form], ratios: Sequence[Form]) -> str:
+def _ways(moduli: Sequence[Form], ratios: Sequence[Form], across: Sequence[Form]) -> str:
     """What has to be stated so that a modulus or V1/F1 gives K*."""
     ways = []
     if moduli:
@@ -316,6 +338,9 @@ def _ways(moduli: Sequence[Form], ratios: Sequence[Form]) -> str:
     if ratios:
         names = ", ".join(shown(one.column.name) for one in ratios[0].columns.values())
         ways.append(f"{names} give V1/F1: {_RIG}")
+    if across:
+        names = ", ".join(shown(one.column.name) for one in across[0].columns.values())
+        ways.append(f"{names} give V2/V1, of specimen and rig: state the rig's values to fourpole identify")
     return "; or: ".join(ways)
 
 
@@ -373,14 +398,23 @@ def further_of(
     gone = {id(one.column) for one in used}
     for role in (*_CONDITIONS, *_STD, "tyre"):
         some = [one for one in found if one.role == role and id(one.column) not in gone]
+        if role == "tyre" and not any(one.stated for one in some):
+            names = {id(one.column) for one in some}
+            some += [
+                Taken(role, one, "", None, "", stated=False) for one in labels_in(cells)[0] if id(one) not in names
+            ]
         if not some:
             continue
         if role != "tyre" and all(one.unit is None for one in some):
             name = shown(some[0].column.name)
             notes.append(f"column {name} states no unit and was left out; state {some[0].option} to use it")
             continue
-        kept.append(some[0] if role == "tyre" else chosen(cells, some))
-        columns |= _series(kept[-1], factor)
+        if role == "tyre":
+            kept += some
+            columns["tyre"] = pl.Series(joined([one.column for one in some]))
+        else:
+            kept.append(chosen(cells, some))
+            columns |= _series(kept[-1], factor)
         gone |= {id(one.column) for one in some}
     rest = _of_no_role([one for one in cells.columns if id(one) not in gone])
     return pl.DataFrame(columns | rest | columns), kept, notes  # the columns in a role come first, and stay
@@ -396,8 +430,6 @@ def _of_no_role(columns: Sequence[Column]) -> dict[str, pl.Series]:
 
 def _series(one: Taken, factor: float) -> dict[str, pl.Series]:
     """Head and values of a condition or an uncertainty of a table of results."""
-    if one.role == "tyre":
-        return {"tyre": pl.Series(one.column.words or [f"{value:g}" for value in one.column.values])}
     if one.role in _STD:
         return {_STD[one.role]: pl.Series(one.si * factor)}
     return {_CONDITIONS[one.role].head: pl.Series(one.si)}

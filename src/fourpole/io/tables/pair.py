@@ -13,11 +13,24 @@ from fourpole.core.arrays import ByValue, FloatArray
 from fourpole.errors import TableError
 from fourpole.io.crg import read_crg
 from fourpole.io.source import AnyPath
-from fourpole.io.tables.cells import Cells, tables_in
-from fourpole.io.tables.columns import Statement, bad_cells, check_units, chosen, said_of, statements, taken, unread
+from fourpole.io.tables.cells import Cells
+from fourpole.io.tables.columns import (
+    Statement,
+    Taken,
+    bad_cells,
+    check_units,
+    chosen,
+    said_of,
+    statements,
+    taken,
+    unread,
+)
+from fourpole.io.tables.labels import labelled, one_label
 from fourpole.io.tables.vocabulary import ROLES
 from fourpole.units import shown
 
+#: Roles that may stand in for another; how far its least value goes beyond its largest if a load has the other sign.
+_INSTEAD, _MOSTLY = {"deflection": "radius"}, 2.0
 _Pair = tuple[FloatArray, FloatArray, list[str], list[str]]
 """Two columns in SI, not-a-number where a row has no value, how they were read, and warnings."""
 
@@ -124,7 +137,7 @@ def _read(
     if wrong:
         raise TableError(f"--column: {noun} has the roles {roles[1]} and {roles[0]}, not {', '.join(wrong)}")
     good, errors = [], []
-    tables = tables_in(Path(path), group=group, label=label)
+    tables = labelled(Path(path), group, label)
     for one in tables:
         try:
             good.append((one, _understood(one, roles, stated)))
@@ -143,10 +156,11 @@ def _read(
 
 
 def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement]) -> _Pair:
-    found = taken(cells, stated, roles)
+    remarks = one_label(cells)
+    found = taken(cells, stated, (*roles, *(_INSTEAD[role] for role in roles if role in _INSTEAD)))
     used = []
     for role in roles:
-        some = [one for one in found if one.role == role]
+        some = [one for one in found if one.role == role] or [one for one in found if one.role == _INSTEAD.get(role)]
         if not some:
             one = ROLES[role]
             raise TableError(
@@ -155,7 +169,23 @@ def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement
             )
         used.append(chosen(cells, some))
     check_units(cells, used)
-    first, second = (one.si for one in used)
+    first, second, turned = _oriented(*used)
     if not np.isfinite(first + second).any():
         raise TableError(f"{cells.where}: no row has a {roles[1]} and a {roles[0]}")
-    return first, second, said_of(cells, used), [*cells.remarks, *bad_cells(cells, used)]
+    return first, second, said_of(cells, used), [*cells.remarks, *bad_cells(cells, used), *turned, *remarks]
+
+
+def _oriented(first: Taken, second: Taken) -> tuple[FloatArray, FloatArray, list[str]]:
+    """A curve with a load that is positive in compression, from machines whose signs are otherwise, and remarks."""
+    x, load, remarks = first.si, second.si, list[str]()
+    if second.role != "load":
+        return x, load, remarks
+    if -np.nanmin(load) > _MOSTLY * np.nanmax(load) and np.nanmin(load) < 0:
+        load = -load
+        remarks.append(f"column {shown(second.column.name)} is negative: compression is taken as positive")
+    there = np.isfinite(x + load)
+    falls = there.any() and np.sum((load - load[there].mean())[there] * (x - x[there].mean())[there]) < 0
+    if first.role == "radius" or falls:
+        x = np.nanmax(x) - x if first.role == "radius" else -x
+        remarks.append(f"column {shown(first.column.name)} falls with the load: the deflection is its fall")
+    return x, load, remarks

@@ -14,19 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from fourpole import units
 from fourpole.core.arrays import ByValue, ComplexArray, FloatArray
 from fourpole.errors import TableError, UnitError
 from fourpole.io.child import read_apart
 from fourpole.io.formats.guard import afford
 from fourpole.io.formats.uff import Content, copied, label_of, opened
 from fourpole.io.source import name_of
-from fourpole.io.tables.columns import Statement
+from fourpole.io.tables.columns import Statement, scale_of
+from fourpole.io.tables.vocabulary import FORCE_PER_MOTION, MOTION_PER_FORCE
 from fourpole.units import shown
 
-#: Kind of a ratio of motion over force, and of force over motion, with the power of jω that makes it V1/F1 or F1/V1.
-MOTION_PER_FORCE = {"receptance": 1, "mobility": 0, "accelerance": -1}
-FORCE_PER_MOTION = {"stiffness": -1, "damping": 0, "mass": 1}
 _NAMES = {"stiffness": "dynamic stiffness", "damping": "impedance", "mass": "apparent mass"}
 _MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
 _FORCES = (9, 13)
@@ -106,11 +103,8 @@ def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measur
     values, remarks = scale * one.values, list[str]()
     driven = _driven(one, kind, label, remarks)
     sign = -1.0 if (one.directions[0] < 0) != (one.directions[1] < 0) else 1.0
+    mobility = as_mobility(sign * values, kind, omega)
     with np.errstate(divide="ignore", invalid="ignore"):
-        if kind in MOTION_PER_FORCE:
-            mobility = np.asarray(sign * values * (1j * omega) ** MOTION_PER_FORCE[kind])
-        else:
-            mobility = np.asarray(1.0 / (sign * values * (1j * omega) ** FORCE_PER_MOTION[kind]))
         found = mobility if driven else np.asarray(1j * omega / mobility)
     if sign < 0:
         remarks.append(f"{one.name}: response and reference point in opposite directions: the sign was reversed")
@@ -118,6 +112,14 @@ def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measur
     what = "driving point" if driven else "transfer, with the output blocked"
     said = [f"frequency response {shown(one.name)}: {_NAMES.get(kind, kind)}, {what}"]
     return MeasuredResponse(one.frequency, found, not driven, coherence, said, remarks)
+
+
+def as_mobility(values: ComplexArray, kind: str, omega: FloatArray) -> ComplexArray:
+    """V1/F1 [m/(N s)] from a ratio of motion and force of any kind [SI]."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if kind in MOTION_PER_FORCE:
+            return np.asarray(values * (1j * omega) ** MOTION_PER_FORCE[kind])
+        return np.asarray(1.0 / (values * (1j * omega) ** FORCE_PER_MOTION[kind]))
 
 
 def _chosen(known: Sequence[Response], statement: Statement | None, label: str) -> Response:
@@ -145,7 +147,7 @@ def _kind(one: Response, statement: Statement | None, label: str) -> tuple[str, 
             f'{label}: {name} states no unit: state it, as in --column "frf={one.name} [(m/s^2)/N]", or [m/N], [N/m]'
         )
     try:
-        kind, scale = _scale(unit)
+        kind, scale = scale_of(unit, (*MOTION_PER_FORCE, *FORCE_PER_MOTION))
     except UnitError as error:
         raise TableError(f'{label}: {name}: {error}; state it, as in --column "frf={one.name} [(m/s^2)/N]"') from None
     types = (one.ordinate, one.denominator)
@@ -153,14 +155,6 @@ def _kind(one: Response, statement: Statement | None, label: str) -> tuple[str, 
     if stated and kind != {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}[stated]:
         raise TableError(f"{label}: {name} is {stated} over force by its types, but in {unit}; state the unit")
     return kind, scale
-
-
-def _scale(unit: str) -> tuple[str, float]:
-    """Kind and SI value of the unit of a ratio; g is 9.80665 m/s² over a force, and a gram below one."""
-    try:
-        return units.channel_scale(unit, tuple(MOTION_PER_FORCE))
-    except UnitError:
-        return units.channel_scale(unit, tuple(FORCE_PER_MOTION))
 
 
 def _unit(one: Response) -> str:

@@ -35,17 +35,26 @@ class Role:
 
 _MOTIONS = ("velocity", "displacement", "acceleration")
 _LEVEL = ("stiffness", "pressure")
-_RATIOS = ("mobility", "accelerance", "receptance")
+#: Kinds of a ratio of motion over force, and of force over motion, with the power of jω that makes it V1/F1 or F1/V1.
+MOTION_PER_FORCE = {"receptance": 1, "mobility": 0, "accelerance": -1}
+FORCE_PER_MOTION = {"stiffness": -1, "damping": 0, "mass": 1}
+_RATIOS = (*MOTION_PER_FORCE, *FORCE_PER_MOTION)
 ROLES: dict[str, Role] = {
     "frequency": Role("frequency", "f", "Hz", ("frequency",)),
     "storage": Role("K', or the storage modulus", "K'", "kN/m", _LEVEL),
     "loss": Role("K'', or the loss modulus", "K''", "kN/m", _LEVEL),
     "magnitude": Role("|K*|, or the modulus of G* or E*", "|K*|", "kN/m", _LEVEL),
-    "angle": Role("phase of the force ahead of the motion, or loss angle", "phase", "deg", ("angle",)),
+    "angle": Role(
+        "phase of the force ahead of the motion, loss angle, or phase of a ratio", "phase", "deg", ("angle",)
+    ),
     "tan": Role("loss factor tan δ", "tan delta", "1", ("ratio",), "1"),
     "damping": Role("damping C = K''/ω", "C", "N s/m", ("damping",)),
-    "R": Role("R = Re(V1/F1)", "R", "m/(N s)", _RATIOS),
-    "I": Role("I = Im(V1/F1)", "I", "m/(N s)", _RATIOS),
+    "R": Role("real part of V1/F1, or of another ratio of motion and force", "R", "m/(N s)", _RATIOS),
+    "I": Role("imaginary part of V1/F1, or of another ratio of motion and force", "I", "m/(N s)", _RATIOS),
+    "ratio": Role("modulus of a ratio of motion and force", "|A1/F1|", "(m/s^2)/N", _RATIOS),
+    "TR": Role("transmissibility |V2/V1|", "TR", "1", ("ratio",), "1"),
+    "Re(TR)": Role("real part of V2/V1", "Re(TR)", "1", ("ratio",), "1"),
+    "Im(TR)": Role("imaginary part of V2/V1", "Im(TR)", "1", ("ratio",), "1"),
     "frf": Role("frequency response of a UFF file", "1+Z/1+Z", "(m/s^2)/N", ()),
     "force": Role("force amplitude F1", "F1", "N", ("force",)),
     "motion": Role("motion amplitude", "x", "mm", _MOTIONS),
@@ -64,6 +73,7 @@ ROLES: dict[str, Role] = {
     "tyre": Role("name of the specimen", "specimen", "", ()),
     "load": Role("load", "F", "N", ("force",)),
     "deflection": Role("deflection", "x", "mm", ("displacement",)),
+    "radius": Role("loaded radius", "RL", "mm", ("displacement",)),
     "distance": Role("distance along the road", "distance", "m", ("displacement",)),
     "height": Role("height of the road", "height", "mm", ("displacement",)),
 }
@@ -103,18 +113,25 @@ def _readings() -> dict[str, list[tuple[str, str]]]:
         for letter, words in letters.items():
             for word in words.split():
                 found.setdefault(plain(word), []).append((role, letter))
-        for letter in "KGE":
+        for letter in "KGEc":
             for form in _TABLES["symbols"][role].split():
-                found.setdefault(plain(form.format(letter)), []).append((role, letter))
+                found.setdefault(plain(form.format(letter)), []).append((role, letter.replace("c", "K")))
     found.update({"kprime": [("storage", "K")], "kdoubleprime": [("loss", "K")]})
     return found
 
 
 _READINGS = _readings()
 #: Words of the parts of a complex quantity by role, of what it is by letter, and those that say nothing.
-_PARTS = {role: frozenset(_TABLES["words"][role].split()) for role in ("storage", "loss", "magnitude")}
+_PARTS = {role: frozenset(_TABLES["words"][role].split()) for role in ("storage", "loss", "magnitude", "angle")}
 _OF = {letter: frozenset(text.split()) for letter, text in _TABLES["words"]["of"].items()}
 _FILLING = frozenset(_TABLES["words"]["filling"].split())
+_WRITTEN = sorted(
+    (word for some in (*_PARTS.values(), *_OF.values(), _FILLING) for word in some), key=len, reverse=True
+)
+_IN_HAN = re.compile("|".join(re.escape(word) for word in _WRITTEN if word > "\u3000"))
+#: Roles of the parts of a ratio of motion and force, and of a transmissibility; "" is one without a word for its part.
+_RATIO = {"storage": "R", "loss": "I", "magnitude": "ratio", "angle": "angle", "": "ratio"}
+_TR = {"storage": "Re(TR)", "loss": "Im(TR)", "magnitude": "TR", "angle": "angle", "": "TR"}
 
 
 def readings(name: str) -> list[tuple[str, str]]:
@@ -157,22 +174,28 @@ def _of_words(name: str) -> list[tuple[str, str]]:
 
     Examples
     --------
-    >>> _of_words("G_storage"), _of_words("Real"), _of_words("storage of operator")
-    ([('storage', 'G')], [('storage', 'K'), ('storage', 'M'), ('R', '')], [])
+    >>> _of_words("G_storage"), _of_words("Real"), _of_words("Accelerance phase"), _of_words("storage of operator")
+    ([('storage', 'G')], [('storage', 'K'), ('storage', 'M'), ('R', '')], [('angle', '')], [])
     """
-    words = {*words_of(name)} - _FILLING
+    words = {part for word in words_of(name) for part in (_IN_HAN.findall(word) if word > "\u3000" else [word])}
+    words = {*words, *re.findall(r"[a-z]\d[a-z]\d", plain(name))} - _FILLING
     part = [role for role, known in _PARTS.items() if known & words]
     letters = [letter for letter, known in _OF.items() if known & words]
-    if len(part) != 1 or words - _PARTS[part[0]] - frozenset().union(*(_OF[letter] for letter in letters)):
+    known = frozenset[str]().union(*(_PARTS[role] for role in part), *(_OF[letter] for letter in letters))
+    if len(part) > 1 or not words or words - known:
         return []
-    (role,) = part
-    ratio = {"storage": "R", "loss": "I"}.get(role)
-    if "ratio" in letters:
-        return [] if ratio is None or len(letters) > 1 else [(ratio, "")]
+    role = part[0] if part else ""
+    for of, parts in (("ratio", _RATIO), ("TR", _TR)):
+        if of in letters:
+            return [(parts[role], "")] if len(letters) == 1 else []
+    if not role:
+        return []
+    if role == "angle":
+        return [("angle", "")]
     if letters:
         sharp = [letter for letter in letters if letter in "GE"] or letters
         return [(role, sharp[0])] if len(sharp) == 1 else []
-    return [(role, "K"), (role, "M"), *([(ratio, "")] if ratio and len(words) == 1 else [])]
+    return [(role, "K"), (role, "M"), (_RATIO[role], "")]
 
 
 def channel_roles(name: str) -> list[str]:
@@ -181,6 +204,7 @@ def channel_roles(name: str) -> list[str]:
     Examples
     --------
     >>> channel_roles("Standardkraft"), channel_roles("Hubweg"), channel_roles("Sollweg")
-    (['load'], ['deflection'], [])
+    (['load', 'force'], ['deflection', 'motion'], [])
     """
-    return [role for role, of in _TABLES["channels"].items() if of == quantity_named(name) and not is_command(name)]
+    of = "" if is_command(name) else quantity_named(name)
+    return [role for role, named in _TABLES["channels"].items() if of in named.split()]
