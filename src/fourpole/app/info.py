@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import groupby
@@ -21,12 +22,16 @@ from fourpole.app.console import progress, rising, table_width, warn
 from fourpole.app.options import InfoOptions
 from fourpole.core.digits import number
 from fourpole.core.segments import Segment, labelled
+from fourpole.errors import TableError, UnitError
 from fourpole.guess.gather import segments_in
 from fourpole.io.child import read_apart
 from fourpole.io.convert import Choice, convert
 from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import chosen_of, survey
 from fourpole.io.signals import FileInfo, SignalInfo
+from fourpole.io.tables.kstar import ALL, KStarTable, TableOptions, read_k_star
+from fourpole.io.tables.overtime import TimeTable, read_over_time
+from fourpole.io.tables.pair import CurveTable, read_curve
 
 #: Number of channels whose samples are read if no channel and no group is named.
 _MOST = 64
@@ -36,6 +41,8 @@ _HEIGHT = 10
 #: The sign of each kind of segment, and most signs of a drawing.
 _SIGNS = {"rest": "_", "hold": "-", "ramp": "/", "loop": "^", "sine": "~", "sweep": ">", "random": "#"}
 _MOST_DRAWN = 100
+#: Rows of the longest table of K* or of load and deflection.
+_MOST_ROWS = 20_000
 
 
 @dataclass(frozen=True)
@@ -106,13 +113,38 @@ def run_info(file: Path, options: InfoOptions) -> Answer:
         rows.append(_Row(found.signals[at], *((None, one) if isinstance(one, str) else (one,))))
     head = {"file": file.name, "format": found.format, "notes": found.notes}
     read = len(shown) if options.quick else len(some)
-    parts = (*_shown(file, found, rows, options, read), *(_motion(*motion) if motion is not None else ()))
+    table = [] if options.quick or options.channel or _is_long(found) else _table_in(file)
+    parts = (*_shown(file, found, rows, options, read), *(_motion(*motion) if motion is not None else ()), *table)
 
     def document() -> dict[str, Any]:
         several = {} if motion is None else {"segments": [{"channel": motion[0], **asdict(one)} for one in motion[2]]}
-        return {**head, "signals": [_plain(row) for row in rows], **several}
+        return {**head, "signals": [_plain(row) for row in rows], **several, **({"table": table} if table else {})}
 
     return Answer(parts, document)
+
+
+def _is_long(found: FileInfo) -> bool:
+    """Whether a file has the samples of a recording rather than the rows of a table."""
+    return max((one.count for one in found.signals), default=0) > _MOST_ROWS
+
+
+def _table_in(file: Path) -> list[str]:
+    """What a table of K*, of relaxation, or of load and deflection says, by its columns; empty if it is none."""
+    options = TableOptions(group=ALL, moduli=True, ratio=True, rig=True)
+    with suppress(TableError, UnitError):
+        return _understood("K* over frequency, for fourpole identify, fit and shift", read_k_star(file, options))
+    with suppress(TableError, UnitError):
+        if (found := read_over_time(file, TableOptions(factor=1.0))) is not None:
+            return _understood("relaxation or creep, for fourpole fit", found)
+    with suppress(TableError, UnitError):
+        return _understood("load and deflection, for fourpole static", read_curve(file))
+    return []
+
+
+def _understood(name: str, found: KStarTable | TimeTable | CurveTable) -> list[str]:
+    no_shape = ("times the modulus", "takes the place")
+    said = [f"  {line}" for line in found.understood if not any(one in line for one in no_shape)]
+    return [f"\na table of {name}:", *said]
 
 
 def _motion(channel: str, unit: str, segments: Sequence[Segment]) -> Iterator[Part]:
