@@ -120,7 +120,13 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
             found.ask(points, frequency, purpose) if shift is None else shift.shift.answer(found, points, frequency)
         )
     condition = file.condition_at(tyre, found.axes.constant)
+    entry = file.map_entry(tyre) or file.model_entry(tyre)
+    given, held = None if entry is None else entry.put_back, interval_words(purpose)
     remarks = (*remarks, *_misfit(file, tyre, condition), *_taken_off(file, tyre, condition))
+    if given is not None and given.low:
+        remarks = (*remarks, given.sentence)
+    elif given is not None:
+        held = f"{held} {given.sentence}"
     if condition is not None and (far.any() or (condition.rest is not None and shift is None)):
         answer = _wider(answer, condition, reduced, frequency)
     inertia = inertia_of(file, tyre, condition)
@@ -138,7 +144,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         beyond = _remarks_beyond(found, condition, float(far[at]), float(reduced[at]))
         row |= {
             PURPOSE: purpose,
-            INTERVAL: interval_words(purpose),
+            INTERVAL: held,
             q.OUTSIDE.head: apart,
             "remarks": "; ".join([*remarks, *moved, *beyond]),
         }
