@@ -23,12 +23,14 @@ from fourpole.app.options import InfoOptions
 from fourpole.core.digits import number
 from fourpole.core.segments import Segment, labelled
 from fourpole.errors import TableError, UnitError
+from fourpole.fitting.document import FORMAT
 from fourpole.guess.gather import segments_in
 from fourpole.io.child import read_apart
 from fourpole.io.convert import Choice, convert
+from fourpole.io.door import open_regular
 from fourpole.io.look import ChannelSummary, look_at
 from fourpole.io.recordings import chosen_of, survey
-from fourpole.io.signals import FileInfo, SignalInfo
+from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, SignalInfo
 from fourpole.io.tables.kstar import ALL, KStarTable, TableOptions, read_k_star
 from fourpole.io.tables.overtime import TimeTable, read_over_time
 from fourpole.io.tables.pair import CurveTable, read_curve
@@ -98,7 +100,11 @@ def _time_faults(found: ChannelSummary) -> Iterator[str]:
 
 
 def run_info(file: Path, options: InfoOptions) -> Answer:
-    """Format, channels, units and times of a file, and a summary of the samples of each channel."""
+    """Format, channels, units and times of a file, and a summary of the samples of each channel; what a model holds."""
+    if file.suffix.lower() == ".json" and _is_model(file):
+        from fourpole.app.verify import run_verify
+
+        return run_verify(file)
     found: FileInfo = read_apart(survey, file, classes=(FileInfo, SignalInfo))
     shown = chosen_of(found, options.group, [options.channel] if options.channel else [], file.name)
     some = shown if options.channel or options.group else shown[:_MOST]
@@ -145,6 +151,12 @@ def _understood(name: str, found: KStarTable | TimeTable | CurveTable) -> list[s
     no_shape = ("times the modulus", "takes the place")
     said = [f"  {line}" for line in found.understood if not any(one in line for one in no_shape)]
     return [f"\na table of {name}:", *said]
+
+
+def _is_model(file: Path) -> bool:
+    """Whether a file begins as a model file does."""
+    with open_regular(file, max_bytes=MAX_FILE_BYTES) as opened:
+        return f'"{FORMAT}"'.encode() in opened.read(HEAD_BYTES)
 
 
 def _motion(channel: str, unit: str, segments: Sequence[Segment]) -> Iterator[Part]:

@@ -12,6 +12,7 @@ from fourpole.app.console import say, warn
 from fourpole.core.digits import number
 from fourpole.fitting.modelfile import ConditionFile, ModelEntry
 from fourpole.fitting.modelling import TyreMap
+from fourpole.fitting.modelparts import PutBackFile
 from fourpole.fitting.query import INTERVAL, PURPOSE
 from fourpole.models.operating import OperatingMap
 from fourpole.quantities import ShownUnits
@@ -68,6 +69,17 @@ def show_fit(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> Iterator[
         yield discrepancy(entry)
     yield from verdicts(entry)
     yield from _show_parameters(entry, units, shared=shared)
+
+
+def put_back_shown(found: PutBackFile | None, tyre: str = "") -> Iterator[Part]:
+    """How many of the data lie in the interval that a query gives for them; a warning if these are too few."""
+    if found is None:
+        return
+    said = f"{tyre}: {found.sentence}" if tyre else found.sentence
+    if found.low:
+        warn(said)
+    else:
+        yield said
 
 
 def _show_parameters(entry: ModelEntry, units: ShownUnits, *, shared: bool) -> Iterator[Part]:

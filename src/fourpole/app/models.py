@@ -17,7 +17,7 @@ from fourpole import units
 from fourpole.answer import Answer, Part
 from fourpole.app.console import frequencies, option, progress, say, warn
 from fourpole.app.group import rows_answer
-from fourpole.app.model_words import show_fit, show_map, show_row
+from fourpole.app.model_words import put_back_shown, show_fit, show_map, show_row
 from fourpole.app.options import DataOptions, FitOptions, Purpose, RigOptions, Selection, answered_in
 from fourpole.core.digits import number
 from fourpole.errors import CampaignError, FourpoleError, ModelError, UnitError
@@ -166,6 +166,8 @@ def _shown(made: ModelFile, files: Sequence[Path], wanted: ShownUnits) -> Iterat
     """The content of a model file and the files written."""
     for entry in made.models:
         yield from show_fit(entry, wanted, shared="share" in made.provenance.settings)
+    for one in (*made.models, *made.maps):
+        yield from put_back_shown(one.put_back, one.tyre if len(made.tyres) > 1 else "")
     for place in files:
         yield f"written: {place}"
 
@@ -187,6 +189,9 @@ def fitted(results: Study, folder: Path) -> Study:
         say(f"note: no model was fitted: {error}")
         target.unlink(missing_ok=True)
         return results
+    for one in made.models:
+        for said in put_back_shown(one.put_back, one.tyre):
+            say(str(said))
     made.write(target)
     return replace(results, models=made)
 

@@ -16,6 +16,7 @@ from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, frequencies, progress, say, warn
 from fourpole.app.group import rows_answer, write_with_figure
+from fourpole.app.model_words import put_back_shown
 from fourpole.app.options import RigOptions, SharedErrors, ShiftOptions, TableChoice, answered_in
 from fourpole.campaign.defaults import GAIN_STD, K1_STD, PHASE_STD, RIG_STD
 from fourpole.core.checks import Verdict
@@ -35,6 +36,7 @@ from fourpole.core.reduced import (
 from fourpole.core.rig import Rig
 from fourpole.errors import LoadCurveError, RigError, TableError, UnitError
 from fourpole.fitting.measured import MASTER, NO_STD
+from fourpole.fitting.modelparts import PutBackFile
 from fourpole.fitting.shifting import (
     APART,
     COVARIANCE,
@@ -47,6 +49,7 @@ from fourpole.fitting.shifting import (
     read_isotherms,
     shift_table,
     shift_tyres,
+    shifted_back,
 )
 from fourpole.fitting.temperature import miss_in_words
 from fourpole.io.door import sha256_of
@@ -316,15 +319,17 @@ def run_shift(tables: list[Path], options: ShiftOptions) -> Answer:
         say("note: the table states no uncertainty of K*: the misfit of the overlaps is taken for it")
     with progress("shifting") as advance:
         found = shift_tyres(measured, options.reference, vertical=options.vertical, progress=advance)
+        back = [shifted_back(one) for one in found]
     for one in found:
         _warn(one)
     written = [] if options.folder is None else _written(found, options.folder)
-    return Answer(_shown(found, options), lambda: _document(found), [("written", path) for path in written])
+    return Answer(_shown(found, back, options), lambda: _document(found, back), [("written", path) for path in written])
 
 
-def _shown(found: Sequence[TyreShift], options: ShiftOptions) -> Iterator[Part]:
-    for one in found:
+def _shown(found: Sequence[TyreShift], back: Sequence[PutBackFile | None], options: ShiftOptions) -> Iterator[Part]:
+    for one, given in zip(found, back, strict=True):
         yield from _show(one, options.constants_at)
+        yield from put_back_shown(given, one.tyre if len(found) > 1 else "")
     if options.folder is None:
         say("state --out FOLDER to write the master curve and its law, for fourpole fit and query")
 
@@ -339,10 +344,12 @@ def _kelvin(text: str | None) -> float:
         raise UnitError(f"--apart: {text!r} is not a difference of temperatures, as in '1 K'") from None
 
 
-def _document(found: Sequence[TyreShift]) -> dict[str, object]:
+def _document(found: Sequence[TyreShift], back: Sequence[PutBackFile | None]) -> dict[str, object]:
     """The master curves as one JSON document."""
     laws = [{"tyre": one.tyre, "temperature": law_file(one).model_dump(mode="json")} for one in found]
-    return {"shifts": shift_table(found).to_dicts(), "overlaps": overlap_table(found).to_dicts(), "laws": laws}
+    given = [None if one is None else one.model_dump() for one in back]
+    tables = {"shifts": shift_table(found).to_dicts(), "overlaps": overlap_table(found).to_dicts()}
+    return {**tables, "laws": laws, "put back": given}
 
 
 def _warn(one: TyreShift) -> None:

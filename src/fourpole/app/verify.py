@@ -9,6 +9,7 @@ from typing import Any
 
 from fourpole.answer import Answer, Part, Table
 from fourpole.app.console import OK, SOME_REJECTED, UNREADABLE, counted, progress, say, warn
+from fourpole.app.model_words import put_back_shown
 from fourpole.errors import FileError, FourpoleError
 from fourpole.findings import findings, findings_table
 from fourpole.fitting.modelfile import MapEntry, ModelEntry, ModelFile
@@ -92,6 +93,7 @@ def _model_document(path: Path, found: Verified) -> dict[str, Any]:
                 "causal": one.causal,
                 "conditions": _conditions(one),
                 "band [Hz]": _band(one),
+                "put back": None if one.put_back is None else one.put_back.model_dump(),
             }
             for one in _entries(file)
         ],
@@ -127,6 +129,7 @@ def _show_model(path: Path, found: Verified) -> Iterator[Part]:
         over = f", over {first_of([axis.name for axis in one.axes], _MOST_SAID)}" if isinstance(one, MapEntry) else ""
         where = f", {band[0]:.4g} to {band[1]:.4g} Hz" if band else ""
         yield f"{what:<9} {' '.join(filter(None, (one.tyre, one.model)))}: {many}{over}{where}"
+        yield from put_back_shown(one.put_back)
     if found.table is TableState.CHANGED:
         yield f"table     {origin.source}: another one is beside it now"
         warn(f"{origin.source} has changed since the model was made: fit or map again for a model of it")

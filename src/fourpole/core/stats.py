@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-__all__ = ["chi2", "f", "norm", "share_within", "t"]
+__all__ = ["binomial_least", "chi2", "f", "norm", "share_within", "t"]
 
 
 class _ChiSquared:
@@ -75,6 +75,21 @@ class _Normal:
 
 
 chi2, t, f, norm = _ChiSquared(), _Student(), _Fisher(), _Normal()
+
+
+def binomial_least(count: int, share: float, chance: float = 0.05) -> int:
+    """The least number of successes in `count` trials of probability `share` below which fewer have less than `chance`.
+
+    It is the quantile of the binomial distribution: fewer successes reject `share` at this level, so that the one-sided
+    upper bound of Clopper and Pearson for the probability is below it.
+
+    Examples
+    --------
+    >>> binomial_least(64, 0.95), binomial_least(1, 0.95)
+    (58, 0)
+    """
+    number = np.arange(count + 1)
+    return int(np.count_nonzero(scipy.special.bdtr(number, count, share) < chance))
 
 
 def share_within(value: float, std: float, low: float = -np.inf, high: float = np.inf) -> float:

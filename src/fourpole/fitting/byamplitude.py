@@ -100,13 +100,14 @@ def _cannot_tell(name: str, where: str, conditions: Sequence[tuple[Measured, Sep
 
 def in_own_unit(file: ModelFile, tyre: str, state: Mapping[str, float]) -> dict[str, float]:
     """The state with the amplitude in the column of the file, where the campaign has one of its own for it."""
+    found = dict(state)
+    if AMPLITUDE.column not in found:
+        return found
     mapped, fits = file.map_entry(tyre), file.model_entry(tyre)
     held = [] if mapped is None else [axis.column for axis in (*mapped.axes, *mapped.constant)]
     held += [] if fits is None else [column for one in fits.conditions for column in one.coordinates]
     own = next((column for column in held if unit_of(column)), AMPLITUDE.column)
-    found = dict(state)
-    if AMPLITUDE.column in found:
-        found[own] = found.pop(AMPLITUDE.column) / (unit_of(own) or 1.0)
+    found[own] = found.pop(AMPLITUDE.column) / (unit_of(own) or 1.0)
     return found
 
 

@@ -23,6 +23,7 @@ from fourpole.fitting.modelparts import (
     NamedValue,
     OffsetFile,
     Provenance,
+    PutBackFile,
     Share,
     Strict,
     SurfaceFile,
@@ -128,12 +129,13 @@ class _Entry(Grown):
     model: str = Field(max_length=40)
     causal: bool
     parameters: list[ParameterFile] = Field(max_length=_MOST_PARAMETERS)
+    put_back: PutBackFile | None = Field(default=None, description="The data against what a query answers for them.")
 
 
 class ModelEntry(_Entry):
     """A model of one tyre, with a set of parameters for each tested condition."""
 
-    later: ClassVar = ("shape", "temperature")
+    later: ClassVar = ("put_back", "shape", "temperature")
     discrepancy: Share = Field(
         description="Model discrepancy: relative error of K* that makes chi-square equal its degrees of freedom [1]."
     )
@@ -153,7 +155,7 @@ class ModelEntry(_Entry):
 class MapEntry(_Entry):
     """An operating map of one tyre: each linked parameter is a polynomial of the scaled axes."""
 
-    later: ClassVar = ("amplitude", "inertia", "offsets")
+    later: ClassVar = ("put_back", "amplitude", "inertia", "offsets")
     link: Link = Field(default="log", description="Whether stiffness and damping or their logarithms are polynomials.")
 
     axes: list[AxisFile] = Field(max_length=10)

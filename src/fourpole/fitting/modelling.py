@@ -29,6 +29,7 @@ from fourpole.fitting.mapping import (
 from fourpole.fitting.measured import Measured, MeasuredSet
 from fourpole.fitting.modelfile import CandidateFile, ConditionFile, ModelEntry, ModelFile, entry_of, model_parts
 from fourpole.fitting.modelparts import NamedValue, Provenance, ToleranceFile, VerdictFile, finite_or_none
+from fourpole.fitting.putback import put_back
 from fourpole.fitting.ranges import REACH, ranges_of, rest_of
 from fourpole.fitting.stated import RigFile
 from fourpole.fitting.static import StaticFile, factor_sentence, slowest
@@ -92,6 +93,13 @@ class TyreFit(ByValue):
     def model(self) -> Model:
         """The chosen model."""
         return self.chosen.fit.model
+
+    @property
+    def given(self) -> list[StiffnessData]:
+        """The measured data, without the model discrepancy and without a mass or belt that was taken off."""
+        if not self.verdicts or has_inertia(self.model.name):
+            return [one.data for one in self.measured]
+        return [without_inertia(one.data, own) for one, own in zip(self.measured, self.verdicts, strict=True)]
 
     def _repr_html_(self) -> str:
         """The choice and the parameters, for a notebook."""
@@ -379,13 +387,13 @@ def model_file(
     shapes: Mapping[str, Shape] | None = None,
     laws: Mapping[str, TemperatureFile] | None = None,
 ) -> ModelFile:
-    """The document of fits or of maps.
+    """The document of fits or of maps, with the share of the data that a query of it gives back; see `put_back`.
 
     `shapes` has the shapes of specimens by name, where they are stated; `laws` the laws of the temperature of master
     curves, by tyre.
     """
     shapes, laws = shapes or {}, laws or {}
-    return ModelFile(
+    made = ModelFile(
         kind="map" if maps else "model",
         models=[_model_entry(one, shapes.get(one.tyre), laws.get(one.tyre)) for one in fits],
         maps=[
@@ -406,6 +414,13 @@ def model_file(
         ],
         provenance=Provenance.of(measured.source, measured.sha256, settings, measured.notes),
     )
+    given = {one.tyre: [(each, each.data) for each in one.measured] for one in maps}
+    given |= {one.tyre: list(zip(one.measured, one.given, strict=True)) for one in fits}
+    models, maps_made = (
+        [one.model_copy(update={"put_back": put_back(made, one.tyre, given[one.tyre])}) for one in entries]
+        for entries in (made.models, made.maps)
+    )
+    return made.model_copy(update={"models": models, "maps": maps_made})
 
 
 def _model_entry(found: TyreFit, shape: Shape | None, law: TemperatureFile | None) -> ModelEntry:

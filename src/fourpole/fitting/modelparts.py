@@ -8,10 +8,13 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, StrictBool, model_serializer
 
+from fourpole.core import stats
+from fourpole.core.confidence import COVERAGE
 from fourpole.errors import ModelError
 from fourpole.models.interface import Link
 from fourpole.models.surface import ValueSurface
 from fourpole.version import VERSION
+from fourpole.words import first_of
 
 #: Relative tolerance for an asymmetric covariance, or one with a negative eigenvalue.
 _ROUND_OFF = 1e-6
@@ -19,6 +22,8 @@ _ROUND_OFF = 1e-6
 LARGEST = 1e120
 #: Longest list of one condition.
 LONGEST = 100_000
+#: Tests with values outside that a sentence names.
+_MOST_NAMED = 6
 #: Key of the settings that has those of tyres of an earlier run.
 EARLIER = "earlier"
 #: A relative error.
@@ -95,6 +100,40 @@ class Provenance(Strict):
         """The settings with which a tyre was fitted."""
         found = self.earlier.get(tyre, self.settings)
         return found if isinstance(found, dict) else {}
+
+
+class PutBackFile(Strict):
+    """How many of the data that a model was made from lie in the 95 % interval that a query gives for them."""
+
+    inside: int = Field(ge=0, description="Values of K', K'' and K1 inside their interval of prediction.")
+    values: int = Field(gt=0, description="All values of K', K'' and K1 that were put back.")
+    outside: list[str] = Field(
+        default=[], max_length=LONGEST, description="Tests with values outside, the worst first."
+    )
+
+    @property
+    def least(self) -> int:
+        """The number inside that right intervals reach in 95 % of such sets of data; see `stats.binomial_least`."""
+        return stats.binomial_least(self.values, COVERAGE)
+
+    @property
+    def low(self) -> bool:
+        """Whether too few are inside."""
+        return self.inside < self.least
+
+    @property
+    def sentence(self) -> str:
+        """The share; where it is low, what that means and what to do."""
+        share = f"{self.inside} of {self.values} data (K', K'', K1), {100 * self.inside / self.values:.0f} %,"
+        said = f"Put back: {share} lie within the 95 % interval that a query gives for their own test"
+        if not self.low:
+            return f"{said}."
+        worst = f" Worst: {first_of(self.outside, _MOST_NAMED)}." if self.outside else ""
+        return (
+            f"{said}; right intervals hold at least {self.least} (95 % confidence).{worst} The intervals are too "
+            "narrow for these data. Check these tests; if they are right, state a larger u(K*) with --std, or try "
+            "another --model."
+        )
 
 
 class Named(Strict):

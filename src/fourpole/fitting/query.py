@@ -14,7 +14,7 @@ import numpy as np
 
 from fourpole import quantities as q
 from fourpole.core.arrays import ComplexArray, FloatArray
-from fourpole.core.condition import AMPLITUDE, AXES
+from fourpole.core.condition import AMPLITUDE, AXES, Axis
 from fourpole.core.confidence import NORMAL_95
 from fourpole.core.polar import polar
 from fourpole.core.rig import Rig
@@ -120,7 +120,13 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
             found.ask(points, frequency, purpose) if shift is None else shift.shift.answer(found, points, frequency)
         )
     condition = file.condition_at(tyre, found.axes.constant)
+    entry = file.map_entry(tyre) or file.model_entry(tyre)
+    given, held = None if entry is None else entry.put_back, interval_words(purpose)
     remarks = (*remarks, *_misfit(file, tyre, condition), *_taken_off(file, tyre, condition))
+    if given is not None and given.low:
+        remarks = (*remarks, given.sentence)
+    elif given is not None:
+        held = f"{held} {given.sentence}"
     if condition is not None and (far.any() or (condition.rest is not None and shift is None)):
         answer = _wider(answer, condition, reduced, frequency)
     inertia = inertia_of(file, tyre, condition)
@@ -138,7 +144,7 @@ def ask(file: ModelFile, query: Query) -> list[dict[str, Any]]:
         beyond = _remarks_beyond(found, condition, float(far[at]), float(reduced[at]))
         row |= {
             PURPOSE: purpose,
-            INTERVAL: interval_words(purpose),
+            INTERVAL: held,
             q.OUTSIDE.head: apart,
             "remarks": "; ".join([*remarks, *moved, *beyond]),
         }
@@ -292,7 +298,8 @@ def _condition(file: ModelFile, tyre: str, state: Mapping[str, float], units: Sh
     """The model at the one condition that `state` names, as a map of one point."""
     entry = file.model_entry(tyre)
     assert entry is not None
-    good = [one for one in entry.conditions if _is_at(file, one, state)]
+    axes = {column: file.axis(column) for column in state}
+    good = [one for one in entry.conditions if _is_at(axes, one, state)]
     if len(good) != 1:
         there = "; ".join(sorted({_words(one.coordinates, units) for one in entry.conditions})[:12])
         what = "no condition is" if not good else f"{len(good)} conditions are"
@@ -303,10 +310,10 @@ def _condition(file: ModelFile, tyre: str, state: Mapping[str, float], units: Sh
     return map_of_condition(entry, good[0])
 
 
-def _is_at(file: ModelFile, one: ConditionFile, state: Mapping[str, float]) -> bool:
+def _is_at(axes: Mapping[str, Axis], one: ConditionFile, state: Mapping[str, float]) -> bool:
     """Whether a condition has the values of `state` within the tolerances of the axes."""
     own = one.coordinates
-    return all(column in own and file.axis(column).same(value, own[column]) for column, value in state.items())
+    return all(column in own and axes[column].same(value, own[column]) for column, value in state.items())
 
 
 def _misfit(file: ModelFile, tyre: str, condition: ConditionFile | None) -> tuple[str, ...]:

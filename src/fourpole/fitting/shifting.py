@@ -17,8 +17,9 @@ from fourpole.core.condition import AXES, Condition, Sameness
 from fourpole.errors import FileError, ModelError
 from fourpole.fitting.document import MOST_BYTES
 from fourpole.fitting.likelihood import COVARIANCE_COLUMNS
-from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, read_measured
-from fourpole.fitting.modelparts import NamedValue
+from fourpole.fitting.measured import MASTER, Measured, MeasuredSet, measured_of, read_measured
+from fourpole.fitting.modelling import fit_tyres, model_file
+from fourpole.fitting.modelparts import NamedValue, PutBackFile
 from fourpole.fitting.temperature import ShiftsFile, TemperatureFile, VerticalFile
 from fourpole.io.documents import json_of
 from fourpole.io.door import read_bytes
@@ -319,3 +320,18 @@ def laws_beside(table: Path, sha256: str) -> tuple[dict[str, TemperatureFile], s
             "a specimen has several master curves: its model has no law of the temperature; fit one state at a time",
         )
     return laws, ""
+
+
+def shifted_back(one: TyreShift) -> PutBackFile | None:
+    """How many data of a master curve a query gives back, through its shift factors and a Prony series of the curve.
+
+    None if no Prony series could be fitted. See `putback.put_back`.
+    """
+    frame, covariance = master_tables([one])
+    laws = {one.tyre: law_file(one)}
+    try:
+        measured = measured_of(frame, covariance, name=MASTER)
+        (entry,) = model_file(measured, fit_tyres(measured, "prony"), laws=laws).models
+    except ModelError:
+        return None
+    return entry.put_back
