@@ -47,6 +47,15 @@ def function(values: np.ndarray, types: tuple[int, int], units: tuple[str, str],
     return head | more
 
 
+def test_a_ratio_of_two_motions_is_a_transmissibility(written: Callable[..., Path]) -> None:
+    expected = K / (K + 20 * JW**2)
+    one = function(expected, (ACCELERATION, ACCELERATION), ("g", "g"), rsp_node=2)
+    found = read_k_star(written(one), TableOptions(ratio=True, rig=True))
+    np.testing.assert_allclose(found.transmissibility, expected, rtol=1e-5)
+    with pytest.raises(TableError, match="state the rig's values"):
+        read_k_star(written(one), TableOptions(ratio=True))
+
+
 @pytest.fixture
 def written(tmp_path: Path) -> Callable[..., Path]:
     def writing(*sets: dict[str, Any]) -> Path:

@@ -55,6 +55,9 @@ _RIG = (
 )
 
 
+_ACROSS = "of specimen and rig: state the rig's values to fourpole identify"
+
+
 @dataclass(frozen=True)
 class TableOptions:
     """What a user states of a table of K*.
@@ -279,7 +282,9 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
 
 def _of_response(found: MeasuredResponse, options: TableOptions, name: str) -> KStarTable:
     """The table of a frequency response."""
-    if not found.is_stiffness and not options.ratio:
+    if found.kind == "transmissibility" and not options.rig:
+        raise TableError(f"{name}: {found.said[0]}: {_ACROSS}")
+    if found.kind == "mobility" and not options.ratio:
         raise TableError(f"{name}: {found.said[0]}: {_RIG}")
     used = found.frequency > 0
     std, remarks = None, list[str]()
@@ -290,8 +295,9 @@ def _of_response(found: MeasuredResponse, options: TableOptions, name: str) -> K
     values = found.values[used]
     return KStarTable(
         frequency=found.frequency[used],
-        mobility=None if found.is_stiffness else values,
-        stiffness=values if found.is_stiffness else None,
+        mobility=values if found.kind == "mobility" else None,
+        stiffness=values if found.kind == "stiffness" else None,
+        transmissibility=values if found.kind == "transmissibility" else None,
         lines=(np.flatnonzero(used) + 1).tolist(),
         understood=found.said,
         warnings=[*found.remarks, *remarks],
@@ -340,7 +346,7 @@ def _ways(moduli: Sequence[Form], ratios: Sequence[Form], across: Sequence[Form]
         ways.append(f"{names} give V1/F1: {_RIG}")
     if across:
         names = ", ".join(shown(one.column.name) for one in across[0].columns.values())
-        ways.append(f"{names} give V2/V1, of specimen and rig: state the rig's values to fourpole identify")
+        ways.append(f"{names} give V2/V1, {_ACROSS}")
     return "; or: ".join(ways)
 
 

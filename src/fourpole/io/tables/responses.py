@@ -29,7 +29,7 @@ _MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
 _FORCES = (9, 13)
 #: Largest difference of two frequencies of one line, as a share of the step.
 _SAME = 1e-3
-_RESPONSE, _COHERENCE = 4, 6
+_RESPONSES, _COHERENCE = (4, 5), 6
 #: Data type of an abscissa that is a frequency, and those that a program leaves unknown.
 _FREQUENCY = (0, 18)
 _MOST_BYTES, _MOST_RESPONSES = 500_000_000, 2000
@@ -74,11 +74,11 @@ class Response(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class MeasuredResponse(ByValue):
-    """A frequency response in SI: V1/F1 [m/(N s)], or K* [N/m] (`is_stiffness`), with its coherence if there is one."""
+    """A response in SI: V1/F1 [m/(N s)], K* [N/m] or V2/V1, by its `kind`, with its coherence if it has one."""
 
     frequency: FloatArray
     values: ComplexArray
-    is_stiffness: bool
+    kind: str
     coherence: FloatArray | None
     said: list[str]
     remarks: list[str]
@@ -101,17 +101,21 @@ def read_response(path: Path, stated: Sequence[Statement], label: str) -> Measur
     kind, scale = _kind(one, statement, label)
     omega = 2 * np.pi * one.frequency
     values, remarks = scale * one.values, list[str]()
-    driven = _driven(one, kind, label, remarks)
+    across = kind == "transmissibility"
+    driven = not across and _driven(one, kind, label, remarks)
     sign = -1.0 if (one.directions[0] < 0) != (one.directions[1] < 0) else 1.0
-    mobility = as_mobility(sign * values, kind, omega)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = mobility if driven else np.asarray(1j * omega / mobility)
+    found = sign * values
+    if not across:
+        found = as_mobility(sign * values, kind, omega)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = found if driven else np.asarray(1j * omega / found)
     if sign < 0:
         remarks.append(f"{one.name}: response and reference point in opposite directions: the sign was reversed")
     coherence = next((_on(one, other) for other in every if other.is_coherence and _same_place(one, other)), None)
-    what = "driving point" if driven else "transfer, with the output blocked"
-    said = [f"frequency response {shown(one.name)}: {_NAMES.get(kind, kind)}, {what}"]
-    return MeasuredResponse(one.frequency, found, not driven, coherence, said, remarks)
+    what = ", driving point" if driven else ", transfer, with the output blocked"
+    said = [f"frequency response {shown(one.name)}: {_NAMES.get(kind, kind)}{'' if across else what}"]
+    of = kind if across else "mobility" if driven else "stiffness"
+    return MeasuredResponse(one.frequency, found, of, coherence, said, remarks)
 
 
 def as_mobility(values: ComplexArray, kind: str, omega: FloatArray) -> ComplexArray:
@@ -142,6 +146,10 @@ def _kind(one: Response, statement: Statement | None, label: str) -> tuple[str, 
     """Kind of a response, and its SI value in the unit that is stated."""
     unit = statement.unit if statement is not None and statement.unit is not None else _unit(one)
     name = shown(one.name)
+    if one.ordinate in _MOTIONS and one.ordinate == one.denominator and one.nodes[0] != one.nodes[1]:
+        kinds = (_MOTIONS[one.ordinate],)
+        known = one.unit and one.per and one.unit != one.per
+        return "transmissibility", scale_of(one.unit, kinds)[1] / scale_of(one.per, kinds)[1] if known else 1.0
     if not unit:
         raise TableError(
             f'{label}: {name} states no unit: state it, as in --column "frf={one.name} [(m/s^2)/N]", or [m/N], [N/m]'
@@ -199,7 +207,7 @@ def responses(path: Path, label: str) -> list[Response]:
     """The frequency responses and coherences of a file, in its order; TableError if it is damaged."""
     name = name_of(path, label)
     with opened(path, label, _MOST_BYTES) as found:
-        chosen = [at for at, one in enumerate(found.sets) if int(one.header["func_type"]) in (_RESPONSE, _COHERENCE)]
+        chosen = [at for at, one in enumerate(found.sets) if int(one.header["func_type"]) in (*_RESPONSES, _COHERENCE)]
         if len(chosen) > _MOST_RESPONSES:
             raise TableError(f"{name}: has {len(chosen)} frequency responses; export those of the driving point alone")
         afford(32 * sum(found.sets[at].count for at in chosen), _MOST_BYTES, name)
