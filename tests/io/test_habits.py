@@ -128,7 +128,7 @@ def test_curves_of_several_specimens_are_asked_for(tmp_path):
     heads = ["specimen", "deflection_mm", "load_n"]
     columns = (["A"] * 21 + ["B"] * 21, np.tile(x, 2), np.concatenate([load, 2 * load]))
     path = written(tmp_path / "t.csv", heads, *columns)
-    with pytest.raises(TableError, match=r"name one with --group.*A, B"):
+    with pytest.raises(TableError, match="name one of them with --group: A, B"):
         read_curve(path)
     np.testing.assert_allclose(read_curve(path, group="B").load, 2 * load)
 
@@ -167,3 +167,80 @@ def test_moduli_over_time_in_snake_case(tmp_path):
         written(tmp_path / "c.csv", ["time_s", "creep_compliance_per_mpa"], t, 1e6 / modulus), TableOptions(factor=0.05)
     )
     np.testing.assert_allclose(1 / creep.values, 0.05 * modulus, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("heads", "sizes"),
+    [
+        (["Force RMS (N)", "Displacement peak (mm)"], (np.sqrt(0.5), 1)),
+        (["Force (N rms)", "Displacement (mm pk-pk)"], (np.sqrt(0.5), 2)),
+        (["Kraft Spitze-Spitze (N)", "Weg Amplitude (mm)"], (2, 1)),
+        (["F_pp_N", "x_pk_mm"], (2, 1)),
+        (["Kraftamplitude (N)", "Schwingbreite (mm)"], (1, 2)),
+        (["Force (N)", "Displacement (mm)"], (1, 1)),
+    ],
+)
+def test_amplitudes_are_taken_as_their_heads_state_them(tmp_path, heads, sizes):
+    columns = (F, sizes[0] * abs(K) * 1e-3, sizes[1] + 0 * F, degrees(K))
+    path = written(tmp_path / "t.csv", ["f [Hz]", *heads, "Phase [deg]"], *columns)
+    np.testing.assert_allclose(read_k_star(path, TableOptions(ratio=True)).frame()["Re K* [N/m]"], K.real, rtol=1e-9)
+
+
+def test_an_amplitude_of_one_kind_beside_one_of_no_kind_is_asked_for(tmp_path):
+    path = written(tmp_path / "t.csv", ["f [Hz]", "Force p-p [N]", "x [mm]", "Phase [deg]"], F, F, F, degrees(K))
+    with pytest.raises(TableError, match="states how its amplitude is meant"):
+        read_k_star(path, TableOptions(ratio=True))
+
+
+@pytest.mark.parametrize("words", [("Mean", "Std"), ("Mittelwert", "Standardabweichung"), ("平均值", "标准偏差")])
+def test_rows_of_means_and_deviations_are_left_out(tmp_path, words):
+    rows = [
+        [*map(str, range(1, 6)), *words],
+        *([*one, one.mean(), one.std()] for one in (F, K.real / 1e3, K.imag / 1e3)),
+    ]
+    path = written(tmp_path / "t.csv", ["No.", "f [Hz]", "K' [N/mm]", "K'' [N/mm]"], *rows)
+    found = read_k_star(path)
+    np.testing.assert_allclose(found.stiffness, K, rtol=1e-9)
+    assert any("left out: " + words[0].casefold() in one for one in found.warnings)
+
+
+def test_a_mean_has_its_deviation_as_uncertainty(tmp_path):
+    heads = ["f [Hz]", "K'_mean [N/mm]", "K'_std [N/mm]", "K''_mean [N/mm]", "K''_std [N/mm]"]
+    path = written(tmp_path / "t.csv", heads, F, K.real / 1e3, 0.01 * K.real / 1e3, K.imag / 1e3, 0.02 * K.imag / 1e3)
+    found = read_k_star(path).frame()
+    np.testing.assert_allclose(found["u(Re K*) [N/m]"], 0.01 * K.real, rtol=1e-9)
+    np.testing.assert_allclose(found["u(Im K*) [N/m]"], 0.02 * K.imag, rtol=1e-9)
+
+
+def test_merged_names_and_stepped_conditions_tell_rows_apart(tmp_path):
+    names = ["A", *[""] * (F.size - 1), "B", *[""] * (F.size - 1)]
+    assert read_measured(of_two(tmp_path / "t.csv", "specimen", names)).tyres == ("A", "B")
+    found = read_measured(of_two(tmp_path / "u.csv", "Ageing [h]", [0.0] * F.size + [168.0] * F.size))
+    assert found.tyres == ("Ageing 0 h", "Ageing 168 h")
+
+
+@pytest.mark.parametrize("words", [("Belastung", "Entlastung"), ("up", "down"), ("加载", "卸载")])
+def test_branches_are_one_curve(tmp_path, words):
+    x = np.linspace(0, 20, 21)
+    columns = (
+        np.concatenate([x, x[::-1]]),
+        np.concatenate([200 * x, 190 * x[::-1]]),
+        [words[0]] * 21 + [words[1]] * 21,
+    )
+    found = read_curve(written(tmp_path / "t.csv", ["Weg [mm]", "Kraft [N]", "Richtung"], *columns))
+    assert found.load.size == 42
+    beside = written(tmp_path / "u.csv", ["x [mm]", "Load loading [N]", "Load unloading [N]"], x, 200 * x, 190 * x)
+    np.testing.assert_allclose(read_curve(beside).load, found.load)
+
+
+def test_a_sign_is_reversed_where_it_is_stated(tmp_path):
+    path = written(tmp_path / "t.csv", ["f [Hz]", "|K*| [N/mm]", "Phase [deg]"], F, abs(K) / 1e3, -degrees(K))
+    with pytest.raises(TableError, match="angle=-Phase"):
+        read_k_star(path)
+    np.testing.assert_allclose(read_k_star(path, TableOptions(columns=["angle=-Phase"])).stiffness, K, rtol=1e-9)
+
+
+def test_complex_cells_are_two_columns(tmp_path):
+    cells = [f"({one.real:.9f}{one.imag:+.9f}j)" for one in K]
+    found = read_k_star(written(tmp_path / "t.csv", ["f [Hz]", "Kstar [N/m]"], F, cells))
+    np.testing.assert_allclose(found.stiffness, K, rtol=1e-9)

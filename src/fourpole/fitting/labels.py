@@ -10,6 +10,7 @@ from fourpole.core.condition import AMPLITUDE, FREQUENCY, Sameness
 from fourpole.fitting.rows import conditions_in
 from fourpole.units import shown
 from fourpole.words import first_of
+from fourpole.words.heads import head_and_unit
 
 
 def by_labels(frame: pl.DataFrame, labels: Sequence[str], rule: Sameness) -> tuple[pl.DataFrame, list[str]]:
@@ -24,16 +25,34 @@ def by_labels(frame: pl.DataFrame, labels: Sequence[str], rule: Sameness) -> tup
     >>> found["tyre"].to_list()
     ['axial', 'radial']
     """
-    remarks = []
+    remarks, comments = [], {head for head, kind in frame.schema.items() if kind == pl.String} - {"tyre", *labels}
     whole = Sameness((*rule.axes, *(axis for axis in (AMPLITUDE, FREQUENCY) if axis not in rule.axes)))
     for head in labels:
-        words = frame[head].cast(pl.String).fill_null("").to_list()
+        words = _words(frame[head])
         equal = whole.groups(conditions_in(frame, whole)).tolist()
         if len({pair for pair in zip(equal, words, strict=True) if pair[1]}) == len(set(equal)):
             continue
         names = frame["tyre"].to_list() if "tyre" in frame.columns else [""] * len(words)
         both = [", ".join(filter(None, pair)) for pair in zip(names, words, strict=True)]
         frame = frame.with_columns(pl.Series("tyre", both))
+        if frame[head].dtype == pl.String:
+            comments.discard(head)
         known = first_of([*dict.fromkeys(filter(None, words))], 4)
         remarks.append(f"column {shown(head)} tells rows of one condition and frequency apart: specimens {known}")
+    for head in sorted(comments):
+        words = frame[head].fill_null("").to_list()
+        equal = whole.groups(conditions_in(frame, whole)).tolist()
+        if len({*zip(equal, words, strict=True)}) > len({*equal}):
+            remarks.append(
+                f"rows of one condition and frequency differ in column {shown(head)} "
+                f"({first_of([*dict.fromkeys(filter(None, words))], 3)}): they count as repeats"
+            )
     return frame, remarks
+
+
+def _words(column: pl.Series) -> list[str]:
+    """The cells of a column as labels; a number with its name and unit."""
+    if column.dtype == pl.String:
+        return column.fill_null("").to_list()
+    name, unit = head_and_unit(column.name)
+    return ["" if one is None or one != one else f"{name} {one:g} {unit or ''}".strip() for one in column.to_list()]

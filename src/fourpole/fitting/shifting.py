@@ -98,9 +98,10 @@ def read_isotherms(
     sets = [read_measured(path, std=std, axes=axes, options=options) for path in paths]
     for path, one in zip(paths, sets, strict=True):
         if any(_TEMPERATURE not in each.state for each in one.conditions):
+            lacking = "".join(f"; {note}" for note in one.notes if "states no unit" in note)
             raise ModelError(
                 f"{Path(path).name}: has no {_TEMPERATURE} in some or all rows: add a column {_TEMPERATURE} with the "
-                "temperature of each row"
+                f"temperature of each row{lacking}"
             )
     return MeasuredSet(
         conditions=tuple(chain.from_iterable(one.conditions for one in sets)),

@@ -26,6 +26,8 @@ _AT_END = re.compile(
     r"(?P<name>.*?[^\W_][)\]]?)(?:\s*/\s*|[\s_,]+in\s+|[\s_,]+)\(?(?P<unit>(?i:k?[mn]m?_(?:s2?|h))|[^\W\d_][^\s_,()]*|°[CF])\)?",
     re.DOTALL,
 )
+#: A unit with the kind of an amplitude: "N rms", "mm pk-pk".
+_KINDED = re.compile(r"(?P<unit>\S+(?: \S+)?) (?P<kind>(?i:rms|p-?p|pk(?:-pk)?|peak|0-?pk?|eff))")
 #: A unit that is set off: "E'/MPa", "f in Hz", "x, mm"; characters of the longest head that ends with a unit.
 _SET_OFF = re.compile(r"(?P<name>[^/,]+?)(?:/|,|\sin\s)(?P<unit>[^,]+)")
 _LONGEST = 100
@@ -153,9 +155,12 @@ def head_and_unit(head: str, stated: str | None = None) -> tuple[str, str | None
     [("G'", 'kPa'), ("E''", 'MPa'), ('f', 'Hz'), ('Hz', 'Hz'), ('V1/F1', None)]
     """
     name, unit = units.column_unit(head)
-    if stated is not None or unit is not None:
-        return name.rstrip(" /"), (stated if stated is not None else unit)
-    return (name, name) if name in ("Hz", "kHz", "rad/s") else without_unit(name)
+    unit = unit if stated is None else stated
+    if unit is not None and (kind := _KINDED.fullmatch(unit)) is not None and len(unit) <= _LONGEST:
+        name, unit = f"{name} {kind['kind']}", kind["unit"]
+    if unit is not None:
+        return name.rstrip(" /"), unit
+    return (name, name) if name in ("Hz", "kHz", "rad/s", "rpm") else without_unit(name)
 
 
 def without_unit(name: str) -> tuple[str, str | None]:
@@ -187,7 +192,7 @@ def _fits(name: str, unit: str, written: str) -> bool:
     """Whether a head may end with a unit, by its other words."""
     named, kind = quantity_named(name), kind_of_unit(unit)
     if kind in ("", "other"):
-        return kind != "" and "/" in unit
+        return kind != "" and ("/" in unit or unit == "%")
     unclear = kind == "angle" or named in ("reference", "drive") or not any(is_long for is_long, _ in _hits(name))
     return named == kind or (unclear and len(written) > 1) or (kind == "voltage" and written in ("V", "mV"))
 

@@ -33,6 +33,10 @@ _LARGEST_TEXT, _LIMS = 64_000_000, ("Variables", "Units", "Data point")
 BY_NUMBER = "the columns are known by their numbers"
 #: Names of the parts of a complex variable.
 _COMPLEX = ("re", "im", "real", "imag", "abs", "mag", "phase")
+#: A complex number.
+_COMPLEX_CELL = re.compile(
+    r"\(?(?P<re>[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?) ?(?P<im>[+-] ?[0-9.]+(?:[eE][+-]?[0-9]+)?) ?\*?[ij]\)?"
+)
 #: A line of numbers alone.
 _ROW = re.compile(r"[\s;,0-9.eE+-]+")
 
@@ -202,9 +206,21 @@ def _innermost(name: str) -> str:
 def _of_text(table: TextTable, group: str) -> Cells:
     filled = [at for at, row in enumerate(zip(*table.columns, strict=True)) if not all(map(is_missing, row))]
     heads = zip(table.headers, table.units, table.columns, strict=True)
-    columns = [_column(head, unit, [cells[at] for at in filled], table.decimal) for head, unit, cells in heads]
+    columns = [
+        one for head, unit, cells in heads for one in _columns(head, unit, [cells[at] for at in filled], table.decimal)
+    ]
     remarks = [f"line {line} is not data and was left out: {text}" for line, text in table.skipped]
     return Cells(table.label, group, tuple(columns), [table.lines[at] for at in filled], tuple(remarks))
+
+
+def _columns(head: str, stated: str | None, cells: list[str], decimal: str) -> list[Column]:
+    """The column of a head; of complex numbers, as 1.5+0.2j or (1.5-0.2i), that of each part."""
+    there = [cell for cell in cells if not is_missing(cell)]
+    if not there or _COMPLEX_CELL.fullmatch(there[0]) is None or not all(map(_COMPLEX_CELL.fullmatch, there)):
+        return [_column(head, stated, cells, decimal)]
+    parts = [_COMPLEX_CELL.fullmatch(cell) for cell in cells]
+    texts = {key: ["" if one is None else one[key].replace(" ", "") for one in parts] for key in ("re", "im")}
+    return [_column(f"{key} {head}", stated, texts[key], decimal) for key in texts]
 
 
 def _column(head: str, stated: str | None, cells: list[str], decimal: str) -> Column:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from fourpole.io.tables.vocabulary import (
     ROLES,
     TURNING,
     UNCLEAR,
+    amplitude_of,
     channel_roles,
     plain,
     readings,
@@ -33,18 +34,21 @@ _SAME = 2e-3
 _UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*")
 #: Units of a frequency that are rad/s for an angular frequency.
 _PER_SECOND = re.compile(r"1\s*/\s*s|s\s*+\^?\s*[-−]1|s⁻¹|1/sec")
+#: Roles whose columns are amplitudes.
+_AMPLITUDES = ("force", "motion", "amplitude")
 #: Kind of a motion without a unit, by the first letter of the column's name; else a displacement.
 _MOTIONS = {"v": "velocity", "a": "acceleration"}
 
 
 @dataclass(frozen=True)
 class Statement:
-    """What a user states of a column: role, the name or number of the column, and its unit."""
+    """What a user states of a column: role, the name or number of the column, its unit, and whether it is reversed."""
 
     role: str
     name: str
     unit: str | None
     whole: str
+    sign: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +67,8 @@ class Taken(ByValue):
         K for a stiffness, G, E or M (either) for a modulus; otherwise empty.
     stated : bool
         Whether the user stated the role.
+    sign : float [1]
+        -1 if the user stated that the sign of the column is reversed.
     """
 
     role: str
@@ -71,15 +77,18 @@ class Taken(ByValue):
     unit: str | None
     letter: str
     stated: bool
+    sign: float = 1.0
 
     def __str__(self) -> str:
         unit = "" if self.unit is None else f" [{self.unit}]"
-        return f"{ROLES[self.role].says}: column {shown(self.column.name)}{unit}"
+        sign = ", reversed" if self.sign < 0 else ""
+        return f"{ROLES[self.role].says}: column {shown(self.column.name)}{unit}{sign}"
 
     @property
     def si(self) -> FloatArray:
-        """The values of the column in SI."""
-        return units.to_si(self.column.values, self.unit or "", self.kind)
+        """The values of the column in SI; an amplitude from 0 to its peak."""
+        size = amplitude_of(self.column.head)[1] if self.role in _AMPLITUDES else 1.0
+        return units.to_si(self.sign * size * self.column.values, self.unit or "", self.kind)
 
     @property
     def option(self) -> str:
@@ -94,7 +103,7 @@ def statements(texts: Iterable[str]) -> list[Statement]:
     Examples
     --------
     >>> statements(["storage=G' [kPa]", "phase=3 [deg]"])[1]
-    Statement(role='angle', name='3', unit='deg', whole='3 [deg]')
+    Statement(role='angle', name='3', unit='deg', whole='3 [deg]', sign=1.0)
     """
     found = []
     for text in texts:
@@ -144,6 +153,8 @@ def taken(cells: Cells, stated: Sequence[Statement], roles: Sequence[str]) -> li
 
 
 def _stated(cells: Cells, one: Statement) -> Taken:
+    if one.name.startswith("-") and not any(column.head.startswith("-") for column in cells.columns):
+        one = replace(one, name=one.name[1:].strip(), whole=one.whole[1:].strip(), sign=-1.0)
     column = _named(cells, one)
     where = f"{cells.label}: --column {one.role}={one.whole}"
     if one.role == "tyre":
@@ -161,7 +172,7 @@ def _stated(cells: Cells, one: Statement) -> Taken:
             raise TableError(f"{where}: the column is in {shown(written)} by the file; leave out the unit")
     except UnitError as error:
         raise TableError(f"{where}: {error}") from None
-    return Taken(one.role, column, kind, unit, _letter(kind, letter), stated=True)
+    return Taken(one.role, column, kind, unit, _letter(kind, letter), stated=True, sign=one.sign)
 
 
 def _named(cells: Cells, one: Statement) -> Column:

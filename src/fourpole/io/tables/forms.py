@@ -18,7 +18,7 @@ from fourpole.errors import TableError
 from fourpole.io.tables.cells import Cells
 from fourpole.io.tables.columns import Taken, chosen, unclear, unread
 from fourpole.io.tables.responses import as_mobility
-from fourpole.io.tables.vocabulary import ROLES, plain
+from fourpole.io.tables.vocabulary import ROLES, amplitude_of, plain
 from fourpole.units import shown
 from fourpole.words import first_of
 
@@ -166,11 +166,24 @@ def check(cells: Cells, form: Form, values: ComplexArray) -> list[str]:
             raise TableError(f"{named} is zero in all rows: it was not measured; name another by --column")
         if role == "angle" and np.nanmax(np.abs(si)) > 2 * np.pi * (1 + 1e-9):
             raise TableError(f"{named} [{one.unit}] goes beyond a full turn: the unit is another, or cells are wrong")
+    if {"force", "motion"} <= form.columns.keys():
+        _check_amplitudes(cells, form.columns["force"].column.head, form.columns["motion"].column.head)
     if form.letter:
         remarks += _signs(cells, form, values.imag)
     elif form.is_mobility:
         remarks += _signs(cells, form, values.real)
     return remarks
+
+
+def _check_amplitudes(cells: Cells, force: str, motion: str) -> None:
+    """TableError if one head states an amplitude from peak to peak, or an rms value, and the other one nothing."""
+    kinds = [amplitude_of(head)[0] for head in (force, motion)]
+    if "" in kinds and {"rms", "pp"} & {*kinds}:
+        silent, says = (force, motion) if kinds[0] == "" else (motion, force)
+        raise TableError(
+            f"{cells.where}: {shown(says)} states how its amplitude is meant, {shown(silent)} does not: write peak, "
+            "rms or p-p into its head"
+        )
 
 
 def _signs(cells: Cells, form: Form, loss: FloatArray) -> list[str]:
@@ -183,8 +196,8 @@ def _signs(cells: Cells, form: Form, loss: FloatArray) -> list[str]:
     if len(rows) == np.isfinite(loss).sum():
         raise TableError(
             f"{cells.where}: {name} makes the loss negative in all rows: K'' of a passive specimen is positive "
-            "with e^{+jωt}; a phase is of the force ahead of the motion, or of the ratio: reverse the sign in the "
-            "file"
+            "with e^{+jωt}; a phase is of the force ahead of the motion, or of the ratio: reverse the sign "
+            f'in the file, or state --column "{role}=-{form.columns[role].column.name}"'
         )
     return [f"{name}: the loss is negative in {rows_named(rows)}"]
 

@@ -31,7 +31,7 @@ from fourpole.io.tables.columns import (
     unread,
 )
 from fourpole.io.tables.forms import QUANTITIES, Form, check, contradictions, forms_in, rows_named, value
-from fourpole.io.tables.labels import joined, labels_in, wide
+from fourpole.io.tables.labels import joined, labels_in, measured
 from fourpole.io.tables.responses import MeasuredResponse, read_response
 from fourpole.io.tables.vocabulary import readings
 from fourpole.models.shape import Shape
@@ -241,7 +241,7 @@ def _together(tables: Sequence[KStarTable], left: Sequence[str]) -> KStarTable:
 
 
 def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions) -> KStarTable:
-    cells = wide(cells)
+    cells = measured(cells)
     found = taken(cells, stated, _ROLES)
     turns = [one for one in found if one.role == "frequency"]
     if not turns:
@@ -276,7 +276,9 @@ def _understood(cells: Cells, stated: Sequence[Statement], options: TableOptions
         warnings=remarks,
         std=std,
         further=further,
-        labels=tuple(one.head for one in labels_in(cells)[1]),
+        labels=tuple(
+            one.head for one in labels_in(cells)[1] if id(one) not in {id(each.column) for each in [*used, *kept]}
+        ),
     )
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from fourpole.errors import TableError
-from fourpole.io.names import listed
 from fourpole.io.tables.cells import Cells, Column, tables_in
 from fourpole.io.tables.vocabulary import plain, readings
 from fourpole.units import shown
@@ -27,7 +26,10 @@ def cells_of(column: Column) -> list[str]:
 
 
 def labels_in(cells: Cells) -> tuple[list[Column], list[Column]]:
-    """The columns whose words, of several, name a specimen, direction or batch; and those of words of no known kind."""
+    """The columns whose words, of several, name a specimen, direction or batch; and those of no known kind.
+
+    The latter are columns of words, and those of numbers that have few values, each in several rows.
+    """
     known, other = list[Column](), list[Column]()
     for column in cells.columns:
         kinds = _kinds(column)
@@ -36,14 +38,22 @@ def labels_in(cells: Cells) -> tuple[list[Column], list[Column]]:
         numbered = column.unit is None and not np.any(np.nan_to_num(column.values) % 1)
         if kinds & {"specimen", "apart"} and (column.words or numbered):
             known.append(column)
-        elif column.words and not kinds:
+        elif not kinds and (column.words or (not column.bad and _is_stepped(column))):
             other.append(column)
     return known, other
+
+
+def _is_stepped(column: Column) -> bool:
+    """Whether a column of numbers has few values, each in several rows, as a condition has."""
+    _, counts = np.unique(column.values[np.isfinite(column.values)], return_counts=True)
+    return counts.size > 1 and bool(np.all(counts > 1))
 
 
 def _kinds(column: Column) -> set[str]:
     """Kinds of label that a head names: specimen, apart, repeat, or part of a curve."""
     words = {*words_of(column.name), plain(column.name)}
+    if {one.casefold() for one in cells_of(column) if one} <= _WORDS["branch"]:
+        return {"part"}
     return {kind for kind, known in _WORDS.items() if known & words}
 
 
@@ -88,12 +98,15 @@ def one_label(cells: Cells) -> list[str]:
     if known:
         names = [*dict.fromkeys(joined(known))]
         heads = " and ".join(shown(one.head) for one in known)
-        raise TableError(f"{cells.where}: {heads} tell {len(names)} sets of rows apart: name one with --group"
-                         f"{listed(names, names[0])}")  # fmt: skip
+        raise TableError(
+            f"{cells.where}: {len(names)} sets of rows are told apart by {heads}: name one of them with --group: "
+            f"{first_of(names, 8)}"
+        )
     return [
         f"column {shown(one.head)} has the words {first_of([*dict.fromkeys(cells_of(one))], 3)}: all rows are taken "
         "together; where they are of several curves, leave one in the file"
         for one in other
+        if one.words
     ]
 
 
@@ -109,6 +122,44 @@ def _rows(cells: Cells, rows: Sequence[int], group: str) -> Cells:
         for one in cells.columns
     )
     return replace(cells, group=group, columns=columns, lines=[cells.lines[at] for at in rows])
+
+
+def measured(cells: Cells) -> Cells:
+    """The measured rows of a table: without those of a mean or deviation, blank names of merged cells filled.
+
+    Quantities in long form become columns.
+    """
+    return wide(_without_summaries(_filled(cells)))
+
+
+def _filled(cells: Cells) -> Cells:
+    """The table with the name of a specimen or batch in each row below the one that states it."""
+    columns, remarks = list(cells.columns), []
+    for at, column in enumerate(columns):
+        if column.words and column.words[0] and "" in column.words and _kinds(column) & {"specimen", "apart"}:
+            names = [*column.words]
+            for row in range(1, len(names)):
+                names[row] = names[row] or names[row - 1]
+            columns[at] = replace(column, words=tuple(names))
+            remarks.append(f"blank cells of column {shown(column.head)} have the name above them")
+    return replace(cells, columns=tuple(columns), remarks=(*cells.remarks, *remarks)) if remarks else cells
+
+
+def _without_summaries(cells: Cells) -> Cells:
+    """The table without rows whose words say that they are means, deviations or counts of the others."""
+    for column in cells.columns:
+        if not column.words and not column.bad:
+            continue
+        words = [one.casefold().strip(" .:") for one in cells_of(column)]
+        lost = [at for at, one in enumerate(words) if one in _WORDS["summary"] | _WORDS["mean"]]
+        if lost and 2 * len(lost) > len(words):  # a table of means and deviations
+            lost = [at for at in lost if words[at] not in _WORDS["mean"]]
+        if lost and len(lost) < len(words):
+            lines = first_of([str(cells.lines[at]) for at in lost], 6)
+            said = first_of([*dict.fromkeys(words[at] for at in lost)], 4)
+            kept = _rows(cells, [at for at in range(len(words)) if at not in {*lost}], cells.group)
+            return _without_summaries(replace(kept, remarks=(*kept.remarks, f"rows {lines} were left out: {said}")))
+    return cells
 
 
 def wide(cells: Cells) -> Cells:

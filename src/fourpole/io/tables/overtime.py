@@ -17,7 +17,7 @@ from fourpole.io.tables.cells import Cells, tables_in
 from fourpole.io.tables.columns import Statement, Taken, bad_cells, check_units, chosen, said_of, statements, taken
 from fourpole.io.tables.forms import Form
 from fourpole.io.tables.kstar import NO_SHAPE, TableOptions, factor_of, further_of
-from fourpole.io.tables.labels import wide
+from fourpole.io.tables.labels import measured
 from fourpole.io.tables.vocabulary import ROLES
 
 _QUANTITIES = ("relaxation", "compliance")
@@ -86,7 +86,7 @@ def read_over_time(path: AnyPath, options: TableOptions | None = None) -> TimeTa
         tables = [] if _is_uff(path) else tables_in(Path(path), group=options.group)
     except TableError:  # whoever reads it as a table of K* says what is wrong
         return None
-    for cells in map(wide, tables):
+    for cells in map(measured, tables):
         found = taken(cells, stated, _ROLES)
         roles = {one.role for one in found}
         if "frequency" not in roles and "time" in roles and roles & set(_QUANTITIES):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +25,16 @@ from fourpole.io.tables.columns import (
     taken,
     unread,
 )
-from fourpole.io.tables.labels import labelled, one_label
+from fourpole.io.tables.labels import labelled, measured, one_label
 from fourpole.io.tables.vocabulary import ROLES
 from fourpole.units import shown
+from fourpole.words.heads import words_of
 
 #: Roles that may stand in for another; how far its least value goes beyond its largest if a load has the other sign.
 _INSTEAD, _MOSTLY = {"deflection": "radius"}, 2.0
+#: Words of a head that say which branch a load is of.
+_LOADING = frozenset({"loading", "up", "belastung", "hin", "加载", "負荷"})
+_UNLOADING = frozenset({"unloading", "unload", "down", "entlastung", "décharge", "rück", "卸载", "除荷"})
 _Pair = tuple[FloatArray, FloatArray, list[str], list[str]]
 """Two columns in SI, not-a-number where a row has no value, how they were read, and warnings."""
 
@@ -156,7 +160,9 @@ def _read(
 
 
 def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement]) -> _Pair:
+    cells = measured(cells)
     remarks = one_label(cells)
+    cells = _one_below_the_other(cells)
     found = taken(cells, stated, (*roles, *(_INSTEAD[role] for role in roles if role in _INSTEAD)))
     used = []
     for role in roles:
@@ -173,6 +179,23 @@ def _understood(cells: Cells, roles: tuple[str, str], stated: Sequence[Statement
     if not np.isfinite(first + second).any():
         raise TableError(f"{cells.where}: no row has a {roles[1]} and a {roles[0]}")
     return first, second, said_of(cells, used), [*cells.remarks, *bad_cells(cells, used), *turned, *remarks]
+
+
+def _one_below_the_other(cells: Cells) -> Cells:
+    """The table with two columns of the load, of loading and unloading side by side, as one cycle."""
+    ways = [[one for one in cells.columns if {*words_of(one.name)} & words] for words in (_LOADING, _UNLOADING)]
+    if any(len(one) != 1 or one[0].words for one in ways) or ways[0] == ways[1]:
+        return cells
+    (up,), (down,) = ways
+    rows = [*range(len(cells.lines)), *reversed(range(len(cells.lines)))]
+    columns = [
+        replace(one, values=np.concatenate([one.values, (down if one is up else one).values[::-1]]), bad=())
+        for one in cells.columns
+        if not one.words and one is not down
+    ]
+    remark = f"{shown(up.head)} and {shown(down.head)} are taken as one cycle"
+    lines = [cells.lines[at] for at in rows]
+    return replace(cells, columns=tuple(columns), lines=lines, remarks=(*cells.remarks, remark))
 
 
 def _oriented(first: Taken, second: Taken) -> tuple[FloatArray, FloatArray, list[str]]:

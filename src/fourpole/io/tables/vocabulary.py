@@ -113,7 +113,7 @@ def _readings() -> dict[str, list[tuple[str, str]]]:
         for letter, words in letters.items():
             for word in words.split():
                 found.setdefault(plain(word), []).append((role, letter))
-        for letter in "KGEc":
+        for letter in "KGEMc":
             for form in _TABLES["symbols"][role].split():
                 found.setdefault(plain(form.format(letter)), []).append((role, letter.replace("c", "K")))
     found.update({"kprime": [("storage", "K")], "kdoubleprime": [("loss", "K")]})
@@ -129,6 +129,9 @@ _WRITTEN = sorted(
     (word for some in (*_PARTS.values(), *_OF.values(), _FILLING) for word in some), key=len, reverse=True
 )
 _IN_HAN = re.compile("|".join(re.escape(word) for word in _WRITTEN if word > "\u3000"))
+_STDS, _MEANS = (frozenset(_TABLES["labels"][key].split()) for key in ("std", "mean"))
+#: Patterns of how a head states an amplitude, with the amplitude from 0 to the peak of one of it.
+_AMPLITUDES = {kind: (re.compile(pattern), factor) for kind, (pattern, factor) in _TABLES["amplitudes"].items()}
 #: Roles of the parts of a ratio of motion and force, and of a transmissibility; "" is one without a word for its part.
 _RATIO = {"storage": "R", "loss": "I", "magnitude": "ratio", "angle": "angle", "": "ratio"}
 _TR = {"storage": "Re(TR)", "loss": "Im(TR)", "magnitude": "TR", "angle": "angle", "": "TR"}
@@ -145,6 +148,12 @@ def readings(name: str) -> list[tuple[str, str]]:
     >>> readings("储能模量"), readings("Speichermodul (E′)"), readings("u(K'')"), readings("tan(δ)")
     ([('storage', 'M')], [('storage', 'E')], [('u(loss)', 'K')], [('tan', '')])
     """
+    *rest, last = name.replace("_", " ").split() or [""]
+    if rest and last.casefold() in (*_STDS, *_MEANS):
+        found = readings(" ".join(rest))
+        return (
+            found if last.casefold() in _MEANS else [(f"u({role})", of) for role, of in found if f"u({role})" in ROLES]
+        )
     text = plain(name)
     if text.startswith("u(") and text.endswith(")"):
         inner = _READINGS.get(text[2:-1], [])
@@ -196,6 +205,18 @@ def _of_words(name: str) -> list[tuple[str, str]]:
         sharp = [letter for letter in letters if letter in "GE"] or letters
         return [(role, sharp[0])] if len(sharp) == 1 else []
     return [(role, "K"), (role, "M"), (_RATIO[role], "")]
+
+
+def amplitude_of(head: str) -> tuple[str, float]:
+    """How a head states an amplitude (rms, pp, peak, or empty), and the amplitude from 0 to the peak of one of it.
+
+    Examples
+    --------
+    >>> amplitude_of("F_pp_N"), amplitude_of("Force (N rms)")[0], amplitude_of("x [mm]")
+    (('pp', 0.5), 'rms', ('', 1.0))
+    """
+    text = head.casefold()
+    return next(((kind, factor) for kind, (form, factor) in _AMPLITUDES.items() if form.search(text)), ("", 1.0))
 
 
 def channel_roles(name: str) -> list[str]:
