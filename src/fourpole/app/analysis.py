@@ -13,7 +13,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.answer import Answer
 from fourpole.app import events
-from fourpole.app.check import gathered_alike
+from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import (
