@@ -116,9 +116,10 @@ def _outcome(
         },
         code=SOME_REJECTED if study.counts[Verdict.REJECTED] else OK,
     )
-    read = all(one is None or name in study.sha256 for name, one in inputs.items())
+    hashes = study.sha256
+    read = all(one is None or name in hashes for name, one in inputs.items())
     if read and is_complete(results) and not _PASSING.intersection(study.checks[CODE.head].to_list()):
-        note_standing(campaign, results, settings, inputs, study.sha256, outcome)
+        note_standing(campaign, results, settings, inputs, hashes, outcome)
     return study, outcome
 
 
