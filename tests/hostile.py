@@ -27,6 +27,7 @@ from functools import cache, partial
 from pathlib import Path
 
 import polars as pl
+from tests.entries import entries_of, put_entries
 from tests.forked import Commands, Run, called, commands
 from tests.selection import share, turn
 
@@ -249,10 +250,10 @@ def deep(campaign: Path) -> None:
 
 def exchanged(campaign: Path) -> None:
     """Entries of the cache that stand for each other's recordings, of results that are gone."""
-    entries = sorted((campaign / "results" / "cache").glob("*.fpp"))
-    contents = [entry.read_bytes() for entry in entries]
-    for entry, content in zip(entries, contents[1:] + contents[:1], strict=True):
-        entry.write_bytes(content)
+    cache = campaign / "results" / "cache"
+    entries = entries_of(cache)
+    contents = list(entries.values())
+    put_entries(cache, dict(zip(entries, contents[1:] + contents[:1], strict=True)))
     (campaign / "results" / "cache" / "standing.json").unlink()
 
 

@@ -186,7 +186,6 @@ WORST = {
     "served/figures._CARD": ("", 'xlink:href="#-"', ""),
     "served/workspace._key": ("", "Ee", ","),
     "served/workspace.new_folder": ("", "{", "'\x00"),
-    "study/cache._ENTRY": ("", "a", ""),
     "study/cache._LINE": ("", "a ", ""),
     "study/cache._FORMER": ("", "a", ""),
     "study/repeated._NUMBER": ("", "-199e+99", "é"),

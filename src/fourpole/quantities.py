@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import pi
 from typing import Any, Literal
 
@@ -84,12 +85,12 @@ class Quantity:
         object.__setattr__(self, "more", self.more or f"has the larger {self.column}")
         object.__setattr__(self, "start", self.start or f"{self.column[:1].upper()}{self.column[1:]}")
 
-    @property
+    @cached_property
     def head(self) -> str:
         """Head of the column."""
         return self._headed(self.column)
 
-    @property
+    @cached_property
     def u_head(self) -> str:
         """Head of the column of its standard uncertainty."""
         return self._headed(f"u({self.u_column})")
@@ -99,7 +100,7 @@ class Quantity:
         """Head of its standard uncertainty with the errors that all rows share, where `u_head` is without."""
         return self._headed(f"u({self.column}) with shared errors")
 
-    @property
+    @cached_property
     def heads(self) -> tuple[str, str]:
         """Heads of the value and of its standard uncertainty."""
         return self.head, self.u_head
@@ -149,10 +150,8 @@ _USUAL = {
     "m": ("mm", 1e-3),
     "m/s": ("mm/s", 1e-3),
     "m/(N s)": ("mm/(N s)", 1e-3),
-    "rad": ("°", pi / 180),
-    "degC": ("°C", 1.0),
-    "1": ("", 1.0),
-}
+    "rad": ("°", pi / 180), "degC": ("°C", 1.0), "1": ("", 1.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import time
 import numpy as np
 import polars as pl
 import pytest
+from tests.entries import entries_of
 
 from fourpole.io.packed import unpack
 from fourpole.study import cache as cache_room
@@ -377,7 +378,7 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
     process = start(*command)
     try:
         cache = campaign / "results" / "cache"
-        while not (cache.is_dir() and sum(1 for _ in cache.glob("*.fpp")) > 2):
+        while not len(entries_of(cache)) > 2:
             assert process.poll() is None, "it was done before it could be interrupted"
             time.sleep(0.01)
         process.send_signal(signal.SIGINT)
@@ -391,14 +392,13 @@ def test_an_interrupted_run_ends_at_once_and_the_next_one_completes_it(start, ru
     assert err.splitlines() == [said]
     # no table, whole or half, and no leftovers of writing
     assert [path.name for path in (campaign / "results").iterdir()] == ["cache"]
-    done = list(cache.glob("*.fpp"))
+    done = entries_of(cache)
     assert 2 < len(done) < 15
-    assert all(unpack(path.read_bytes(), (*cache_room._CLASSES, *static.CURVE_CLASSES)) is not None for path in done)
-    written = {path: path.stat().st_mtime_ns for path in done}
+    assert all(unpack(content, (*cache_room._CLASSES, *static.CURVE_CLASSES)) for _, content in done.values())
 
     again = run(*command)
     assert (again.exit_code, errors(again)) == (0, [])
-    assert {path: path.stat().st_mtime_ns for path in done} == written
+    assert list(entries_of(cache).items())[: len(done)] == list(done.items())
     for name in ("static.csv", "dynamic.csv"):
         places = (campaign / "results", tmp_path / "all")
         found, undisturbed = ((place / name).read_text() for place in places)

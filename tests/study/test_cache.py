@@ -7,6 +7,7 @@ import zlib
 
 import pytest
 from tests.conftest import Folder
+from tests.entries import entries_of, put_entries
 
 from fourpole.campaign import read_campaign
 from fourpole.core.loadcurve import LoadCurve
@@ -144,14 +145,17 @@ def test_a_lost_or_cut_index_costs_the_recordings_not_the_tables(kept, demodulat
 def test_what_no_run_uses_any_more_is_deleted(kept, monkeypatch):
     noisy, _ = kept
     monkeypatch.setattr(cache, "_RUNS", 2)
-    names = {path.name for path in (noisy.path / "kept").glob("*.fpp") if b"LoadCurve" not in path.read_bytes()}
-    (noisy.path / "kept" / f"{'a' * 40}.json").write_text("{}")
+    monkeypatch.setattr(cache, "_DELETED", 0.0)
+    names = {name for name, (_, content) in entries_of(noisy.path / "kept").items() if b"LoadCurve" not in content}
+    for former in (f"{'a' * 40}.json", f"{'a' * 40}.fpp"):
+        (noisy.path / "kept" / former).write_text("{}")
     noisy.edit("campaign.toml", "gain = 1.02", "gain = 1.03")
     again(noisy)
-    assert names <= {path.name for path in (noisy.path / "kept").glob("*.fpp")}
+    assert names <= set(entries_of(noisy.path / "kept"))
     again(noisy)
-    left = {path.name for path in (noisy.path / "kept").iterdir()}
-    assert len(left) == 6  # four recordings, one static curve and the index
+    assert sorted(path.name for path in (noisy.path / "kept").iterdir()) == ["index.jsonl", "kept.fpp"]
+    left = set(entries_of(noisy.path / "kept"))
+    assert len(left) == 5  # four recordings and one static curve
     assert not names & left
 
 
@@ -160,7 +164,7 @@ def test_a_cache_that_is_too_large_loses_what_was_used_longest_ago(kept, monkeyp
     monkeypatch.setattr(cache, "_MOST", 1)
     noisy.edit("campaign.toml", "gain = 1.02", "gain = 1.03")
     again(noisy)
-    assert len(list((noisy.path / "kept").glob("*.fpp"))) == 5
+    assert len(entries_of(noisy.path / "kept")) == 5
 
 
 @pytest.mark.parametrize(
@@ -203,12 +207,12 @@ def test_a_damaged_cache_is_worked_out_again(kept, demodulated, content):
     assert sorted(demodulated) == ALL
 
 
-def test_a_file_cut_short_is_worked_out_again(kept, demodulated):
+def test_what_is_cut_off_is_worked_out_again(kept, demodulated):
     noisy, first = kept
-    for path in (noisy.path / "kept").iterdir():
-        path.write_bytes(path.read_bytes()[:-200])
+    path = noisy.path / "kept" / "kept.fpp"
+    path.write_bytes(path.read_bytes()[:-200])
     assert again(noisy).dynamic.equals(first.dynamic)
-    assert sorted(demodulated) == ALL
+    assert demodulated == ["recordings/D4.csv"]
 
 
 def test_a_curve_that_is_read_again_unchanged_is_not_written_again(noisy):
@@ -225,36 +229,33 @@ def test_a_curve_that_is_read_again_unchanged_is_not_written_again(noisy):
         return curve
 
     read(verify=False)
-    (entry,) = folder.glob("*.fpp")
+    entry = folder / "kept.fpp"
     os.utime(entry, ns=(10**9, 10**9))
     read(verify=True)
     assert entry.stat().st_mtime_ns == 10**9
     entry.write_bytes(b"damaged")
     assert isinstance(read(verify=True), LoadCurve)
-    assert entry.read_bytes() != b"damaged"
+    assert len(entries_of(folder)) == 1
 
 
 # --- what others put there -------------------------------------------------------------------------------------------
 
 
-def entries(folder):
-    return sorted(folder.glob("*.fpp"), key=lambda path: path.read_bytes())
-
-
 def rotate(folder):
     """Each entry has the content of the next one."""
-    paths = entries(folder)
-    contents = [path.read_bytes() for path in paths]
-    for path, content in zip(paths, [*contents[1:], contents[0]], strict=True):
-        path.write_bytes(content)
+    entries = entries_of(folder)
+    contents = list(entries.values())
+    put_entries(folder, dict(zip(entries, [*contents[1:], contents[0]], strict=True)))
 
 
 def edit_amplitudes(folder):
     """Each entry has other numbers, and the checksum of them."""
-    for path in entries(folder):
-        body = bytearray(path.read_bytes()[8:])
-        body[-60] ^= 0x40
-        path.write_bytes(b"FPP1" + zlib.crc32(body).to_bytes(4, "little") + body)
+    entries = entries_of(folder)
+    for name, (signed, content) in entries.items():
+        body = bytearray(content[8:])
+        body[-28] ^= 0x40
+        entries[name] = signed, b"FPP1" + zlib.crc32(body).to_bytes(4, "little") + body
+    put_entries(folder, entries)
 
 
 def exchange_hashes(folder):
@@ -340,23 +341,23 @@ def test_an_index_goes_on_after_a_run_that_was_killed(kept, demodulated, monkeyp
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes among the files here")
-@pytest.mark.parametrize("name", ["index.jsonl", "entry"])
+@pytest.mark.parametrize("name", ["index.jsonl", "kept.fpp"])
 @pytest.mark.parametrize("place", ["fifo", "link", "hard link", "folder"])
 @pytest.mark.sampled(4)
 def test_nothing_is_read_from_or_written_to_what_is_no_file_of_the_cache(kept, tmp_path, name, place):
     noisy, first = kept
     outside = tmp_path / "precious"
     outside.write_text("mine\n")
-    for path in [noisy.path / "kept" / name] if name != "entry" else entries(noisy.path / "kept"):
-        path.unlink()
-        if place == "fifo":
-            os.mkfifo(path)
-        elif place == "link":
-            path.symlink_to(outside)
-        elif place == "hard link":
-            path.hardlink_to(outside)
-        else:
-            path.mkdir()
+    path = noisy.path / "kept" / name
+    path.unlink()
+    if place == "fifo":
+        os.mkfifo(path)
+    elif place == "link":
+        path.symlink_to(outside)
+    elif place == "hard link":
+        path.hardlink_to(outside)
+    else:
+        path.mkdir()
     noisy.cells("D3", slice(0, 1), 3, "0.0001")
     fresh = noisy.analyse(route="mobility")
     assert again(noisy).dynamic.equals(fresh.dynamic)

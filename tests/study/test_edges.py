@@ -262,11 +262,10 @@ def hashed(size):
 
 def kept(age=1, size=1):
     """Whether a reduced recording of a size [byte] is kept that this many runs have not used."""
-    name = f"{0:040x}.fpp"
-    file = MagicMock(**{"stat.return_value.st_size": size})
-    file.name = name
-    made = SimpleNamespace(_folder=MagicMock(), _used={name: 0}, _run=age)
-    with patch.object(cache.os, "scandir", lambda folder: [file]):
+    name = f"{0:040x}"
+    entries = MagicMock(sizes={name: size}, size=size)
+    made = SimpleNamespace(_folder=MagicMock(), _entries=entries, _used={name: 0}, _run=age)
+    with patch.object(cache.os, "scandir", lambda folder: []):
         cache.Cache._prune(made)
     return name in made._used
 

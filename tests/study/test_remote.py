@@ -8,6 +8,7 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 
 import pytest
+from tests.entries import entries_of
 from typer.testing import CliRunner
 
 from fourpole.app.cli import app
@@ -104,9 +105,9 @@ def test_recordings_of_a_server_give_the_same_tables(noisy, bucket):
     assert found.dynamic.equals(before.dynamic)
     assert found.static.equals(before.static)
     assert found.sha256["s3://rig/2026/warm tests/D2.csv"] == before.sha256[ROW]
-    entries = {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")}
+    entries = entries_of(kept)
     assert noisy.analyse(route="mobility", cache=kept).dynamic.equals(before.dynamic)
-    assert {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")} == entries
+    assert entries_of(kept) == entries
 
 
 @pytest.mark.sampled(4)

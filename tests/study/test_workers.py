@@ -15,6 +15,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from tests.entries import entries_of
 from tests.processes import environment
 from typer.testing import CliRunner
 
@@ -179,16 +180,16 @@ def test_a_run_that_is_stopped_in_mid_batch_is_gone_on_with(hurting, number, cod
         [*command, "--tables-only"], stderr=subprocess.PIPE, text=True, start_new_session=True, env=environment()
     )
     kept = folder.path / "results" / "cache"
-    wait_for(lambda: len(list(kept.glob("*.fpp"))) == 4)  # one static curve, three recordings
+    wait_for(lambda: len(entries_of(kept)) == 4)  # one static curve, three recordings
     (os.killpg if number == signal.SIGINT else os.kill)(running.pid, number)
     _, said = running.communicate(timeout=10)
     assert running.returncode == code
     assert "what is kept is not done twice" in said or number == signal.SIGKILL
     assert not list(folder.path.glob("results/*.csv"))
     wait_for(lambda: not alive(running.pid))
-    before = {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")}
+    before = entries_of(kept)
     assert folder.analyse(route="mobility", cache=kept, time_limit=0.5).counts["rejected"] == 1
-    assert {path: path.stat().st_mtime_ns for path in kept.glob("*.fpp")} == before
+    assert entries_of(kept) == before
 
 
 def wait_for(what, seconds=60.0):

@@ -13,7 +13,7 @@ import polars as pl
 from fourpole import quantities as q
 from fourpole.answer import Answer
 from fourpole.app import events
-from fourpole.app.check import gathered_alike
+from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, say, warn
 from fourpole.app.options import RunOptions, Wanted
 from fourpole.app.standing import (
@@ -116,9 +116,10 @@ def _outcome(
         },
         code=SOME_REJECTED if study.counts[Verdict.REJECTED] else OK,
     )
-    read = all(one is None or name in study.sha256 for name, one in inputs.items())
+    hashes = study.sha256
+    read = all(one is None or name in hashes for name, one in inputs.items())
     if read and is_complete(results) and not _PASSING.intersection(study.checks[CODE.head].to_list()):
-        note_standing(campaign, results, settings, inputs, study.sha256, outcome)
+        note_standing(campaign, results, settings, inputs, hashes, outcome)
     return study, outcome
 
 

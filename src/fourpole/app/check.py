@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from fourpole import quantities as q
 from fourpole.answer import Answer, Part, Table
+from fourpole.app.alike import gathered_alike
 from fourpole.app.console import OK, SOME_REJECTED, counted_tests, progress, warn
 from fourpole.app.options import MassOptions
 from fourpole.campaign import Campaign, read_campaign
@@ -22,49 +23,6 @@ from fourpole.report.digits import spread
 from fourpole.study.check import CampaignProblem, Checked, check_campaign
 from fourpole.study.identify import no_rig, possible_route
 from fourpole.words import first_of
-
-#: Tests with the same remark that are named.
-_MOST_ALIKE = 6
-
-
-@dataclass(frozen=True)
-class Alike:
-    """Tests whose remarks are of one kind: their names, and the remark of the first."""
-
-    names: list[str]
-    remark: str
-    same: bool
-
-    @property
-    def tests(self) -> str:
-        """The number of tests and their names, or the name of the only one."""
-        named = first_of(self.names, _MOST_ALIKE)
-        return named if len(self.names) == 1 else f"{len(self.names)} tests ({named})"
-
-    @property
-    def text(self) -> str:
-        """The remark, and whose it is."""
-        return self.remark if self.same else f"{self.remark} (this is {self.names[0]})"
-
-
-def gathered_alike(remarks: Iterable[tuple[str, Hashable, str]]) -> list[Alike]:
-    """The remarks of some tests, each as name, kind and text, those of more tests first.
-
-    Examples
-    --------
-    >>> [alike] = gathered_alike([("D1", "off", "2.1 % off"), ("D2", "off", "3 % off")])
-    >>> alike.tests, alike.text
-    ('2 tests (D1, D2)', '2.1 % off (this is D1)')
-    """
-    groups: dict[Hashable, dict[str, list[str]]] = {}
-    for name, kind, text in remarks:
-        groups.setdefault(kind, {}).setdefault(name, []).append(text)
-    found = []
-    for members in groups.values():
-        texts = [text for of_name in members.values() for text in of_name]
-        found.append(Alike(list(members), texts[0], len(set(texts)) == 1))
-    return sorted(found, key=lambda alike: -len(alike.names))
-
 
 _MOST_NAMED = 4
 _MOST_PROBLEMS = 60

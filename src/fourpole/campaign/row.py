@@ -9,12 +9,15 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from math import nan
+from typing import TYPE_CHECKING
 
 from fourpole import quantities as q
 from fourpole import units
-from fourpole.campaign.schema import CampaignFile
 from fourpole.core.condition import Condition, Sameness
 from fourpole.errors import CampaignError, Message, UnitError
+
+if TYPE_CHECKING:
+    from fourpole.campaign.schema import CampaignFile
 
 #: Kind of quantity and allowed sign of each column of numbers, by the name of the column.
 QUANTITIES: dict[str, tuple[str, str]] = {

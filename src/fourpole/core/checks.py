@@ -8,6 +8,7 @@ those of an identified point; `fourpole.study.agreement` those of a condition.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
 from math import inf, nan
@@ -141,7 +142,9 @@ class Code(Enum):
     @classmethod
     def read(cls, text: str) -> Code | None:
         """The code with this name on disk; None if no code has it."""
-        return next((code for code in cls if code.value == text), None)
+        with suppress(ValueError):
+            return cls(text)
+        return None
 
 
 #: Checks of K1, which K2 and C need, and of the damped arm that they are.
@@ -272,7 +275,10 @@ def worst_verdict(verdicts: Iterable[str]) -> Verdict:
     >>> worst_verdict(["ok", "rejected", "warning"])
     'rejected'
     """
-    return max(map(Verdict.read, verdicts), key=lambda verdict: verdict.rank, default=Verdict.OK)
+    kinds = set(verdicts)
+    if not kinds.issubset(VERDICTS):
+        return Verdict.REJECTED
+    return next((verdict for verdict in reversed(VERDICTS) if verdict in kinds), Verdict.OK)
 
 
 def reported(

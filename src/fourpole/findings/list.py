@@ -185,11 +185,12 @@ def _doubts(checks: Sequence[CheckRow], verdict: str, remarks: str) -> Sequence[
 def checks_by_point(checks: pl.DataFrame) -> dict[Key, list[CheckRow]]:
     """The rows of checks.csv that are not plainly ok, by test and point; empty if the results have no checks.csv."""
     by_point: dict[Key, list[CheckRow]] = {}
+    if checks.height:
+        checks = checks.filter(pl.col(q.VERDICT.head).ne_missing(Verdict.OK) | pl.col(q.STATISTIC.head).is_null())
     for key, row in zip(keys_of(checks), checks.rows(named=True), strict=True):
-        if row[q.VERDICT.head] != Verdict.OK or row[q.STATISTIC.head] is None:
-            texts = (row[q.REMEDY.head] or "", row[q.CHANNEL.head] or "", row.get(q.VALUES.head) or "")
-            check = CheckRow(Verdict.read(row[q.VERDICT.head]), Code.read(row[q.CODE.head]), *texts)
-            by_point.setdefault(key, []).append(check)
+        texts = (row[q.REMEDY.head] or "", row[q.CHANNEL.head] or "", row.get(q.VALUES.head) or "")
+        check = CheckRow(Verdict.read(row[q.VERDICT.head]), Code.read(row[q.CODE.head]), *texts)
+        by_point.setdefault(key, []).append(check)
     return by_point
 
 

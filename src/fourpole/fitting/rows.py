@@ -109,8 +109,8 @@ def key_of(row: Mapping[str, Any]) -> Key:
 
 def keys_of(table: pl.DataFrame) -> list[Key]:
     """Test and point of each row."""
-    held = [table[head].to_list() if head in table.columns else [None] * table.height for head in KEY]
-    return [key_of(dict(zip(KEY, row, strict=True))) for row in zip(*held, strict=True)]
+    tests, points = (table[head].to_list() if head in table.columns else [None] * table.height for head in KEY)
+    return [(str(test or ""), int(point or 1)) for test, point in zip(tests, points, strict=True)]
 
 
 def tyre_columns(found: Identification | Answer) -> dict[str, FloatArray]:

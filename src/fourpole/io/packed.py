@@ -54,17 +54,6 @@ def pack(value: Any) -> bytes:
     return _MARK + zlib.crc32(body).to_bytes(4, "little") + body
 
 
-def extended(packed: bytes, tail: bytes) -> bytes:
-    """Packed bytes with further bytes at their end, which `unpack` passes over.
-
-    Examples
-    --------
-    >>> unpack(extended(pack([1.5]), b"a signature"))
-    [1.5]
-    """
-    return _MARK + zlib.crc32(tail, int.from_bytes(packed[4:8], "little")).to_bytes(4, "little") + packed[8:] + tail
-
-
 def unpack(content: bytes | bytearray, classes: Iterable[type] = ()) -> Any:
     """The value of some bytes; arrays share their memory, and can be written if it is that of a bytearray.
 

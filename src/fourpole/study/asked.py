@@ -35,11 +35,11 @@ def verdict_columns(campaign: Campaign, points: Points) -> dict[q.Quantity, list
     }
     stated = Asked.ARM in campaign.stated.analysis.quantities
     for asked, checks in zip(_asked(campaign, points), points.checks, strict=True):
-        counted = [check for check in checks if stated or not _says_no_arm(check)]
-        columns[q.VERDICT].append(worst_verdict(check.verdict for check in counted))
+        bearing = [(check.code.quantity, check.verdict) for check in checks]
+        columns[q.VERDICT].append(worst_verdict(check.verdict for check in checks if stated or not _says_no_arm(check)))
         columns[q.REMARKS].append("; ".join(dict.fromkeys(filter(None, map(remark_of, checks)))))
         for quantity, column in _COLUMNS.items():
-            verdicts = [check.verdict for check in _bearing(checks, {quantity})]
+            verdicts = (verdict for on, verdict in bearing if on in (Asked.STIFFNESS, quantity))
             columns[column].append(worst_verdict(verdicts) if quantity in asked else "")
     return columns
 

@@ -1,12 +1,12 @@
 """The cache of demodulated recordings: an interrupted analysis continues from it, and so does one with another rig.
 
-A file of the cache is found by the content of the recording and by the settings that its demodulation depends on:
-neither the rig nor an uncertainty is among them. The index notes size, time of change and inode of each recording, with
-the hash of its content. A recording that is as noted is not opened; of one that differs, the hash decides. Only the
-process that analyses writes here.
+An entry of the cache is found by the content of the recording and by the settings that its demodulation depends on:
+neither the rig nor an uncertainty is among them. All entries are in one file. The index notes size, time of change and
+inode of each recording, with the hash of its content. A recording that is as noted is not opened; of one that differs,
+the hash decides. Only the process that analyses writes here.
 
-Each file and each line of the index has the signature of the user. What another user kept, what was edited or exchanged
-is ignored without a word: the recording is reduced again.
+Each entry and each line of the index has the signature of the user. What another user kept, what was edited or
+exchanged is ignored without a word: the recording is reduced again.
 """
 
 from __future__ import annotations
@@ -34,25 +34,28 @@ from fourpole.core.spectra.excited import Excited
 from fourpole.errors import FileError, FourpoleError
 from fourpole.io.door import read_bytes
 from fourpole.io.identity import Identity
-from fourpole.io.packed import extended, pack, unpack
+from fourpole.io.packed import pack, unpack
+from fourpole.io.records import Records
 from fourpole.io.remote import is_elsewhere
 from fourpole.io.signature import LENGTH, is_signed, signature
 from fourpole.io.write import write_bytes
 from fourpole.study.points import Demodulated
 
-#: This number is raised whenever demodulation or its checks change, so that older files of the cache are not used.
+#: This number is raised whenever demodulation or its checks change, so that older entries are not used.
 _VERSION = 19
-_INDEX = "index.jsonl"
+_INDEX, _ENTRIES = "index.jsonl", "kept.fpp"
 #: The index is appended without following a link, and without waiting for who reads a pipe.
 _APPEND = os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-#: Files of the cache, and those of earlier versions of it.
-_ENTRY, _FORMER = re.compile(r"[0-9a-f]{40}\.fpp"), re.compile(r"[0-9a-f]{40}\.json")
-#: A file that was not used in this number of runs is deleted, and so are those used longest ago above this size [byte].
+#: Files of earlier versions of the cache.
+_FORMER = re.compile(r"[0-9a-f]{40}\.(json|fpp)")
+#: An entry that was not used in this number of runs is deleted, and so are those used longest ago above a size [byte].
 _RUNS, _MOST = 10, 2_000_000_000
-#: Largest file of the cache, the index too [byte].
+#: Share of the file that deleted entries may have; above it the file is written anew.
+_DELETED = 0.25
+#: Largest entry of the cache, and largest index [byte].
 _LARGEST = 200_000_000
-#: Where the body of packed bytes begins, and that of a line of the index: ["signature", body].
-_PACKED, _BODY = 8, 4 + 2 * LENGTH
+#: Where the body of a line of the index begins: ["signature", body].
+_BODY = 4 + 2 * LENGTH
 _LINE = re.compile(rb'\["[0-9a-f]{64}",.+\]')
 _CLASSES = (*CHECK_CLASSES, Correction, Demodulated, Demodulation, Excited, Harmonics, Phasors, Preview)
 
@@ -92,11 +95,11 @@ class Cache:
         self._index: dict[str, tuple[Identity, str]] = {}
         self._used: dict[str, int] = {}
         self._run = 1
-        self._here: set[str] = set()
+        self._entries = Records(folder / _ENTRIES, "entry")
         self._journal: TextIO | None = None
         self._begun = False
         self._read()
-        self._lost = not self._index and bool(self._here)
+        self._lost = not self._index and bool(self._entries.size)
 
     # --- what is known of a recording ------------------------------------------------------------------------------
 
@@ -128,9 +131,9 @@ class Cache:
     # --- what it gave ------------------------------------------------------------------------------------------------
 
     def name(self, settings: Sequence[object], sha256: str) -> str:
-        """Name of the file of a recording with this hash, demodulated with these settings."""
+        """Name of the entry of a recording with this hash, demodulated with these settings."""
         content = json.dumps([_VERSION, sha256, *settings], sort_keys=True, default=repr)
-        return hashlib.sha256(content.encode()).hexdigest()[:40] + ".fpp"
+        return hashlib.sha256(content.encode()).hexdigest()[:40]
 
     def recall(self, name: str) -> Demodulated | None:
         """What is kept under a name; None if it is missing or damaged."""
@@ -141,29 +144,21 @@ class Cache:
 
     def bytes_of(self, name: str) -> bytes | None:
         """The bytes that are kept under a name; None unless this user's Fourpole kept them under it."""
-        if name not in self._here:
-            return None
-        with suppress(FourpoleError):
-            content = read_bytes(self._folder / name, max_bytes=_LARGEST, within=self._folder)
-            if is_signed(content[_PACKED:-LENGTH], content[-LENGTH:], "entry", name):
-                self._used[name] = self._run
-                return content
-        return None
+        content = self._entries.content(name)
+        if content is not None:
+            self._used[name] = self._run
+        return content
 
     def keep(self, name: str, content: bytes) -> None:
         """Keep the packed bytes of a recording under a name; a full disk changes no result."""
-        signed = extended(content, signature(content[_PACKED:], "entry", name))
-        with suppress(FileError):
-            if len(signed) <= _LARGEST and self.bytes_of(name) != signed:
-                write_bytes(self._folder / name, signed)
-                self._here.add(name)
-                self._used[name] = self._run
+        if len(content) <= _LARGEST and self.bytes_of(name) != content:
+            self._entries.add(name, content)
+            self._used[name] = self._run
 
     # --- the folder --------------------------------------------------------------------------------------------------
 
     def _read(self) -> None:
         with suppress(OSError, FourpoleError):
-            self._here = {file.name for file in os.scandir(self._folder) if _ENTRY.fullmatch(file.name)}
             content = read_bytes(self._folder / _INDEX, max_bytes=_LARGEST, within=self._folder)
             for line in map(bytes.rstrip, io.BytesIO(content)):
                 signed, body = line[2 : _BODY - 2], line[_BODY:-1]
@@ -195,27 +190,28 @@ class Cache:
             write_bytes(self._folder / _INDEX, "".join(lines).encode())
 
     def close(self) -> None:
-        """Write the index anew, and delete the files that are too old or too many."""
+        """Write the index anew, and delete the entries that are too old or too many."""
         if self._journal is not None:
             with suppress(OSError):
                 self._journal.close()
             self._journal = None
-        self._prune()
+        with suppress(OSError, FileError):
+            self._prune()
+        self._entries.close()
         self._write_index(self._run)
 
     def _prune(self) -> None:
-        with suppress(OSError):
-            sizes = {}
-            for file in os.scandir(self._folder):
-                if _FORMER.fullmatch(file.name):
-                    Path(file.path).unlink()
-                elif _ENTRY.fullmatch(file.name):
-                    sizes[file.name] = file.stat().st_size
-            self._used = {name: self._used.get(name, self._run) for name in sizes}
-            total = sum(sizes.values())
-            for name in sorted(sizes, key=lambda name: self._used[name]):
-                age = self._run - self._used[name]
-                if age >= _RUNS or (age and total > _MOST):
-                    (self._folder / name).unlink(missing_ok=True)
-                    total -= sizes[name]
-                    del self._used[name]
+        for file in os.scandir(self._folder):
+            if _FORMER.fullmatch(file.name):
+                Path(file.path).unlink()
+        sizes = self._entries.sizes
+        self._used = {name: self._used.get(name, self._run) for name in sizes}
+        total, kept = sum(sizes.values()), dict(self._used)
+        for name in sorted(sizes, key=self._used.__getitem__):
+            age = self._run - self._used[name]
+            if age >= _RUNS or (age and total > _MOST):
+                total -= sizes[name]
+                del kept[name]
+        if (self._entries.size > _MOST and len(kept) < len(sizes)) or total < (1 - _DELETED) * self._entries.size:
+            self._entries.keep(kept)
+            self._used = kept

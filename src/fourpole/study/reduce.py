@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fourpole import quantities as q
 from fourpole.campaign.channels import CLASSES as CHANNEL_CLASSES
 from fourpole.campaign.channels import ChannelsFile
-from fourpole.campaign.folder import Campaign
 from fourpole.campaign.place import at_hand, inside
 from fourpole.campaign.row import Test, problem_of
 from fourpole.core import recordingchecks as checks
@@ -47,6 +47,9 @@ from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.stream import ReadOnce, Stream, StreamSource, stream
 from fourpole.study.load import load_recording
 from fourpole.study.points import Demodulated, Points
+
+if TYPE_CHECKING:
+    from fourpole.campaign.folder import Campaign
 
 #: Channels that each route needs.
 ROUTE_NEEDS = {

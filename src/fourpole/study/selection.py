@@ -67,7 +67,7 @@ def select_tables(
     made = {
         of.STATIC: of.STATIC.of_rows(_static_rows(campaign, statics)),
         of.DYNAMIC: of.DYNAMIC.frame(_dynamic_columns(campaign, points, columns)),
-        of.CHECKS: of.CHECKS.of_rows(_check_rows(statics, points, conditions)),
+        of.CHECKS: of.CHECKS.frame(_check_columns(statics, points, conditions)),
         of.RIG: of.RIG.of_rows([cells for estimate in estimates for cells in estimate.rows]),
         of.SPECIMENS: of.SPECIMENS.of_rows([cells for group, _ in joint for cells in specimen_rows(points, group)]),
         of.RESIDUALS: of.RESIDUALS.of_parts(
@@ -201,9 +201,9 @@ def _dynamic_columns(campaign: Campaign, points: Points, columns: _Columns) -> _
     """
     tests, taken = points.tests, of.DYNAMIC.columns
     made = {head: columns[head] for head in (*KEY, *taken) if head in columns}
+    known = {head: columns.get(head, np.full(len(tests), np.nan)) for head in taken}
+    rows = [{head: values[index] for head, values in known.items()} for index in range(len(tests))]
     for quantity in DERIVED:
-        known = {head: columns.get(head, np.full(len(tests), np.nan)) for head in taken}
-        rows = [{head: values[index] for head, values in known.items()} for index in range(len(tests))]
         pairs = [quantity.from_row(cells) for cells in rows if quantity.from_row is not None]
         made |= zip(quantity.heads, np.array(pairs).reshape(len(tests), 2).T, strict=True)
     for label in campaign.extra_columns:
@@ -234,30 +234,27 @@ def _static_rows(campaign: Campaign, statics: Sequence[StaticRow]) -> list[_Colu
     ]
 
 
-def _check_rows(
-    statics: Sequence[StaticRow], points: Points, conditions: Sequence[tuple[str, Check]]
-) -> list[_Columns]:
-    """Rows of checks.csv; a check of a static test has one row, and one of a condition stands under its words."""
+def _check_columns(statics: Sequence[StaticRow], points: Points, conditions: Sequence[tuple[str, Check]]) -> _Columns:
+    """Columns of checks.csv; a check of a static test has one row, and one of a condition stands under its words."""
     of_statics = dict.fromkeys(
         ((static.test.name, 1), check, Asked.K1) for static in statics for check in static.checks
     )
     rows_of_points = zip(points.keys, points.checks, strict=True)
     of_points = [(key, check, check.code.quantity) for key, rows in rows_of_points for check in rows]
     of_conditions = [((name, 1), check, check.code.quantity) for name, check in conditions]
-    return [
-        {
-            **dict(zip(KEY, key, strict=True)),
-            q.CODE.head: check.code.text,
-            q.CHANNEL.head: check.channel,
-            q.STATISTIC.head: check.statistic,
-            q.LIMIT.head: check.limit,
-            q.VERDICT.head: check.verdict,
-            q.REMEDY.head: said(check).remedy,
-            q.VALUES.head: json.dumps(plain, ensure_ascii=False) if (plain := plain_values(check)) else "",
-            q.QUANTITY.head: quantity,
-        }
-        for key, check, quantity in (*of_statics, *of_points, *of_conditions)
-    ]
+    every = [*of_statics, *of_points, *of_conditions]
+    checks, values = [check for _, check, _ in every], [plain_values(check) for _, check, _ in every]
+    return {
+        **{head: [key[place] for key, _, _ in every] for place, head in enumerate(KEY)},
+        q.CODE.head: [check.code.text for check in checks],
+        q.CHANNEL.head: [check.channel for check in checks],
+        q.STATISTIC.head: [check.statistic for check in checks],
+        q.LIMIT.head: [check.limit for check in checks],
+        q.VERDICT.head: [check.verdict for check in checks],
+        q.REMEDY.head: [said(check).remedy for check in checks],
+        q.VALUES.head: [json.dumps(plain, ensure_ascii=False) if plain else "" for plain in values],
+        q.QUANTITY.head: [quantity for _, _, quantity in every],
+    }
 
 
 def _correction_rows(points: Points) -> list[_Columns]:

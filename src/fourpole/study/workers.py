@@ -15,7 +15,6 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ProcessPoolExecutor,
     ThreadPoolExecutor,
     wait,
 )
@@ -267,7 +266,7 @@ class _Run:
     def by(self, executor: Executor, left: Sequence[int]) -> list[int]:
         """Run jobs by an executor, a few tasks in flight; returns the indices of those whose worker died."""
         own, count = isinstance(executor, Workers), getattr(executor, "count", _MOST)
-        elsewhere = not isinstance(executor, ThreadPoolExecutor | ProcessPoolExecutor)
+        elsewhere = not own and _is_elsewhere(executor)
         dead: list[int] = []
         running: dict[Future[list[Answer]], list[int]] = {}
         batches = self.batches(left, 0.0 if own else _TASK)
@@ -311,6 +310,13 @@ class _Run:
             check = reported(Code.READER, Verdict.REJECTED, file=job.test.file, error=why)
             answer = Demodulated(checks=(check,), lasting=False)
         self.take(index, answer)
+
+
+def _is_elsewhere(executor: Executor) -> bool:
+    """Whether an executor runs tasks neither in threads nor in processes of this one."""
+    from concurrent.futures import ProcessPoolExecutor  # with multiprocessing, which a worker has no use for
+
+    return not isinstance(executor, ThreadPoolExecutor | ProcessPoolExecutor)
 
 
 def _answers(future: Future[list[Answer]], count: int) -> list[Answer]:
