@@ -50,10 +50,6 @@ class Guard:
         self._quiet.enter_context(np.errstate(all="ignore"))
         return self
 
-    def load(self, module: str) -> Any:
-        """The module of a library that the base installation lacks; FileError if it is not installed."""
-        return need(module, self._name, self._kind)
-
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:

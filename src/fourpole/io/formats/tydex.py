@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from fourpole.errors import TableError
 from fourpole.io.door import open_regular
 from fourpole.io.formats.guard import afford, seconds, tidy
+from fourpole.io.formats.tracks import Content, OpenFile, Part, Track, track_format
 from fourpole.io.formats.tydex_file import (
     ABSENT,
     SECTIONS,
@@ -28,9 +28,9 @@ from fourpole.io.formats.tydex_file import (
     physical,
 )
 from fourpole.io.known import BEGINS
-from fourpole.io.layout import find_column, is_missing, plain_numbers
-from fourpole.io.names import in_group, numbered
-from fourpole.io.signals import FileInfo, Format, Request, Signal, SignalInfo
+from fourpole.io.layout import is_missing, plain_numbers
+from fourpole.io.names import numbered
+from fourpole.io.signals import MAX_FILE_BYTES
 from fourpole.io.source import AnyPath, encoding_of, name_of
 from fourpole.units import shown
 
@@ -304,24 +304,6 @@ def _channel(line: str, where: str) -> TydexChannel:
     return TydexChannel(called, unit, description, values[0], values[2], values[1])
 
 
-def _survey(path: Path, label: str, max_bytes: int) -> FileInfo:
-    tyre = read_tydex(path, max_bytes=max_bytes, label=label)
-    time = _running(tyre)
-    ends = None
-    if time is not None and len(time) and np.isfinite(time[[0, -1]]).all():
-        ends = float(time[0]), float(time[-1])
-    names = numbered([one.name for one in tyre.channels])
-    signals = tuple(
-        SignalInfo.timed(called, one.unit or None, "", len(tyre.data), ends=ends, note=_description(one))
-        for called, one in zip(names, tyre.channels, strict=True)
-    )
-    entries = [f"{one.name} ({one.description}): {one.value} {one.unit}" for one in (*tyre.header, *tyre.constants)]
-    comments = [line.lstrip("! ") for line in tyre.comments if any(map(str.isalnum, line))]
-    release = tyre.constant("RELEASE")
-    notes = tuple(tidy(note) for note in (*tyre.notes, *entries[:100], *comments[:20]))
-    return FileInfo(tidy(f"TYDEX {release.value if release else ''}".strip()), signals, notes)
-
-
 def _description(one: TydexChannel) -> str:
     """The meaning of a channel's name, its description and its conversion, if it has one."""
     stored = f"(stored value {one.stored_offset:+g})" if one.stored_offset else "stored value"
@@ -339,20 +321,26 @@ def _running(tyre: TydexFile) -> NDArray[np.float64] | None:
     return None if scale is None else scale * physical(tyre.data[:, found[0]], tyre.channels[found[0]], tyre.label)
 
 
-def _read(request: Request) -> Sequence[Signal]:
-    tyre = read_tydex(request.path, max_bytes=request.max_bytes, label=request.label)
-    in_group([], request.group, request.label)
-    if not len(tyre.data):
-        raise TableError(f"{request.label}: has no measured data")
-    time = _running(tyre)
-    names = [one.name for one in tyre.channels]
-    called = numbered(names)
-    signals = []
-    for wanted in request.names:
-        at = find_column(names, wanted, request.label)
-        values = physical(tyre.data[:, at], tyre.channels[at], request.label)
-        signals.append(Signal(called[at], tyre.channels[at].unit or None, values, time=time))
-    return signals
+def _content(opened: OpenFile) -> Content:
+    """The channels of an open file."""
+    tyre = read_tydex(opened.path, max_bytes=MAX_FILE_BYTES, label=opened.name)
+    time, count = _running(tyre), len(tyre.data)
+    times = None if time is None else lambda first, last: time[first:last]
+    barred = "" if count else "has no measured data"
+
+    def samples(at: int) -> Part:
+        return lambda first, last: physical(tyre.data[first:last, at], tyre.channels[at], opened.name)
+
+    names = numbered([one.name for one in tyre.channels])
+    tracks = [
+        Track(name, one.unit or None, count, samples(at), time=times, note=_description(one), barred=barred)
+        for at, (name, one) in enumerate(zip(names, tyre.channels, strict=True))
+    ]
+    entries = [f"{one.name} ({one.description}): {one.value} {one.unit}" for one in (*tyre.header, *tyre.constants)]
+    comments = [line.lstrip("! ") for line in tyre.comments if any(map(str.isalnum, line))]
+    release = tyre.constant("RELEASE")
+    notes = [tidy(note) for note in (*tyre.notes, *entries[:100], *comments[:20])]
+    return Content(tidy(f"TYDEX {release.value if release else ''}".strip()), tracks, notes)
 
 
-FORMAT = Format("TYDEX", (".tdx", ".tydex"), _survey, _read)
+FORMAT = track_format("tydex", "TYDEX", (".tdx", ".tydex"), "a TYDEX file", _content)
