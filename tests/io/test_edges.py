@@ -12,7 +12,6 @@ import pytest
 from fourpole.errors import TableError
 from fourpole.io import convert, documents, identity, layout, look, source, stream, stretches
 from fourpole.io.formats import text as of_text
-from fourpole.io.formats import workbook
 from fourpole.io.signals import Signal
 from fourpole.io.tables import columns, forms, responses
 

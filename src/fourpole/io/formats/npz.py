@@ -37,14 +37,13 @@ def _variable(values: Any, name: str) -> Any:
 
 
 class _Stored:
-    """An array of an archive, which is unpacked when its numbers are wanted."""
+    """Numbers of an archive, which are unpacked when they are wanted."""
 
     def __init__(self, archive: Any, key: str) -> None:
         with archive.zip.open(f"{key}.npy") as file:
-            version = np.lib.format.read_magic(file)
-            # Only this function knows all versions.
-            header = np.lib.format._read_array_header(file, version)  # type: ignore[attr-defined] # noqa: SLF001
-        self.shape, _, self.dtype = header
+            is_first = np.lib.format.read_magic(file) == (1, 0)
+            read = np.lib.format.read_array_header_1_0 if is_first else np.lib.format.read_array_header_2_0
+            self.shape, _, self.dtype = read(file)
         self._values = cache(lambda: archive[key])
 
     def __getitem__(self, places: Any) -> Any:
