@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.door import open_regular, path_for_library
-from fourpole.io.formats.guard import Guard, afford, find, guarded, need, tidy, time_scale
+from fourpole.io.formats.guard import afford, find, guard, guarded, need, tidy, time_scale
 from fourpole.io.known import BEGINS
 from fourpole.io.signals import HEAD_BYTES, MAX_FILE_BYTES, FileInfo, Format, Request, Signal, SignalInfo
 from fourpole.io.source import name_of
@@ -239,16 +239,16 @@ def track_format(
     *,
     by_library: bool = True,
 ) -> Format:
-    """The format of a module whose function `content` gives the channels of an open file; `kind` is for its `Guard`."""
+    """The format of a module whose function `content` gives the channels of an open file; `kind` is for its `guard`."""
 
     def survey(path: Path, label: str, _: int) -> FileInfo:
         label = name_of(path, label)
-        with Guard(label, kind), opened(module, kind, path, label) as file:
+        with guard(label, kind), opened(module, kind, path, label) as file:
             return content(file).info()
 
     def read(request: Request) -> list[Signal]:
         label = name_of(request.path, request.label)
-        with Guard(label, kind), opened(module, kind, request.path, label) as file:
+        with guard(label, kind), opened(module, kind, request.path, label) as file:
             found = content(file)
             tracks = found.asked(request)
             afford(found.sample_bytes * sum(one.count for one in tracks), request.max_bytes, label)
@@ -260,6 +260,6 @@ def track_format(
 
     def blocks(request: Request, rows: int) -> Iterator[list[Signal]]:
         label = name_of(request.path, request.label)
-        return guarded(chunks(request, rows, label), Guard(label, kind))
+        return guarded(chunks(request, rows, label), label, kind)
 
     return Format(name, endings, survey, read, blocks, by_library)

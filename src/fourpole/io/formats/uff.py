@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from fourpole.errors import TableError
 from fourpole.io.formats import tracks
-from fourpole.io.formats.guard import Guard, floats, tidy
+from fourpole.io.formats.guard import floats, guard, tidy
 from fourpole.io.source import name_of
 from fourpole.units import shown
 from fourpole.words import first_of
@@ -230,7 +230,7 @@ class Content:
 def opened(path: Path, label: str, _: int) -> Iterator[Content]:
     """The data sets 58 of a file, while it is open."""
     name = name_of(path, label)
-    with Guard(name, _KIND), tracks.opened("uff", _KIND, path, name) as file:
+    with guard(name, _KIND), tracks.opened("uff", _KIND, path, name) as file:
         yield _sets(file)
 
 

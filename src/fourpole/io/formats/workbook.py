@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from fourpole.errors import TableError
 from fourpole.io.formats import text
-from fourpole.io.formats.guard import Guard, tidy
+from fourpole.io.formats.guard import guard, tidy
 from fourpole.io.formats.tracks import Content, OpenFile, Track, opened, remembered, track_format
 from fourpole.io.signals import MAX_FILE_BYTES, FileInfo, Request, SignalInfo
 from fourpole.io.source import name_of
@@ -148,7 +148,7 @@ def _content(file: OpenFile) -> Content:
 def texts(path: Path, label: str) -> dict[str, str]:
     """The cells of each sheet that holds a table, as text with tabs, by the name of the sheet."""
     name = name_of(path, label)
-    with Guard(name, _KIND), opened("workbook", _KIND, path, name) as file:
+    with guard(name, _KIND), opened("workbook", _KIND, path, name) as file:
         return {sheet: place.read_text(encoding="utf-8") for sheet, (place, _) in _tables(file)[0].items()}
 
 
@@ -157,7 +157,7 @@ def first_table(path: Path, label: str) -> str:
     import polars as pl
 
     name = name_of(path, label)
-    with Guard(name, _KIND), opened("workbook", _KIND, path, name) as file:
+    with guard(name, _KIND), opened("workbook", _KIND, path, name) as file:
         book = _book(file)
         for sheet in book.sheet_names[:_MOST_SHEETS]:
             cells = pl.DataFrame(book.load_sheet(sheet, header_row=None, skip_rows=0, dtypes="string"))
