@@ -148,7 +148,7 @@ def _first_to_go() -> None:
 
 
 class _Limits:
-    """The limits of this process: memory above what it needs without any file, processor time, and standing still."""
+    """The limits of this process: memory above what it had before, processor time, and standing still."""
 
     def __init__(self) -> None:
         self.by_thread = not sys.platform.startswith("linux")
@@ -156,7 +156,6 @@ class _Limits:
         self._patience = _IDLE
         self._most: int | None = None
         self._latest: float | None = None
-        self._own = 0
         if resource is not None:  # a process that is ended for its time leaves no image of its memory
             resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
         if self.by_thread:
@@ -168,17 +167,15 @@ class _Limits:
         faulthandler.dump_traceback_later(patience, exit=True, file=self._nowhere)
 
     def allow(self, seconds: float | None, spare: int | None) -> None:
-        """Allow this much processor time [s] from now on, and memory [byte] beyond that of the interpreter, or any."""
+        """Allow this much processor time [s] from now on, and memory [byte] beyond what it has, or any."""
         latest = None if seconds is None else time.process_time() + seconds
         if resource is not None:
             _limit(resource.RLIMIT_CPU, None if latest is None else math.ceil(latest))
         if self.by_thread:
-            self._own = self._own or memory_in_use()
-            self._most = None if spare is None else self._own + spare
+            self._most = None if spare is None else memory_in_use() + spare
             self._latest = latest
         else:
-            self._own = self._own or _address_space()
-            _limit(resource.RLIMIT_AS, None if spare is None else self._own + spare)
+            _limit(resource.RLIMIT_AS, None if spare is None else _address_space() + spare)
 
     def _look(self) -> None:
         seen = 0.0

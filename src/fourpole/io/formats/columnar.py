@@ -165,7 +165,7 @@ def _together(scan: Any, names: set[str], name: str) -> Callable[[str], Part]:
 
     schema = caught(scan.collect_schema)
     kinds = [pl.col(one).cast(pl.Int64 if schema[one].is_temporal() else pl.Float64) for one in schema if one in names]
-    table = remembered(lambda first, last: caught(scan.select(kinds).slice(first, last - first).collect))
+    table: Any = remembered(lambda first, last: caught(scan.select(kinds).slice(first, last - first).collect))
     firsts: dict[str, int] = {}
 
     def read(column: str) -> Part:

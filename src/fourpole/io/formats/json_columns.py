@@ -65,8 +65,10 @@ def _variable(value: Any, name: str) -> Any:
         value = list(value.values())
     if isinstance(value, Mapping):
         return _variables(value, name)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
     if not isinstance(value, list) or not value:
-        return float(value) if type(value) in (int, float) else value if isinstance(value, str) else None
+        return value if isinstance(value, str) else None
     if all(isinstance(one, str) for one in value):
         return value
     if isinstance(value[0], dict):

@@ -28,7 +28,7 @@ _LONGEST_TEXT, _MOST_TEXTS = 1000, 4096
 
 def _fields(content: Iterable[tuple[str, Any]], name: str) -> dict[str, Any]:
     """Variables, or the fields of a struct, as `scipy.io.loadmat` has loaded them."""
-    found = {}
+    found: dict[str, Any] = {}
     for key, values in content:
         if type(values) is np.ndarray and values.dtype.kind == "c":
             found |= {f"Re {key}": table(values.real, name), f"Im {key}": table(values.imag, name)}
