@@ -31,9 +31,9 @@ from fourpole.io.worker import STILL, TOO_LATE, TOO_MUCH, receive, send
 #: Memory that a file may need beyond the interpreter and the file itself, mapped [byte]: the samples of a request may
 #: take 2 GB (`stream`), and half as much again is for what a library holds beside them.
 SPARE = 3_000_000_000
-#: Memory that a small file may need, to be read alone [byte], of which libraries map up to 400 MB and leave most on the
-#: disk; and additional memory per byte, by which samples that are packed well become numbers.
-_SMALL, _UNPACKED = 600_000_000, 100
+#: Memory that a small file may need to be read [byte], of which libraries take up to 220 MB; and additional memory per
+#: byte of it, since packed samples become numbers.
+_SMALL, _UNPACKED = 400_000_000, 100
 #: Processor time that a file may need [s], and the additional time per byte [s/byte].
 SECONDS, _PER_BYTE = 60.0, 1e-6
 #: Time without progress after which a worker is ended [s]. Its progress is looked at once a second, and the looks are

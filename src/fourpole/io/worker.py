@@ -9,7 +9,7 @@ read it happens here: a crash ends this process alone, memory and time are limit
   (RLIMIT_CPU), on Windows by a thread that looks at it.
 - A worker that makes no progress ends: on Linux the parent sees that it takes no processor time; elsewhere the watch of
   `faulthandler`, a thread of C, ends the process unless the thread that looks sees progress.
-- Memory is limited by the system on Linux (RLIMIT_AS); elsewhere the same thread looks at the memory in use.
+- Memory is limited by the system on Linux (RLIMIT_DATA); elsewhere the same thread looks at the memory in use.
 - When the parent ends, standard input ends, and so does the worker.
 """
 
@@ -175,7 +175,7 @@ class _Limits:
             self._most = None if spare is None else memory_in_use() + spare
             self._latest = latest
         else:
-            _limit(resource.RLIMIT_AS, None if spare is None else _address_space() + spare)
+            _limit(resource.RLIMIT_DATA, None if spare is None else _data() + spare)
 
     def _look(self) -> None:
         seen = 0.0
@@ -201,9 +201,9 @@ def _limit(kind: int, most: int | None) -> None:
         resource.setrlimit(kind, (hard if most is None else most if unlimited else min(most, hard), hard))
 
 
-def _address_space() -> int:
-    """Address space of this process on Linux [byte]."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+def _data() -> int:
+    """Memory of this process on Linux that it may write [byte], without the libraries, which are on the disk."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 

@@ -83,7 +83,7 @@ def need(module: str, name: str, kind: str) -> Any:
 
 def _detail(error: Exception) -> str:
     """The first line of a library's message in brackets; empty if it has none. Further lines name places on disk."""
-    text = str(error).strip().partition("\n")[0]
+    text = str(error).strip().partition("\n")[0].rpartition("error: ")[2]
     return f" ({shown(text, 120)[1:-1]})" if text else ""
 
 

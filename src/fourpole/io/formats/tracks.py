@@ -231,13 +231,7 @@ def opened(module: str, kind: str, path: Path, label: str) -> Iterator[OpenFile]
 
 
 def track_format(
-    module: str,
-    name: str,
-    endings: tuple[str, ...],
-    kind: str,
-    content: Callable[[OpenFile], Content],
-    *,
-    by_library: bool = True,
+    module: str, name: str, endings: tuple[str, ...], kind: str, content: Callable[[OpenFile], Content]
 ) -> Format:
     """The format of a module whose function `content` gives the channels of an open file; `kind` is for its `guard`."""
 
@@ -262,4 +256,4 @@ def track_format(
         label = name_of(request.path, request.label)
         return guarded(chunks(request, rows, label), label, kind)
 
-    return Format(name, endings, survey, read, blocks, by_library)
+    return Format(name, endings, survey, read, blocks, by_library=True)
